@@ -1,0 +1,24 @@
+//! Plane geometry that every layer shares: points, similarities, homographies.
+//!
+//! Transforms are named `dst_from_src` and map points of `src` to points of `dst`. Image points are in pixels,
+//! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
+
+mod homography;
+mod similarity;
+
+pub use homography::Homography;
+pub use similarity::Similarity2;
+
+/// A position in the plane, px unless said otherwise.
+pub type Point2 = nalgebra::Point2<f64>;
+/// A displacement in the plane, px unless said otherwise.
+pub type Vec2 = nalgebra::Vector2<f64>;
+
+/// A map of the plane that can be evaluated and linearised anywhere: lens models, homographies, meshes.
+pub trait PointMap: Send + Sync {
+    /// Image of `p`; `None` where the map is not defined (behind the camera, outside a lens's field).
+    fn map(&self, p: Point2) -> Option<Point2>;
+
+    /// 2×2 Jacobian `∂map/∂p`, row-major in the sense of `d(map) = J · dp`.
+    fn jacobian(&self, p: Point2) -> Option<nalgebra::Matrix2<f64>>;
+}
