@@ -1,0 +1,5 @@
+//! The virtual camera.
+
+mod trajectory;
+
+pub use trajectory::{Anchor, TrajectoryOptions, TrajectorySmoother};
