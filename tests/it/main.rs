@@ -1,1 +1,4 @@
+//! All integration tests, in one binary: each further binary would cost a link per edit.
 
+mod house;
+mod layers;

@@ -1,0 +1,49 @@
+# The few commands of this project; `make help` lists them. Cargo does the work.
+
+export PATH := $(PATH):$(HOME)/.cargo/bin
+.DEFAULT_GOAL := help
+.PHONY: help demo test bench media deps deps-build lint unit oracle
+
+CLIP ?= media/street-walk.mp4
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F'\t' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+
+demo: deps-build ## installs what is missing, builds, stabilizes a clip of media/ and says where the result lies
+	cargo build --release --locked
+	@mkdir -p out
+	target/release/plumbline stabilize $(CLIP) -o out/steady.mp4 --compare --overwrite
+
+test: deps lint unit oracle ## formatting, lints, all tests, documentation, oracles: what CI runs
+	@echo "make test: all passed"
+
+lint: deps
+	cargo fmt --check
+	cargo clippy --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+
+unit: deps
+	cargo test --locked
+
+oracle: deps .venv/ready
+	.venv/bin/python tests/oracle/run.py
+
+bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
+	cargo bench --locked
+
+media: deps-build ## renders the clips of media/ again
+	cargo run --release --locked --example render_clip -- --preset street-walk --out media
+	cargo run --release --locked --example render_clip -- --preset rolling-passer --out media
+
+deps: ## installs what building and testing need and is missing (apt; asks sudo where you are not root)
+	@.ci/deps build test
+
+deps-build:
+	@.ci/deps build
+
+# Made anew where the pinned versions change.
+.venv/ready: tests/oracle/requirements.txt
+	rm -rf .venv
+	python3 -m venv .venv
+	.venv/bin/pip install --quiet --disable-pip-version-check --require-virtualenv -r $<
+	@touch $@

@@ -1,0 +1,108 @@
+//! Rules of the house that are not about code: what tracked files may say, and that the documents are true.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Names of the tracked files; `None` where this is no checkout (a source archive) or git is missing.
+fn tracked_files() -> Option<Vec<String>> {
+    let out = Command::new("git").arg("-C").arg(root()).args(["ls-files", "-z"]).output().ok()?;
+    let names = String::from_utf8(out.stdout).ok()?;
+    out.status.success().then(|| names.split('\0').filter(|n| !n.is_empty()).map(str::to_owned).collect())
+}
+
+#[test]
+fn only_the_ci_script_knows_where_real_media_lie() {
+    let needle = concat!("..", "/shared");
+    let Some(files) = tracked_files() else {
+        println!("skipped: not a git checkout");
+        return;
+    };
+    for name in files.iter().filter(|n| *n != ".ci/run") {
+        let Ok(bytes) = fs::read(root().join(name)) else { continue };
+        let found = bytes.windows(needle.len()).any(|w| w == needle.as_bytes());
+        assert!(!found, "{name} names the folder of real media; take it from PLUMBLINE_MEDIA");
+    }
+}
+
+#[test]
+fn the_clips_of_media_stay_small() {
+    let Some(files) = tracked_files() else {
+        println!("skipped: not a git checkout");
+        return;
+    };
+    let size = |n: &String| fs::metadata(root().join(n)).map_or(0, |m| m.len());
+    let total: u64 = files.iter().filter(|n| n.starts_with("media/")).map(size).sum();
+    assert!(total < 30_000_000, "media/ holds {total} bytes (allowed: 30 MB)");
+}
+
+/// Links `[text](target)` to files of the project.
+fn links(document: &str) -> impl Iterator<Item = &str> {
+    let targets = document.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    targets.filter(|t| !t.contains("://") && !t.starts_with('#')).map(|t| t.split('#').next().unwrap_or(t))
+}
+
+#[test]
+fn links_between_documents_lead_somewhere() {
+    let docs =
+        fs::read_dir(root().join("docs")).expect("docs/").chain(fs::read_dir(root().join("docs/adr")).expect("adr/"));
+    let mut files: Vec<_> = docs.map(|e| e.expect("an entry").path()).filter(|p| p.is_file()).collect();
+    files.extend(["README.md", "CHANGELOG.md"].map(|n| root().join(n)));
+    for file in files {
+        let text = fs::read_to_string(&file).expect("a document");
+        for target in links(&text) {
+            let path = file.parent().expect("a folder").join(target);
+            assert!(path.exists(), "{}: the link to {target} leads nowhere", file.display());
+        }
+    }
+}
+
+/// Lines of the shell blocks of a document that start with `plumbline`, continuation lines joined.
+fn commands(document: &str) -> Vec<String> {
+    let mut blocks = document.split("```");
+    let mut found = Vec::new();
+    while let (Some(_), Some(block)) = (blocks.next(), blocks.next()) {
+        if let Some(shell) = block.strip_prefix("sh\n") {
+            let joined = shell.replace("\\\n", " ");
+            found.extend(joined.lines().map(str::trim).filter(|l| l.starts_with("plumbline ")).map(str::to_owned));
+        }
+    }
+    found
+}
+
+fn help_of(subcommand: &str) -> Option<String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plumbline"));
+    let out = command.args([subcommand, "--help"]).stdin(Stdio::null()).output().expect("the command runs");
+    out.status.success().then(|| String::from_utf8_lossy(&out.stdout).into_owned())
+}
+
+#[test]
+fn commands_in_the_readme_exist() {
+    if !root().join("src/cli").exists() {
+        println!("skipped: no command line yet");
+        return;
+    }
+    let readme = fs::read_to_string(root().join("README.md")).expect("README.md");
+    let lines = commands(&readme);
+    assert!(!lines.is_empty(), "the README shows no command");
+    for line in lines {
+        let words: Vec<_> = line.split('#').next().unwrap_or("").split_whitespace().collect();
+        let help = help_of(words[1]).unwrap_or_else(|| panic!("`{line}`: no subcommand `{}`", words[1]));
+        let known: BTreeSet<_> = help.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
+        for option in words.iter().filter(|w| w.starts_with("--")) {
+            let name = option.split('=').next().unwrap_or(option);
+            assert!(known.contains(name), "`{line}`: `{}` has no option `{name}`", words[1]);
+        }
+    }
+}
+
+#[test]
+fn commands_are_taken_from_shell_blocks_only() {
+    let text = "plumbline no\n```sh\nplumbline run \\\n  --a\n# plumbline no\nmake\n```\n```toml\nplumbline no\n```\n";
+    assert_eq!(commands(text), ["plumbline run    --a"]);
+}
