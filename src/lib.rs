@@ -12,3 +12,4 @@
 pub mod image;
 pub mod math;
 pub mod time;
+pub mod track;
