@@ -3,9 +3,14 @@
 mod color;
 mod format;
 mod frame;
+mod luma;
 mod plane;
+mod pyramid;
+pub(crate) mod simd;
 
 pub use color::ColorDescription;
 pub use format::{Layout, PixelFormat};
 pub use frame::{Frame, FrameBuffer, OwnedBuffer, PlaneRows};
+pub use luma::{analysis_luma, analysis_size};
 pub use plane::{Plane, PlaneMut, PlaneRef};
+pub use pyramid::{PADDING, PaddedPlane, Pyramid};
