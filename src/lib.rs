@@ -11,4 +11,6 @@
 
 pub mod image;
 pub mod math;
+pub mod motion;
+pub mod optim;
 pub mod time;
