@@ -12,6 +12,9 @@
 pub mod feature;
 pub mod image;
 pub mod math;
+pub mod motion;
+pub mod optim;
 pub mod path;
 pub mod time;
 pub mod track;
+pub mod warp;

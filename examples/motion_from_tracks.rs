@@ -1,0 +1,43 @@
+//! Reads tracks as text and prints the inter-frame motion.
+//!
+//! Input: a line `width height fps frames`, then per frame a line `F n` and `n` lines `id x y …` (px, pixel centers at
+//! integer + 0.5). Output, one line per frame: quality, model, points, inliers, coverage, residual, the nine entries of the
+//! homography, then `a b tx ty` of the similarity, then the ids of the points judged background.
+
+use plumbline::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, TrackPoint};
+use plumbline::time::Timestamp;
+
+#[allow(clippy::print_stdout)]
+fn main() {
+    let text = std::io::read_to_string(std::io::stdin()).expect("readable standard input");
+    let mut lines = text.lines();
+    let header: Vec<f64> = numbers(lines.next().expect("a header line"));
+    let mut estimator = MotionEstimator::new(header[0] as u32, header[1] as u32, MotionOptions::default());
+    let mut frame = 0;
+    while let Some(line) = lines.next() {
+        let count: usize = line.trim_start_matches("F ").parse().expect("F n");
+        let points: Vec<TrackPoint> = (0..count)
+            .map(|_| {
+                let v = numbers(lines.next().expect("a point line"));
+                TrackPoint { id: v[0] as u32, x: v[1] as f32, y: v[2] as f32 }
+            })
+            .collect();
+        let input = FrameInput { pts: Timestamp(frame), flags: FrameFlags::default(), points: &points };
+        let started = std::time::Instant::now();
+        let m = estimator.push(input);
+        eprintln!("{}", started.elapsed().as_micros());
+        let h: Vec<String> = m.homography.matrix().transpose().iter().map(ToString::to_string).collect();
+        let s = m.similarity;
+        let background: Vec<String> =
+            points.iter().zip(estimator.background()).filter(|(_, b)| **b).map(|(p, _)| p.id.to_string()).collect();
+        println!(
+            "{:?} {:?} {} {} {:.3} {:.4} | {} | {} {} {} {} | {}",
+            m.quality, m.model, m.points, m.inliers, m.coverage, m.residual_px, h.join(" "), s.a, s.b, s.t.x, s.t.y, background.join(" ")
+        );
+        frame += 1;
+    }
+}
+
+fn numbers(line: &str) -> Vec<f64> {
+    line.split_whitespace().map(|v| v.parse().expect("a number")).collect()
+}

@@ -1,0 +1,3 @@
+//! Search and optimization shared by the domains: robust consensus.
+
+pub mod ransac;
