@@ -11,4 +11,6 @@
 
 pub mod image;
 pub mod math;
+pub mod optim;
+pub mod path;
 pub mod time;

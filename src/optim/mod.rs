@@ -1,0 +1,3 @@
+//! Optimisation problems that are not plain least squares, each behind a type of our own.
+
+pub mod qp;
