@@ -1,3 +1,4 @@
-//! Search and optimization shared by the domains: robust consensus.
+//! Search and optimization that is not plain least squares, each behind a type of our own.
 
+pub mod qp;
 pub mod ransac;

@@ -1,5 +1,191 @@
-//! The virtual camera.
+//! The virtual camera: which crop window of each frame to show so that the film is steady.
+//!
+//! Frame `t` moves by the similarity `F_t` (`this_from_previous`, estimated). The output shows the window
+//! `B_t = src_from_out` of the frame, so the viewer sees the motion `B_t⁻¹ F_t B_{t−1}`. A path is good when that motion
+//! is smooth, the window inside the frame, and the window large. Three kinds:
+//!
+//! - [`PathKind::Optimal`]: a quadratic program balances the three under hard constraints (`optimal.rs`);
+//! - [`PathKind::Gaussian`]: the camera's path convolved with a Gaussian, held inside the frame where it would leave;
+//! - [`PathKind::Tripod`]: no motion at all while the frame allows it.
+//!
+//! Shots are independent. Within a shot the program is solved in overlapping windows of time, so memory does not grow
+//! with the clip. Everything is computed in units of half the frame's diagonal and in seconds: resolution and frame rate
+//! scale the result and do not change it.
+//!
+//! # Reference
+//! M. Grundmann, V. Kwatra, I. Essa, *Auto-directed video stabilization with robust L1 optimal camera paths*, CVPR 2011:
+//! the window's pose as the unknown of a convex program, linear in the similarity's parameters.
 
+mod chain;
+mod ideal;
+mod lowpass;
+mod optimal;
+mod plan;
+mod pose;
 mod trajectory;
 
+use std::ops::Range;
+
+use crate::math::{Homography, Similarity2};
+use crate::optim::qp::QpError;
+
+pub use plan::plan;
 pub use trajectory::{Anchor, TrajectoryOptions, TrajectorySmoother};
+
+/// Motion of one frame's content since the previous frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InterFrame {
+    /// Maps previous-frame px to this-frame px.
+    pub similarity: Similarity2,
+    /// The same as a projective map, where it was estimated; the similarity otherwise.
+    pub homography: Homography,
+    /// False where the estimate is a guess (too few points, blur, black frame): the path bridges the gap.
+    pub reliable: bool,
+}
+
+/// What the path is planned from. Slices hold one entry per frame of the clip.
+#[derive(Clone, Copy, Debug)]
+pub struct Clip<'a> {
+    /// Frame width, px, > 0.
+    pub width: u32,
+    /// Frame height, px, > 0.
+    pub height: u32,
+    /// Presentation times, s, increasing; they may be uneven.
+    pub times_s: &'a [f64],
+    /// Motion since the previous frame; the entry of a shot's first frame is ignored.
+    pub motion: &'a [InterFrame],
+    /// Frame ranges without a cut inside: in order, not empty, together all frames.
+    pub shots: &'a [Range<usize>],
+}
+
+/// How the virtual camera moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// As smooth as the crop budget allows.
+    Optimal,
+    /// Along the Gaussian mean of the path.
+    Gaussian,
+    /// Not at all.
+    Tripod,
+}
+
+/// How the size of the crop window changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zoom {
+    /// One size per shot.
+    Fixed,
+    /// Slowly, where calm passages need less crop than shaky ones.
+    Adaptive,
+    /// The output keeps the source's scale; only useful where the border may show.
+    None,
+}
+
+/// What to plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathOptions {
+    /// Kind of path.
+    pub kind: PathKind,
+    /// Time constant of the smoothing, s, 0.05 to 30: motion much slower than this is kept, faster is removed.
+    pub smoothness_s: f64,
+    /// Smallest window, as a share of the frame's width, 0.3 to 1.
+    pub min_crop: f64,
+    /// Size of the window over time.
+    pub zoom: Zoom,
+    /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
+    /// the output must be covered.
+    pub border_allows_outside: bool,
+}
+
+impl Default for PathOptions {
+    fn default() -> Self {
+        Self {
+            kind: PathKind::Optimal,
+            smoothness_s: 0.5,
+            min_crop: 0.8,
+            zoom: Zoom::Adaptive,
+            border_allows_outside: false,
+        }
+    }
+}
+
+/// What was done with a run of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tier {
+    /// The path was smoothed.
+    Smoothed,
+    /// The frames are shown as they are.
+    Unchanged,
+}
+
+/// A run of frames treated alike, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Frames of the clip.
+    pub frames: Range<usize>,
+    /// What was done.
+    pub tier: Tier,
+    /// Why, for the user.
+    pub reason: String,
+}
+
+/// The planned path.
+#[derive(Clone, Debug)]
+pub struct VirtualPath {
+    /// Per frame, source px to output px; the output has the source's size and the zoom is included.
+    pub out_from_src: Vec<Homography>,
+    /// Per frame, width of the window as a share of the frame's width; 1 shows the whole frame.
+    pub crop: Vec<f64>,
+    /// All frames in order.
+    pub segments: Vec<Segment>,
+}
+
+/// Why no path was planned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PathError {
+    /// An option lies outside its range.
+    #[error("{option} {value} is invalid (expected {low} to {high})")]
+    Option {
+        /// Name of the option.
+        option: &'static str,
+        /// Value given.
+        value: f64,
+        /// Smallest allowed value.
+        low: f64,
+        /// Largest allowed value.
+        high: f64,
+    },
+    /// `Zoom::None` with a border that must not show.
+    #[error(
+        "zoom `none` leaves no room to move the picture: allow the border to show, or choose zoom `fixed` or `adaptive`"
+    )]
+    NoRoom,
+    /// The frame has no area.
+    #[error("frame size {width}x{height} is invalid (expected at least 1x1)")]
+    Size {
+        /// Width given, px.
+        width: u32,
+        /// Height given, px.
+        height: u32,
+    },
+    /// The parts of the clip disagree about its length.
+    #[error(
+        "the clip has {times} timestamps, {motions} motions and shots that cover {covered} frames: expected equal numbers and shots in order"
+    )]
+    Lengths {
+        /// Timestamps given.
+        times: usize,
+        /// Motions given.
+        motions: usize,
+        /// Frames covered by shots that follow each other.
+        covered: usize,
+    },
+    /// The optimisation failed.
+    #[error("the path of frames {} to {} could not be optimised", frames.start, frames.end)]
+    Numerics {
+        /// Frames of the window that failed.
+        frames: Range<usize>,
+        /// The solver's reason.
+        source: QpError,
+    },
+}

@@ -2,3 +2,4 @@
 
 mod house;
 mod layers;
+mod path;

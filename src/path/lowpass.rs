@@ -1,0 +1,61 @@
+//! Gaussian low-pass of a signal that keeps linear trends exactly, to its very ends.
+
+/// The signal convolved with a Gaussian of `sigma` samples, cut off at four sigma.
+///
+/// Beyond its ends the signal is continued by point reflection, `x₋ₖ = 2x₀ − xₖ`, so a straight line stays that line.
+pub(super) fn lowpass(x: &[f64], sigma: f64) -> Vec<f64> {
+    let n = x.len();
+    if n < 3 || !(sigma >= 0.3) {
+        return x.to_vec();
+    }
+    let kernel = half_kernel(sigma);
+    let at = |i: isize| {
+        let last = n as isize - 1;
+        if i < 0 {
+            2.0 * x[0] - x[(-i).min(last) as usize]
+        } else if i > last {
+            2.0 * x[n - 1] - x[(2 * last - i).max(0) as usize]
+        } else {
+            x[i as usize]
+        }
+    };
+    (0..n as isize)
+        .map(|i| {
+            let around = kernel.iter().enumerate().skip(1).map(|(k, w)| w * (at(i - k as isize) + at(i + k as isize)));
+            kernel[0] * x[i as usize] + around.sum::<f64>()
+        })
+        .collect()
+}
+
+/// Weights at distance 0, 1, 2, …; the whole, symmetric kernel sums to one.
+pub(super) fn half_kernel(sigma: f64) -> Vec<f64> {
+    let reach = (4.0 * sigma + 1.0) as usize;
+    let mut w: Vec<f64> = (0..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let total = w[0] + 2.0 * w[1..].iter().sum::<f64>();
+    w.iter_mut().for_each(|v| *v /= total);
+    w
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_straight_line_stays_itself() {
+        let line: Vec<f64> = (0..40).map(|i| 3.0 - 0.7 * f64::from(i)).collect();
+        for (a, b) in line.iter().zip(lowpass(&line, 5.0)) {
+            assert!((a - b).abs() < 1e-12, "{a} became {b}");
+        }
+    }
+
+    #[test]
+    fn a_sine_is_damped_by_the_gaussian_transfer_function() {
+        let (sigma, omega) = (4.0_f64, 0.3_f64);
+        let sine: Vec<f64> = (0..400).map(|i| (omega * f64::from(i)).sin()).collect();
+        let gain = (-0.5 * (sigma * omega).powi(2)).exp();
+        let low = lowpass(&sine, sigma);
+        for i in 100..300 {
+            assert!((low[i] - gain * sine[i]).abs() < 1e-3, "sample {i}: {} against {}", low[i], gain * sine[i]);
+        }
+    }
+}

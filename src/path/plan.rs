@@ -1,0 +1,203 @@
+//! From a clip's motion to its virtual path: shot by shot, in windows of time.
+
+use std::ops::Range;
+
+use super::chain::Chain;
+use super::optimal::{Cameras, Program, Sizing};
+use super::pose::{Pose, Stage, settle};
+use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
+use crate::math::Homography;
+
+/// Length (s) of the windows of time; half of each is look-ahead. Decisions reach as far as the zoom takes to change,
+/// a few seconds, so half a window ahead leaves no trace of where it ends.
+const WINDOW_S: f64 = 16.0;
+
+/// Bounds of the same in frames, so that memory stays bounded at any frame rate.
+const WINDOW_FRAMES: (f64, f64) = (240.0, 960.0);
+
+/// RMS shake (units of half the diagonal) below which a shot stands still: 0.1 px at 1080p.
+const STEADY: f64 = 1e-4;
+
+/// Below this share of reliable steps the motion of a shot is guesswork.
+const LEAST_RELIABLE: f64 = 0.3;
+
+/// The virtual path of a clip.
+///
+/// # Errors
+/// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input;
+/// [`PathError::Numerics`] where the solver fails.
+pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathError> {
+    validate(clip, options)?;
+    let stage = Stage::new(clip.width, clip.height);
+    let window = if options.border_allows_outside { options.min_crop } else { 1.0 };
+    let mut plan = VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), segments: Vec::new() };
+    for shot in clip.shots {
+        let segment = match shot_path(clip, options, &stage, shot.clone())? {
+            Ok((path, reason)) => {
+                for pose in path {
+                    let (pose, out_from_src) = settle(&stage, pose, window);
+                    plan.out_from_src.push(out_from_src);
+                    plan.crop.push(pose.z.norm());
+                }
+                Segment { frames: shot.clone(), tier: Tier::Smoothed, reason }
+            }
+            Err(reason) => {
+                plan.out_from_src.extend(shot.clone().map(|_| Homography::identity()));
+                plan.crop.extend(shot.clone().map(|_| 1.0));
+                Segment { frames: shot.clone(), tier: Tier::Unchanged, reason }
+            }
+        };
+        plan.segments.push(segment);
+    }
+    Ok(plan)
+}
+
+/// The smoothed poses of a shot and what to say of them, or why it is left as it is.
+type ShotPath = Result<(Vec<Pose>, String), String>;
+
+fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> Result<ShotPath, PathError> {
+    if shot.len() < 3 {
+        return Ok(Err(format!("shot of {} frames, too short to smooth", shot.len())));
+    }
+    let steps = shot.len() - 1;
+    let reliable = clip.motion[shot.start + 1..shot.end].iter().filter(|m| m.reliable).count();
+    if !(reliable as f64 >= LEAST_RELIABLE * steps as f64) {
+        return Ok(Err(format!("motion could be followed in only {reliable} of {steps} frames")));
+    }
+    let chain = Chain::of_shot(clip, stage, shot.clone());
+    let before = mean(&chain.shake());
+    if before < STEADY * STEADY && options.kind != PathKind::Tripod {
+        return Ok(Err("already steady".to_owned()));
+    }
+    let path = match options.kind {
+        PathKind::Optimal => optimal(&chain, stage, options),
+        PathKind::Gaussian => follow(&chain, stage, options, &ideal::gaussian(&chain, options.smoothness_s)),
+        PathKind::Tripod => follow(&chain, stage, options, &ideal::tripod(&chain)),
+    }
+    .map_err(|e| shifted(e, shot.start))?;
+    let after = mean(&chain.seen_through(&path).shake());
+    if !(after < before) {
+        return Ok(Err("smoothing would not have made it steadier".to_owned()));
+    }
+    Ok(Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt()))))
+}
+
+/// The path that balances shake, acceleration and crop.
+fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, PathError> {
+    let strength = chain.shake_strength();
+    let mut program = Program {
+        chain,
+        stage,
+        strength: &strength,
+        ideal: None,
+        smoothness_s: options.smoothness_s,
+        min_crop: options.min_crop,
+        sizing: sizing(options),
+        window: if options.border_allows_outside { options.min_crop } else { 1.0 },
+    };
+    let path = in_windows(&program)?;
+    if program.sizing == Sizing::Shared && windows(chain).len() > 1 {
+        // Every window of time has chosen its own size; the shot gets their mean, at which all were nearly content.
+        program.sizing = Sizing::Pinned(mean(&path.iter().map(|p| p.z.re).collect::<Vec<f64>>()));
+        return in_windows(&program);
+    }
+    Ok(path)
+}
+
+fn sizing(options: &PathOptions) -> Sizing {
+    if options.border_allows_outside {
+        return Sizing::Pinned(1.0);
+    }
+    match options.zoom {
+        Zoom::Adaptive => Sizing::Adaptive,
+        Zoom::Fixed | Zoom::None => Sizing::Shared,
+    }
+}
+
+/// The given path at the largest window that fits all of it, or held inside the frame at the smallest allowed.
+fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -> Result<Vec<Pose>, PathError> {
+    let window = if options.border_allows_outside { options.min_crop } else { 1.0 };
+    let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min);
+    let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
+    let ideal: Vec<Pose> = ideal.iter().map(|p| Pose { z: p.z * size, d: p.d }).collect();
+    if ideal.iter().all(|&p| stage.overhang(p, window) <= 1e-9) {
+        return Ok(ideal);
+    }
+    let strength = chain.shake_strength();
+    let program = Program {
+        chain,
+        stage,
+        strength: &strength,
+        ideal: Some(&ideal),
+        smoothness_s: options.smoothness_s,
+        min_crop: options.min_crop,
+        sizing: Sizing::Pinned(size),
+        window,
+    };
+    in_windows(&program)
+}
+
+/// Solves the shot window by window: of each the first half is kept, its last two frames start the next.
+fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, PathError> {
+    let mut done = Cameras::default();
+    for frames in windows(program.chain) {
+        let decided = done.path.len() - frames.start;
+        let head = Cameras { path: done.path[frames.start..].to_vec(), ideal: done.ideal[frames.start..].to_vec() };
+        let part = program
+            .solve(frames.clone(), &head)
+            .map_err(|source| PathError::Numerics { frames: frames.clone(), source })?;
+        let keep = if frames.end == program.chain.len() { frames.len() } else { frames.len() / 2 };
+        done.path.extend(&part.path[decided..keep]);
+        done.ideal.extend(&part.ideal[decided..keep]);
+    }
+    Ok(done.path)
+}
+
+/// Overlapping ranges of frames; each but the first starts two frames before what its predecessor keeps ends.
+fn windows(chain: &Chain) -> Vec<Range<usize>> {
+    let length = chain.frames(WINDOW_S).clamp(WINDOW_FRAMES.0, WINDOW_FRAMES.1) as usize;
+    let n = chain.len();
+    let mut ranges = Vec::new();
+    let mut start = 0;
+    while n - start > length + length / 2 {
+        ranges.push(start..start + length);
+        start += length / 2 - 2;
+    }
+    ranges.push(start..n);
+    ranges
+}
+
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len() as f64
+}
+
+fn shifted(e: PathError, by: usize) -> PathError {
+    match e {
+        PathError::Numerics { frames, source } => {
+            PathError::Numerics { frames: frames.start + by..frames.end + by, source }
+        }
+        other => other,
+    }
+}
+
+fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
+    for (option, value, low, high) in
+        [("smoothness", options.smoothness_s, 0.05, 30.0), ("min-crop", options.min_crop, 0.3, 1.0)]
+    {
+        if !(value >= low && value <= high) {
+            return Err(PathError::Option { option, value, low, high });
+        }
+    }
+    if options.zoom == Zoom::None && !options.border_allows_outside {
+        return Err(PathError::NoRoom);
+    }
+    if clip.width == 0 || clip.height == 0 {
+        return Err(PathError::Size { width: clip.width, height: clip.height });
+    }
+    let covered = clip.shots.iter().try_fold(0, |end, s| (s.start == end && s.end > end).then_some(s.end));
+    let (times, motions) = (clip.times_s.len(), clip.motion.len());
+    if times != motions || covered != Some(times) {
+        return Err(PathError::Lengths { times, motions, covered: covered.unwrap_or(0) });
+    }
+    Ok(())
+}
