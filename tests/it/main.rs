@@ -1,1 +1,4 @@
+//! The integration tests, one binary: each further binary would cost a link per edit.
 
+mod energy;
+mod warp;
