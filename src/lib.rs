@@ -9,12 +9,15 @@
 //! which on a grid laid over an image is a *warp* and on a surface a *deformation*. The modules stand in strict layers;
 //! `docs/ARCHITECTURE.md` holds the table of allowed imports, and a test reads it from there.
 
+pub mod energy;
 pub mod feature;
 pub mod image;
 pub mod math;
+pub mod mesh;
 pub mod motion;
 pub mod optim;
 pub mod path;
+pub mod sparse;
 pub mod time;
 pub mod track;
 pub mod warp;

@@ -1,0 +1,100 @@
+//! Elimination orders.
+
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::amd;
+
+use super::dissection::nested_dissection;
+use super::{Pattern, SparseError};
+
+/// How unknowns are renumbered before elimination; it decides fill and speed, never the solution.
+#[derive(Clone, Debug, Default)]
+pub enum Ordering {
+    /// As they are numbered: for chains and other banded systems.
+    Natural,
+    /// Approximate minimum degree: good without knowing anything of the unknowns.
+    #[default]
+    Amd,
+    /// Geometric nested dissection by the position of each unknown, in any unit (unknowns of one vertex share it; plane
+    /// positions leave the third coordinate 0). The best order for grids and surfaces, and the cheapest to find.
+    NestedDissection(Vec<[f64; 3]>),
+    /// An order of the caller's.
+    Given(Permutation),
+}
+
+/// A renumbering of `n` unknowns.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Permutation {
+    old_from_new: Vec<u32>,
+    new_from_old: Vec<u32>,
+}
+
+impl Permutation {
+    /// The renumbering whose `k`-th unknown is `order[k]`; `None` unless every index appears exactly once.
+    pub fn new(order: Vec<u32>) -> Option<Self> {
+        let mut seen = vec![false; order.len()];
+        let each_once =
+            order.iter().all(|&old| seen.get_mut(old as usize).is_some_and(|s| !std::mem::replace(s, true)));
+        each_once.then(|| Self::from_old_from_new(order))
+    }
+
+    /// Leaves every number as it is.
+    pub fn identity(n: usize) -> Self {
+        Self::from_old_from_new((0..n as u32).collect())
+    }
+
+    /// For orders that are permutations by construction.
+    pub(super) fn from_old_from_new(old_from_new: Vec<u32>) -> Self {
+        let mut new_from_old = vec![0; old_from_new.len()];
+        for (new, &old) in old_from_new.iter().enumerate() {
+            new_from_old[old as usize] = new as u32;
+        }
+        Self { old_from_new, new_from_old }
+    }
+
+    /// Old number of each new one.
+    pub fn old_from_new(&self) -> &[u32] {
+        &self.old_from_new
+    }
+
+    /// New number of each old one.
+    pub fn new_from_old(&self) -> &[u32] {
+        &self.new_from_old
+    }
+
+    /// Number of unknowns.
+    pub fn len(&self) -> usize {
+        self.old_from_new.len()
+    }
+
+    /// True for a system without unknowns.
+    pub fn is_empty(&self) -> bool {
+        self.old_from_new.is_empty()
+    }
+}
+
+impl Ordering {
+    /// The elimination order for a pattern, not yet postordered.
+    pub(super) fn permutation(&self, pattern: &Pattern) -> Result<Permutation, SparseError> {
+        let n = pattern.n();
+        match self {
+            Self::Natural => Ok(Permutation::identity(n)),
+            Self::Amd => minimum_degree(pattern),
+            Self::NestedDissection(positions) if positions.len() == n => Ok(nested_dissection(pattern, positions)),
+            Self::NestedDissection(positions) => Err(SparseError::OutOfRange { index: positions.len(), unknowns: n }),
+            Self::Given(p) if p.len() == n => Ok(p.clone()),
+            Self::Given(p) => Err(SparseError::OutOfRange { index: p.len(), unknowns: n }),
+        }
+    }
+}
+
+fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
+    let n = pattern.n();
+    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let symbolic = SymbolicSparseColMatRef::new_checked(n, n, pattern.column_starts(), None, pattern.rows());
+    let (mut forward, mut inverse) = (vec![0_u32; n], vec![0_u32; n]);
+    let scratch = amd::order_scratch::<u32>(n, pattern.nnz());
+    let mut memory = faer::dyn_stack::MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
+    let stack = faer::dyn_stack::MemStack::new(&mut memory);
+    amd::order(&mut forward, &mut inverse, symbolic, amd::Control::default(), stack).map_err(|_| out_of_memory())?;
+    Ok(Permutation::from_old_from_new(forward))
+}

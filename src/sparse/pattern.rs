@@ -1,0 +1,101 @@
+//! The places of a symmetric matrix that may be non-zero.
+
+use super::SparseError;
+
+/// Lower triangle of a symmetric `n×n` pattern, compressed by columns: rows ascending, every diagonal place present.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pattern {
+    col_ptr: Vec<u32>,
+    row_idx: Vec<u32>,
+}
+
+impl Pattern {
+    /// The pattern that holds each place `(i, j)` (either triangle, repeats allowed) and the diagonal.
+    ///
+    /// # Errors
+    /// [`SparseError::OutOfRange`] for an index ≥ `n`; [`SparseError::TooLarge`] past 2³¹ places.
+    pub fn new(n: usize, places: impl IntoIterator<Item = (usize, usize)>) -> Result<Self, SparseError> {
+        if n > i32::MAX as usize {
+            return Err(SparseError::TooLarge { size: n });
+        }
+        let mut lower: Vec<(u32, u32)> = (0..n as u32).map(|i| (i, i)).collect();
+        for (i, j) in places {
+            if i.max(j) >= n {
+                return Err(SparseError::OutOfRange { index: i.max(j), unknowns: n });
+            }
+            lower.push((i.min(j) as u32, i.max(j) as u32));
+        }
+        lower.sort_unstable();
+        lower.dedup();
+        if lower.len() > i32::MAX as usize {
+            return Err(SparseError::TooLarge { size: lower.len() });
+        }
+        let mut col_ptr = vec![0; n + 1];
+        for &(col, _) in &lower {
+            col_ptr[col as usize + 1] += 1;
+        }
+        for j in 0..n {
+            col_ptr[j + 1] += col_ptr[j];
+        }
+        Ok(Self { col_ptr, row_idx: lower.into_iter().map(|(_, row)| row).collect() })
+    }
+
+    /// Number of unknowns.
+    pub fn n(&self) -> usize {
+        self.col_ptr.len() - 1
+    }
+
+    /// Number of stored places (lower triangle with diagonal).
+    pub fn nnz(&self) -> usize {
+        self.row_idx.len()
+    }
+
+    /// Slots of column `j`: a range into [`Self::rows`].
+    pub fn column(&self, j: usize) -> std::ops::Range<usize> {
+        self.col_ptr[j] as usize..self.col_ptr[j + 1] as usize
+    }
+
+    /// Row of every slot.
+    pub fn rows(&self) -> &[u32] {
+        &self.row_idx
+    }
+
+    /// Start of every column, `n + 1` entries.
+    pub fn column_starts(&self) -> &[u32] {
+        &self.col_ptr
+    }
+
+    /// Slot of the place `(i, j)`, given in either triangle; `None` where it is a structural zero.
+    pub fn slot(&self, i: usize, j: usize) -> Option<usize> {
+        let (row, col) = (i.max(j), i.min(j));
+        let range = self.column(col);
+        let at = self.row_idx[range.clone()].binary_search(&(row as u32)).ok()?;
+        Some(range.start + at)
+    }
+
+    /// Iterates over `(row, column, slot)`, columns ascending, rows ascending within each.
+    pub fn places(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        (0..self.n()).flat_map(move |j| self.column(j).map(move |s| (self.row_idx[s] as usize, j, s)))
+    }
+
+    /// Neighbors of each unknown in both triangles, without itself: `(starts, neighbors)`.
+    pub(super) fn adjacency(&self) -> (Vec<u32>, Vec<u32>) {
+        let mut start = vec![0_u32; self.n() + 1];
+        for (i, j, _) in self.places().filter(|&(i, j, _)| i != j) {
+            start[i + 1] += 1;
+            start[j + 1] += 1;
+        }
+        for v in 0..self.n() {
+            start[v + 1] += start[v];
+        }
+        let mut next = start.clone();
+        let mut neighbors = vec![0; start[self.n()] as usize];
+        for (i, j, _) in self.places().filter(|&(i, j, _)| i != j) {
+            for (from, to) in [(i, j), (j, i)] {
+                neighbors[next[from] as usize] = to as u32;
+                next[from] += 1;
+            }
+        }
+        (start, neighbors)
+    }
+}

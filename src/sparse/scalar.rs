@@ -1,0 +1,82 @@
+//! The two number fields in which systems are solved.
+
+use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
+
+/// A complex number `x + iy`: one plane point as one unknown.
+pub type Complex = faer::c64;
+
+/// Real or complex entries of a matrix.
+///
+/// Complex entries pay where an energy is linear over ℂ (similarities of the plane are): `n` complex unknowns factor with
+/// about half the arithmetic of `2n` real ones.
+pub trait Scalar:
+    faer::traits::ComplexField<Real = f64>
+    + Copy
+    + Default
+    + Send
+    + Sync
+    + std::fmt::Debug
+    + PartialEq
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + 'static
+{
+    /// The scalar with this real part.
+    fn real(re: f64) -> Self;
+    /// Complex conjugate; the number itself if it is real.
+    fn conjugate(self) -> Self;
+    /// `|z|²`.
+    fn norm_sqr(self) -> f64;
+    /// `s·z` for real `s`.
+    fn times(self, s: f64) -> Self;
+    /// True where every part is finite.
+    fn finite(self) -> bool;
+    /// Real part.
+    fn re(self) -> f64;
+}
+
+impl Scalar for f64 {
+    fn real(re: f64) -> Self {
+        re
+    }
+    fn conjugate(self) -> Self {
+        self
+    }
+    fn norm_sqr(self) -> f64 {
+        self * self
+    }
+    fn times(self, s: f64) -> Self {
+        self * s
+    }
+    fn finite(self) -> bool {
+        self.is_finite()
+    }
+    fn re(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for Complex {
+    fn real(re: f64) -> Self {
+        Self::new(re, 0.0)
+    }
+    fn conjugate(self) -> Self {
+        self.conj()
+    }
+    fn norm_sqr(self) -> f64 {
+        self.re * self.re + self.im * self.im
+    }
+    fn times(self, s: f64) -> Self {
+        Self::new(self.re * s, self.im * s)
+    }
+    fn finite(self) -> bool {
+        self.re.is_finite() && self.im.is_finite()
+    }
+    fn re(self) -> f64 {
+        self.re
+    }
+}
