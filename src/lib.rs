@@ -11,4 +11,6 @@
 
 pub mod image;
 pub mod math;
+pub mod mesh;
 pub mod time;
+pub mod warp;

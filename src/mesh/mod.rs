@@ -1,0 +1,5 @@
+//! Regular grids of quads over an image.
+
+mod grid;
+
+pub use grid::GridMesh;
