@@ -12,5 +12,6 @@
 pub mod image;
 pub mod math;
 pub mod mesh;
+pub mod render;
 pub mod time;
 pub mod warp;

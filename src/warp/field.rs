@@ -159,7 +159,8 @@ mod tests {
 
     #[test]
     fn the_first_map_of_a_chain_acts_first() {
-        let (scale, shift) = (Matrix2x3::new(2.0, 0.0, 0.0, 0.0, 2.0, 0.0), Matrix2x3::new(1.0, 0.0, 5.0, 0.0, 1.0, 7.0));
+        let (scale, shift) =
+            (Matrix2x3::new(2.0, 0.0, 0.0, 0.0, 2.0, 0.0), Matrix2x3::new(1.0, 0.0, 5.0, 0.0, 1.0, 7.0));
         let field = WarpField::identity().then(Map::Affine(scale)).then(Map::Affine(shift));
         assert_eq!(field.map(Point2::new(10.0, 20.0)), Some(Point2::new(25.0, 47.0)));
     }

@@ -17,7 +17,7 @@ use crate::math::{Point2, Vec2};
 
 /// Bound on the interpolation error inside the source, px: a fortieth of the width of a bicubic kernel's main lobe;
 /// blur and shift by it are invisible.
-pub const TOLERANCE_PX: f64 = 0.02;
+const TOLERANCE_PX: f64 = 0.02;
 /// First step tried, px. A similarity is exact at any step; homographies of shaky video pass here.
 const COARSEST: usize = 32;
 /// Last step, px, accepted whatever its error. The offsets of a 1080p frame fill 1 MB there. A change `Δ` of the slope
