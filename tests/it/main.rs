@@ -7,3 +7,4 @@ mod path;
 
 mod energy;
 mod warp;
+mod render;
