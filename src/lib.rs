@@ -17,6 +17,7 @@ pub mod mesh;
 pub mod motion;
 pub mod optim;
 pub mod path;
+pub mod pipeline;
 pub mod render;
 pub mod sparse;
 pub mod time;

@@ -1,0 +1,224 @@
+//! From the file to the checked pipeline: every fault of syntax, settings, edges and types in one pass, no input touched.
+
+use std::sync::Arc;
+
+use serde_json::Value as Json;
+
+use super::file::{PipelineFile, StageEntry};
+use super::graph::{Graph, Prepared, connect};
+use super::kind::{Settings, schema_of};
+use super::load::load;
+use super::options::{BatchSettings, RunSettings};
+use super::problem::{Problem, Problems};
+use super::reference::{Item, Resolved, Scope, resolve};
+use super::settings::{Checked, Expected, check_table};
+use super::syntax::{Entry, Node, Source, Sources, Span, Value, parse};
+use super::{overrides, suggest};
+
+/// A pipeline without faults.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    /// What it was read from.
+    pub file: PipelineFile,
+    /// `[run]`, defaults included.
+    pub run: RunSettings,
+    /// `[batch]`, if given.
+    pub batch: Option<BatchSettings>,
+    /// The stages; settings that depend on the item are open.
+    pub graph: Graph,
+}
+
+impl PartialEq for Pipeline {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.file.name, &self.run, &self.batch, &self.graph) == (&other.file.name, &other.run, &other.batch, &other.graph)
+    }
+}
+
+/// Reads and checks a pipeline file. `set` holds `NAME.KEY=VALUE` options, which win over the file.
+///
+/// # Errors
+/// Every fault that can be found without touching an input.
+pub fn read(source: Source, set: &[String]) -> Result<Pipeline, Problems> {
+    let (mut sources, mut problems) = (Sources::default(), Vec::new());
+    let id = sources.add(source);
+    let mut root = match parse(&sources, id) {
+        Ok(root) => root,
+        Err(problem) => return Err(Problems::new(vec![problem], sources)),
+    };
+    overrides::apply(&mut root, set, &mut sources, &mut problems);
+    let file = load(root, sources, &mut problems);
+    check_with(file, problems)
+}
+
+/// Checks a pipeline that a program built.
+///
+/// # Errors
+/// Every fault that can be found without touching an input.
+pub fn check(file: PipelineFile) -> Result<Pipeline, Problems> {
+    check_with(file, Vec::new())
+}
+
+fn check_with(file: PipelineFile, mut problems: Vec<Problem>) -> Result<Pipeline, Problems> {
+    let env = |name: &str| std::env::var(name).ok();
+    let vars = resolved_vars(&file, &env, &mut problems);
+    let scope = Scope { vars: &vars, env: &env, item: None };
+    let prepared = file.stages.iter().map(|s| prepare(&file, s, &scope, &mut problems)).collect();
+    let run = options::<RunSettings>("[run]", &file.run, &file, &scope, &mut problems);
+    let batch = file.batch.as_ref().map(|entries| batch(entries, &file, &scope, &mut problems));
+    check_item_use(&file, &mut problems);
+    let graph = connect(&file, prepared, &mut problems);
+    match (problems.is_empty(), run) {
+        (true, Some(run)) => Ok(Pipeline { run, batch: batch.flatten(), graph, file }),
+        _ => Err(Problems::new(problems, file.sources)),
+    }
+}
+
+/// Variables with the references to the environment in them replaced. A variable cannot refer to another or to the item.
+pub(super) fn resolved_vars(file: &PipelineFile, env: &dyn Fn(&str) -> Option<String>, problems: &mut Vec<Problem>) -> Vec<Entry> {
+    let scope = Scope { vars: &[], env, item: None };
+    let mut out = Vec::with_capacity(file.vars.len());
+    for var in &file.vars {
+        match resolve(&var.node, &scope) {
+            Ok(Resolved::Ready(node, _)) => out.push(Entry { node, ..var.clone() }),
+            Ok(Resolved::Deferred) => {
+                let message = format!("variable `{}` refers to the item", var.key);
+                problems.push(
+                    Problem::new("reference", message)
+                        .label(var.node.span, "not here")
+                        .help("a variable is the same for all items; use `${item.…}` in the stage itself"),
+                );
+                out.push(var.clone());
+            }
+            Err(problem) => {
+                problems.push(problem.help("a variable may refer to the environment only"));
+                out.push(var.clone());
+            }
+        }
+    }
+    out
+}
+
+fn stage_problem_name(stage: &StageEntry) -> String {
+    let kind = stage.kind.map_or("", |k| k.name);
+    format!("stage `{}` ({kind})", stage.name.text)
+}
+
+/// Checks the settings of one stage; also used with an item to fill what waited for it.
+pub(super) fn stage_settings(
+    file: &PipelineFile,
+    stage: &StageEntry,
+    scope: &Scope<'_>,
+    problems: &mut Vec<Problem>,
+) -> (Option<Arc<dyn Settings>>, Vec<Entry>) {
+    let Some(kind) = stage.kind else { return (None, Vec::new()) };
+    let accepts = |json: Json| (kind.parse)(json).map(drop).map_err(|e| e.to_string());
+    let schema = (kind.schema)();
+    let expected = Expected { what: stage_problem_name(stage), schema: &schema, required: kind.required, accepts: &accepts };
+    let Checked { json, deferred } =
+        check_table(&stage.settings, stage.name.span, &expected, scope, &file.sources, problems);
+    let settings = match (kind.parse)(Json::Object(json)) {
+        Ok(settings) => Some(settings),
+        Err(error) => {
+            problems.push(Problem::new("bad-value", format!("{}: {error}", expected.what)).label(stage.name.span, "here"));
+            None
+        }
+    };
+    for conflict in settings.iter().flat_map(|s| s.conflicts()) {
+        let place = stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
+        problems.push(
+            Problem::new("conflict", format!("{}: {}", expected.what, conflict.message))
+                .label(place.unwrap_or(stage.name.span), "here")
+                .help(conflict.help),
+        );
+    }
+    (settings, deferred)
+}
+
+fn prepare(file: &PipelineFile, stage: &StageEntry, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Prepared {
+    let enabled = stage.enable.as_ref().is_none_or(|node| enabled(stage, node, scope, problems));
+    let (settings, deferred) = stage_settings(file, stage, scope, problems);
+    Prepared { enabled, settings, deferred }
+}
+
+fn enabled(stage: &StageEntry, node: &Node, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> bool {
+    let found = match resolve(node, scope) {
+        Ok(Resolved::Ready(node, _)) => match &node.value {
+            Value::Bool(b) => return *b,
+            Value::Loose(text) if text == "true" => return true,
+            Value::Loose(text) if text == "false" => return false,
+            _ => node.type_name().to_owned(),
+        },
+        Ok(Resolved::Deferred) => "a reference to the item".to_owned(),
+        Err(problem) => {
+            problems.push(problem);
+            return true;
+        }
+    };
+    let message = format!("`enable` of stage `{}` is {found} (expected true or false)", stage.name.text);
+    problems.push(Problem::new("bad-value", message).label(node.span, "expected true or false"));
+    true
+}
+
+fn options<T>(what: &str, entries: &[Entry], file: &PipelineFile, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<T>
+where
+    T: serde::de::DeserializeOwned + schemars::JsonSchema,
+{
+    let accepts = |json: Json| serde_json::from_value::<T>(json).map(drop).map_err(|e| e.to_string());
+    let schema = schema_of::<T>(&[]);
+    let expected = Expected { what: what.to_owned(), schema: &schema, required: &[], accepts: &accepts };
+    let Checked { json, deferred } = check_table(entries, None, &expected, scope, &file.sources, problems);
+    for entry in deferred {
+        let message = format!("`{}` of {what} refers to the item", entry.key);
+        problems.push(Problem::new("reference", message).label(entry.node.span, "not here"));
+    }
+    serde_json::from_value(Json::Object(json)).ok()
+}
+
+/// `key` is a template over the item: it is kept as it is written. The rest is read at once.
+fn batch(entries: &[Entry], file: &PipelineFile, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<BatchSettings> {
+    let (keys, others): (Vec<Entry>, Vec<Entry>) = entries.iter().cloned().partition(|e| e.key == "key");
+    let mut settings: BatchSettings = options("[batch]", &others, file, scope, problems)?;
+    for key in &keys {
+        match key.node.text() {
+            Some(text) => {
+                text.clone_into(&mut settings.key);
+                check_template(key, scope, problems);
+            }
+            None => {
+                let message = format!("`key` of [batch] is {} (expected a string)", key.node.type_name());
+                problems.push(Problem::new("bad-value", message).label(key.node.span, "expected a string"));
+            }
+        }
+    }
+    if settings.foreach.is_empty() && !entries.iter().any(|e| e.key == "foreach") {
+        let message = "[batch] needs `foreach`";
+        problems.push(Problem::new("missing-key", message).help("foreach: a glob such as \"clips/*.mp4\", or a list of files"));
+    }
+    settings.base = foreach_base(&others, file);
+    Some(settings)
+}
+
+fn foreach_base(entries: &[Entry], file: &PipelineFile) -> Option<std::path::PathBuf> {
+    let span: Span = entries.iter().find(|e| e.key == "foreach")?.node.span?;
+    file.sources.get(span.source)?.base.clone()
+}
+
+/// Tries the template with a made-up item, so that a mistyped reference is found before any work.
+fn check_template(entry: &Entry, scope: &Scope<'_>, problems: &mut Vec<Problem>) {
+    let item = Item { path: "item.mp4".into(), index: 0 };
+    problems.extend(resolve(&entry.node, &Scope { item: Some(&item), ..*scope }).err());
+}
+
+/// `${item.…}` without [batch] would never be filled.
+fn check_item_use(file: &PipelineFile, problems: &mut Vec<Problem>) {
+    if file.batch.is_some() {
+        return;
+    }
+    for entry in file.stages.iter().flat_map(|s| &s.settings) {
+        if super::reference::refers_to_item(&entry.node) {
+            let message = format!("`{}` refers to the item, but there is no [batch]", entry.key);
+            let inputs = suggest::listed(&["[batch] foreach = \"clips/*.mp4\"", "--set batch.foreach='clips/*.mp4'"]);
+            problems.push(Problem::new("reference", message).label(entry.node.span, "no item here").help(format!("give {inputs}")));
+        }
+    }
+}

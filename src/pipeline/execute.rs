@@ -1,0 +1,184 @@
+//! The built-in executor: runs the instances of a pipeline, some at once, one failure not stopping the rest.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use super::batch::Instance;
+use super::check::Pipeline;
+use super::job::{Backend, Job, Values};
+use super::options::{BatchSettings, OnError, RunSettings};
+use super::progress::{Event, Progress, TaskProgress};
+use super::run_error::{Exit, RunError};
+use super::summary::Summary;
+
+/// How one item ended.
+#[derive(Debug)]
+pub struct ItemReport {
+    /// Key of the instance.
+    pub key: String,
+    /// What it did, or why it failed; `None`: it was not started.
+    pub result: Option<Result<Summary, RunError>>,
+}
+
+/// How a run ended.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// The items, in order.
+    pub items: Vec<ItemReport>,
+}
+
+impl Report {
+    /// Failed items with their errors.
+    pub fn failures(&self) -> impl Iterator<Item = (&str, &RunError)> {
+        self.items.iter().filter_map(|i| Some((i.key.as_str(), i.result.as_ref()?.as_ref().err()?)))
+    }
+
+    /// Finished items with their summaries.
+    pub fn done(&self) -> impl Iterator<Item = (&str, &Summary)> {
+        self.items.iter().filter_map(|i| Some((i.key.as_str(), i.result.as_ref()?.as_ref().ok()?)))
+    }
+
+    /// Keys of items that were never started.
+    pub fn skipped(&self) -> impl Iterator<Item = &str> {
+        self.items.iter().filter(|i| i.result.is_none()).map(|i| i.key.as_str())
+    }
+
+    /// Exit status: of the fault for a lone item, [`Exit::Partial`] for some of many.
+    pub fn exit(&self) -> Exit {
+        if self.failures().any(|(_, e)| matches!(e, RunError::Interrupted)) {
+            return Exit::Interrupted;
+        }
+        match (self.failures().next(), self.items.len()) {
+            (None, _) => Exit::Done,
+            (Some((_, error)), 1) => error.exit(),
+            (Some(_), _) => Exit::Partial,
+        }
+    }
+}
+
+/// Runs every instance.
+pub fn execute(
+    pipeline: &Pipeline,
+    instances: &[Instance],
+    backend: &dyn Backend,
+    progress: &dyn Progress,
+    cancel: &AtomicBool,
+) -> Report {
+    let started = Instant::now();
+    let batch = pipeline.batch.clone().unwrap_or_default();
+    let jobs = (batch.jobs as usize).clamp(1, instances.len().max(1));
+    let threads = (pipeline.run.thread_count() / jobs).max(1);
+    let executor = Executor { run: &pipeline.run, batch: &batch, backend, progress, cancel, threads };
+    progress.event(&Event::RunStart { items: instances.len() });
+    let results = executor.run_all(instances, jobs);
+    let report = Report {
+        items: instances.iter().zip(results).map(|(i, result)| ItemReport { key: i.key.clone(), result }).collect(),
+    };
+    let (done, failed) = (report.done().count(), report.failures().count());
+    progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
+    report
+}
+
+struct Executor<'a> {
+    run: &'a RunSettings,
+    batch: &'a BatchSettings,
+    backend: &'a dyn Backend,
+    progress: &'a dyn Progress,
+    cancel: &'a AtomicBool,
+    threads: usize,
+}
+
+type ItemResult = Option<Result<Summary, RunError>>;
+
+impl Executor<'_> {
+    /// `jobs` workers take the items in order.
+    fn run_all(&self, instances: &[Instance], jobs: usize) -> Vec<ItemResult> {
+        let next = AtomicUsize::new(0);
+        let stop = AtomicBool::new(false);
+        let results: Mutex<Vec<ItemResult>> = Mutex::new(instances.iter().map(|_| None).collect());
+        let worker = || {
+            while !stop.load(Ordering::Relaxed) {
+                let at = next.fetch_add(1, Ordering::Relaxed);
+                let Some(instance) = instances.get(at) else { break };
+                let result = self.run_item(instance);
+                let interrupted = matches!(result, Err(RunError::Interrupted));
+                if interrupted || (result.is_err() && self.batch.on_error == OnError::Stop) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                if let Ok(mut results) = results.lock() {
+                    results[at] = Some(result);
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..jobs {
+                scope.spawn(worker);
+            }
+            worker();
+        });
+        results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    fn run_item(&self, instance: &Instance) -> Result<Summary, RunError> {
+        let task = instance.key.as_str();
+        self.progress.event(&Event::TaskStart { task });
+        let mut attempt = 1;
+        let result = loop {
+            let result = catch_unwind(AssertUnwindSafe(|| self.try_item(instance)))
+                .unwrap_or_else(|panic| Err(RunError::Internal(panic_text(panic.as_ref()))));
+            match &result {
+                Err(error) if error.is_temporary() && attempt <= self.batch.retries => {
+                    attempt += 1;
+                    self.progress.event(&Event::TaskRetry { task, attempt, error: &error.to_string() });
+                }
+                _ => break result,
+            }
+        };
+        match &result {
+            Ok(summary) => self.progress.event(&Event::TaskDone { task, summary }),
+            Err(e) => self.progress.event(&Event::TaskFail { task, error: &e.to_string(), code: e.exit() as u8 }),
+        }
+        result
+    }
+
+    fn try_item(&self, instance: &Instance) -> Result<Summary, RunError> {
+        let started = Instant::now();
+        check_targets(instance, self.run.overwrite)?;
+        let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
+        let job = Job {
+            instance,
+            threads: self.threads,
+            overwrite: self.run.overwrite,
+            progress: &progress,
+            cancel: self.cancel,
+        };
+        let (mut values, mut summary) = (Values::default(), Summary::default());
+        for pass in &instance.plan.passes {
+            job.check_cancel()?;
+            self.backend.run_pass(&job, pass, &mut values, &mut summary)?;
+        }
+        summary.seconds = started.elapsed().as_secs_f64();
+        Ok(summary)
+    }
+}
+
+/// Refuses existing files before any work is done for them.
+fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
+    for path in instance.outputs() {
+        if path.is_dir() {
+            return Err(RunError::Output(format!("`{}` is a folder; give the name of a file", path.display())));
+        }
+        if !overwrite && path.is_file() {
+            let message = format!("`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)", path.display());
+            return Err(RunError::Output(message));
+        }
+    }
+    Ok(())
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    text.unwrap_or("unknown panic").to_owned()
+}

@@ -1,0 +1,354 @@
+//! The checked graph: stages in the order of the data's way, edges with the types of their ports.
+
+use std::sync::Arc;
+
+use super::file::{Input, Name, PipelineFile, StageEntry};
+use super::kind::{Settings, StageKind};
+use super::port::{Arity, Port, PortType};
+use super::problem::Problem;
+use super::suggest::did_you_mean;
+use super::syntax::{Entry, Span};
+
+/// One edge into a stage.
+#[derive(Clone, Debug)]
+pub struct Edge {
+    /// The input port.
+    pub port: &'static Port,
+    /// The stage that the data comes from, an index into [`Graph::stages`].
+    pub from: usize,
+    /// Its output port.
+    pub output: &'static Port,
+}
+
+/// One enabled stage.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: &'static StageKind,
+    /// Its settings; those that wait for the item have their defaults.
+    pub settings: Arc<dyn Settings>,
+    /// Settings that wait for the item.
+    pub deferred: Vec<Entry>,
+    /// Edges in the order of the ports.
+    pub edges: Vec<Edge>,
+}
+
+/// An acyclic graph whose edges fit their ports. Every edge leads to a later stage.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    /// Stages, each after all that it takes data from.
+    pub stages: Vec<Stage>,
+}
+
+impl PartialEq for Graph {
+    fn eq(&self, other: &Self) -> bool {
+        self.stages.len() == other.stages.len()
+            && self.stages.iter().all(|a| other.stage(&a.name).is_some_and(|b| self.same_stage(a, other, b)))
+    }
+}
+
+impl Graph {
+    /// The stage called `name`.
+    pub fn stage(&self, name: &str) -> Option<&Stage> {
+        self.stages.iter().find(|s| s.name == name)
+    }
+
+    /// How often the pixels that `stage` gives have been interpolated since they were decoded.
+    pub fn resamples(&self, stage: usize) -> usize {
+        let s = &self.stages[stage];
+        let before = s.edges.iter().filter(|e| e.output.data == PortType::Frames).map(|e| self.resamples(e.from)).max();
+        before.unwrap_or(0) + usize::from(s.kind.resamples)
+    }
+
+    fn same_stage(&self, a: &Stage, other: &Self, b: &Stage) -> bool {
+        let edges = |graph: &Self, stage: &Stage| -> Vec<(&str, String, &str)> {
+            let named = |e: &Edge| (e.port.name, graph.stages[e.from].name.clone(), e.output.name);
+            stage.edges.iter().map(named).collect()
+        };
+        a.kind.name == b.kind.name
+            && a.settings.to_json() == b.settings.to_json()
+            && a.deferred == b.deferred
+            && edges(self, a) == edges(other, b)
+    }
+}
+
+/// What [`connect`] needs of a stage beside its entry.
+pub(super) struct Prepared {
+    pub enabled: bool,
+    pub settings: Option<Arc<dyn Settings>>,
+    pub deferred: Vec<Entry>,
+}
+
+/// An edge before the stages are sorted, with the place of its text.
+struct Link {
+    port: &'static Port,
+    from: usize,
+    output: &'static Port,
+    span: Option<Span>,
+}
+
+/// Connects the stages of `file`; appends every fault, and gives the graph if there was none.
+pub(super) fn connect(file: &PipelineFile, prepared: Vec<Prepared>, problems: &mut Vec<Problem>) -> Graph {
+    let before = problems.len();
+    let wiring = Wiring { stages: &file.stages, prepared: &prepared };
+    let links: Vec<Vec<Link>> = (0..file.stages.len()).map(|i| wiring.links(i, problems)).collect();
+    let order = sorted(&file.stages, &links, problems);
+    if problems.len() > before {
+        return Graph::default();
+    }
+    let graph = assemble(file, prepared, &links, &order);
+    check_sinks(&graph, problems);
+    check_resamples(&graph, file, problems);
+    graph
+}
+
+struct Wiring<'a> {
+    stages: &'a [StageEntry],
+    prepared: &'a [Prepared],
+}
+
+impl Wiring<'_> {
+    fn links(&self, at: usize, problems: &mut Vec<Problem>) -> Vec<Link> {
+        let stage = &self.stages[at];
+        let Some(kind) = stage.kind.filter(|_| self.prepared[at].enabled) else { return Vec::new() };
+        let mut links = Vec::new();
+        let mut unsound = false;
+        let mut disabled: Vec<(&'static Port, usize, Option<Span>)> = Vec::new();
+        for (port, from) in self.assignments(stage, kind, problems, &mut unsound) {
+            match self.resolve(stage, port, from, problems) {
+                Some((i, _)) if !self.prepared[i].enabled => disabled.push((port, i, from.span)),
+                Some((i, output)) => links.push(Link { port, from: i, output, span: from.span }),
+                None => unsound = true,
+            }
+        }
+        for port in kind.inputs {
+            self.check_arity(stage, port, &links, &disabled, unsound, problems);
+        }
+        links.sort_by_key(|l| kind.inputs.iter().position(|p| p.name == l.port.name));
+        links
+    }
+
+    /// Which name goes to which port: the table form says so, the list form fills the ports in order.
+    fn assignments<'n>(
+        &self,
+        stage: &'n StageEntry,
+        kind: &'static StageKind,
+        problems: &mut Vec<Problem>,
+        unsound: &mut bool,
+    ) -> Vec<(&'static Port, &'n Name)> {
+        let mut out = Vec::new();
+        for Input { port, from, .. } in &stage.inputs {
+            let Some(name) = port else {
+                out.extend(self.in_order(stage, kind, from, problems, unsound));
+                continue;
+            };
+            match kind.input(&name.text) {
+                Some(port) => out.extend(from.iter().map(|f| (port, f))),
+                None => {
+                    *unsound = true;
+                    problems.push(unknown_input(stage, kind, name));
+                }
+            }
+        }
+        out
+    }
+
+    fn in_order<'n>(
+        &self,
+        stage: &StageEntry,
+        kind: &'static StageKind,
+        from: &'n [Name],
+        problems: &mut Vec<Problem>,
+        unsound: &mut bool,
+    ) -> Vec<(&'static Port, &'n Name)> {
+        let mut out = Vec::new();
+        for (i, name) in from.iter().enumerate() {
+            let last = kind.inputs.last().filter(|p| p.arity == Arity::Many);
+            match kind.inputs.get(i).or(last) {
+                Some(port) => out.push((port, name)),
+                None => {
+                    *unsound = true;
+                    let count = kind.inputs.len();
+                    let message = format!("stage `{}` ({}) takes {count} inputs, this is one more", stage.name.text, kind.name);
+                    problems.push(Problem::new("input", message).label(name.span, "too many"));
+                }
+            }
+        }
+        out
+    }
+
+    /// The stage and output that `from` names, if it fits `port`. Stages of unknown kind were reported: `None` without a word.
+    fn resolve(&self, stage: &StageEntry, port: &'static Port, from: &Name, problems: &mut Vec<Problem>) -> Option<(usize, &'static Port)> {
+        let (name, output) = from.text.split_once('.').map_or((from.text.as_str(), None), |(s, o)| (s, Some(o)));
+        let Some(i) = self.stages.iter().position(|s| s.name.text == name) else {
+            problems.push(
+                Problem::new("input", format!("stage `{}` takes input from `{name}`, which does not exist", stage.name.text))
+                    .label(from.span, "no such stage")
+                    .suggest(did_you_mean(name, self.stages.iter().map(|s| s.name.text.as_str()))),
+            );
+            return None;
+        };
+        let kind = self.stages[i].kind?;
+        let found = output.map_or(kind.outputs.first(), |o| kind.output(o));
+        let Some(found) = found else {
+            let output = output.unwrap_or_default();
+            problems.push(
+                Problem::new("input", format!("stage `{name}` ({}) has no output `{output}`", kind.name))
+                    .label(from.span, "no such output")
+                    .suggest(did_you_mean(output, kind.outputs.iter().map(|p| p.name))),
+            );
+            return None;
+        };
+        if found.data != port.data {
+            problems.push(wrong_data(stage, port, from, (name, kind, found)));
+            return None;
+        }
+        Some((i, found))
+    }
+
+    fn check_arity(
+        &self,
+        stage: &StageEntry,
+        port: &'static Port,
+        links: &[Link],
+        disabled: &[(&'static Port, usize, Option<Span>)],
+        unsound: bool,
+        problems: &mut Vec<Problem>,
+    ) {
+        let mine: Vec<&Link> = links.iter().filter(|l| l.port.name == port.name).collect();
+        let name = &stage.name.text;
+        if port.arity != Arity::Many && mine.len() > 1 {
+            let message = format!("port `{}` of stage `{name}` takes one input, not {}", port.name, mine.len());
+            problems.push(Problem::new("input", message).label(mine[1].span, "one too many"));
+        }
+        for (i, link) in mine.iter().enumerate() {
+            if mine[..i].iter().any(|l| l.from == link.from && l.output.name == link.output.name) {
+                let message = format!("port `{}` of stage `{name}` takes the same data twice", port.name);
+                problems.push(Problem::new("input", message).label(link.span, "named before"));
+            }
+        }
+        if port.arity == Arity::Optional || !mine.is_empty() {
+            return;
+        }
+        if let Some((_, from, span)) = disabled.iter().find(|(p, ..)| p.name == port.name) {
+            let from = &self.stages[*from];
+            let message = format!("stage `{name}` needs `{}`, which is disabled", from.name.text);
+            let place = from.enable.as_ref().and_then(|n| n.span);
+            problems.push(
+                Problem::new("disabled", message)
+                    .label(*span, format!("port `{}` needs it", port.name))
+                    .label(place, "disabled here")
+                    .help("disable the consumer too, or take the input from another stage"),
+            );
+        } else if !unsound {
+            let message = format!("port `{}` of stage `{name}` is not connected", port.name);
+            problems.push(
+                Problem::new("input", message)
+                    .label(stage.name.span, format!("needs {}: {}", port.data, port.doc))
+                    .help(format!("add it to `inputs`, for example `inputs = {{ {} = {} }}`", port.name, self.example(port))),
+            );
+        }
+    }
+
+    /// A stage of the file that could feed `port`, as it would be written.
+    fn example(&self, port: &Port) -> String {
+        let feeds = |s: &StageEntry| {
+            let outputs = s.kind?.outputs;
+            let at = outputs.iter().position(|o| o.data == port.data)?;
+            Some(if at == 0 { s.name.text.clone() } else { format!("{}.{}", s.name.text, outputs[at].name) })
+        };
+        let name = self.stages.iter().find_map(feeds).unwrap_or_else(|| "STAGE".to_owned());
+        if port.arity == Arity::Many { format!("[\"{name}\"]") } else { format!("\"{name}\"") }
+    }
+}
+
+fn unknown_input(stage: &StageEntry, kind: &StageKind, port: &Name) -> Problem {
+    let message = format!("stage `{}` ({}) has no input `{}`", stage.name.text, kind.name, port.text);
+    let none = kind.inputs.is_empty().then(|| "it takes no inputs".to_owned());
+    let suggestion = did_you_mean(&port.text, kind.inputs.iter().map(|p| p.name)).or(none);
+    Problem::new("input", message).label(port.span, "no such input").suggest(suggestion)
+}
+
+fn wrong_data(stage: &StageEntry, port: &Port, from: &Name, source: (&str, &StageKind, &Port)) -> Problem {
+    let (name, kind, output) = source;
+    let message = format!("`{}` gives {}, but port `{}` of stage `{}` takes {}", from.text, output.data, port.name, stage.name.text, port.data);
+    let fitting = kind.outputs.iter().find(|o| o.data == port.data);
+    Problem::new("type", message)
+        .label(from.span, format!("this is {}", output.data))
+        .suggest(fitting.map(|o| format!("did you mean `{name}.{}`?", o.name)))
+}
+
+/// Kahn's algorithm, ties in the order of the file; a cycle is reported with its chain.
+fn sorted(stages: &[StageEntry], links: &[Vec<Link>], problems: &mut Vec<Problem>) -> Vec<usize> {
+    let mut order: Vec<usize> = Vec::new();
+    let mut done = vec![false; stages.len()];
+    while let Some(next) = (0..stages.len()).find(|&i| !done[i] && links[i].iter().all(|l| done[l.from])) {
+        done[next] = true;
+        order.push(next);
+    }
+    if let Some(start) = done.iter().position(|d| !d) {
+        problems.push(cycle(start, stages, links, &done));
+    }
+    order
+}
+
+fn cycle(start: usize, stages: &[StageEntry], links: &[Vec<Link>], done: &[bool]) -> Problem {
+    // Every stage that is left waits for one that is left: walking back must meet itself.
+    let mut walk = vec![start];
+    let (tail, ring) = loop {
+        let at = walk[walk.len() - 1];
+        let Some(from) = links[at].iter().map(|l| l.from).find(|&f| !done[f]) else { break (0, walk.clone()) };
+        if let Some(first) = walk.iter().position(|&w| w == from) {
+            break (first, walk[first..].to_vec());
+        }
+        walk.push(from);
+    };
+    debug_assert!(tail <= walk.len());
+    let mut names: Vec<&str> = ring.iter().rev().map(|&i| stages[i].name.text.as_str()).collect();
+    names.push(names[0]);
+    let span = links[ring[0]].iter().find(|l| ring.contains(&l.from)).and_then(|l| l.span);
+    Problem::new("cycle", format!("the stages go round in a circle: {}", names.join(" → ")))
+        .label(span, "closes the circle")
+        .help("a stage cannot take data that it gave")
+}
+
+fn assemble(file: &PipelineFile, mut prepared: Vec<Prepared>, links: &[Vec<Link>], order: &[usize]) -> Graph {
+    let mut position = vec![usize::MAX; file.stages.len()];
+    let mut graph = Graph::default();
+    for &i in order {
+        let entry = &file.stages[i];
+        let state = &mut prepared[i];
+        let (Some(kind), Some(settings), true) = (entry.kind, state.settings.take(), state.enabled) else { continue };
+        position[i] = graph.stages.len();
+        let edges = links[i].iter().map(|l| Edge { port: l.port, from: position[l.from], output: l.output }).collect();
+        let deferred = std::mem::take(&mut state.deferred);
+        graph.stages.push(Stage { name: entry.name.text.clone(), kind, settings, deferred, edges });
+    }
+    graph
+}
+
+fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
+    let writes = |s: &Stage| s.kind.outputs.iter().any(|o| o.data == PortType::File);
+    if !graph.stages.is_empty() && !graph.stages.iter().any(writes) && problems.is_empty() {
+        let help = "add a stage such as `use = \"video.encode\"`";
+        problems.push(Problem::new("no-output", "the pipeline writes no file").help(help));
+    }
+}
+
+fn check_resamples(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
+    for (i, stage) in graph.stages.iter().enumerate() {
+        let twice = stage.kind.resamples && graph.resamples(i) > 1;
+        let feeds_again = stage.edges.iter().find(|e| e.output.data == PortType::Frames && graph.resamples(e.from) > 0);
+        if let (true, Some(edge)) = (twice, feeds_again) {
+            let entry = file.stages.iter().find(|s| s.name.text == stage.name);
+            let first = &graph.stages[edge.from].name;
+            problems.push(
+                Problem::new("two-resamples", format!("`{}` would interpolate pixels that were interpolated before (`{first}`)", stage.name))
+                    .label(entry.and_then(|e| e.name.span), "second interpolation of the same pixels")
+                    .help("give all maps to one render stage: `warps = [\"first\", \"second\"]`"),
+            );
+        }
+    }
+}

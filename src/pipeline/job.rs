@@ -1,0 +1,89 @@
+//! What the executor and the bodies of the stages agree on.
+
+use std::any::Any;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::batch::Instance;
+use super::graph::{Edge, Graph};
+use super::memory::ClipShape;
+use super::plan::Pass;
+use super::progress::TaskProgress;
+use super::run_error::RunError;
+use super::summary::Summary;
+
+/// One instance at work.
+pub struct Job<'a> {
+    /// The graph, its settings and its passes.
+    pub instance: &'a Instance,
+    /// Threads that this job may use, at least 1.
+    pub threads: usize,
+    /// Existing files may be replaced.
+    pub overwrite: bool,
+    /// Where to tell frames done.
+    pub progress: &'a TaskProgress<'a>,
+    /// Set when the user stops the run: look at it once per frame.
+    pub cancel: &'a AtomicBool,
+}
+
+impl Job<'_> {
+    /// The graph of the instance.
+    pub fn graph(&self) -> &Graph {
+        &self.instance.graph
+    }
+
+    /// Call once per frame.
+    ///
+    /// # Errors
+    /// [`RunError::Interrupted`] once the user stopped the run.
+    pub fn check_cancel(&self) -> Result<(), RunError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(RunError::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Results that one pass hands to later ones, by stage and output port.
+#[derive(Default)]
+pub struct Values(HashMap<(usize, &'static str), Box<dyn Any + Send>>);
+
+impl Values {
+    /// Keeps the result of a stage's output port.
+    pub fn put<T: Any + Send>(&mut self, stage: usize, port: &'static str, value: T) {
+        self.0.insert((stage, port), Box::new(value));
+    }
+
+    /// The result at the other end of `edge`.
+    ///
+    /// # Errors
+    /// [`RunError::Internal`] where no earlier pass kept it, or kept another type.
+    pub fn get<T: Any>(&self, edge: &Edge) -> Result<&T, RunError> {
+        let value = self.0.get(&(edge.from, edge.output.name)).and_then(|v| v.downcast_ref());
+        value.ok_or_else(|| RunError::Internal(format!("no {} was handed on", edge.output.name)))
+    }
+}
+
+/// What `probe` tells of an input.
+#[derive(Clone, Debug)]
+pub struct Probed {
+    /// For people.
+    pub text: String,
+    /// For programs.
+    pub json: serde_json::Value,
+    /// What memory depends on; `None` without pictures.
+    pub shape: Option<ClipShape>,
+}
+
+/// Bodies of the stages: what really reads, computes and writes.
+pub trait Backend: Sync {
+    /// Looks into a file.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] where it cannot be read.
+    fn probe(&self, input: &str) -> Result<Probed, RunError>;
+
+    /// Runs one pass of a job from its first frame to its last: reads its sources anew, takes what earlier passes handed on from
+    /// `values`, puts there what `pass.hands_on` lists, writes the files of its sinks, and fills in `summary`.
+    ///
+    /// # Errors
+    /// Whatever went wrong; no file may be left under its final name unless it is whole.
+    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError>;
+}

@@ -1,0 +1,69 @@
+//! `video.decode`: opens a clip.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::kind::{Conflict, StageSettings};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::units::ClipTime;
+
+/// What happens to interlaced pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Deinterlace {
+    /// Interlaced pictures are detected and deinterlaced by field; others are left alone
+    #[default]
+    Auto,
+    /// Pictures are taken as they are
+    Off,
+    /// Interlaced input is an error
+    Refuse,
+}
+
+/// Settings of `video.decode`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct DecodeSettings {
+    /// The clip: a file, an image sequence such as `frames/%05d.png`, or `-` for standard input
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// First position to read; the clip's start if left out
+    pub start: Option<ClipTime>,
+    /// Position to stop before; the clip's end if left out
+    pub end: Option<ClipTime>,
+    /// What happens to interlaced pictures
+    pub deinterlace: Deinterlace,
+}
+
+impl StageSettings for DecodeSettings {
+    const KIND: &'static str = "video.decode";
+    const SUMMARY: &'static str = "opens a clip: its pictures, and everything else in it";
+    const INPUTS: &'static [Port] = &[];
+    const OUTPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the pictures in display order, with their own times"),
+        Port::one("audio", PortType::Audio, "audio, subtitles, data, chapters and tags, untouched"),
+    ];
+    const REQUIRED: &'static [&'static str] = &["path"];
+
+    fn held(&self) -> Vec<Held> {
+        // A decoder keeps up to 16 reference frames and one per thread in flight; 4 wait in the queue to the next stage.
+        vec![Held { what: "decoder and queue", frames: 22.0, ..Held::default() }]
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        match (self.start, self.end) {
+            (start, Some(end)) if !(end.seconds() > start.map_or(0.0, ClipTime::seconds)) => vec![Conflict {
+                key: "end",
+                message: format!("`end` = {end} s is not after `start` = {} s", start.map_or(0.0, ClipTime::seconds)),
+                help: "give an end later than the start, or leave it out",
+            }],
+            _ => Vec::new(),
+        }
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        vec![&self.path]
+    }
+}

@@ -1,0 +1,116 @@
+//! `video.encode`: writes a clip.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::kind::{Conflict, StageSettings};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::units::BitRate;
+
+/// How the pictures are coded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Codec {
+    /// H.264: plays everywhere
+    #[default]
+    H264,
+    /// H.265: smaller, slower
+    Hevc,
+    /// AV1: smallest, slowest
+    Av1,
+    /// Apple ProRes 422: large, for editing
+    Prores,
+    /// FFV1: lossless
+    Ffv1,
+}
+
+impl Codec {
+    /// The range of `crf`, if the codec has that setting.
+    pub const fn crf_max(self) -> Option<f64> {
+        match self {
+            Self::H264 | Self::Hevc => Some(51.0),
+            Self::Av1 => Some(63.0),
+            Self::Prores | Self::Ffv1 => None,
+        }
+    }
+
+    /// The name in files and options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::H264 => "h264",
+            Self::Hevc => "hevc",
+            Self::Av1 => "av1",
+            Self::Prores => "prores",
+            Self::Ffv1 => "ffv1",
+        }
+    }
+}
+
+/// Settings of `video.encode`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EncodeSettings {
+    /// The file to write; its extension chooses the container; an image sequence such as `out/%05d.png`, or `-` for standard output
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// How the pictures are coded
+    pub codec: Codec,
+    /// Constant quality, 0 = best; the encoder's own default if left out
+    #[schemars(range(min = 0.0, max = 63.0))]
+    pub crf: Option<f64>,
+    /// The encoder's own name for speed against size, such as `veryfast` or `slow`
+    pub preset: Option<String>,
+    /// Average bit rate instead of constant quality
+    pub bitrate: Option<BitRate>,
+    /// A stream that the container cannot hold is an error, not a warning
+    pub strict: bool,
+}
+
+impl EncodeSettings {
+    fn crf_conflict(&self) -> Option<Conflict> {
+        let crf = self.crf?;
+        let codec = self.codec.name();
+        if self.bitrate.is_some() {
+            let message = "`crf` and `bitrate` exclude each other".to_owned();
+            return Some(Conflict { key: "bitrate", message, help: "give one of them" });
+        }
+        match self.codec.crf_max() {
+            None => {
+                let message = format!("codec `{codec}` has no `crf`");
+                Some(Conflict { key: "crf", message, help: "leave `crf` out, or take h264, hevc or av1" })
+            }
+            Some(max) if !(crf <= max) => {
+                let message = format!("`crf` = {crf} is out of range for `{codec}` (expected 0 to {max})");
+                Some(Conflict { key: "crf", message, help: "18 to 28 is usual" })
+            }
+            Some(_) => None,
+        }
+    }
+}
+
+impl StageSettings for EncodeSettings {
+    const KIND: &'static str = "video.encode";
+    const SUMMARY: &'static str = "writes a clip: as many frames as came in, with their own times";
+    const INPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the pictures"),
+        Port::optional("audio", PortType::Audio, "streams to copy beside the picture"),
+        Port::optional("beside", PortType::Frames, "pictures to show on the left of `frames`, for comparison"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+
+    fn held(&self) -> Vec<Held> {
+        // x264's default looks 40 frames ahead; references, reordering and one frame per thread come on top.
+        vec![Held { what: "encoder's lookahead", frames: 60.0, ..Held::default() }]
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        self.crf_conflict().into_iter().collect()
+    }
+
+    fn writes(&self) -> Vec<&str> {
+        vec![&self.path]
+    }
+}

@@ -1,0 +1,35 @@
+//! The registry of stage kinds: one file per kind with its typed settings.
+
+mod decode;
+mod encode;
+mod motion;
+mod render;
+mod smooth;
+mod track;
+mod warp;
+
+pub use decode::{DecodeSettings, Deinterlace};
+pub use encode::{Codec, EncodeSettings};
+pub use motion::{MotionSettings, RollingShutter};
+pub use render::{Border, Interpolation, RenderSettings};
+pub use smooth::{PathMethod, SmoothSettings, Zoom};
+pub use track::TrackSettings;
+pub use warp::{WarpMode, WarpSettings};
+
+use super::kind::StageKind;
+
+/// Every stage kind, in the order of the data's way.
+pub static KINDS: [StageKind; 7] = [
+    StageKind::of::<DecodeSettings>(),
+    StageKind::of::<TrackSettings>(),
+    StageKind::of::<MotionSettings>(),
+    StageKind::of::<SmoothSettings>(),
+    StageKind::of::<WarpSettings>(),
+    StageKind::of::<RenderSettings>(),
+    StageKind::of::<EncodeSettings>(),
+];
+
+/// The kind called `name`.
+pub fn find(name: &str) -> Option<&'static StageKind> {
+    KINDS.iter().find(|k| k.name == name)
+}

@@ -1,0 +1,76 @@
+//! `video.smooth`: plans the virtual camera.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+
+/// How the virtual camera moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum PathMethod {
+    /// The smoothest path that keeps the picture inside the crop budget: rests, even pans and soft turns
+    #[default]
+    Optimal,
+    /// The camera's own path, low-passed
+    Gaussian,
+    /// The camera stands still
+    Tripod,
+}
+
+/// How the picture is enlarged to hide the borders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Zoom {
+    /// One zoom for the whole clip
+    #[default]
+    Fixed,
+    /// A zoom that changes slowly with the need
+    Adaptive,
+    /// No zoom: borders may show
+    None,
+}
+
+/// Settings of `video.smooth`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SmoothSettings {
+    /// How the virtual camera moves
+    pub method: PathMethod,
+    /// Time over which motion is evened out, seconds
+    #[schemars(range(min = 0.05, max = 60.0))]
+    pub smoothness: f64,
+    /// Least part of the picture's width and height that must stay, 1 = all
+    #[schemars(range(min = 0.3, max = 1.0))]
+    pub min_crop: f64,
+    /// How the picture is enlarged to hide the borders
+    pub zoom: Zoom,
+    /// The picture may not show anything outside the source; false where the renderer fills its borders
+    pub keep_inside: bool,
+}
+
+impl Default for SmoothSettings {
+    fn default() -> Self {
+        let (method, zoom) = (PathMethod::default(), Zoom::default());
+        Self { method, smoothness: 1.0, min_crop: 0.8, zoom, keep_inside: true }
+    }
+}
+
+impl StageSettings for SmoothSettings {
+    const KIND: &'static str = "video.smooth";
+    const SUMMARY: &'static str = "plans the path of the virtual camera under a crop budget";
+    const INPUTS: &'static [Port] = &[Port::one("motion", PortType::Motion, "motion of the real camera")];
+    const OUTPUTS: &'static [Port] = &[Port::one("path", PortType::Path, "path of the virtual camera")];
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Reduce
+    }
+
+    fn held(&self) -> Vec<Held> {
+        // One homography and one crop per frame, and the optimizer's rows of the same order.
+        vec![Held { what: "path", bytes_per_clip_frame: 80.0, ..Held::default() }]
+    }
+}

@@ -1,0 +1,52 @@
+//! The staged configuration: `file → plan → run`.
+//!
+//! A pipeline is a graph of stages with typed ports. [`read`] turns a TOML file into a checked [`Pipeline`], telling every fault
+//! at once with its line, column and a suggestion; [`Pipeline::instances`] fills it in for each item of the batch;
+//! [`Plan`](plan::Plan) cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
+//! [`PipelineFile`] that a file is read into.
+//!
+//! What stages compute stands in the other modules; [`stages`] joins them to the graph through the trait [`Backend`].
+
+pub mod batch;
+mod check;
+pub mod describe;
+pub mod draw;
+pub mod execute;
+pub mod file;
+pub mod graph;
+pub mod items;
+pub mod job;
+pub mod kind;
+pub mod kinds;
+mod load;
+pub mod memory;
+pub mod options;
+mod overrides;
+pub mod plan;
+pub mod port;
+mod print;
+pub mod problem;
+pub mod progress;
+pub mod reference;
+mod run_error;
+mod schema;
+mod settings;
+pub mod shipped;
+pub mod stages;
+pub mod suggest;
+mod summary;
+pub mod syntax;
+pub mod units;
+
+pub use batch::Instance;
+pub use check::{Pipeline, check, read};
+pub use file::{PipelineFile, StageEntry};
+pub use graph::Graph;
+pub use job::{Backend, Job, Probed, Values};
+pub use plan::{Pass, Plan};
+pub use print::print;
+pub use problem::{Problem, Problems};
+pub use run_error::{Exit, RunError};
+pub use schema::schema;
+pub use summary::{SegmentSummary, Summary};
+pub use syntax::Source;

@@ -1,0 +1,118 @@
+//! `[run]` and `[batch]`: how a pipeline is executed, as opposed to what it computes.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How progress is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum ProgressMode {
+    /// A bar on a terminal, plain lines otherwise
+    #[default]
+    Auto,
+    /// One line every few seconds
+    Plain,
+    /// One JSON object per line, for programs
+    Json,
+    /// Nothing
+    None,
+}
+
+/// `[run]`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RunSettings {
+    /// Threads for the whole run, shared by all items at work; 0 = all processors
+    #[schemars(range(min = 0, max = 4096))]
+    pub threads: u32,
+    /// Existing files may be replaced
+    pub overwrite: bool,
+    /// How progress is told
+    pub progress: ProgressMode,
+}
+
+impl RunSettings {
+    /// Threads for the whole run, at least 1.
+    pub fn thread_count(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            n => n as usize,
+        }
+    }
+}
+
+/// What to do when an item fails.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OnError {
+    /// The other items go on
+    #[default]
+    Continue,
+    /// No further item is started
+    Stop,
+}
+
+/// One glob, or a list of globs and files.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a glob or a list of globs and files")]
+pub enum Foreach {
+    /// A glob, file or folder.
+    One(String),
+    /// Several, in this order.
+    List(Vec<String>),
+}
+
+impl Foreach {
+    /// The patterns.
+    pub fn patterns(&self) -> &[String] {
+        match self {
+            Self::One(pattern) => std::slice::from_ref(pattern),
+            Self::List(patterns) => patterns,
+        }
+    }
+
+    /// There is no pattern.
+    pub fn is_empty(&self) -> bool {
+        self.patterns().is_empty()
+    }
+}
+
+/// `[batch]`: the graph is instantiated once per item.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct BatchSettings {
+    /// What to work on: a glob such as `clips/**/*.{mp4,mov}`, a folder, or a list of globs, folders and files
+    pub foreach: Foreach,
+    /// Names an instance in messages; must differ between items
+    pub key: String,
+    /// Items at work at once
+    #[schemars(range(min = 1, max = 256))]
+    pub jobs: u32,
+    /// What to do when an item fails
+    pub on_error: OnError,
+    /// Further tries of an item after a temporary failure
+    #[schemars(range(min = 0, max = 100))]
+    pub retries: u32,
+    /// Finding nothing to do is no error
+    pub allow_empty: bool,
+    /// Folder that relative patterns start from.
+    #[serde(skip)]
+    pub base: Option<PathBuf>,
+}
+
+impl Default for BatchSettings {
+    fn default() -> Self {
+        Self {
+            foreach: Foreach::List(Vec::new()),
+            key: "${item.path}".to_owned(),
+            jobs: 1,
+            on_error: OnError::default(),
+            retries: 0,
+            allow_empty: false,
+            base: None,
+        }
+    }
+}

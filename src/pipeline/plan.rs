@@ -1,0 +1,155 @@
+//! Cuts a graph into passes.
+//!
+//! A stage that needs the whole clip (`reduce`) ends a pass: what takes its result runs in a later one. With `level(s)` the
+//! least pass that stage `s` can run in,
+//!
+//! ```text
+//! level(s) = max over edges r → s of  level(r) + [r is reduce],
+//! ```
+//!
+//! a stage runs in pass `level(s)`; but pictures are never stored, so a stage that gives pictures runs again in every pass that
+//! takes them: a `frames` port is a re-openable source. All else that crosses passes is carried over.
+
+use std::collections::BTreeSet;
+
+use super::graph::Graph;
+use super::kind::OverTime;
+use super::memory::{ClipShape, Held, human_bytes};
+use super::port::PortType;
+
+/// One streaming run over the clip.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pass {
+    /// Position, from 0.
+    pub index: usize,
+    /// Stages in order, as indices into the graph.
+    pub stages: Vec<usize>,
+    /// Results that later passes take: `(stage, port)`.
+    pub hands_on: Vec<(usize, &'static str)>,
+}
+
+/// The passes of a graph, in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// The passes.
+    pub passes: Vec<Pass>,
+}
+
+impl Plan {
+    /// Cuts `graph`.
+    pub fn of(graph: &Graph) -> Self {
+        let level = levels(graph);
+        let runs_in = runs_in(graph, &level);
+        let indices: BTreeSet<usize> = runs_in.iter().flatten().copied().collect();
+        let pass = |(index, at): (usize, &usize)| {
+            let stages = (0..graph.stages.len()).filter(|&s| runs_in[s].contains(at)).collect();
+            Pass { index, stages, hands_on: hands_on(graph, &level, &runs_in, *at) }
+        };
+        Self { passes: indices.iter().enumerate().map(pass).collect() }
+    }
+
+    /// The plan in words, with what each pass holds in memory: in bytes if the clip is known.
+    pub fn describe(&self, graph: &Graph, clip: Option<&ClipShape>) -> String {
+        let mut out = String::new();
+        let mut peak = 0;
+        for pass in &self.passes {
+            out.push_str(&self.describe_pass(pass, graph, clip));
+            peak = peak.max(pass.memory(graph, clip));
+        }
+        if clip.is_some() {
+            let pixels = "the estimate leaves out the program itself and what FFmpeg keeps beside frames";
+            out.push_str(&format!("peak memory: about {} ({pixels})\n", human_bytes(peak)));
+        }
+        out
+    }
+
+    fn describe_pass(&self, pass: &Pass, graph: &Graph, clip: Option<&ClipShape>) -> String {
+        let names: Vec<&str> = pass.stages.iter().map(|&s| graph.stages[s].name.as_str()).collect();
+        let mut out = format!("pass {} of {}: {}\n", pass.index + 1, self.passes.len(), names.join(" → "));
+        for &s in &pass.stages {
+            let stage = &graph.stages[s];
+            let time = match stage.settings.over_time() {
+                OverTime::Map => "frame by frame".to_owned(),
+                OverTime::Window(n) => format!("looks {n} frames around"),
+                OverTime::Reduce => "needs the whole clip".to_owned(),
+            };
+            out.push_str(&format!("  {:<10} {:<14} {time}\n", stage.name, stage.kind.name));
+            for held in stage.settings.held() {
+                out.push_str(&format!("{:27} {}\n", "", held_text(&held, clip)));
+            }
+        }
+        if clip.is_some() {
+            out.push_str(&format!("  memory: about {}\n", human_bytes(pass.memory(graph, clip))));
+        }
+        let carried: Vec<String> = pass.hands_on.iter().map(|(s, port)| format!("{} of `{}`", port, graph.stages[*s].name)).collect();
+        if !carried.is_empty() {
+            out.push_str(&format!("  hands on: {}\n", carried.join(", ")));
+        }
+        out
+    }
+}
+
+impl Pass {
+    /// Bytes held in memory during this pass; 0 while the clip is unknown.
+    pub fn memory(&self, graph: &Graph, clip: Option<&ClipShape>) -> u64 {
+        let held = self.stages.iter().flat_map(|&s| graph.stages[s].settings.held());
+        clip.map_or(0, |clip| held.filter(|h| !h.on_disk).map(|h| h.evaluate(clip)).sum())
+    }
+
+    /// The one stage of this pass whose settings are `S`, if there is one.
+    pub fn stage_of<'g, S: super::kind::StageSettings>(&self, graph: &'g Graph) -> Option<(usize, &'g S)> {
+        self.stages.iter().find_map(|&s| graph.stages[s].settings.get::<S>().map(|settings| (s, settings)))
+    }
+}
+
+fn held_text(held: &Held, clip: Option<&ClipShape>) -> String {
+    let place = if held.on_disk { " in a temporary file" } else { "" };
+    let amount = clip.map_or_else(|| held.to_string(), |clip| human_bytes(held.evaluate(clip)));
+    format!("{}: {amount}{place}", held.what)
+}
+
+fn levels(graph: &Graph) -> Vec<usize> {
+    let mut level = vec![0; graph.stages.len()];
+    for (s, stage) in graph.stages.iter().enumerate() {
+        let after = |e: &super::graph::Edge| {
+            let reduce = graph.stages[e.from].settings.over_time() == OverTime::Reduce;
+            level[e.from] + usize::from(reduce)
+        };
+        level[s] = stage.edges.iter().map(after).max().unwrap_or(0);
+    }
+    level
+}
+
+/// Data that is streamed again rather than stored.
+fn reopened(data: PortType) -> bool {
+    matches!(data, PortType::Frames | PortType::Audio)
+}
+
+fn runs_in(graph: &Graph, level: &[usize]) -> Vec<BTreeSet<usize>> {
+    let mut runs: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); graph.stages.len()];
+    for s in (0..graph.stages.len()).rev() {
+        let streams_only = graph.stages[s].kind.outputs.iter().all(|o| reopened(o.data));
+        if !streams_only || runs[s].is_empty() {
+            runs[s].insert(level[s]);
+        }
+        for edge in graph.stages[s].edges.iter().filter(|e| reopened(e.output.data)) {
+            let passes = runs[s].clone();
+            runs[edge.from].extend(passes);
+        }
+    }
+    runs
+}
+
+fn hands_on(graph: &Graph, level: &[usize], runs_in: &[BTreeSet<usize>], at: usize) -> Vec<(usize, &'static str)> {
+    let mut out: Vec<(usize, &'static str)> = Vec::new();
+    for (s, stage) in graph.stages.iter().enumerate() {
+        for edge in stage.edges.iter().filter(|e| !reopened(e.output.data)) {
+            let later = runs_in[s].iter().any(|&p| p > at);
+            if level[edge.from] == at && later && !out.contains(&(edge.from, edge.output.name)) {
+                out.push((edge.from, edge.output.name));
+            }
+        }
+    }
+    out.sort_unstable();
+    out
+}

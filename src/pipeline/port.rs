@@ -1,0 +1,88 @@
+//! Typed ports: what flows between stages.
+
+use std::fmt;
+
+/// What an edge carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PortType {
+    /// Pictures of a clip with their times. A re-openable source, not a channel: each pass opens it anew.
+    Frames,
+    /// Everything of a clip that is not its picture: audio, subtitles, data, chapters and tags, copied untouched.
+    Audio,
+    /// Points followed through the frames.
+    Tracks,
+    /// How the camera moved from frame to frame.
+    Motion,
+    /// The virtual camera: where the picture shall be.
+    Path,
+    /// A map per frame from output to source; no pixel is touched yet.
+    Warp,
+    /// A file that was written.
+    File,
+}
+
+impl PortType {
+    /// Every type, in the order of the data's way.
+    pub const ALL: [Self; 7] =
+        [Self::Frames, Self::Audio, Self::Tracks, Self::Motion, Self::Path, Self::Warp, Self::File];
+
+    /// The name in files, graphs and messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frames => "frames",
+            Self::Audio => "audio",
+            Self::Tracks => "tracks",
+            Self::Motion => "motion",
+            Self::Path => "path",
+            Self::Warp => "warp",
+            Self::File => "file",
+        }
+    }
+}
+
+impl fmt::Display for PortType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How many edges an input port takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arity {
+    /// Exactly one.
+    One,
+    /// None or one.
+    Optional,
+    /// One or more, in order.
+    Many,
+}
+
+/// One port of a stage kind.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    /// Its name.
+    pub name: &'static str,
+    /// What it carries.
+    pub data: PortType,
+    /// How many edges it takes; outputs feed any number.
+    pub arity: Arity,
+    /// What it is for, in one line.
+    pub doc: &'static str,
+}
+
+impl Port {
+    /// An input that must be connected, or an output.
+    pub const fn one(name: &'static str, data: PortType, doc: &'static str) -> Self {
+        Self { name, data, arity: Arity::One, doc }
+    }
+
+    /// An input that may be left open.
+    pub const fn optional(name: &'static str, data: PortType, doc: &'static str) -> Self {
+        Self { name, data, arity: Arity::Optional, doc }
+    }
+
+    /// An input that takes a list.
+    pub const fn many(name: &'static str, data: PortType, doc: &'static str) -> Self {
+        Self { name, data, arity: Arity::Many, doc }
+    }
+}

@@ -1,0 +1,160 @@
+//! What is wrong with a pipeline: every fault at once, each with its place and a way out.
+
+use std::fmt;
+
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use serde_json::json;
+
+use super::syntax::{Sources, Span};
+
+/// One fault.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// Stable short name of the class of fault, for programs.
+    pub code: &'static str,
+    /// What is wrong, with the value and the allowed range.
+    pub message: String,
+    /// Places that take part in it, the culprit first.
+    pub labels: Vec<(Span, String)>,
+    /// What to do.
+    pub help: Option<String>,
+}
+
+impl Problem {
+    /// A fault without place.
+    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), labels: Vec::new(), help: None }
+    }
+
+    /// Points at `span`; nothing happens where there is none.
+    #[must_use]
+    pub fn label(mut self, span: Option<Span>, text: impl Into<String>) -> Self {
+        self.labels.extend(span.map(|s| (s, text.into())));
+        self
+    }
+
+    /// Says what to do.
+    #[must_use]
+    pub fn help(mut self, text: impl Into<String>) -> Self {
+        self.help = Some(text.into());
+        self
+    }
+
+    /// Says "did you mean …" where there is something to suggest.
+    #[must_use]
+    pub fn suggest(mut self, text: Option<String>) -> Self {
+        self.help = text.or(self.help);
+        self
+    }
+}
+
+/// Every fault that was found, with the texts they point into. Never empty where it is an error.
+#[derive(Clone, Debug)]
+pub struct Problems {
+    /// The faults, in the order of the text.
+    pub problems: Vec<Problem>,
+    /// The texts.
+    pub sources: Sources,
+}
+
+impl Problems {
+    /// Sorted by place, those without a place last.
+    pub fn new(mut problems: Vec<Problem>, sources: Sources) -> Self {
+        let place = |p: &Problem| p.labels.first().map_or((usize::MAX, 0), |(s, _)| (s.source.0, s.start));
+        problems.sort_by_key(place);
+        problems.dedup();
+        Self { problems, sources }
+    }
+
+    /// Text for people: each fault with the lines it points at, at most `width` columns wide.
+    pub fn render(&self, color: bool, width: usize) -> String {
+        let theme = if color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
+        let handler = GraphicalReportHandler::new_themed(theme).with_width(width).with_links(false);
+        let mut out = String::new();
+        for problem in &self.problems {
+            let shown = Located { problem, sources: &self.sources, text: self.named_source(problem) };
+            let graphical = shown.text.is_some() && handler.render_report(&mut out, &shown).is_ok();
+            if !graphical {
+                out.push_str(&plain(problem));
+            }
+        }
+        out
+    }
+
+    /// One object per fault: `{code, severity, message, file, span: {line, column, length}, help}`.
+    pub fn to_json(&self) -> serde_json::Value {
+        let one = |p: &Problem| {
+            let place = p.labels.first().map(|(span, _)| {
+                let (line, column) = self.sources.line_column(*span);
+                json!({"line": line, "column": column, "length": span.end - span.start})
+            });
+            let file = p.labels.first().and_then(|(s, _)| self.sources.get(s.source)).map(|s| s.name.clone());
+            json!({"code": p.code, "severity": "error", "message": p.message, "file": file, "span": place, "help": p.help})
+        };
+        self.problems.iter().map(one).collect()
+    }
+
+    fn named_source(&self, problem: &Problem) -> Option<NamedSource<String>> {
+        let (span, _) = problem.labels.first()?;
+        let source = self.sources.get(span.source)?;
+        Some(NamedSource::new(&source.name, source.text.clone()))
+    }
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, p) in self.problems.iter().enumerate() {
+            let separator = if i == 0 { "" } else { "\n" };
+            write!(f, "{separator}{}", p.message)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Problems {}
+
+fn plain(problem: &Problem) -> String {
+    let help = problem.help.as_ref().map(|h| format!("  help: {h}\n")).unwrap_or_default();
+    format!("error: {}\n{help}", problem.message)
+}
+
+/// A problem beside its text, in the form that miette draws.
+struct Located<'a> {
+    problem: &'a Problem,
+    sources: &'a Sources,
+    text: Option<NamedSource<String>>,
+}
+
+impl fmt::Debug for Located<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problem.message)
+    }
+}
+
+impl fmt::Display for Located<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problem.message)
+    }
+}
+
+impl std::error::Error for Located<'_> {}
+
+impl Diagnostic for Located<'_> {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.problem.help.as_ref().map(|h| Box::new(h) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.text.as_ref().map(|t| t as &dyn miette::SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let source = self.problem.labels.first()?.0.source;
+        let length = self.sources.get(source).map_or(0, |s| s.text.len());
+        let inside = self.problem.labels.iter().filter(move |(s, _)| s.source == source);
+        Some(Box::new(inside.map(move |(s, text)| {
+            let start = s.start.min(length);
+            LabeledSpan::new(Some(text.clone()), start, s.end.clamp(start, length) - start)
+        })))
+    }
+}

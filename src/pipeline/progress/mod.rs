@@ -1,0 +1,201 @@
+//! Progress: events from the executor and the bodies, told on standard error in one of three ways.
+
+mod json;
+mod lines;
+mod terminal;
+
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use super::options::ProgressMode;
+use super::summary::Summary;
+
+/// State of the pass at work.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tick {
+    /// Pass, from 1.
+    pub pass: usize,
+    /// Passes of the task.
+    pub passes: usize,
+    /// What the pass does, such as `analyze`.
+    pub label: String,
+    /// Frames done.
+    pub done: u64,
+    /// Frames of the clip, if known.
+    pub total: Option<u64>,
+    /// Frames per second of this pass.
+    pub fps: f64,
+    /// Seconds to the end of the task, all passes taken to be equally long; `None` while there is too little to tell from.
+    pub eta_s: Option<f64>,
+}
+
+/// What happened.
+#[derive(Clone, Debug)]
+pub enum Event<'a> {
+    /// The run begins.
+    RunStart {
+        /// Items to do.
+        items: usize,
+    },
+    /// A task begins.
+    TaskStart {
+        /// Key of the instance.
+        task: &'a str,
+    },
+    /// Frames were done.
+    TaskProgress {
+        /// Key of the instance.
+        task: &'a str,
+        /// How far it is.
+        tick: &'a Tick,
+    },
+    /// A task failed for the moment and is tried again.
+    TaskRetry {
+        /// Key of the instance.
+        task: &'a str,
+        /// Number of the try that follows, from 2.
+        attempt: u32,
+        /// What went wrong.
+        error: &'a str,
+    },
+    /// A task is done.
+    TaskDone {
+        /// Key of the instance.
+        task: &'a str,
+        /// What it did.
+        summary: &'a Summary,
+    },
+    /// A task failed.
+    TaskFail {
+        /// Key of the instance.
+        task: &'a str,
+        /// What went wrong.
+        error: &'a str,
+        /// Exit status of that class of fault.
+        code: u8,
+    },
+    /// The run is over.
+    RunEnd {
+        /// Tasks done.
+        done: usize,
+        /// Tasks that failed.
+        failed: usize,
+        /// Wall time.
+        seconds: f64,
+    },
+}
+
+/// A place to tell events.
+pub trait Progress: Sync {
+    /// Tells one.
+    fn event(&self, event: &Event<'_>);
+}
+
+/// Tells nothing.
+pub struct Silent;
+
+impl Progress for Silent {
+    fn event(&self, _: &Event<'_>) {}
+}
+
+/// The way that `mode` asks for; `terminal`: standard error is one.
+pub fn for_mode(mode: ProgressMode, terminal: bool) -> Box<dyn Progress> {
+    match (mode, terminal) {
+        (ProgressMode::None, _) => Box::new(Silent),
+        (ProgressMode::Json, _) => Box::new(json::JsonLines::new(std::io::stderr())),
+        (ProgressMode::Auto, true) => Box::new(terminal::Bars::new()),
+        (ProgressMode::Auto | ProgressMode::Plain, _) => Box::new(lines::Lines::new(std::io::stderr())),
+    }
+}
+
+/// `m:ss` or `h:mm:ss`.
+pub(super) fn clock(seconds: f64) -> String {
+    let s = seconds.clamp(0.0, 359_999.0).round() as u64;
+    let (hours, minutes, seconds) = (s / 3600, s / 60 % 60, s % 60);
+    if hours > 0 { format!("{hours}:{minutes:02}:{seconds:02}") } else { format!("{minutes}:{seconds:02}") }
+}
+
+/// Progress of one task; passes report to it, at any rate and from any thread.
+pub struct TaskProgress<'a> {
+    sink: &'a dyn Progress,
+    task: &'a str,
+    started: Instant,
+    state: Mutex<State>,
+}
+
+struct State {
+    tick: Tick,
+    pass_started: Instant,
+    told: Option<Instant>,
+}
+
+impl<'a> TaskProgress<'a> {
+    /// Events closer together than this are not told.
+    const LEAST_GAP: Duration = Duration::from_millis(100);
+
+    /// For a task of `passes` passes.
+    pub fn new(sink: &'a dyn Progress, task: &'a str, passes: usize) -> Self {
+        let tick = Tick { pass: 1, passes, label: String::new(), done: 0, total: None, fps: 0.0, eta_s: None };
+        let state = State { tick, pass_started: Instant::now(), told: None };
+        Self { sink, task, started: Instant::now(), state: Mutex::new(state) }
+    }
+
+    /// A pass begins: `label` is a verb (`analyze`, `warp`), `total` its number of frames if known.
+    pub fn begin(&self, pass: usize, label: &str, total: Option<u64>) {
+        let Ok(mut state) = self.state.lock() else { return };
+        state.tick = Tick { pass: pass + 1, label: label.to_owned(), done: 0, total, fps: 0.0, eta_s: None, ..state.tick };
+        state.pass_started = Instant::now();
+        state.told = None;
+    }
+
+    /// `done` frames of the pass are done.
+    pub fn frames(&self, done: u64) {
+        let now = Instant::now();
+        let Ok(mut state) = self.state.lock() else { return };
+        let complete = state.tick.total == Some(done);
+        if !complete && state.told.is_some_and(|t| now - t < Self::LEAST_GAP) {
+            return;
+        }
+        state.told = Some(now);
+        let (in_pass, in_task) = ((now - state.pass_started).as_secs_f64(), (now - self.started).as_secs_f64());
+        state.tick.update(done, in_pass, in_task);
+        self.sink.event(&Event::TaskProgress { task: self.task, tick: &state.tick });
+    }
+}
+
+impl Tick {
+    /// Sets rate and time to go from the seconds spent in the pass and in the task.
+    fn update(&mut self, done: u64, in_pass_s: f64, in_task_s: f64) {
+        self.done = done;
+        self.fps = if in_pass_s > 0.0 { done as f64 / in_pass_s } else { 0.0 };
+        let part = self.total.filter(|t| *t > 0).map(|t| (done as f64 / t as f64).min(1.0));
+        let whole = part.map(|p| ((self.pass - 1) as f64 + p) / self.passes.max(1) as f64);
+        // The first half second and the first hundredth tell nothing of the rest.
+        self.eta_s = whole.filter(|w| *w > 0.01 && in_task_s > 0.5).map(|w| in_task_s * (1.0 - w) / w);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_to_go_is_what_the_rest_takes_at_the_same_pace() {
+        let mut tick = Tick { pass: 2, passes: 2, label: "warp".into(), done: 0, total: Some(100), fps: 0.0, eta_s: None };
+        tick.update(50, 10.0, 30.0);
+        assert_eq!(tick.fps, 5.0);
+        assert_eq!(tick.eta_s, Some(10.0), "three quarters took 30 s");
+        tick.update(50, 0.0, 0.1);
+        assert_eq!((tick.fps, tick.eta_s), (0.0, None), "too early to tell");
+        tick.total = None;
+        tick.update(50, 10.0, 30.0);
+        assert_eq!(tick.eta_s, None, "a clip of unknown length has no end in sight");
+    }
+
+    #[test]
+    fn a_clock_reads_like_one() {
+        for (seconds, text) in [(0.0, "0:00"), (59.6, "1:00"), (3661.0, "1:01:01"), (f64::NAN, "0:00"), (1e12, "99:59:59")] {
+            assert_eq!(clock(seconds), text);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Why an instance failed, and whose fault it is.
+
+use super::problem::Problems;
+
+/// Why an instance failed. The message says what, where, the value, the allowed range and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The pipeline or the command line is wrong.
+    #[error("{0}")]
+    Config(Problems),
+    /// The input is missing, damaged or of an unsupported kind.
+    #[error("{0}")]
+    Input(String),
+    /// The output cannot be written.
+    #[error("{0}")]
+    Output(String),
+    /// Something outside failed that may work next time: memory, threads, a busy device.
+    #[error("{0}")]
+    Temporary(String),
+    /// The user stopped the run.
+    #[error("interrupted; nothing was left under the final name")]
+    Interrupted,
+    /// A fault of this program.
+    #[error("internal error: {0}; please report it")]
+    Internal(String),
+}
+
+/// Exit statuses of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// All done.
+    Done = 0,
+    /// A fault of this program.
+    Internal = 1,
+    /// Bad command line or pipeline file.
+    Usage = 2,
+    /// Finished, some items failed.
+    Partial = 3,
+    /// Bad input.
+    Input = 65,
+    /// Cannot write.
+    Output = 73,
+    /// Try again.
+    Temporary = 75,
+    /// Stopped by Ctrl-C.
+    Interrupted = 130,
+    /// Stopped by SIGTERM.
+    Terminated = 143,
+}
+
+impl RunError {
+    /// The exit status that tells whose fault it is.
+    pub fn exit(&self) -> Exit {
+        match self {
+            Self::Config(_) => Exit::Usage,
+            Self::Input(_) => Exit::Input,
+            Self::Output(_) => Exit::Output,
+            Self::Temporary(_) => Exit::Temporary,
+            Self::Interrupted => Exit::Interrupted,
+            Self::Internal(_) => Exit::Internal,
+        }
+    }
+
+    /// Another try may succeed.
+    pub fn is_temporary(&self) -> bool {
+        matches!(self, Self::Temporary(_))
+    }
+}

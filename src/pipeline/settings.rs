@@ -1,0 +1,185 @@
+//! Checks a table of settings against the schema of its struct: every unknown key, wrong type, value out of range and missing
+//! key at once, each at its own place.
+//!
+//! Deserializing a whole table stops at the first fault, so each key is tried alone; what the struct's schema says about
+//! ranges and names is read from there, never repeated.
+
+use serde_json::{Map, Value as Json};
+
+use super::problem::Problem;
+use super::reference::{Resolved, Scope, resolve};
+use super::suggest::{did_you_mean, listed};
+use super::syntax::{Entry, Node, SourceId, Sources, Span, Value, parse_value};
+
+/// What a table must look like.
+pub(super) struct Expected<'a> {
+    /// What messages call the table, such as ``stage `out` (video.encode)``.
+    pub what: String,
+    /// Schema of the settings struct.
+    pub schema: &'a Json,
+    /// Keys that must be given.
+    pub required: &'a [&'a str],
+    /// Tries a table of settings; the error tells what is wrong with it.
+    pub accepts: &'a dyn Fn(Json) -> Result<(), String>,
+}
+
+/// What a table gave.
+#[derive(Debug, Default)]
+pub(super) struct Checked {
+    /// Values of the keys that were in order.
+    pub json: Map<String, Json>,
+    /// Keys whose value waits for the item.
+    pub deferred: Vec<Entry>,
+}
+
+/// Checks `entries`, appending every fault to `problems`. `header` is the place to name a missing key at.
+pub(super) fn check_table(
+    entries: &[Entry],
+    header: Option<Span>,
+    expected: &Expected<'_>,
+    scope: &Scope<'_>,
+    sources: &Sources,
+    problems: &mut Vec<Problem>,
+) -> Checked {
+    let mut checked = Checked::default();
+    let empty = Map::new();
+    let properties = expected.schema["properties"].as_object().unwrap_or(&empty);
+    for entry in entries {
+        let Some(property) = properties.get(&entry.key) else {
+            problems.push(unknown_key(entry, expected, properties));
+            continue;
+        };
+        match resolve(&entry.node, scope) {
+            Err(problem) => problems.push(problem),
+            Ok(Resolved::Deferred) => checked.deferred.push(entry.clone()),
+            Ok(Resolved::Ready(node, base)) => match check_value(&entry.key, &node, property, expected) {
+                Ok(json) => {
+                    checked.json.insert(entry.key.clone(), rebase(json, property, base, sources));
+                }
+                Err(problem) => problems.push(problem),
+            },
+        }
+    }
+    for key in expected.required {
+        if !entries.iter().any(|e| e.key == **key) {
+            problems.push(missing_key(key, header, expected, properties));
+        }
+    }
+    checked
+}
+
+fn unknown_key(entry: &Entry, expected: &Expected<'_>, properties: &Map<String, Json>) -> Problem {
+    Problem::new("unknown-key", format!("{} has no setting `{}`", expected.what, entry.key))
+        .label(entry.key_span.or(entry.node.span), "unknown setting")
+        .suggest(did_you_mean(&entry.key, properties.keys().map(String::as_str)))
+}
+
+fn missing_key(key: &str, header: Option<Span>, expected: &Expected<'_>, properties: &Map<String, Json>) -> Problem {
+    let doc = properties.get(key).and_then(|p| p["description"].as_str()).unwrap_or_default();
+    Problem::new("missing-key", format!("{} needs the setting `{key}`", expected.what))
+        .label(header, format!("`{key}` is missing"))
+        .help(format!("{key}: {doc}"))
+}
+
+/// The value as JSON, if the settings struct takes it.
+fn check_value(key: &str, node: &Node, property: &Json, expected: &Expected<'_>) -> Result<Json, Problem> {
+    let mut refusal = None;
+    for candidate in candidates(node) {
+        let json = to_json(&candidate, key)?;
+        match (expected.accepts)(Json::Object([(key.to_owned(), json.clone())].into_iter().collect())) {
+            Ok(()) => return in_range(key, node, json, property, expected),
+            Err(reason) => refusal = Some(reason),
+        }
+    }
+    let reason = refusal.unwrap_or_default();
+    let words = allowed_words(property);
+    let suggestion = match (node.text(), words.as_slice()) {
+        (Some(text), [_, ..]) => did_you_mean(text, words.iter().copied()),
+        _ => property["description"].as_str().map(|doc| format!("{key}: {doc}")),
+    };
+    let message = match node.text() {
+        Some(text) if !words.is_empty() => format!("`{key}` of {} cannot be `{text}` (expected {})", expected.what, listed(&words)),
+        _ => format!("`{key}` of {} is wrong: {reason}", expected.what),
+    };
+    Err(Problem::new("bad-value", message).label(node.span, "this value").suggest(suggestion))
+}
+
+/// What the node may stand for: text without quotes is first read as TOML, then taken as it is.
+fn candidates(node: &Node) -> Vec<Node> {
+    match &node.value {
+        Value::Loose(text) => {
+            let typed = parse_value(SourceId(0), text, 0).map(|n| Node { value: n.value, span: node.span });
+            typed.into_iter().chain([Node { value: Value::Text(text.clone()), span: node.span }]).collect()
+        }
+        _ => vec![node.clone()],
+    }
+}
+
+fn to_json(node: &Node, key: &str) -> Result<Json, Problem> {
+    Ok(match &node.value {
+        Value::Bool(b) => (*b).into(),
+        Value::Integer(i) => (*i).into(),
+        Value::Float(x) if !x.is_finite() => {
+            return Err(Problem::new("bad-value", format!("`{key}` = {x} is not a finite number")).label(node.span, "this value"));
+        }
+        Value::Float(x) => (*x).into(),
+        Value::Text(text) | Value::Loose(text) => text.clone().into(),
+        Value::List(items) => Json::Array(items.iter().map(|n| to_json(n, key)).collect::<Result<_, _>>()?),
+        Value::Table(entries) => {
+            let pairs = entries.iter().map(|e| Ok((e.key.clone(), to_json(&e.node, key)?)));
+            Json::Object(pairs.collect::<Result<_, Problem>>()?)
+        }
+    })
+}
+
+/// The words that the schema of a value lists, if it is a choice.
+pub(super) fn allowed_words(property: &Json) -> Vec<&str> {
+    let listed = property["enum"].as_array().into_iter().flatten().filter_map(Json::as_str);
+    let of = |name: &str| property[name].as_array().map(Vec::as_slice).unwrap_or_default();
+    let described = of("oneOf").iter().flat_map(|one| {
+        let constant = one["const"].as_str();
+        constant.into_iter().chain(one["enum"].as_array().into_iter().flatten().filter_map(Json::as_str))
+    });
+    listed.chain(described).collect()
+}
+
+/// `(least, most)` that the schema allows a number.
+pub(super) fn allowed_range(property: &Json) -> (Option<f64>, Option<f64>) {
+    (property["minimum"].as_f64(), property["maximum"].as_f64())
+}
+
+fn in_range(key: &str, node: &Node, json: Json, property: &Json, expected: &Expected<'_>) -> Result<Json, Problem> {
+    let (least, most) = allowed_range(property);
+    let Some(x) = json.as_f64() else { return Ok(json) };
+    // Written so that NaN is out of range.
+    let inside = least.is_none_or(|a| x >= a) && most.is_none_or(|b| x <= b);
+    if inside {
+        return Ok(json);
+    }
+    let range = range_text((least, most));
+    let doc = property["description"].as_str().unwrap_or_default();
+    Err(Problem::new("out-of-range", format!("`{key}` = {x} of {} is out of range (expected {range})", expected.what))
+        .label(node.span, format!("expected {range}"))
+        .help(format!("{key}: {doc}")))
+}
+
+/// `0.3 to 1`, `at least 0`, or nothing.
+pub(super) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
+    match range {
+        (Some(a), Some(b)) => format!("{a} to {b}"),
+        (Some(a), None) => format!("at least {a}"),
+        (None, Some(b)) => format!("at most {b}"),
+        (None, None) => String::new(),
+    }
+}
+
+/// Relative paths start from the folder of the text that holds them.
+fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources) -> Json {
+    let folder = base.and_then(|id| sources.get(id)).and_then(|s| s.base.as_ref());
+    match (folder, &json) {
+        (Some(folder), Json::String(path)) if property["format"] == "path" && !path.is_empty() && path != "-" => {
+            folder.join(path).to_string_lossy().into_owned().into()
+        }
+        _ => json,
+    }
+}
