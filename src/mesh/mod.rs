@@ -5,7 +5,3 @@ mod quad;
 
 pub use grid::{CellPoint, Grid, GridMesh};
 pub use quad::Quad;
-//! Regular grids of quads over an image.
-
-
-pub use grid::GridMesh;

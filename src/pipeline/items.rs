@@ -9,8 +9,8 @@ use globset::{GlobBuilder, GlobMatcher};
 
 /// Extensions of clips: what a folder given as input is searched for.
 pub const CLIP_EXTENSIONS: [&str; 19] = [
-    "3gp", "avi", "flv", "insv", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "ogv", "ts", "vob", "webm", "wmv",
-    "y4m",
+    "3gp", "avi", "flv", "insv", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "ogv", "ts", "vob",
+    "webm", "wmv", "y4m",
 ];
 
 /// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`.

@@ -98,7 +98,9 @@ fn check_value(key: &str, node: &Node, property: &Json, expected: &Expected<'_>)
         _ => property["description"].as_str().map(|doc| format!("{key}: {doc}")),
     };
     let message = match node.text() {
-        Some(text) if !words.is_empty() => format!("`{key}` of {} cannot be `{text}` (expected {})", expected.what, listed(&words)),
+        Some(text) if !words.is_empty() => {
+            format!("`{key}` of {} cannot be `{text}` (expected {})", expected.what, listed(&words))
+        }
         _ => format!("`{key}` of {} is wrong: {reason}", expected.what),
     };
     Err(Problem::new("bad-value", message).label(node.span, "this value").suggest(suggestion))
@@ -120,7 +122,8 @@ fn to_json(node: &Node, key: &str) -> Result<Json, Problem> {
         Value::Bool(b) => (*b).into(),
         Value::Integer(i) => (*i).into(),
         Value::Float(x) if !x.is_finite() => {
-            return Err(Problem::new("bad-value", format!("`{key}` = {x} is not a finite number")).label(node.span, "this value"));
+            return Err(Problem::new("bad-value", format!("`{key}` = {x} is not a finite number"))
+                .label(node.span, "this value"));
         }
         Value::Float(x) => (*x).into(),
         Value::Text(text) | Value::Loose(text) => text.clone().into(),

@@ -1,20 +1,22 @@
-//! Image warps: energies over a [`GridMesh`](crate::mesh::GridMesh) and the maps made of them.
+//! Image warps: energies over a [`GridMesh`](crate::mesh::GridMesh), and the backward fields made of the solved meshes.
+//!
+//! Solvers produce *forward* meshes `out_from_src`; a [`WarpField`] is *backward*, `src_from_out`, and a renderer samples
+//! it through a [`Lattice`].
 
 mod content_preserving;
+mod coverage;
 mod error;
 mod fade;
-mod salience;
-
-pub use content_preserving::{ContentPreserving, ContentPreservingOptions, PointPair, WarpReport};
-pub use error::WarpError;
-pub use fade::fade;
-pub use salience::cell_salience;
-//! Image warps: backward fields from forward meshes and maps, and the lattice through which they are sampled.
-
 mod field;
 mod inverse_mesh;
 mod lattice;
+mod salience;
 
+pub use content_preserving::{ContentPreserving, ContentPreservingOptions, PointPair, WarpReport};
+pub use coverage::keep_covered;
+pub use error::WarpError;
+pub use fade::fade;
 pub use field::{FieldError, Map, WarpField};
 pub use inverse_mesh::InverseMesh;
 pub use lattice::Lattice;
+pub use salience::cell_salience;

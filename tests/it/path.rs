@@ -149,7 +149,8 @@ fn where_the_border_may_show_the_picture_keeps_its_scale_and_its_middle_is_cover
 
 #[test]
 fn a_steady_pan_and_a_still_camera_come_out_unchanged() {
-    let pan = |v: f64| (0..90).map(move |t| View { x: v * f64::from(t), y: 0.3 * v * f64::from(t), angle: 0.0, zoom: 0.0 });
+    let pan =
+        |v: f64| (0..90).map(move |t| View { x: v * f64::from(t), y: 0.3 * v * f64::from(t), angle: 0.0, zoom: 0.0 });
     for speed in [0.0, 0.5, 9.0] {
         for kind in [PathKind::Optimal, PathKind::Gaussian] {
             let views: Vec<View> = pan(speed).collect();
