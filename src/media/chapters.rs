@@ -24,13 +24,8 @@ mod tests {
 
     #[test]
     fn chapters_are_moved_and_cut_with_the_span() {
-        let chapter = |start, end| Chapter {
-            id: 1,
-            time_base: Rational { num: 1, den: 1000 },
-            start,
-            end,
-            metadata: Vec::new(),
-        };
+        let chapter =
+            |start, end| Chapter { id: 1, time_base: Rational { num: 1, den: 1000 }, start, end, metadata: Vec::new() };
         let spans = |c: Option<Chapter>| c.map(|c| (c.start, c.end));
         assert_eq!(spans(cut(chapter(0, 4000), 0, None)), Some((0, 4000)));
         assert_eq!(spans(cut(chapter(1000, 4000), 2_000_000, Some(3_000_000))), Some((0, 1000)));

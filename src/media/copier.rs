@@ -3,7 +3,7 @@
 //! The decoder and the muxer run on different threads, tens of frames apart. Were packets handed from one to the other,
 //! they would pile up in between; the source is opened a second time instead, and read just far enough ahead of the video.
 
-use super::av::{AvError, Demuxer, Kind, Muxer, OutputFormat, Packet, Rational, StreamRef, SubtitleTranscoder};
+use super::av::{AvError, Demuxer, Muxer, OutputFormat, Packet, Rational, StreamRef, SubtitleTranscoder};
 use super::{Input, MediaError};
 
 /// What happens to a stream of the source.
@@ -143,9 +143,8 @@ impl Copier {
 
 /// A stream in words, as warnings name it.
 fn describe(index: usize, stream: StreamRef<'_>) -> String {
-    let kind = super::probe::kind_name(stream.kind());
+    let kind = super::probe::kind_name(stream);
     let codec = if stream.codec_known() { stream.codec_name() } else { "unknown codec".into() };
     let language = stream.metadata().into_iter().find(|(k, _)| k == "language").map(|(_, v)| format!(", {v}"));
-    let picture = if stream.kind() == Kind::Video && stream.is_attached_picture() { "attached picture" } else { kind };
-    format!("stream {index} ({picture}, {codec}{})", language.unwrap_or_default())
+    format!("stream {index} ({kind}, {codec}{})", language.unwrap_or_default())
 }

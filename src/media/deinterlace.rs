@@ -113,9 +113,8 @@ fn edge_average(above: &[u16], below: &[u16], x: usize) -> u16 {
     let last = above.len() as isize - 1;
     let at = |line: &[u16], i: isize| line[i.clamp(0, last) as usize];
     let x = x as isize;
-    let cost = |d: isize| -> u32 {
-        (-1..=1).map(|i| u32::from(at(above, x + i + d).abs_diff(at(below, x + i - d)))).sum()
-    };
+    let cost =
+        |d: isize| -> u32 { (-1..=1).map(|i| u32::from(at(above, x + i + d).abs_diff(at(below, x + i - d)))).sum() };
     let d = [0, -1, 1].into_iter().min_by_key(|d| cost(*d)).unwrap_or(0);
     let (a, b) = (at(above, x + d), at(below, x - d));
     ((u32::from(a) + u32::from(b) + 1) / 2) as u16

@@ -112,7 +112,9 @@ fn losses(from: PixelFormat, to: Pix) -> (bool, bool, u8, u8) {
     let (sx, sy) = from.subsampling(1);
     let (tx, ty) = if from.planes() < 3 { (0, 0) } else { to.chroma_shift() };
     let chroma = tx.saturating_sub(sx as u8) + ty.saturating_sub(sy as u8);
-    let model = to.is_rgb() == from.is_yuv();
+    let colorless = from.planes() >= 3 && to.is_gray();
+    let chroma = if colorless { u8::MAX } else { chroma };
+    let model = from.planes() >= 3 && to.is_rgb() == from.is_yuv();
     (from.alpha && !to.has_alpha(), model, chroma, from.bits.saturating_sub(to.bits()))
 }
 
@@ -129,7 +131,8 @@ pub(super) fn loss(from: PixelFormat, to: Pix) -> Option<String> {
     let parts: Vec<String> = [
         alpha.then(|| "the alpha channel is dropped".to_owned()),
         model.then(|| format!("colors are converted to {}", if to.is_rgb() { "RGB" } else { "YUV" })),
-        (chroma > 0).then(|| "chroma resolution is reduced".to_owned()),
+        (chroma == u8::MAX).then(|| "color is dropped".to_owned()),
+        (1..u8::MAX).contains(&chroma).then(|| "chroma resolution is reduced".to_owned()),
         (bits > 0).then(|| format!("depth falls from {} to {} bit", from.bits, to.bits())),
     ]
     .into_iter()
@@ -183,6 +186,10 @@ mod tests {
         let choice = choose(Codec::Prores, None, alpha).expect("prores");
         assert_eq!(choice.pix.name(), "yuva444p10le");
         assert_eq!(loss(alpha, choice.pix), None);
+        let rgb = PixelFormat::opaque(Layout::Gbr, 8);
+        let choice = choose(Codec::H264, None, rgb).expect("x264");
+        assert_eq!(choice.pix.name(), "yuv444p");
+        assert_eq!(loss(rgb, choice.pix).as_deref(), Some("colors are converted to YUV"));
         let old = PixelFormat::opaque(Layout::Yuv411, 8);
         assert_eq!(loss(old, choose(Codec::H264, None, old).expect("x264").pix), None);
     }

@@ -86,7 +86,9 @@ fn words(
         }
         "libsvtav1" => vec![("crf", whole(25.0)), ("preset", step(12.0, 2.0))],
         "libaom-av1" => vec![("crf", whole(25.0)), ("cpu-used", step(8.0, 1.0)), ("row-mt", Some("1".into()))],
-        "librav1e" => vec![("qp", quality.map(|q| (q.unwrap_or(25.0) * 4.0).round().to_string())), ("speed", step(10.0, 1.0))],
+        "librav1e" => {
+            vec![("qp", quality.map(|q| (q.unwrap_or(25.0) * 4.0).round().to_string())), ("speed", step(10.0, 1.0))]
+        }
         "ffv1" => vec![("level", Some("3".into())), ("slicecrc", Some("1".into()))],
         "prores_ks" => vec![("vendor", Some("apl0".into()))],
         _ if encoder.ends_with("_nvenc") => {

@@ -149,7 +149,9 @@ pub enum MediaError {
         protocol: String,
     },
     /// Standard input holds more than may be spooled.
-    #[error("standard input is longer than {limit} bytes, the limit for the copy in {place}; raise the limit or give a file")]
+    #[error(
+        "standard input is longer than {limit} bytes, the limit for the copy in {place}; raise the limit or give a file"
+    )]
     SpoolLimit {
         /// The limit, bytes.
         limit: u64,

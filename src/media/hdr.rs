@@ -39,7 +39,8 @@ fn light(bytes: &[u8]) -> Option<(u32, u32)> {
 
 /// The metadata in the words of x264 and x265; `None` where there are none.
 pub(super) fn x26x_parameters(hdr: &HdrBytes, encoder: &str) -> Option<String> {
-    let (display, levels) = if encoder == "libx264" { ("mastering-display", "cll") } else { ("master-display", "max-cll") };
+    let (display, levels) =
+        if encoder == "libx264" { ("mastering-display", "cll") } else { ("master-display", "max-cll") };
     let mut words = Vec::new();
     if let Some(m) = hdr.mastering.as_deref().and_then(mastering) {
         let [r, g, b, w] = m.points.map(|[x, y]| format!("({x},{y})"));
@@ -78,9 +79,7 @@ mod tests {
         let hdr = HdrBytes { mastering: Some(bt2020()), light: Some(light) };
         assert_eq!(
             x26x_parameters(&hdr, "libx265").as_deref(),
-            Some(
-                "master-display=G(8500,39850)B(6550,2300)R(35400,14600)WP(15635,16450)L(10000000,1):max-cll=1000,400"
-            )
+            Some("master-display=G(8500,39850)B(6550,2300)R(35400,14600)WP(15635,16450)L(10000000,1):max-cll=1000,400")
         );
         assert!(x26x_parameters(&hdr, "libx264").is_some_and(|s| s.starts_with("mastering-display=G(")));
         assert_eq!(x26x_parameters(&HdrBytes::default(), "libx265"), None);

@@ -18,6 +18,17 @@ pub enum FieldOrder {
     BottomFirst,
 }
 
+impl FieldOrder {
+    /// Interlaced with the top field first, with the bottom field first, or not at all.
+    pub(super) fn from_top_first(top_first: Option<bool>) -> Self {
+        match top_first {
+            None => Self::Progressive,
+            Some(true) => Self::TopFirst,
+            Some(false) => Self::BottomFirst,
+        }
+    }
+}
+
 /// A positive fraction; frame rates and pixel aspects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Ratio {

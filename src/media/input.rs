@@ -85,7 +85,8 @@ impl Input {
     pub fn spool(reader: impl Read, options: &SpoolOptions) -> Result<Self, MediaError> {
         let place = || options.folder.clone();
         let fail = |source| MediaError::Spool { place: place(), source };
-        let mut file = tempfile::Builder::new().prefix("plumbline-stdin-").tempfile_in(&options.folder).map_err(fail)?;
+        let mut file =
+            tempfile::Builder::new().prefix("plumbline-stdin-").tempfile_in(&options.folder).map_err(fail)?;
         tracing::info!("copying standard input to {} (at most {} bytes)", file.path().display(), options.limit);
         let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), &mut file).map_err(fail)?;
         match copied {

@@ -26,7 +26,9 @@ pub(super) fn avoid(choice: &mut Choice, video: &VideoInfo, strict: bool) -> Res
         Some(pix) => {
             (choice.pix, choice.fit) = (pix, Fit::Converted);
             let name = pix.name();
-            Ok(Some(format!("{width}×{height} px is odd: {encoder} encodes {name} instead of {format} to keep the size")))
+            Ok(Some(format!(
+                "{width}×{height} px is odd: {encoder} encodes {name} instead of {format} to keep the size"
+            )))
         }
         None => Err(MediaError::OddSize { width, height, encoder, format }),
     }

@@ -68,7 +68,9 @@ impl Output {
             (Some(name), _) => OutputFormat::named(name),
             (None, Target::Stdout) => OutputFormat::named("matroska"),
             (None, Target::Sequence(_)) => OutputFormat::named("image2"),
-            (None, Target::File(path)) => path.extension().and_then(|_| OutputFormat::for_file(&path.to_string_lossy())),
+            (None, Target::File(path)) => {
+                path.extension().and_then(|_| OutputFormat::for_file(&path.to_string_lossy()))
+            }
         };
         let format = format.filter(|f| self.is_sequence() || !f.opens_own_files()).ok_or_else(unknown)?;
         if self.is_stdout() && !streams(&format.name()) {
@@ -226,7 +228,8 @@ mod tests {
     #[test]
     fn links_to_the_input_are_the_input() {
         let folder = tempfile::tempdir().expect("temporary folder");
-        let [clip, hard, soft, other] = ["clip.mp4", "hard.mp4", "soft.mp4", "other.mp4"].map(|n| folder.path().join(n));
+        let [clip, hard, soft, other] =
+            ["clip.mp4", "hard.mp4", "soft.mp4", "other.mp4"].map(|n| folder.path().join(n));
         std::fs::write(&clip, b"x").expect("write");
         std::fs::write(&other, b"x").expect("write");
         std::fs::hard_link(&clip, &hard).expect("link");

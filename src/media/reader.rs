@@ -16,7 +16,7 @@ use super::info::{FieldOrder, HdrBytes, Ratio, VideoInfo, orientation};
 use super::losses::Losses;
 use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
-use super::{Deinterlace, Input, MediaError, ReadOptions, ReadReport};
+use super::{Input, MediaError, ReadOptions, ReadReport};
 use crate::image::Frame;
 use crate::time::{Timebase, Timestamp};
 
@@ -310,11 +310,7 @@ fn describe_video(input: &Input, core: &Core, first: &AvFrame, unpacker: &Unpack
         rotation_deg,
         mirrored,
         color: first.color(),
-        field_order: match order {
-            None => FieldOrder::Progressive,
-            Some(true) => FieldOrder::TopFirst,
-            Some(false) => FieldOrder::BottomFirst,
-        },
+        field_order: FieldOrder::from_top_first(order),
         codec: stream.codec_name(),
         frames_estimate: stream.frames(),
         duration_s: span_seconds(input, &core.demuxer, core.stream),

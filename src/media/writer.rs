@@ -291,7 +291,10 @@ fn header_options(output: &Output, format: OutputFormat, tags: &[(String, String
         // Keys with dots are QuickTime's own; the plain iTunes list would drop them.
         let keys = if tags.iter().any(|(k, _)| k.contains('.')) { "+use_metadata_tags" } else { "" };
         let layout = if output.is_stdout() { "+frag_keyframe+empty_moov+delay_moov" } else { "" };
-        options.set("movflags", &format!("+write_colr{keys}{layout}"));
+        let flags = format!("{keys}{layout}");
+        if !flags.is_empty() {
+            options.set("movflags", &flags);
+        }
     }
     options
 }

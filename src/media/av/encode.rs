@@ -20,12 +20,6 @@ pub(crate) fn find_encoder(name: &str) -> Option<EncoderCodec> {
     unsafe { ffi::avcodec_find_encoder_by_name(name.as_ptr()).as_ref() }.map(EncoderCodec)
 }
 
-/// The name of the codec (not of the encoder) that `encoder` produces, as in `h264`.
-pub(crate) fn codec_name(encoder: EncoderCodec) -> String {
-    // SAFETY: static strings for any identifier.
-    unsafe { string(ffi::avcodec_get_name(encoder.0.id)) }
-}
-
 impl EncoderCodec {
     pub(crate) fn name(self) -> String {
         // SAFETY: a static name.
@@ -47,10 +41,6 @@ impl EncoderCodec {
             next = unsafe { next.add(1) };
         }
         out
-    }
-
-    pub(crate) fn is_hardware(self) -> bool {
-        self.0.capabilities & (ffi::AV_CODEC_CAP_HARDWARE | ffi::AV_CODEC_CAP_HYBRID) as i32 != 0
     }
 }
 
@@ -118,7 +108,9 @@ impl Encoder {
         if s.global_header {
             c.flags |= ffi::AV_CODEC_FLAG_GLOBAL_HEADER as i32;
         }
-        use ffi::{AVChromaLocation as L, AVColorPrimaries as P, AVColorSpace as M, AVColorTransferCharacteristic as T};
+        use ffi::{
+            AVChromaLocation as L, AVColorPrimaries as P, AVColorSpace as M, AVColorTransferCharacteristic as T,
+        };
         // SAFETY: the four fields are 32-bit enumerations; each number is written only if it lies within those that the
         // headers of the linked FFmpeg declare.
         unsafe {

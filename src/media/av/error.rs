@@ -21,8 +21,6 @@ impl AvError {
     pub(crate) const UNKNOWN_CODEC: Self = Self(ffi::AVERROR_DECODER_NOT_FOUND);
     /// No encoder of that name.
     pub(crate) const UNKNOWN_ENCODER: Self = Self(ffi::AVERROR_ENCODER_NOT_FOUND);
-    /// No such container.
-    pub(crate) const UNKNOWN_MUXER: Self = Self(ffi::AVERROR_MUXER_NOT_FOUND);
     /// An argument does not fit.
     pub(crate) const INVALID: Self = Self(ffi::AVERROR(libc::EINVAL));
 

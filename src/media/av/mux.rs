@@ -176,13 +176,17 @@ impl Muxer {
     }
 
     /// Gives stream `index` HDR mastering and content light data, as FFmpeg stores them.
-    pub(crate) fn set_hdr(&mut self, index: usize, mastering: Option<&[u8]>, light: Option<&[u8]>) -> Result<(), AvError> {
+    pub(crate) fn set_hdr(
+        &mut self,
+        index: usize,
+        mastering: Option<&[u8]>,
+        light: Option<&[u8]>,
+    ) -> Result<(), AvError> {
         use ffi::AVPacketSideDataType as T;
         let stream = self.stream_mut(index);
-        for (kind, bytes) in [
-            (T::AV_PKT_DATA_MASTERING_DISPLAY_METADATA, mastering),
-            (T::AV_PKT_DATA_CONTENT_LIGHT_LEVEL, light),
-        ] {
+        for (kind, bytes) in
+            [(T::AV_PKT_DATA_MASTERING_DISPLAY_METADATA, mastering), (T::AV_PKT_DATA_CONTENT_LIGHT_LEVEL, light)]
+        {
             if let Some(bytes) = bytes {
                 // SAFETY: a live stream; the bytes are FFmpeg's own structure of that type.
                 unsafe { put_side_data(stream, kind, bytes)? };
@@ -304,8 +308,16 @@ const KEPT_SIDE_DATA: [ffi::AVPacketSideDataType; 5] = [
 ];
 
 /// Tags that describe the old bitstream.
-const ENCODING_TAGS: [&str; 8] =
-    ["encoder", "BPS", "BPS-eng", "NUMBER_OF_BYTES", "NUMBER_OF_BYTES-eng", "NUMBER_OF_FRAMES", "DURATION", "vendor_id"];
+const ENCODING_TAGS: [&str; 8] = [
+    "encoder",
+    "BPS",
+    "BPS-eng",
+    "NUMBER_OF_BYTES",
+    "NUMBER_OF_BYTES-eng",
+    "NUMBER_OF_FRAMES",
+    "DURATION",
+    "vendor_id",
+];
 
 fn set_tags(slot: &mut *mut ffi::AVDictionary, tags: Vec<(String, String)>) {
     let mut old = std::mem::replace(slot, tags.into_iter().collect::<Dictionary>().into_raw());

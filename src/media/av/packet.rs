@@ -43,14 +43,6 @@ impl Packet {
         unsafe { ffi::av_packet_unref(self.as_mut_ptr()) };
     }
 
-    /// A second reference to the same data.
-    pub(crate) fn share(&self) -> Result<Self, AvError> {
-        let mut copy = Self::new();
-        // SAFETY: both are live packets, the copy is blank.
-        check(unsafe { ffi::av_packet_ref(copy.as_mut_ptr(), self.as_ptr()) })?;
-        Ok(copy)
-    }
-
     /// Fills the packet with a copy of `bytes`.
     pub(crate) fn set_data(&mut self, bytes: &[u8]) -> Result<(), AvError> {
         self.clear();
@@ -61,16 +53,6 @@ impl Packet {
             std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.get().data, bytes.len());
         }
         Ok(())
-    }
-
-    /// The encoded bytes.
-    pub(crate) fn data(&self) -> &[u8] {
-        let p = self.get();
-        if p.data.is_null() || p.size <= 0 {
-            return &[];
-        }
-        // SAFETY: `data` is readable for `size` bytes while the packet lives.
-        unsafe { std::slice::from_raw_parts(p.data, p.size as usize) }
     }
 
     pub(crate) fn stream(&self) -> usize {
@@ -111,10 +93,6 @@ impl Packet {
     pub(crate) fn rescale(&mut self, from: Rational, to: Rational) {
         // SAFETY: a live packet; both bases come from FFmpeg and have positive denominators.
         unsafe { ffi::av_packet_rescale_ts(self.as_mut_ptr(), from.into(), to.into()) };
-    }
-
-    pub(crate) fn is_key(&self) -> bool {
-        self.get().flags & ffi::AV_PKT_FLAG_KEY != 0
     }
 
     pub(crate) fn set_key(&mut self) {

@@ -85,6 +85,11 @@ impl Pix {
         self.has(ffi::AV_PIX_FMT_FLAG_ALPHA)
     }
 
+    /// Luma alone, with or without alpha.
+    pub(crate) fn is_gray(self) -> bool {
+        self.descriptor().nb_components < 3 && !self.is_palette()
+    }
+
     pub(super) fn is_palette(self) -> bool {
         self.has(ffi::AV_PIX_FMT_FLAG_PAL)
     }

@@ -170,7 +170,8 @@ mod tests {
 
     #[test]
     fn sizes_that_differ_are_refused() {
-        let mut packed = FramePool::new(Pix::from_name("nv12").expect("known"), 32, 16).expect("pool").get().expect("f");
+        let mut packed =
+            FramePool::new(Pix::from_name("nv12").expect("known"), 32, 16).expect("pool").get().expect("f");
         let planar = noise(PixelFormat::opaque(Layout::Yuv420, 8), 34, 16);
         assert_eq!(pack(&planar, &mut packed), Err(AvError::INVALID));
     }

@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ffmpeg_next::ffi;
 
+use super::Pix;
 use super::dict::pairs;
 use super::packet::some_ts;
 
@@ -138,6 +139,30 @@ impl StreamRef<'_> {
             F::AV_FIELD_BB | F::AV_FIELD_BT => Some(false),
             _ => None,
         }
+    }
+
+    /// FFmpeg's name of the pixel format that the headers announce.
+    pub(crate) fn pixel_format(&self) -> Option<String> {
+        Pix::from_raw(self.par().format).map(Pix::name)
+    }
+
+    /// H.273 codes of primaries, transfer and matrix, and the range where it is known.
+    pub(crate) fn color(&self) -> (u8, u8, u8, Option<bool>) {
+        let p = self.par();
+        let range = match p.color_range {
+            ffi::AVColorRange::AVCOL_RANGE_JPEG => Some(true),
+            ffi::AVColorRange::AVCOL_RANGE_MPEG => Some(false),
+            _ => None,
+        };
+        (p.color_primaries as i32 as u8, p.color_trc as i32 as u8, p.color_space as i32 as u8, range)
+    }
+
+    /// The streams's mastering display or content light data.
+    pub(crate) fn has_hdr_metadata(&self) -> bool {
+        use ffi::AVPacketSideDataType as T;
+        [T::AV_PKT_DATA_MASTERING_DISPLAY_METADATA, T::AV_PKT_DATA_CONTENT_LIGHT_LEVEL]
+            .into_iter()
+            .any(|t| self.side_data(t).is_some())
     }
 
     pub(crate) fn is_attached_picture(&self) -> bool {
