@@ -51,6 +51,9 @@ impl Copier {
         format: OutputFormat,
     ) -> Result<Option<String>, AvError> {
         let stream = self.demuxer.stream(index);
+        if stream.is_chapter_track() {
+            return Ok(None); // written anew from the chapters
+        }
         if format.accepts(stream) {
             self.ways[index] = Way::Copied { out: muxer.add_copy(stream)? };
             return Ok(None);

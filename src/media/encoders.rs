@@ -1,6 +1,7 @@
 //! Which encoders there are on this machine: built in *and* able to open.
 //!
-//! FFmpeg lists device encoders on machines that have no such device. Each is therefore opened once on a small picture.
+//! FFmpeg lists device encoders on machines that have no such device. Each of these is therefore opened once on a small
+//! picture; those in software need no trial.
 
 use serde::Serialize;
 
@@ -18,10 +19,10 @@ pub struct EncoderInfo {
     pub hardware: bool,
 }
 
-/// The encoders of `codec` that open on this machine, the preferred one first.
+/// The encoders of `codec` that work on this machine, the preferred one first.
 pub fn encoders(codec: Codec) -> Vec<EncoderInfo> {
     let info = |name: &&'static str, hardware| EncoderInfo { name: (*name).to_owned(), hardware };
-    let software = software(codec).iter().filter(|n| opens(n)).map(|n| info(n, false));
+    let software = software(codec).iter().filter(|n| find_encoder(n).is_some()).map(|n| info(n, false));
     let hardware = hardware(codec).iter().filter(|n| opens(n)).map(|n| info(n, true));
     software.chain(hardware).collect()
 }

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
-use super::sequence::Pattern;
+use super::sequence::{Pattern, muxer_pattern};
 use super::{Input, MediaError};
 
 /// A target to write.
@@ -171,11 +171,7 @@ impl Partial {
         match self {
             Self::Stdout => "pipe:1".into(),
             Self::File { partial, .. } => super::input::local_url(partial),
-            // The muxer of sequences takes a plain pattern; a percent sign in a folder's name is doubled for it.
-            Self::Folder { partial, target } => {
-                let folder = partial.path().to_string_lossy().replace('%', "%%");
-                format!("{folder}/{}", target.file_name().unwrap_or_default().to_string_lossy())
-            }
+            Self::Folder { partial, target } => muxer_pattern(partial.path(), &target.to_string_lossy()),
         }
     }
 

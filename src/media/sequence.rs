@@ -56,9 +56,10 @@ impl Sequence {
             Some((pattern.number(e.file_name().to_str()?)?, e.path()))
         });
         let (first, first_file) = numbered.min().ok_or_else(missing)?;
-        Ok(Some(Self { pattern: text.to_owned(), first, first_file }))
+        Ok(Some(Self { pattern: muxer_pattern(folder, text), first, first_file }))
     }
 
+    /// The pattern as FFmpeg takes it.
     pub(super) fn pattern(&self) -> &str {
         &self.pattern
     }
@@ -70,6 +71,12 @@ impl Sequence {
     pub(super) fn first_file(&self) -> &Path {
         &self.first_file
     }
+}
+
+/// The pattern `text` inside `folder` as FFmpeg takes it: percent signs of the folder's name are doubled.
+pub(super) fn muxer_pattern(folder: &Path, text: &str) -> String {
+    let name = Path::new(text).file_name().unwrap_or_default().to_string_lossy();
+    format!("{}/{name}", folder.to_string_lossy().replace('%', "%%"))
 }
 
 #[cfg(test)]

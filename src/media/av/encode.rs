@@ -66,6 +66,8 @@ pub(crate) struct EncoderSettings {
 /// An open encoder.
 pub(crate) struct Encoder {
     ctx: NonNull<ffi::AVCodecContext>,
+    /// Opened, and the end not announced yet.
+    running: bool,
     device: Option<super::hardware::Surfaces>,
 }
 
@@ -78,7 +80,7 @@ impl Encoder {
         super::log::install();
         // SAFETY: the codec is static; the context is owned from its allocation on.
         let ctx = NonNull::new(unsafe { ffi::avcodec_alloc_context3(codec.0) }).ok_or(AvError::NO_MEMORY)?;
-        let mut this = Self { ctx, device: None };
+        let mut this = Self { ctx, running: false, device: None };
         this.apply(&settings);
         if let Some(surfaces) = super::hardware::Surfaces::for_encoder(codec, &settings)? {
             // SAFETY: an unopened context of ours.
@@ -87,6 +89,7 @@ impl Encoder {
         }
         // SAFETY: an unopened context and its own codec.
         check(unsafe { ffi::avcodec_open2(ctx.as_ptr(), codec.0, settings.options.as_mut_ptr()) })?;
+        this.running = true;
         if settings.options.pairs().is_empty() { Ok(this) } else { Err(AvError(ffi::AVERROR_OPTION_NOT_FOUND)) }
     }
 
@@ -127,6 +130,7 @@ impl Encoder {
             (Some(device), Some(frame)) => Some(device.upload(frame)?),
             _ => None,
         };
+        self.running = frame.is_some();
         let raw = uploaded.as_ref().or(frame).map_or(ptr::null(), AvFrame::as_ptr);
         // SAFETY: an open context; the frame lives through the call, the encoder keeps its own reference.
         check(unsafe { ffi::avcodec_send_frame(self.ctx.as_ptr(), raw) }).map(|_| ())
@@ -159,6 +163,11 @@ unsafe fn set_code<E>(field: *mut E, code: i32, end: i32) {
 
 impl Drop for Encoder {
     fn drop(&mut self) {
+        // SVT-AV1 waits for its threads, which wait for the end of the stream: it must be announced and fetched.
+        if self.running && self.send(None).is_ok() {
+            let mut packet = Packet::new();
+            while self.receive(&mut packet).unwrap_or(false) {}
+        }
         let mut raw = self.ctx.as_ptr();
         // SAFETY: allocated by `avcodec_alloc_context3`, freed once.
         unsafe { ffi::avcodec_free_context(&raw mut raw) };

@@ -42,13 +42,12 @@ impl OutputFormat {
         self.0.flags & ffi::AVFMT_NOFILE != 0
     }
 
-    /// The container's usual codec for text subtitles, where it has one.
+    /// The encoder of text subtitles that the container takes, where it takes any.
     pub(crate) fn subtitle_encoder(self) -> Option<&'static str> {
-        match self.0.subtitle_codec {
-            ffi::AVCodecID::AV_CODEC_ID_MOV_TEXT => Some("mov_text"),
-            ffi::AVCodecID::AV_CODEC_ID_ASS | ffi::AVCodecID::AV_CODEC_ID_SSA => Some("srt"),
-            ffi::AVCodecID::AV_CODEC_ID_SUBRIP => Some("srt"),
-            ffi::AVCodecID::AV_CODEC_ID_WEBVTT => Some("webvtt"),
+        match self.name().as_str() {
+            "mp4" | "mov" | "ipod" => Some("mov_text"),
+            "matroska" => Some("srt"),
+            "webm" => Some("webvtt"),
             _ => None,
         }
     }

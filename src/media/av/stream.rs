@@ -157,7 +157,7 @@ impl StreamRef<'_> {
         (p.color_primaries as i32 as u8, p.color_trc as i32 as u8, p.color_space as i32 as u8, range)
     }
 
-    /// The streams's mastering display or content light data.
+    /// The stream's mastering display or content light data.
     pub(crate) fn has_hdr_metadata(&self) -> bool {
         use ffi::AVPacketSideDataType as T;
         [T::AV_PKT_DATA_MASTERING_DISPLAY_METADATA, T::AV_PKT_DATA_CONTENT_LIGHT_LEVEL]
@@ -167,6 +167,12 @@ impl StreamRef<'_> {
 
     pub(crate) fn is_attached_picture(&self) -> bool {
         self.0.disposition & (ffi::AV_DISPOSITION_ATTACHED_PIC | ffi::AV_DISPOSITION_TIMED_THUMBNAILS) != 0
+    }
+
+    /// QuickTime keeps chapter titles in a text track, which FFmpeg shows as data beside the chapters themselves.
+    pub(crate) fn is_chapter_track(&self) -> bool {
+        let text = u32::from_le_bytes(*b"text");
+        self.kind() == Kind::Data && self.par().codec_tag == text && self.0.discard == ffi::AVDiscard::AVDISCARD_ALL
     }
 
     pub(crate) fn is_default(&self) -> bool {
