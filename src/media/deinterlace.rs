@@ -69,7 +69,7 @@ impl Deinterlacer {
 fn rebuild_plane(
     current: (&[u8], usize),
     before: Option<(&[u8], usize)>,
-    out: (&mut [u8], usize),
+    (out, out_stride): (&mut [u8], usize),
     (w, h): (usize, usize),
     format: PixelFormat,
     rebuilt: usize,
@@ -93,7 +93,7 @@ fn rebuild_plane(
             let then = before.map(|p| [row(p, above), row(p, y), row(p, below)]);
             rebuild_line(&now, then.as_ref(), still)
         };
-        let target = &mut out.0[y * out.1..][..w * bytes];
+        let target = &mut out[y * out_stride..][..w * bytes];
         match bytes {
             1 => target.iter_mut().zip(&line).for_each(|(t, v)| *t = *v as u8),
             _ => target.as_chunks_mut::<2>().0.iter_mut().zip(&line).for_each(|(t, v)| *t = v.to_ne_bytes()),
@@ -110,14 +110,12 @@ fn rebuild_line(now: &[Vec<u16>; 3], then: Option<&[Vec<u16>; 3]>, still: u16) -
 
 /// Average along the direction in which the lines above and below agree best; straight down on a tie.
 fn edge_average(above: &[u16], below: &[u16], x: usize) -> u16 {
-    let last = above.len() as isize - 1;
-    let at = |line: &[u16], i: isize| line[i.clamp(0, last) as usize];
-    let x = x as isize;
-    let cost =
-        |d: isize| -> u32 { (-1..=1).map(|i| u32::from(at(above, x + i + d).abs_diff(at(below, x + i - d)))).sum() };
-    let d = [0, -1, 1].into_iter().min_by_key(|d| cost(*d)).unwrap_or(0);
-    let (a, b) = (at(above, x + d), at(below, x - d));
-    ((u32::from(a) + u32::from(b) + 1) / 2) as u16
+    // Samples x − 2 to x + 2, the line's ends repeated.
+    let around = |line: &[u16]| [0, 1, 2, 3, 4].map(|i| u32::from(line[(x + i).saturating_sub(2).min(line.len() - 1)]));
+    let (a, b) = (around(above), around(below));
+    let cost = |d: usize| -> u32 { (1..=3).map(|i| a[i + d - 1].abs_diff(b[i + 1 - d])).sum() };
+    let d = [1, 0, 2].into_iter().min_by_key(|d| cost(*d)).unwrap_or(1); // d − 1 is the direction
+    (a[1 + d] + b[3 - d]).div_ceil(2) as u16
 }
 
 #[cfg(test)]

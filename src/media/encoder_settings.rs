@@ -57,20 +57,15 @@ fn dictionary(encoder: &str, video: &VideoInfo, options: &WriteOptions) -> Resul
     if options.crf.is_some() && !has_quality {
         return refuse("crf".into(), "it has no constant-quality setting");
     }
-    let quality = options.bitrate.is_none().then_some(options.crf);
-    Ok(words(encoder, quality, speed, video, options.threads))
+    Ok(words(encoder, speed, video, options))
 }
 
-/// `quality`: `None` where a bit rate rules, `Some(None)` for the default.
-fn words(
-    encoder: &str,
-    quality: Option<Option<f64>>,
-    speed: Option<(&str, usize)>,
-    video: &VideoInfo,
-    threads: usize,
-) -> Dictionary {
-    let crf = |default: f64| quality.map(|q| q.unwrap_or(default).to_string());
-    let whole = |default: f64| quality.map(|q| q.unwrap_or(default).round().to_string());
+/// The options in the words of `encoder`; `speed` is the preset and its place in [`PRESETS`].
+fn words(encoder: &str, speed: Option<(&str, usize)>, video: &VideoInfo, options: &WriteOptions) -> Dictionary {
+    // Where a bit rate rules, no quality is given.
+    let quality = |default: f64| options.bitrate.is_none().then(|| options.crf.unwrap_or(default));
+    let crf = |default: f64| quality(default).map(|q| q.to_string());
+    let whole = |default: f64| quality(default).map(|q| q.round().to_string());
     let step = |fast: f64, slow: f64| {
         speed.map(|(_, i)| (fast + (slow - fast) * i as f64 / (PRESETS.len() - 1) as f64).round().to_string())
     };
@@ -79,7 +74,7 @@ fn words(
     let words: Vec<(&str, Option<String>)> = match encoder {
         "libx264" => vec![("crf", crf(18.0)), ("preset", preset), ("x264-params", hdr)],
         "libx265" => {
-            let pools = (threads > 0).then(|| format!(":pools={threads}")).unwrap_or_default();
+            let pools = if options.threads > 0 { format!(":pools={}", options.threads) } else { String::new() };
             let hdr = hdr.map(|h| format!(":{h}")).unwrap_or_default();
             let params = format!("log-level=error{pools}{hdr}");
             vec![("crf", crf(20.0)), ("preset", preset), ("x265-params", Some(params))]
@@ -87,7 +82,7 @@ fn words(
         "libsvtav1" => vec![("crf", whole(25.0)), ("preset", step(12.0, 2.0))],
         "libaom-av1" => vec![("crf", whole(25.0)), ("cpu-used", step(8.0, 1.0)), ("row-mt", Some("1".into()))],
         "librav1e" => {
-            vec![("qp", quality.map(|q| (q.unwrap_or(25.0) * 4.0).round().to_string())), ("speed", step(10.0, 1.0))]
+            vec![("qp", quality(25.0).map(|q| (q * 4.0).round().to_string())), ("speed", step(10.0, 1.0))]
         }
         "ffv1" => vec![("level", Some("3".into())), ("slicecrc", Some("1".into()))],
         "prores_ks" => vec![("vendor", Some("apl0".into()))],

@@ -53,7 +53,9 @@ mod tests {
     #[test]
     fn a_time_passed_over_is_lost_only_after_a_complaint() {
         let mut losses = Losses::default();
-        [0, 3, 1, 2].into_iter().for_each(|t| losses.sent(t));
+        for t in [0, 3, 1, 2] {
+            losses.sent(t);
+        }
         assert_eq!(losses.passed_over(1), Vec::<i64>::new(), "field-coded streams have more times than pictures");
         losses.complained();
         assert_eq!(losses.passed_over(3), [2]);

@@ -258,7 +258,7 @@ impl fmt::Display for VideoSummary {
         if let Some(aspect) = self.sample_aspect.filter(|a| a.num != a.den) {
             write!(f, ", pixel aspect {aspect}")?;
         }
-        if self.field_order != FieldOrder::Progressive { f.write_str(", interlaced") } else { Ok(()) }
+        if self.field_order == FieldOrder::Progressive { Ok(()) } else { f.write_str(", interlaced") }
     }
 }
 

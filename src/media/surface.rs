@@ -119,12 +119,11 @@ impl Surface {
         let fail = |e: AvError| MediaError::internal("converting a frame for the encoder", e);
         let Some(pool) = &self.packed else { return Ok(picture) };
         let mut out = pool.get().map_err(fail)?;
-        match &mut self.scaler {
-            Some(scaler) => scaler.convert(&picture, &mut out).map_err(fail)?,
-            None => {
-                let planar = PlanarFrame::new(picture, self.pool.format).map_err(|_| fail(AvError::INVALID))?;
-                av::pack(&planar, &mut out).map_err(fail)?;
-            }
+        if let Some(scaler) = &mut self.scaler {
+            scaler.convert(&picture, &mut out).map_err(fail)?;
+        } else {
+            let planar = PlanarFrame::new(picture, self.pool.format).map_err(|_| fail(AvError::INVALID))?;
+            av::pack(&planar, &mut out).map_err(fail)?;
         }
         Ok(out)
     }

@@ -94,6 +94,9 @@ impl Encoder {
     }
 
     fn apply(&mut self, s: &EncoderSettings) {
+        use ffi::{
+            AVChromaLocation as L, AVColorPrimaries as P, AVColorSpace as M, AVColorTransferCharacteristic as T,
+        };
         // SAFETY: allocated, not open yet, and borrowed mutably.
         let c = unsafe { self.ctx.as_mut() };
         (c.width, c.height, c.pix_fmt) = (s.width as i32, s.height as i32, s.pix.raw());
@@ -111,9 +114,6 @@ impl Encoder {
         if s.global_header {
             c.flags |= ffi::AV_CODEC_FLAG_GLOBAL_HEADER as i32;
         }
-        use ffi::{
-            AVChromaLocation as L, AVColorPrimaries as P, AVColorSpace as M, AVColorTransferCharacteristic as T,
-        };
         // SAFETY: the four fields are 32-bit enumerations; each number is written only if it lies within those that the
         // headers of the linked FFmpeg declare.
         unsafe {

@@ -5,6 +5,8 @@
 //! its scaler cannot be told the color matrix. The types here own one FFmpeg object each, free it on drop, and expose
 //! only what cannot break memory safety.
 #![allow(unsafe_code)] // C library; each block carries its proof
+#![allow(clippy::cast_possible_wrap)] // sizes, indices and counts are C ints on the other side, and far below 2^31
+#![allow(clippy::cast_ptr_alignment)] // FFmpeg hands its own aligned structures over as bytes
 
 mod decode;
 mod demux;

@@ -193,8 +193,7 @@ pub(super) fn plane_of(layout: Layout, c: usize) -> usize {
     match (layout, c) {
         (Layout::Gbr, 0) => 2,
         (Layout::Gbr, 1) => 0,
-        (Layout::Gbr, 2) => 1,
-        (Layout::Gray, 1) => 1,
+        (Layout::Gbr, 2) | (Layout::Gray, 1) => 1,
         (_, c) => c,
     }
 }

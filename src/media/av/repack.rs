@@ -138,7 +138,7 @@ mod tests {
         for i in 0..format.planes() {
             let (rows, _) = frame.plane_mut(i).expect("sole owner");
             let mut line = vec![0; rows.len() / format.bytes_per_sample()];
-            line.iter_mut().for_each(|v| *v = random.u16(..=u16::MAX >> (16 - format.bits)));
+            line.fill_with(|| random.u16(..=u16::MAX >> (16 - format.bits)));
             store(&line, rows, format.bytes_per_sample());
         }
         frame

@@ -24,7 +24,7 @@ impl Scaler {
         // SAFETY: both formats are valid; the context is owned by `this`; the coefficient tables are static.
         unsafe {
             let none = ptr::null_mut();
-            let ctx = ffi::sws_getContext(w, h, from.raw(), w, h, to.raw(), flags as i32, none, none, ptr::null());
+            let ctx = ffi::sws_getContext(w, h, from.raw(), w, h, to.raw(), flags, none, none, ptr::null());
             let this = Self(NonNull::new(ctx).ok_or(AvError::INVALID)?);
             let table = ffi::sws_getCoefficients(matrix(color.matrix));
             ffi::sws_setColorspaceDetails(ctx, table, full(from), table, full(to), 0, 1 << 16, 1 << 16);
