@@ -13,6 +13,7 @@ pub mod energy;
 pub mod feature;
 pub mod image;
 pub mod math;
+pub mod media;
 pub mod mesh;
 pub mod motion;
 pub mod optim;

@@ -3,6 +3,9 @@
 //! The pixels live behind [`FrameBuffer`], so that a decoder can hand on its own reference-counted memory without a copy
 //! and this layer stays ignorant of where it came from.
 
+use std::any::Any;
+use std::sync::Arc;
+
 use super::{ColorDescription, PixelFormat, PlaneMut, PlaneRef};
 use crate::time::Timestamp;
 
@@ -18,7 +21,7 @@ pub trait FrameBuffer: Send + Sync {
     fn plane_mut(&mut self, i: usize) -> Option<(&mut [u8], usize)>;
 
     /// The buffer itself, so that the layer that made it can have its own type back.
-    fn as_any(&mut self) -> &mut dyn std::any::Any;
+    fn as_any(&mut self) -> &mut dyn Any;
 }
 
 /// Planes in memory of our own: rows start at multiples of 64 bytes.
@@ -49,7 +52,7 @@ impl FrameBuffer for OwnedBuffer {
         Some((bytemuck::cast_slice_mut(data), *stride))
     }
 
-    fn as_any(&mut self) -> &mut dyn std::any::Any {
+    fn as_any(&mut self) -> &mut dyn Any {
         self
     }
 }
@@ -70,6 +73,8 @@ pub struct Frame {
     pub color: ColorDescription,
     /// The decoder concealed errors in this picture.
     pub corrupt: bool,
+    /// What else travels with the picture (captions, HDR metadata): opaque here, known to the layer that made it.
+    pub extra: Option<Arc<dyn Any + Send + Sync>>,
     buffer: Box<dyn FrameBuffer>,
 }
 
@@ -82,20 +87,26 @@ impl Frame {
     /// A frame over memory that another layer holds.
     pub fn from_buffer(format: PixelFormat, width: usize, height: usize, buffer: Box<dyn FrameBuffer>) -> Self {
         let (pts, color) = (Timestamp(0), ColorDescription::default());
-        Self { format, width, height, pts, duration: 0, color, corrupt: false, buffer }
+        Self { format, width, height, pts, duration: 0, color, corrupt: false, extra: None, buffer }
     }
 
     /// The memory behind the planes.
+    pub fn buffer(&self) -> &dyn FrameBuffer {
+        &*self.buffer
+    }
+
+    /// The memory behind the planes, for the layer that made it.
     pub fn buffer_mut(&mut self) -> &mut dyn FrameBuffer {
         &mut *self.buffer
     }
 
-    /// Takes time, duration, color and the corruption mark of `other`; the pixels stay.
+    /// Takes time, duration, color, the corruption mark and whatever else travels with `other`; the pixels stay.
     pub fn copy_properties(&mut self, other: &Self) {
         self.pts = other.pts;
         self.duration = other.duration;
         self.color = other.color;
         self.corrupt = other.corrupt;
+        self.extra.clone_from(&other.extra);
     }
 
     /// Plane `i` of an 8-bit frame; `None` where the frame is deeper or the buffer too short.

@@ -3,6 +3,9 @@
 mod energy;
 mod house;
 mod layers;
+mod media_bad_input;
+mod media_roundtrip;
 mod path;
 mod render;
+mod support;
 mod warp;

@@ -1,0 +1,277 @@
+//! Where a result goes, and how it gets there in one piece.
+//!
+//! A file is written beside its target as `name.partial-<pid>-<random>.ext`, synced and renamed last. Whatever happens
+//! before that, nothing stands under the final name and the input is untouched.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::av::OutputFormat;
+use super::sequence::{Pattern, muxer_pattern};
+use super::{Input, MediaError};
+
+/// A target to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Output {
+    target: Target,
+    container: Option<String>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Target {
+    File(PathBuf),
+    Sequence(PathBuf),
+    Stdout,
+}
+
+impl Output {
+    /// A file name, a pattern such as `frames/%05d.png`, or `-` for standard output.
+    pub fn parse(text: &str) -> Self {
+        let path = Path::new(text);
+        let numbered = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse).is_some();
+        let target = match text {
+            "-" => Target::Stdout,
+            _ if numbered => Target::Sequence(path.to_owned()),
+            _ => Target::File(path.to_owned()),
+        };
+        Self { target, container: None }
+    }
+
+    /// The same target in a container of the given FFmpeg name (`matroska`, `mp4`, `mpegts`), whatever its own name says.
+    #[must_use]
+    pub fn with_container(self, name: &str) -> Self {
+        Self { container: Some(name.to_owned()), ..self }
+    }
+
+    /// The target as a path; `-` for standard output.
+    pub fn path(&self) -> &Path {
+        match &self.target {
+            Target::File(path) | Target::Sequence(path) => path,
+            Target::Stdout => Path::new("-"),
+        }
+    }
+
+    /// True for a numbered image sequence.
+    pub fn is_sequence(&self) -> bool {
+        matches!(self.target, Target::Sequence(_))
+    }
+
+    /// True for standard output.
+    pub fn is_stdout(&self) -> bool {
+        self.target == Target::Stdout
+    }
+
+    /// The container: as asked for, else from the name, else Matroska on standard output.
+    pub(super) fn format(&self) -> Result<OutputFormat, MediaError> {
+        let unknown = || MediaError::UnknownContainer { path: self.path().to_owned() };
+        let format = match (&self.container, &self.target) {
+            (Some(name), _) => OutputFormat::named(name),
+            (None, Target::Stdout) => OutputFormat::named("matroska"),
+            (None, Target::Sequence(_)) => OutputFormat::named("image2"),
+            (None, Target::File(path)) => {
+                path.extension().and_then(|_| OutputFormat::for_file(&path.to_string_lossy()))
+            }
+        };
+        let format = format.filter(|f| self.is_sequence() || !f.opens_own_files()).ok_or_else(unknown)?;
+        if self.is_stdout() && !streams(&format.name()) {
+            return Err(MediaError::NotStreamable { container: format.name() });
+        }
+        Ok(format)
+    }
+
+    /// Refuses targets that would destroy something.
+    pub(super) fn check(&self, source: &Input, overwrite: bool) -> Result<(), MediaError> {
+        let path = self.path();
+        if self.is_stdout() {
+            return Ok(());
+        }
+        let occupied = match &self.target {
+            Target::Sequence(path) => first_of_sequence(path),
+            _ => path.symlink_metadata().is_ok().then(|| path.to_owned()),
+        };
+        if same_file(path, source.path()) || occupied.as_deref().is_some_and(|o| same_file(o, source.path())) {
+            return Err(MediaError::TargetIsInput { path: path.to_owned() });
+        }
+        match occupied {
+            Some(path) if path.is_dir() => Err(MediaError::Unwritable { path, reason: "it is a folder".into() }),
+            Some(path) if !overwrite => Err(MediaError::TargetExists { path }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts the unfinished file.
+    pub(super) fn begin(&self) -> Result<Partial, MediaError> {
+        match &self.target {
+            Target::Stdout => Ok(Partial::Stdout),
+            Target::File(path) => Partial::file(path),
+            Target::Sequence(path) => Partial::folder(path),
+        }
+    }
+}
+
+/// Containers that can be written without going back.
+fn streams(container: &str) -> bool {
+    matches!(container, "matroska" | "webm" | "mpegts" | "nut" | "mp4" | "mov")
+}
+
+/// The device and inode tell, so that links in any disguise are seen through.
+fn same_file(a: &Path, b: &Path) -> bool {
+    let (Ok(a), Ok(b)) = (a.metadata(), b.metadata()) else { return false };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        a.dev() == b.dev() && a.ino() == b.ino()
+    }
+    #[cfg(not(unix))]
+    {
+        a.len() == b.len() && a.created().ok() == b.created().ok() && a.modified().ok() == b.modified().ok()
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn first_of_sequence(path: &Path) -> Option<PathBuf> {
+    let pattern = Pattern::parse(path.file_name()?.to_str()?)?;
+    let matches = |p: &PathBuf| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| pattern.number(n).is_some());
+    std::fs::read_dir(folder_of(path)).ok()?.filter_map(|e| Some(e.ok()?.path())).find(matches)
+}
+
+/// An unfinished result; dropped without [`Partial::publish`] it is removed.
+#[derive(Debug)]
+pub(super) enum Partial {
+    Stdout,
+    File { partial: PathBuf, target: PathBuf, done: bool },
+    Folder { partial: tempfile::TempDir, target: PathBuf },
+}
+
+impl Partial {
+    fn file(target: &Path) -> Result<Self, MediaError> {
+        let stem = target.file_stem().unwrap_or_default().to_string_lossy();
+        let extension = target.extension().unwrap_or_default().to_string_lossy();
+        let random: String = (0..8).map(|_| fastrand::alphanumeric()).collect();
+        let name = format!("{stem}.partial-{}-{random}.{extension}", std::process::id());
+        let partial = target.with_file_name(name);
+        File::create_new(&partial).map_err(|e| MediaError::writing_io(target, &e))?;
+        Ok(Self::File { partial, target: target.to_owned(), done: false })
+    }
+
+    fn folder(target: &Path) -> Result<Self, MediaError> {
+        let prefix = format!("sequence.partial-{}-", std::process::id());
+        let partial = tempfile::Builder::new()
+            .prefix(&prefix)
+            .tempdir_in(folder_of(target))
+            .map_err(|e| MediaError::writing_io(target, &e))?;
+        Ok(Self::Folder { partial, target: target.to_owned() })
+    }
+
+    /// What FFmpeg is to open.
+    pub(super) fn url(&self) -> String {
+        match self {
+            Self::Stdout => "pipe:1".into(),
+            Self::File { partial, .. } => super::input::local_url(partial),
+            Self::Folder { partial, target } => muxer_pattern(partial.path(), &target.to_string_lossy()),
+        }
+    }
+
+    /// Syncs the finished result to the disk and gives it its name.
+    pub(super) fn publish(mut self) -> Result<(), MediaError> {
+        match &mut self {
+            Self::Stdout => Ok(()),
+            Self::File { partial, target, done } => {
+                move_synced(partial, target).map_err(|e| MediaError::writing_io(target, &e))?;
+                *done = true;
+                Ok(())
+            }
+            Self::Folder { partial, target } => {
+                publish_folder(partial.path(), folder_of(target)).map_err(|e| MediaError::writing_io(target, &e))
+            }
+        }
+    }
+}
+
+fn publish_folder(partial: &Path, folder: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(partial)? {
+        let entry = entry?;
+        move_synced(&entry.path(), &folder.join(entry.file_name()))?;
+    }
+    Ok(())
+}
+
+fn move_synced(from: &Path, to: &Path) -> std::io::Result<()> {
+    File::options().write(true).open(from)?.sync_all()?;
+    std::fs::rename(from, to)?;
+    // The name itself lasts once the folder is synced; file systems that cannot do that still hold the data.
+    if let Ok(folder) = File::open(folder_of(to)) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if let Self::File { partial, done: false, .. } = self {
+            let _ = std::fs::remove_file(partial);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_to_the_input_are_the_input() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let [clip, hard, soft, other] =
+            ["clip.mp4", "hard.mp4", "soft.mp4", "other.mp4"].map(|n| folder.path().join(n));
+        std::fs::write(&clip, b"x").expect("write");
+        std::fs::write(&other, b"x").expect("write");
+        std::fs::hard_link(&clip, &hard).expect("link");
+        std::os::unix::fs::symlink(&clip, &soft).expect("link");
+        let source = Input::parse(clip.to_str().expect("UTF-8")).expect("exists");
+        for target in [&clip, &hard, &soft] {
+            let e = Output::parse(target.to_str().expect("UTF-8")).check(&source, true).expect_err("refused");
+            assert!(e.to_string().ends_with("is the input itself; give the result another name"), "{e}");
+        }
+        let existing = Output::parse(other.to_str().expect("UTF-8"));
+        assert!(matches!(existing.check(&source, false), Err(MediaError::TargetExists { .. })));
+        assert!(existing.check(&source, true).is_ok());
+    }
+
+    #[test]
+    fn an_unfinished_file_is_removed_and_a_finished_one_takes_its_name() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let target = folder.path().join("out.mp4");
+        let output = Output::parse(target.to_str().expect("UTF-8"));
+        let names = || {
+            let mut names: Vec<_> =
+                std::fs::read_dir(folder.path()).expect("folder").map(|e| e.expect("entry").file_name()).collect();
+            names.sort();
+            names
+        };
+        let partial = output.begin().expect("begin");
+        assert_eq!(names().len(), 1);
+        assert!(!target.exists() && partial.url().contains("out.partial-"));
+        drop(partial);
+        assert!(names().is_empty());
+        output.begin().expect("begin").publish().expect("publish");
+        assert_eq!(names(), ["out.mp4"]);
+    }
+
+    #[test]
+    fn the_name_tells_the_container() {
+        for (name, container) in
+            [("a.mp4", "mp4"), ("a.mkv", "matroska"), ("a.mov", "mov"), ("a.ts", "mpegts"), ("f/%05d.png", "image2")]
+        {
+            assert_eq!(Output::parse(name).format().expect(name).name(), container);
+        }
+        assert_eq!(Output::parse("-").format().expect("streams").name(), "matroska");
+        let e = Output::parse("-").with_container("avi").format().err().expect("refused");
+        assert_eq!(e.to_string(), "avi cannot be written to standard output; use matroska, mpegts or a file");
+        for name in ["a", "a.xyz", "mp4", "a.png"] {
+            assert!(matches!(Output::parse(name).format(), Err(MediaError::UnknownContainer { .. })), "{name}");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! How to read a clip, and what became of it.
+
+use serde::Serialize;
+
+/// What to do with interlaced pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Deinterlace {
+    /// Rebuild the missing lines of the earlier field (see [`super::deinterlace`]); whole pictures pass untouched.
+    #[default]
+    Auto,
+    /// Stop with [`super::MediaError::Interlaced`].
+    Refuse,
+    /// Deliver the woven lines as they are.
+    Off,
+}
+
+/// Options of [`super::VideoReader::open`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ReadOptions {
+    /// Threads of the decoder; 0: as many as there are processors.
+    pub threads: usize,
+    /// What to do with interlaced pictures.
+    pub deinterlace: Deinterlace,
+}
+
+/// What became of a clip that was read to its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ReadReport {
+    /// Frames delivered.
+    pub frames: u64,
+    /// Of these: with concealed errors, or repeated in place of a lost one.
+    pub corrupt: u64,
+    /// Of these: repetitions in place of pictures that could not be decoded at all.
+    pub concealed: u64,
+    /// Packets that the demuxer or decoder rejected.
+    pub bad_packets: u64,
+    /// Pictures lost at the very end, where nothing stands in for them.
+    pub lost: u64,
+    /// Frames whose time was missing or did not increase, and was set from its neighbors.
+    pub retimed: u64,
+    /// Frames that were deinterlaced.
+    pub deinterlaced: u64,
+    /// The file ended before its own index says.
+    pub truncated: bool,
+}

@@ -1,0 +1,359 @@
+//! Streaming decode: frames in display order, each with its own timestamp, memory independent of the clip's length.
+//!
+//! The frame's pixels are the decoder's own, reference-counted; they return to its pool when the frame is dropped. The
+//! first picture is decoded when the clip is opened, because only pixels tell for certain what a stream holds (format,
+//! fields, HDR metadata inside the bitstream).
+//!
+//! Damaged packets do not end a clip. What the decoder conceals is marked [`Frame::corrupt`]; a picture that is lost
+//! altogether is replaced by the one after it under its own time, so that the number of frames stays.
+
+use std::collections::VecDeque;
+
+use super::av::{AvError, AvFrame, Decoder, Demuxer, Packet, Rational};
+use super::clock::Clock;
+use super::deinterlace::Deinterlacer;
+use super::info::{FieldOrder, HdrBytes, Ratio, VideoInfo, orientation};
+use super::losses::Losses;
+use super::probe::kinds;
+use super::unpack::{Unpacker, extra};
+use super::{Input, MediaError, ReadOptions, ReadReport};
+use crate::image::Frame;
+use crate::time::{Timebase, Timestamp};
+
+/// Read errors in a row after which a file counts as ended: a demuxer that makes no headway would never stop.
+const MAX_BAD_READS: u32 = 256;
+
+/// A clip being decoded.
+pub struct VideoReader {
+    name: String,
+    core: Core,
+    unpacker: Unpacker,
+    deinterlacer: Deinterlacer,
+    info: VideoInfo,
+    clock: Clock,
+    span: Span,
+    ready: VecDeque<Frame>,
+    report: ReadReport,
+    ended: bool,
+}
+
+/// The part of the clip that is wanted, in ticks of the stream.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: i64,
+    end: i64,
+}
+
+impl VideoReader {
+    /// Opens the clip and decodes its first picture.
+    ///
+    /// # Errors
+    /// Everything that can be wrong with an input; see [`MediaError`].
+    pub fn open(input: &Input, options: &ReadOptions) -> Result<Self, MediaError> {
+        let name = input.name().to_owned();
+        let demuxer = input.demux()?;
+        let Some(stream) = demuxer.best_video() else {
+            return Err(MediaError::NoVideo { found: kinds(&demuxer), path: name });
+        };
+        let span = Span::of(input, &demuxer, stream);
+        let mut core = Core::new(demuxer, stream, options.threads, &name)?;
+        core.seek(span.start);
+        let mut report = ReadReport::default();
+        let Some(first) = core.next_within(span, &mut report)? else {
+            return Err(nothing_decoded(input, &core));
+        };
+        let unpacker = Unpacker::new(&first, &name)?;
+        let info = describe_video(input, &core, &first, &unpacker);
+        let clock = Clock::new(info.mean_ticks());
+        let deinterlacer = Deinterlacer::new(options.deinterlace);
+        let ready = VecDeque::new();
+        let mut this = Self { name, core, unpacker, deinterlacer, info, clock, span, ready, report, ended: false };
+        this.accept(first)?;
+        Ok(this)
+    }
+
+    /// What is known of the video.
+    pub fn info(&self) -> &VideoInfo {
+        &self.info
+    }
+
+    /// The next frame in display order; `None` at the end.
+    ///
+    /// # Errors
+    /// [`MediaError::FormatChange`], [`MediaError::Interlaced`] where deinterlacing is refused, [`MediaError::NoMemory`].
+    pub fn next_frame(&mut self) -> Result<Option<Frame>, MediaError> {
+        while self.ready.is_empty() && !self.ended {
+            match self.core.next_within(self.span, &mut self.report)? {
+                Some(picture) => self.accept(picture)?,
+                None => self.end(),
+            }
+        }
+        let frame = self.ready.pop_front();
+        self.report.frames += u64::from(frame.is_some());
+        self.report.corrupt += u64::from(frame.as_ref().is_some_and(|f| f.corrupt));
+        Ok(frame)
+    }
+
+    /// What has become of the clip so far; complete after the last frame.
+    pub fn report(&self) -> ReadReport {
+        self.report
+    }
+
+    fn end(&mut self) {
+        self.ended = true;
+        self.report.lost = self.core.losses.at_end() as u64;
+        let complete = self.info.frames_estimate.is_none_or(|n| self.core.packets >= n);
+        self.report.truncated |= self.span.is_whole() && !complete;
+        if self.report.bad_packets > 0 || self.report.truncated {
+            tracing::warn!("{}: {}", self.name, self.report);
+        }
+    }
+
+    fn accept(&mut self, picture: AvFrame) -> Result<(), MediaError> {
+        let index = self.report.frames + self.ready.len() as u64;
+        if let Some((was, now)) = self.unpacker.differs(&picture) {
+            return Err(MediaError::FormatChange { path: self.name.clone(), frame: index, was, now });
+        }
+        let lost = picture.best_pts().map(|t| self.core.losses.passed_over(t)).unwrap_or_default();
+        let span = self.span;
+        for pts in lost.into_iter().filter(|t| (span.start..span.end).contains(t)) {
+            let share = picture.share().map_err(|e| MediaError::internal("repeating a frame", e))?;
+            let mut repeated = self.deliver(share, index, Some(pts))?;
+            repeated.corrupt = true;
+            self.report.concealed += 1;
+            self.ready.push_back(repeated);
+        }
+        let pts = picture.best_pts();
+        let frame = self.deliver(picture, index, pts)?;
+        self.ready.push_back(frame);
+        Ok(())
+    }
+
+    fn deliver(&mut self, picture: AvFrame, index: u64, pts: Option<i64>) -> Result<Frame, MediaError> {
+        let (color, corrupt, duration) = (picture.color(), picture.is_corrupt(), picture.duration());
+        let extra = extra(&picture);
+        let fields = picture.is_interlaced().then(|| picture.is_top_first());
+        let planar = self.unpacker.unpack(picture)?;
+        let planar = match fields {
+            Some(_) if self.deinterlacer.refuses() => {
+                return Err(MediaError::Interlaced { path: self.name.clone(), frame: index });
+            }
+            Some(top_first) if self.deinterlacer.is_active() => {
+                self.report.deinterlaced += 1;
+                self.deinterlacer.field(planar, top_first, self.unpacker.blank()?)
+            }
+            _ => self.deinterlacer.whole(planar),
+        };
+        let (pts, retimed) = self.clock.tick(pts, duration);
+        self.report.retimed += u64::from(retimed);
+        let (w, h) = (self.info.width, self.info.height);
+        let mut frame = Frame::from_buffer(self.info.format, w, h, Box::new(planar));
+        (frame.pts, frame.duration, frame.color) = (Timestamp(pts), duration, color);
+        (frame.corrupt, frame.extra) = (corrupt, extra);
+        Ok(frame)
+    }
+}
+
+impl Span {
+    fn of(input: &Input, demuxer: &Demuxer, stream: usize) -> Self {
+        let base = demuxer.stream(stream).time_base();
+        let (start, end) = input.span_us(demuxer);
+        Self {
+            start: start.map_or(i64::MIN, |t| Rational::MICRO.rescale(t, base)),
+            end: end.map_or(i64::MAX, |t| Rational::MICRO.rescale(t, base)),
+        }
+    }
+
+    fn is_whole(self) -> bool {
+        self.start == i64::MIN && self.end == i64::MAX
+    }
+}
+
+/// Demuxer and decoder of one stream.
+struct Core {
+    name: String,
+    demuxer: Demuxer,
+    decoder: Decoder,
+    stream: usize,
+    packet: Packet,
+    losses: Losses,
+    /// Packets of the stream that were read.
+    packets: u64,
+    pictures: u64,
+    draining: bool,
+}
+
+impl Core {
+    fn new(mut demuxer: Demuxer, stream: usize, threads: usize, name: &str) -> Result<Self, MediaError> {
+        (0..demuxer.stream_count()).filter(|i| *i != stream).for_each(|i| demuxer.discard(i));
+        let decoder = Decoder::open(demuxer.stream(stream), threads).map_err(|e| {
+            let codec = demuxer.stream(stream).codec_name();
+            let reason = format!("no decoder for {codec}: {}", super::error::reason(e));
+            MediaError::NotMedia { path: name.to_owned(), reason }
+        })?;
+        let (packet, losses, name) = (Packet::new(), Losses::default(), name.to_owned());
+        Ok(Self { name, demuxer, decoder, stream, packet, losses, packets: 0, pictures: 0, draining: false })
+    }
+
+    /// Goes near `start`; where the container cannot seek, everything before it is decoded and dropped.
+    fn seek(&mut self, start: i64) {
+        if start != i64::MIN && self.demuxer.seek(self.stream, start).is_ok() {
+            self.decoder.flush();
+        }
+    }
+
+    /// The next picture whose time lies in `span`; pictures without a time count as inside.
+    fn next_within(&mut self, span: Span, report: &mut ReadReport) -> Result<Option<AvFrame>, MediaError> {
+        while let Some(picture) = self.next_picture(report)? {
+            match picture.best_pts() {
+                Some(t) if t < span.start => drop(self.losses.passed_over(t)),
+                Some(t) if t >= span.end => return Ok(None),
+                _ => return Ok(Some(picture)),
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_picture(&mut self, report: &mut ReadReport) -> Result<Option<AvFrame>, MediaError> {
+        let mut picture = AvFrame::new();
+        loop {
+            match self.decoder.receive(&mut picture) {
+                Ok(true) => {
+                    self.pictures += 1;
+                    return Ok(Some(picture));
+                }
+                Ok(false) if self.draining => return Ok(None),
+                Ok(false) => self.feed(report)?,
+                Err(e) => self.complain(e, report)?,
+            }
+        }
+    }
+
+    /// Hands the next packet of the stream, or the end, to the decoder.
+    fn feed(&mut self, report: &mut ReadReport) -> Result<(), MediaError> {
+        let sent = if self.read_packet(report)? {
+            self.packets += 1;
+            if let Some(pts) = self.packet.pts().filter(|_| !self.packet.is_discarded()) {
+                self.losses.sent(pts);
+            }
+            report.bad_packets += u64::from(self.packet.is_corrupt());
+            self.decoder.send(Some(&self.packet))
+        } else {
+            self.draining = true;
+            self.decoder.send(None)
+        };
+        sent.or_else(|e| self.complain(e, report))
+    }
+
+    fn read_packet(&mut self, report: &mut ReadReport) -> Result<bool, MediaError> {
+        for _ in 0..MAX_BAD_READS {
+            match self.demuxer.read(&mut self.packet) {
+                Ok(true) if self.packet.stream() != self.stream => {}
+                Ok(found) => return Ok(found),
+                Err(AvError::INVALID_DATA) => {
+                    report.bad_packets += 1;
+                    self.losses.complained();
+                }
+                Err(e) if self.pictures == 0 => return Err(self.read_error(e)),
+                Err(_) => break,
+            }
+        }
+        report.truncated = true;
+        Ok(false)
+    }
+
+    /// Bad data are counted; anything else ends the reading.
+    fn complain(&mut self, error: AvError, report: &mut ReadReport) -> Result<(), MediaError> {
+        match error.errno() {
+            Some(libc::ENOMEM) => Err(MediaError::NoMemory { what: format!("decoding {}", self.name) }),
+            _ if error == AvError::EOF => Ok(()),
+            _ => {
+                report.bad_packets += 1;
+                self.losses.complained();
+                Ok(())
+            }
+        }
+    }
+
+    fn read_error(&self, error: AvError) -> MediaError {
+        let reason = super::error::reason(error);
+        MediaError::Read { path: self.name.clone(), frames: self.pictures, reason }
+    }
+}
+
+fn nothing_decoded(input: &Input, core: &Core) -> MediaError {
+    let path = input.name().to_owned();
+    if input.is_trimmed() && core.pictures > 0 {
+        let (start, end) = input.span();
+        let length = core.demuxer.duration_us().map_or(f64::NAN, |d| d as f64 * 1e-6);
+        return MediaError::EmptySpan { path, start, end: end.unwrap_or(f64::INFINITY), length };
+    }
+    MediaError::NoFrames { path, codec: core.demuxer.stream(core.stream).codec_name() }
+}
+
+fn describe_video(input: &Input, core: &Core, first: &AvFrame, unpacker: &Unpacker) -> VideoInfo {
+    let stream = core.demuxer.stream(core.stream);
+    let base = stream.time_base();
+    let (rotation_deg, mirrored) = stream.display_matrix().map_or((0.0, false), |m| orientation(&m));
+    let (width, height) = first.size();
+    let order = if first.is_interlaced() { Some(first.is_top_first()) } else { stream.declared_field_order() };
+    let (mastering, light) = first.hdr_bytes();
+    let owned = |b: Option<&[u8]>| b.map(<[u8]>::to_vec);
+    VideoInfo {
+        width,
+        height,
+        format: unpacker.format(),
+        source_format: unpacker.source_format(),
+        timebase: Timebase { num: base.num, den: base.den },
+        frame_rate: Ratio::known(stream.average_rate()).or_else(|| Ratio::known(stream.base_rate())),
+        sample_aspect: Ratio::known(stream.sample_aspect()).or_else(|| Ratio::known(first.sample_aspect())),
+        rotation_deg,
+        mirrored,
+        color: first.color(),
+        field_order: FieldOrder::from_top_first(order),
+        codec: stream.codec_name(),
+        frames_estimate: stream.frames(),
+        duration_s: span_seconds(input, &core.demuxer, core.stream),
+        stream: core.stream,
+        chroma_location: first.chroma_location(),
+        hdr: HdrBytes { mastering: owned(mastering), light: owned(light) },
+    }
+}
+
+/// Length of the wanted span, s.
+fn span_seconds(input: &Input, demuxer: &Demuxer, stream: usize) -> Option<f64> {
+    let stream = demuxer.stream(stream);
+    let own = stream.duration().zip(stream.time_base().value()).map(|(d, unit)| d as f64 * unit);
+    let whole = own.or_else(|| demuxer.duration_us().map(|d| d as f64 * 1e-6));
+    let (start, end) = input.span();
+    match (whole, end) {
+        (Some(whole), end) => Some((end.unwrap_or(whole).min(whole) - start).max(0.0)),
+        (None, Some(end)) => Some(end - start),
+        (None, None) => None,
+    }
+}
+
+impl std::fmt::Display for ReadReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} frames", self.frames)?;
+        for (n, what) in [
+            (self.corrupt, "damaged"),
+            (self.concealed, "repeated for lost ones"),
+            (self.bad_packets, "bad packets"),
+            (self.lost, "lost at the end"),
+            (self.retimed, "with a new time"),
+            (self.deinterlaced, "deinterlaced"),
+        ] {
+            if n > 0 {
+                write!(f, ", {n} {what}")?;
+            }
+        }
+        if self.truncated { f.write_str(", the file is cut short") } else { Ok(()) }
+    }
+}
+
+impl std::fmt::Debug for VideoReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "VideoReader {{ {}: {} }}", self.name, self.unpacker.describe())
+    }
+}

@@ -1,0 +1,306 @@
+//! Streaming encode: frames in, a finished file out, with everything else of the source in it.
+//!
+//! The encoder runs in the source's own time base, so that every frame keeps its timestamp to the tick as far as the
+//! container can say it. Frames from [`VideoWriter::new_frame`] come from a pool and go to the encoder without a copy; so do
+//! frames straight from a reader. Packets of the other streams are fetched by the [`Copier`] as the video advances.
+
+use std::collections::HashMap;
+
+use super::av::{Dictionary, Encoder, Muxer, OutputFormat, Packet, Rational};
+use super::copier::Copier;
+use super::encoder_choice::{Choice, choose, choose_still, loss};
+use super::encoder_settings::settings;
+use super::error::reason;
+use super::info::{VideoInfo, describe};
+use super::output::Partial;
+use super::surface::Surface;
+use super::{Input, MediaError, Output, WriteOptions, WriteReport, av};
+use crate::image::Frame;
+
+/// A file being written.
+pub struct VideoWriter {
+    encoder: Encoder,
+    muxer: Option<Muxer>,
+    copier: Option<Copier>,
+    partial: Option<Partial>,
+    output: Output,
+    surface: Surface,
+    info: VideoInfo,
+    video_stream: usize,
+    /// Durations by time, for encoders that lose them on the way.
+    durations: HashMap<i64, i64>,
+    shift: i64,
+    packet: Packet,
+    report: WriteReport,
+}
+
+impl VideoWriter {
+    /// Starts writing `output`: `video` is what the frames will be, `source` is where all the rest comes from.
+    ///
+    /// # Errors
+    /// Targets that must not or cannot be written, encoders that do not exist or refuse, and with `strict` every loss.
+    pub fn create(
+        output: &Output,
+        source: &Input,
+        video: &VideoInfo,
+        options: &WriteOptions,
+    ) -> Result<Self, MediaError> {
+        output.check(source, options.overwrite)?;
+        let format = output.format()?;
+        let mut warnings = Warnings { strict: options.strict, list: Vec::new() };
+        let (choice, encoder, surface) = open_encoder(output, format, video, options, &mut warnings)?;
+        let partial = output.begin()?;
+        av::log::forget();
+        let fail = |e| MediaError::writing(output.path(), e);
+        let mut muxer = Muxer::create(format, &partial.url()).map_err(fail)?;
+        let mut copier = if source.is_sequence() { None } else { Some(Copier::open(source)?) };
+        let video_stream = add_streams(&mut muxer, copier.as_mut(), &encoder, format, video, source, &mut warnings)
+            .map_err(|e| e.at(output))?;
+        let shift = copier.as_ref().map_or(0, |c| Rational::MICRO.rescale(-c.start_us(), video.av_timebase()));
+        if output.is_sequence() {
+            copier = None;
+        }
+        muxer.write_header(header_options(output, format, &muxer_tags(copier.as_ref()))).map_err(fail)?;
+        let report = WriteReport {
+            encoder: choice.encoder.name(),
+            pixel_format: choice.pix.name(),
+            container: format.name(),
+            warnings: warnings.list,
+            ..WriteReport::default()
+        };
+        Ok(Self {
+            encoder,
+            muxer: Some(muxer),
+            copier,
+            partial: Some(partial),
+            output: output.clone(),
+            surface,
+            info: video.clone(),
+            video_stream,
+            durations: HashMap::new(),
+            shift,
+            packet: Packet::new(),
+            report,
+        })
+    }
+
+    /// A writable frame of the source's format from the writer's pool; the samples are unspecified.
+    ///
+    /// # Errors
+    /// [`MediaError::NoMemory`].
+    pub fn new_frame(&self) -> Result<Frame, MediaError> {
+        self.surface.blank()
+    }
+
+    /// A pool of the same frames, for other threads to draw from.
+    pub fn frame_pool(&self) -> super::FramePool {
+        self.surface.pool()
+    }
+
+    /// What was lost or changed, known from the start.
+    pub fn warnings(&self) -> &[String] {
+        &self.report.warnings
+    }
+
+    /// Encodes the next frame; times must increase. Frames in memory of another layer are copied, all others are not.
+    ///
+    /// # Errors
+    /// [`MediaError::WrongFrame`] where the frame is not like the video announced; [`MediaError::DiskFull`],
+    /// [`MediaError::Unwritable`].
+    pub fn write(&mut self, frame: Frame) -> Result<(), MediaError> {
+        let got = describe(frame.width, frame.height, frame.format);
+        let expected = describe(self.info.width, self.info.height, self.info.format);
+        if got != expected {
+            return Err(MediaError::WrongFrame { got, expected });
+        }
+        let pts = frame.pts.0.saturating_add(self.shift);
+        let duration = if frame.duration > 0 { frame.duration } else { self.info.mean_ticks() };
+        let picture = self.surface.picture(frame, pts, duration)?;
+        self.durations.insert(pts, duration);
+        av::log::forget();
+        self.encoder.send(Some(&picture)).map_err(|e| self.encoding(e))?;
+        drop(picture);
+        self.report.frames += 1;
+        self.drain()
+    }
+
+    /// Finishes the file, syncs it to the disk and gives it its name.
+    ///
+    /// # Errors
+    /// As [`VideoWriter::write`]; the unfinished file is removed.
+    pub fn finish(mut self) -> Result<WriteReport, MediaError> {
+        self.encoder.send(None).map_err(|e| self.encoding(e))?;
+        self.drain()?;
+        let fail = |e| MediaError::writing(self.output.path(), e);
+        if let (Some(copier), Some(muxer)) = (&mut self.copier, &mut self.muxer) {
+            copier.pump(muxer, None).map_err(fail)?;
+            self.report.copied_packets = copier.copied;
+        }
+        if let Some(muxer) = self.muxer.take() {
+            muxer.finish().map_err(fail)?;
+        }
+        if let Some(partial) = self.partial.take() {
+            partial.publish()?;
+        }
+        Ok(std::mem::take(&mut self.report))
+    }
+
+    fn encoding(&self, error: av::AvError) -> MediaError {
+        let (encoder, settings) = (self.report.encoder.clone(), format!("frame {}", self.report.frames));
+        MediaError::EncoderRefused { encoder, settings, reason: reason(error) }
+    }
+
+    /// Writes what the encoder has ready, and the other streams' packets that belong before it.
+    fn drain(&mut self) -> Result<(), MediaError> {
+        while self.encoder.receive(&mut self.packet).map_err(|e| self.encoding(e))? {
+            let base = self.info.av_timebase();
+            let pts = self.packet.pts().unwrap_or_default();
+            let known = self.durations.remove(&pts).unwrap_or_else(|| self.info.mean_ticks());
+            self.packet.set_duration(known);
+            let until = self.packet.dts().map(|t| base.rescale(t, Rational::MICRO));
+            let fail = |e| MediaError::writing(self.output.path(), e);
+            let Some(muxer) = &mut self.muxer else { return Ok(()) };
+            if let Some(copier) = &mut self.copier {
+                copier.pump(muxer, Some(until.unwrap_or(i64::MIN))).map_err(fail)?;
+            }
+            self.packet.rescale(base, muxer.time_base(self.video_stream));
+            self.packet.set_stream(self.video_stream);
+            muxer.write(&mut self.packet).map_err(fail)?;
+        }
+        Ok(())
+    }
+}
+
+/// Collects what is lost, or makes an error of it.
+struct Warnings {
+    strict: bool,
+    list: Vec<String>,
+}
+
+impl Warnings {
+    fn add(&mut self, what: String) -> Result<(), MediaError> {
+        if self.strict {
+            return Err(MediaError::Loss { what });
+        }
+        tracing::warn!("{what}");
+        self.list.push(what);
+        Ok(())
+    }
+}
+
+fn open_encoder(
+    output: &Output,
+    format: OutputFormat,
+    video: &VideoInfo,
+    options: &WriteOptions,
+    warnings: &mut Warnings,
+) -> Result<(Choice, Encoder, Surface), MediaError> {
+    let mut choice = if output.is_sequence() {
+        choose_still(&output.path().extension().unwrap_or_default().to_string_lossy(), video.format)?
+    } else {
+        choose(options.codec, options.encoder.as_deref(), video.format)?
+    };
+    if let Some(change) = super::odd_size::avoid(&mut choice, video, options.strict)? {
+        warnings.add(change)?;
+    }
+    if let Some(lost) = loss(video.format, choice.pix) {
+        let (encoder, pix) = (choice.encoder.name(), choice.pix.name());
+        warnings.add(format!("{encoder} encodes {pix}: {lost}"))?;
+    }
+    let surface = Surface::new(&choice, video)?;
+    let mut settings = settings(&choice, video, surface.color(), options)?;
+    settings.global_header = format.wants_global_header();
+    let summary = format!("{} in {}", describe(video.width, video.height, video.format), choice.pix.name());
+    av::log::forget();
+    let encoder = Encoder::open(choice.encoder, settings).map_err(|e| MediaError::EncoderRefused {
+        encoder: choice.encoder.name(),
+        settings: summary,
+        reason: reason(e),
+    })?;
+    Ok((choice, encoder, surface))
+}
+
+/// An error while streams are added: FFmpeg's, or a loss that is not allowed.
+enum AddError {
+    Av(av::AvError),
+    Media(MediaError),
+}
+
+impl AddError {
+    fn at(self, output: &Output) -> MediaError {
+        match self {
+            Self::Av(e) => MediaError::writing(output.path(), e),
+            Self::Media(e) => e,
+        }
+    }
+}
+
+impl From<av::AvError> for AddError {
+    fn from(e: av::AvError) -> Self {
+        Self::Av(e)
+    }
+}
+
+impl From<MediaError> for AddError {
+    fn from(e: MediaError) -> Self {
+        Self::Media(e)
+    }
+}
+
+/// Adds all streams in the source's order, chapters and tags. Returns the index of the video.
+fn add_streams(
+    muxer: &mut Muxer,
+    copier: Option<&mut Copier>,
+    encoder: &Encoder,
+    format: OutputFormat,
+    video: &VideoInfo,
+    source: &Input,
+    warnings: &mut Warnings,
+) -> Result<usize, AddError> {
+    let Some(copier) = copier else {
+        let demuxer = source.demux()?;
+        return Ok(muxer.add_encoded(encoder, demuxer.stream(video.stream))?);
+    };
+    let mut index = 0;
+    for i in 0..copier.source().stream_count() {
+        if i == video.stream {
+            copier.skip(i);
+            index = muxer.add_encoded(encoder, copier.source().stream(i))?;
+        } else if format.name() == "image2" {
+            copier.skip(i);
+        } else if let Some(lost) = copier.plan(i, muxer, format)? {
+            warnings.add(lost)?;
+        }
+    }
+    muxer.set_hdr(index, video.hdr.mastering.as_deref(), video.hdr.light.as_deref())?;
+    muxer.set_metadata(muxer_tags(Some(copier)));
+    muxer.set_chapters(&super::chapters::trimmed(copier.source(), source))?;
+    Ok(index)
+}
+
+/// Tags of the whole file; those that describe the old container are left out.
+fn muxer_tags(copier: Option<&Copier>) -> Vec<(String, String)> {
+    let container = ["major_brand", "minor_version", "compatible_brands", "encoder", "DURATION"];
+    let tags = copier.map(|c| c.source().metadata()).unwrap_or_default();
+    tags.into_iter().filter(|(k, _)| !container.contains(&k.as_str())).collect()
+}
+
+fn header_options(output: &Output, format: OutputFormat, tags: &[(String, String)]) -> Dictionary {
+    let mut options = Dictionary::new();
+    if matches!(format.name().as_str(), "mp4" | "mov") {
+        // Keys with dots are QuickTime's own; the plain iTunes list would drop them.
+        let keys = if tags.iter().any(|(k, _)| k.contains('.')) { "+use_metadata_tags" } else { "" };
+        let layout = if output.is_stdout() { "+frag_keyframe+empty_moov+delay_moov" } else { "" };
+        let flags = format!("{keys}{layout}");
+        if !flags.is_empty() {
+            options.set("movflags", &flags);
+        }
+    }
+    options
+}
+
+impl std::fmt::Debug for VideoWriter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "VideoWriter {{ {} }}", self.output.path().display())
+    }
+}
