@@ -360,7 +360,11 @@ mod tests {
         let image = level(640, 360, |x, _| if x < 320 { rng.u8(..) } else { 120 + rng.u8(..12) });
         let found = corners(&image, 3, None);
         let faint = found.iter().filter(|c| c.position[0] > 330.0).count();
-        assert!(found.len() >= 380 && 5 * faint >= 2 * found.len(), "{} corners, {faint} of them in the faint half", found.len());
+        assert!(
+            found.len() >= 380 && 5 * faint >= 2 * found.len(),
+            "{} corners, {faint} of them in the faint half",
+            found.len()
+        );
     }
 
     #[test]
