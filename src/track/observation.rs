@@ -18,8 +18,8 @@ pub struct Observation {
 /// What kind of picture a frame is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameQuality {
-    /// Gradient energy of the analysis picture relative to that of its fourfold reduction, dimensionless: what blur takes
-    /// away first, whatever the scene shows. About 0.1 to 1; lower is softer.
+    /// Contrast of the analysis picture at half size relative to that at an eighth, in the direction where it is least,
+    /// dimensionless: what blur takes away first, whatever the scene shows. About 0.05 to 1; lower is softer.
     pub sharpness: f32,
     /// Nothing to track: black, or of one flat tone.
     pub black: bool,

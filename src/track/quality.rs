@@ -13,8 +13,8 @@ const BINS: usize = 32;
 const LEAST_SPREAD: usize = 8;
 
 /// Share of the running median under which sharpness counts as blur. Exposure and content move it by a tenth or two; a
-/// visible smear of 3 px and more takes half.
-const BLUR_SHARE: f32 = 0.5;
+/// smear of 12 px takes half of it, one of 8 px four tenths.
+const BLUR_SHARE: f32 = 0.6;
 
 /// Frames of the running median: about a second.
 const MEDIAN_FRAMES: usize = 31;
@@ -50,8 +50,8 @@ impl PictureStats {
         for (v, count) in counts.iter().enumerate() {
             shares[v * BINS / 256] += *count as f32 / total;
         }
-        let coarse = gradient_energy(level(2));
-        let sharpness = if coarse > 0.0 { gradient_energy(level(0)) / coarse } else { 0.0 };
+        // Half size, since sensor noise would hide blur at full size; an eighth, which shake seldom reaches.
+        let sharpness = least_ratio(tensor(level(1)), tensor(level(3)));
         Self { sharpness, black: spread(&counts) < LEAST_SPREAD, histogram: shares }
     }
 
@@ -84,26 +84,39 @@ fn spread(counts: &[u32; 256]) -> usize {
     low.zip(high).map_or(0, |(low, high)| 255_usize.saturating_sub(low + high))
 }
 
-/// Mean of `|∇I|²` by forward differences, (gray/px)².
-fn gradient_energy(level: &PaddedPlane) -> f32 {
+/// `min_u (uᵀ S u) / (uᵀ T u)`, the smaller root of `det(S − λT) = 0`: the contrast left at the fine scale in the direction
+/// that lost most. Camera shake smears along one direction only and leaves the other sharp.
+fn least_ratio([a, b, c]: [f64; 3], [d, e, f]: [f64; 3]) -> f32 {
+    let (det_s, det_t) = (a * c - b * b, d * f - e * e);
+    let mixed = 0.5 * (a * f + c * d) - b * e;
+    let root = (mixed * mixed - det_s * det_t).max(0.0).sqrt();
+    if mixed + root > 0.0 { (det_s / (mixed + root)) as f32 } else { 0.0 }
+}
+
+/// `[S_xx, S_xy, S_yy]` of the mean `S` of `∇I ∇Iᵀ` by forward differences, (gray/px)².
+fn tensor(level: &PaddedPlane) -> [f64; 3] {
     let n = level.width();
-    let rows =
-        (0..level.height()).map(|y| row_energy(&level.from(0, y as isize)[..=n], &level.from(0, y as isize + 1)[..n]));
-    rows.sum::<u64>() as f32 / (n * level.height()) as f32
+    let mut sums = [0; 3];
+    for y in 0..level.height() as isize {
+        let row = row_tensor(&level.from(0, y)[..=n], &level.from(0, y + 1)[..n]);
+        sums.iter_mut().zip(row).for_each(|(sum, row)| *sum += row);
+    }
+    sums.map(|s| s as f64 / (n * level.height()) as f64)
 }
 
 multiversion! {
-    /// Sum over a row; `row` holds one sample more than `below`. At most 2·255² per sample: `u32` holds 33,000 of them.
-    fn row_energy(row: &[u8], below: &[u8]) -> u64 {
-        let mut total = 0;
+    /// `[Σ dx², Σ dx dy, Σ dy²]` over a row; `row` holds one sample more than `below`. Each term is at most 255², so that
+    /// `i32` holds 8192 of them.
+    fn row_tensor(row: &[u8], below: &[u8]) -> [i64; 3] {
+        let mut total = [0; 3];
         for start in (0..below.len()).step_by(8192) {
             let end = (start + 8192).min(below.len());
-            let mut sum = 0_i32;
+            let (mut xx, mut xy, mut yy) = (0_i32, 0_i32, 0_i32);
             for ((v, right), down) in row[start..end].iter().zip(&row[start + 1..=end]).zip(&below[start..end]) {
                 let (dx, dy) = (i32::from(*right) - i32::from(*v), i32::from(*down) - i32::from(*v));
-                sum += dx * dx + dy * dy;
+                (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
             }
-            total += sum as u64;
+            total = [total[0] + i64::from(xx), total[1] + i64::from(xy), total[2] + i64::from(yy)];
         }
         total
     }
@@ -179,7 +192,7 @@ mod tests {
     }
 
     fn blocks(x: usize, y: usize) -> u8 {
-        [30, 200, 90, 140][(x / 9 + 3 * (y / 7)) % 4]
+        [30, 200, 90, 140, 60][(7 * (x / 9) + 3 * (y / 7) + (x / 9) * (y / 7)) % 5]
     }
 
     #[test]
@@ -194,10 +207,13 @@ mod tests {
     fn blur_lowers_sharpness_whatever_the_contrast() {
         let sharp = PictureStats::of(&built(blocks)).sharpness;
         let faint = PictureStats::of(&built(|x, y| 100 + blocks(x, y) / 4)).sharpness;
-        let mean = |x: usize, y: usize| (0..8).map(|k| u32::from(blocks(x + k, y))).sum::<u32>() / 8;
-        let smeared = PictureStats::of(&built(|x, y| mean(x, y) as u8)).sharpness;
         assert!((faint / sharp - 1.0).abs() < 0.1, "{faint} against {sharp}");
-        assert!(smeared < 0.6 * sharp, "{smeared} against {sharp}");
+        for (dx, dy) in [(1, 0), (0, 1), (1, 1)] {
+            let mean =
+                |x: usize, y: usize| (0..12).map(|k| u32::from(blocks(x + dx * k, y + dy * k))).sum::<u32>() / 12;
+            let smeared = PictureStats::of(&built(|x, y| mean(x, y) as u8)).sharpness;
+            assert!(smeared < BLUR_SHARE * sharp, "along ({dx}, {dy}): {smeared} against {sharp}");
+        }
     }
 
     #[test]

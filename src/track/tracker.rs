@@ -226,7 +226,7 @@ impl Tracker {
                 self.spare = before.pyramid;
                 self.let_go();
             } else {
-                self.interrupted(before, &mut now, quality);
+                self.interrupted(before, followed, &mut now, quality);
             }
         }
         self.top_up(&mut now);
@@ -234,22 +234,26 @@ impl Tracker {
     }
 
     /// `now` does not continue `before`: the end of a flash, or the beginning of something else.
-    fn interrupted(&mut self, before: Reference, now: &mut Reference, quality: &mut FrameQuality) {
-        let changed = before.stats.differs(&now.stats);
+    fn interrupted(&mut self, before: Reference, reached: Vec<Track>, now: &mut Reference, quality: &mut FrameQuality) {
+        let width = now.pyramid.levels()[0].width();
         if let Some(held) = self.held.take() {
             let followed = self.follow(&held, now);
             if continues(&held, &followed, RETURN) {
                 quality.bridged = held.age + 1;
-                now.tracks = self.thinned(followed, now.pyramid.levels()[0].width());
+                now.tracks = self.thinned(followed, width);
                 return;
             }
         }
-        if changed {
-            quality.cut_before = true;
+        quality.cut_before = before.stats.differs(&now.stats);
+        if quality.cut_before {
             self.sharpness.clear();
         }
-        // Tracks that met no later picture are told to have skipped the frames since they were seen.
-        self.held = Some(before);
+        if before.tracks.len() >= FEW {
+            self.held = Some(before);
+        } else if !quality.cut_before {
+            quality.bridged = before.age;
+            now.tracks = self.thinned(reached, width);
+        }
     }
 
     /// The held picture grows older by a frame that continues its successor.
@@ -332,7 +336,7 @@ impl Tracker {
     }
 }
 
-/// True where enough points of `before` survived, or there were too few to tell.
+/// True where enough points of `before` survived; too few to tell do not count.
 fn continues(before: &Reference, followed: &[Track], share: f32) -> bool {
-    before.tracks.len() < FEW || followed.len() as f32 >= share * before.tracks.len() as f32
+    before.tracks.len() >= FEW && followed.len() as f32 >= share * before.tracks.len() as f32
 }
