@@ -37,9 +37,7 @@ pub fn analysis_luma(frame: &Frame, max_side: usize, out: &mut Plane<u8>) -> boo
         (Layout::Gbr, 1) => mixed(|i| frame.plane8(i), shift, out),
         (Layout::Gbr, _) => mixed(|i| frame.plane16(i), shift, out),
         (_, 1) => frame.plane8(0).is_some_and(|luma| shrink8(luma, out)),
-        (_, _) => {
-            frame.plane16(0).is_some_and(|luma| shrink(&luma_rows(luma), shift, luma.width(), luma.height(), out))
-        }
+        (_, _) => frame.plane16(0).is_some_and(|luma| shrink16(luma, shift, out)),
     }
 }
 

@@ -10,6 +10,7 @@
 //!
 //! # Reference
 //! P. Burt and E. Adelson, *The Laplacian Pyramid as a Compact Image Code*, IEEE Trans. Communications 31(4), 1983.
+#![allow(clippy::cast_possible_wrap)] // indices of pixels are far below 2⁶³
 
 use super::PlaneRef;
 use super::simd::multiversion;

@@ -16,6 +16,7 @@ pub struct Observation {
 }
 
 /// What kind of picture a frame is.
+#[allow(clippy::struct_excessive_bools)] // four independent findings, not the states of one machine
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameQuality {
     /// Contrast of the analysis picture at half size relative to that at an eighth, in the direction where it is least,

@@ -14,7 +14,7 @@
 //!   too slow to see from one frame to the next still adds up to motion.
 
 use crate::feature::{Corner, CornerDetector, CornerOptions, Mask};
-use crate::image::{Frame, Plane, PlaneRef, Pyramid, analysis_luma, analysis_size};
+use crate::image::{Frame, PaddedPlane, Plane, PlaneRef, Pyramid, analysis_luma, analysis_size};
 use crate::time::Timestamp;
 
 use super::appearance::Appearance;
@@ -192,6 +192,7 @@ impl Tracker {
             quality.bridged = std::mem::take(&mut reference.age);
             quality.duplicate = quality.bridged == 0;
             self.spare = pyramid;
+            self.let_go();
             return self.report(pts, quality);
         }
         quality.blurred = self.sharpness.push(stats.sharpness);
@@ -222,7 +223,7 @@ impl Tracker {
             let followed = self.follow(&before, &now);
             if continues(&before, &followed, SURVIVAL) {
                 quality.bridged = before.age;
-                now.tracks = self.thinned(followed, now.pyramid.levels()[0].width());
+                now.tracks = self.thinned(followed, &now.pyramid.levels()[0]);
                 self.spare = before.pyramid;
                 self.let_go();
             } else {
@@ -235,12 +236,11 @@ impl Tracker {
 
     /// `now` does not continue `before`: the end of a flash, or the beginning of something else.
     fn interrupted(&mut self, before: Reference, reached: Vec<Track>, now: &mut Reference, quality: &mut FrameQuality) {
-        let width = now.pyramid.levels()[0].width();
         if let Some(held) = self.held.take() {
             let followed = self.follow(&held, now);
             if continues(&held, &followed, RETURN) {
                 quality.bridged = held.age + 1;
-                now.tracks = self.thinned(followed, width);
+                now.tracks = self.thinned(followed, &now.pyramid.levels()[0]);
                 return;
             }
         }
@@ -252,7 +252,7 @@ impl Tracker {
             self.held = Some(before);
         } else if !quality.cut_before {
             quality.bridged = before.age;
-            now.tracks = self.thinned(reached, width);
+            now.tracks = self.thinned(reached, &now.pyramid.levels()[0]);
         }
     }
 
@@ -292,25 +292,44 @@ impl Tracker {
         let (w, h) = (level.width() as f32, level.height() as f32);
         let inside = (0.0..w).contains(&position[0]) && (0.0..h).contains(&position[1]);
         let masked = self.mask.as_ref().is_some_and(|m| m.covers(position[0], position[1]));
-        let looked_at = (track.age + track.id) % APPEARANCE_EVERY == 0;
+        let looked_at = (track.age + track.id).is_multiple_of(APPEARANCE_EVERY);
         let slipped = || looked_at && !track.first.agrees(&Appearance::at(level, position));
         (inside && !masked && !slipped()).then(|| Track { position, age: track.age + 1, ..track.clone() })
     }
 
-    /// Drops tracks that came upon an older one, and the youngest of buckets that hold far too many.
-    fn thinned(&self, tracks: Vec<Track>, width: usize) -> Vec<Track> {
+    /// Drops tracks that came upon an older one, and the youngest of buckets that hold twice their share.
+    fn thinned(&self, tracks: Vec<Track>, picture: &PaddedPlane) -> Vec<Track> {
         const CELL: f32 = 4.0; // half of the least distance of new corners
-        let cols = width / CELL as usize + 1;
-        let mut seen = std::collections::HashSet::with_capacity(tracks.len());
-        let cell = |p: [f32; 2]| (p[1] / CELL) as usize * cols + (p[0] / CELL) as usize;
-        tracks.into_iter().filter(|t| seen.insert(cell(t.position))).collect()
+        let (w, h) = (picture.width(), picture.height());
+        let (cols, rows) = self.detector.grid(w, h);
+        let most = 2 * self.per_bucket(picture);
+        let cell_cols = w / CELL as usize + 1;
+        let mut cells = vec![false; cell_cols * (h / CELL as usize + 1)];
+        let mut buckets = vec![0; cols * rows];
+        let keep = |track: &Track| {
+            let [x, y] = track.position;
+            let cell = &mut cells[(y / CELL) as usize * cell_cols + (x / CELL) as usize];
+            let bucket = &mut buckets[(y as usize * rows / h) * cols + x as usize * cols / w];
+            let kept = !*cell && *bucket < most;
+            *cell = true;
+            *bucket += usize::from(kept);
+            kept
+        };
+        let mut tracks = tracks;
+        tracks.retain(keep);
+        tracks
+    }
+
+    /// Points that a bucket should hold.
+    fn per_bucket(&self, picture: &PaddedPlane) -> usize {
+        let (cols, rows) = self.detector.grid(picture.width(), picture.height());
+        self.options.points.div_ceil(cols * rows).max(1)
     }
 
     /// New tracks where buckets lack points.
     fn top_up(&mut self, now: &mut Reference) {
         let level = &now.pyramid.levels()[0];
-        let (cols, rows) = self.detector.grid(level.width(), level.height());
-        let per_bucket = self.options.points.div_ceil(cols * rows).max(1);
+        let per_bucket = self.per_bucket(level);
         let points: Vec<[f32; 2]> = now.tracks.iter().map(|t| t.position).collect();
         let mut found: Vec<Corner> = Vec::new();
         self.detector.top_up(level, &points, per_bucket, self.mask.as_ref(), &mut found);
