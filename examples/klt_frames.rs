@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use plumbline::image::{Plane, Pyramid};
+use plumbline::image::{Plane, PlaneRef, Pyramid};
 use plumbline::track::{KltOptions, track};
 
 type Failure = Box<dyn std::error::Error>;
@@ -107,19 +107,15 @@ fn read_points(path: &Path) -> Result<Vec<[f32; 2]>, Failure> {
     Ok(bytes.chunks_exact(8).map(|b| [float(&b[..4]), float(&b[4..])]).collect())
 }
 
-/// A binary PGM of 8 bits without comments.
+/// A binary PGM of 8 bits without comments: `P5 width height 255`, each followed by one white space, then the samples.
 fn read_pgm(path: &Path) -> Result<Plane<u8>, Failure> {
     let bytes = std::fs::read(path)?;
-    let mut fields = bytes.splitn(5, |b| b.is_ascii_whitespace());
-    let mut number =
-        || -> Result<usize, Failure> { Ok(std::str::from_utf8(fields.next().ok_or("short header")?)?.parse()?) };
-    if !bytes.starts_with(b"P5") || number().is_ok() {
-        return Err(format!("{}: not a binary PGM", path.display()).into());
-    }
-    let (width, height, _) = (number()?, number()?, number()?);
-    let samples = fields.next().ok_or("no samples")?;
-    if samples.len() < width * height {
-        return Err(format!("{}: {} samples of {width}×{height}", path.display(), samples.len()).into());
-    }
-    Ok(Plane::from_fn(width, height, |x, y| samples[y * width + x]))
+    let fields: Vec<&[u8]> = bytes.splitn(5, u8::is_ascii_whitespace).collect();
+    let [b"P5", width, height, b"255", samples] = fields.as_slice() else {
+        return Err(format!("{}: not a binary PGM of 8 bits without comments", path.display()).into());
+    };
+    let number = |field: &[u8]| -> Result<usize, Failure> { Ok(std::str::from_utf8(field)?.parse()?) };
+    let (width, height) = (number(width)?, number(height)?);
+    let plane = PlaneRef::new(samples, width, height, width).ok_or("fewer samples than the header says")?;
+    Ok(Plane::from_fn(width, height, |x, y| plane.row(y)[x]))
 }

@@ -12,6 +12,7 @@
 //!
 //! # Reference
 //! J. Shi and C. Tomasi, *Good Features to Track*, CVPR 1994.
+#![allow(clippy::cast_possible_wrap)] // indices of pixels are far below 2⁶³
 
 use crate::image::simd::multiversion;
 use crate::image::{PADDING, PaddedPlane, Plane};
@@ -140,7 +141,9 @@ impl CornerDetector {
                 None => view.row_mut(y).fill(0),
             }
         }
-        points.iter().for_each(|p| self.take(*p));
+        for p in points {
+            self.take(*p);
+        }
     }
 
     /// Marks the disc around a point.

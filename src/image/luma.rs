@@ -37,16 +37,14 @@ pub fn analysis_luma(frame: &Frame, max_side: usize, out: &mut Plane<u8>) -> boo
         (Layout::Gbr, 1) => mixed(|i| frame.plane8(i), shift, out),
         (Layout::Gbr, _) => mixed(|i| frame.plane16(i), shift, out),
         (_, 1) => frame.plane8(0).is_some_and(|luma| shrink8(luma, out)),
-        (_, _) => {
-            frame.plane16(0).is_some_and(|luma| shrink(&luma_rows(luma), shift, luma.width(), luma.height(), out))
-        }
+        (_, _) => frame.plane16(0).is_some_and(|luma| shrink16(luma, shift, out)),
     }
 }
 
 /// A source of rows of `f32` luma: writes row `y` into the slice.
 type Rows<'a> = dyn Fn(usize, &mut [f32]) + 'a;
 
-fn luma_rows<T: Copy + Into<f32>>(plane: PlaneRef<'_, T>) -> impl Fn(usize, &mut [f32]) {
+fn luma_rows<T: Copy + Into<f32>>(plane: PlaneRef<'_, T>) -> impl Fn(usize, &mut [f32]) + '_ {
     move |y, out| {
         for (out, v) in out.iter_mut().zip(plane.row(y)) {
             *out = (*v).into();
@@ -69,15 +67,47 @@ fn mixed<'a, T: Copy + Into<f32> + 'a>(
     shrink(&rows, shift, g.width(), g.height(), out)
 }
 
-/// Whole ratios of 8-bit luma, which is nearly every video, are summed as integers; the rest by general area weights.
-fn shrink8(luma: PlaneRef<'_, u8>, out: &mut Plane<u8>) -> bool {
+/// The whole number that both sides of `luma` are of those of `out`, where there is one.
+fn whole_ratio<T>(luma: &PlaneRef<'_, T>, out: &Plane<u8>) -> Option<usize> {
     let ratio = luma.width() / out.width();
-    let whole = ratio * out.width() == luma.width() && ratio * out.height() == luma.height() && ratio <= MAX_RATIO;
-    if whole { shrink_whole(luma, ratio, out) } else { shrink(&luma_rows(luma), 0, luma.width(), luma.height(), out) }
+    let whole = ratio * out.width() == luma.width() && ratio * out.height() == luma.height();
+    (whole && ratio <= MAX_RATIO).then_some(ratio)
 }
 
-/// Largest whole ratio whose column sums fit `u16`.
-const MAX_RATIO: usize = 257;
+/// Largest whole ratio whose column sums fit `u16` at 8 bit, and block sums `u32` at 16.
+const MAX_RATIO: usize = 256;
+
+/// Whole ratios, which is nearly every video, are summed as integers; the rest by general area weights.
+fn shrink8(luma: PlaneRef<'_, u8>, out: &mut Plane<u8>) -> bool {
+    match whole_ratio(&luma, out) {
+        Some(ratio) => shrink_whole(luma, ratio, out),
+        None => shrink(&luma_rows(luma), 0, luma.width(), luma.height(), out),
+    }
+}
+
+fn shrink16(luma: PlaneRef<'_, u16>, shift: u32, out: &mut Plane<u8>) -> bool {
+    let Some(ratio) = whole_ratio(&luma, out) else {
+        return shrink(&luma_rows(luma), shift, luma.width(), luma.height(), out);
+    };
+    let mut sums = vec![0_u32; luma.width()];
+    for y in 0..out.height() {
+        sums.fill(0);
+        (0..ratio).for_each(|k| add_row16(luma.row(ratio * y + k), &mut sums));
+        let scale = 1.0 / (ratio * ratio) as f32 / (1_u32 << shift) as f32;
+        for (out, block) in out.as_mut().row_mut(y).iter_mut().zip(sums.chunks_exact(ratio)) {
+            *out = (block.iter().sum::<u32>() as f32 * scale + 0.5) as u8;
+        }
+    }
+    true
+}
+
+multiversion! {
+    fn add_row16(row: &[u16], sums: &mut [u32]) {
+        for (sum, v) in sums.iter_mut().zip(row) {
+            *sum += u32::from(*v);
+        }
+    }
+}
 
 fn shrink_whole(luma: PlaneRef<'_, u8>, ratio: usize, out: &mut Plane<u8>) -> bool {
     let mut sums = vec![0_u16; luma.width()];
@@ -139,27 +169,39 @@ fn mean_columns(sums: &[u16], ratio: usize, out: &mut [u8]) {
     }
 }
 
-/// The part of source samples `k` that `[from, to)` covers, as `(first, last exclusive, weight of k)`.
-fn cover(from: f64, to: f64, n: usize) -> (usize, usize, impl Fn(usize) -> f32) {
-    let (first, last) = (from.floor() as usize, (to.ceil() as usize).min(n));
-    (first, last, move |k: usize| ((k as f64 + 1.0).min(to) - (k as f64).max(from)).max(0.0) as f32)
+/// The source samples that an output sample covers: the first, and the weight of each.
+struct Cover {
+    first: usize,
+    weights: Vec<f32>,
+}
+
+/// The covers of `count` output samples that share `n` source samples evenly.
+fn covers(n: usize, count: usize) -> Vec<Cover> {
+    let scale = n as f64 / count as f64;
+    let cover = |i: usize| {
+        let (from, to) = (i as f64 * scale, (i + 1) as f64 * scale);
+        let (first, last) = (from.floor() as usize, (to.ceil() as usize).min(n));
+        let weight = |k: usize| ((k as f64 + 1.0).min(to) - (k as f64).max(from)).max(0.0) as f32;
+        Cover { first, weights: (first..last).map(weight).collect() }
+    };
+    (0..count).map(cover).collect()
 }
 
 /// Any ratio, any depth: rows weighted into one `f32` row, then columns.
 fn shrink(rows: &Rows<'_>, shift: u32, width: usize, height: usize, out: &mut Plane<u8>) -> bool {
-    let (sx, sy) = (width as f64 / out.width() as f64, height as f64 / out.height() as f64);
-    let scale = (1.0 / (sx * sy * f64::from(1_u32 << shift))) as f32;
+    let area = (width * height) as f64 / (out.width() * out.height()) as f64;
+    let scale = (1.0 / (area * f64::from(1_u32 << shift))) as f32;
     let (mut row, mut sums) = (vec![0_f32; width], vec![0_f32; width]);
-    for y in 0..out.height() {
-        let (first, last, weight) = cover(y as f64 * sy, (y + 1) as f64 * sy, height);
+    let columns = covers(width, out.width());
+    for (y, cover) in covers(height, out.height()).iter().enumerate() {
         sums.fill(0.0);
-        for k in first..last {
-            rows(k, &mut row);
-            add_weighted(&row, weight(k), &mut sums);
+        for (k, weight) in cover.weights.iter().enumerate() {
+            rows(cover.first + k, &mut row);
+            add_weighted(&row, *weight, &mut sums);
         }
-        for (x, out) in out.as_mut().row_mut(y).iter_mut().enumerate() {
-            let (first, last, weight) = cover(x as f64 * sx, (x + 1) as f64 * sx, width);
-            let sum: f32 = (first..last).map(|k| weight(k) * sums[k]).sum();
+        for (out, cover) in out.as_mut().row_mut(y).iter_mut().zip(&columns) {
+            let covered = &sums[cover.first..cover.first + cover.weights.len()];
+            let sum: f32 = covered.iter().zip(&cover.weights).map(|(v, w)| v * w).sum();
             *out = (sum * scale + 0.5) as u8;
         }
     }
@@ -223,7 +265,7 @@ mod tests {
             let size = (out.width(), out.height());
             for (x, y) in [(0, 0), (7, 3), (size.0 - 1, size.1 - 1), (size.0 / 2, size.1 / 3)] {
                 let (got, want) = (f64::from(out.as_ref().row(y)[x]), by_definition(&frame, size, x, y));
-                let bound = if exact { 0.500_1 } else { 3.0 };
+                let bound = if exact { 0.500_1 } else { 3.0 }; // the reference samples where an edge cuts a sample
                 assert!((got - want).abs() <= bound, "{w}×{h} at ({x}, {y}): {got} against {want}");
             }
         }
@@ -232,12 +274,16 @@ mod tests {
     #[test]
     fn whole_ratios_agree_with_the_general_path() {
         for (w, h, ratio) in [(64, 32, 1), (64, 32, 2), (99, 33, 3), (64, 36, 4), (70, 35, 5)] {
-            let frame = filled(Layout::Gray, 8, w, h, pattern);
-            let luma = frame.plane8(0).expect("8 bit");
+            let (frame, deep) = (
+                filled(Layout::Gray, 8, w, h, pattern),
+                filled(Layout::Gray, 12, w, h, |i, x, y| pattern(i, x, y) * 16),
+            );
+            let (luma, luma16) = (frame.plane8(0).expect("8 bit"), deep.plane16(0).expect("12 bit"));
             let mut whole = Plane::new(w / ratio, h / ratio);
-            let mut general = whole.clone();
+            let (mut general, mut whole16) = (whole.clone(), whole.clone());
             assert!(shrink8(luma, &mut whole) && shrink(&luma_rows(luma), 0, w, h, &mut general));
-            assert_eq!(whole, general, "ratio {ratio}");
+            assert!(shrink16(luma16, 4, &mut whole16));
+            assert!(whole == general && whole == whole16, "ratio {ratio}");
         }
     }
 

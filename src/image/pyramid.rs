@@ -10,6 +10,7 @@
 //!
 //! # Reference
 //! P. Burt and E. Adelson, *The Laplacian Pyramid as a Compact Image Code*, IEEE Trans. Communications 31(4), 1983.
+#![allow(clippy::cast_possible_wrap)] // indices of pixels are far below 2⁶³
 
 use super::PlaneRef;
 use super::simd::multiversion;
@@ -23,7 +24,8 @@ pub const PADDING: usize = 32;
 /// An 8-bit image with a mirrored border of [`PADDING`] px.
 #[derive(Clone, Debug, Default)]
 pub struct PaddedPlane {
-    data: Vec<u8>,
+    /// Pairs of samples, so that the reduction may read even and odd ones as one number.
+    pairs: Vec<u16>,
     width: usize,
     height: usize,
     stride: usize,
@@ -49,18 +51,31 @@ impl PaddedPlane {
     pub fn row(&self, y: usize) -> &[u8] {
         assert!(y < self.height, "row {y} of a plane of {} rows", self.height);
         let start = self.index(0, y as isize);
-        &self.data[start..start + self.width]
+        &self.data()[start..start + self.width]
     }
 
     /// The image without its border.
     pub fn interior(&self) -> PlaneRef<'_, u8> {
-        let view = PlaneRef::new(&self.data[self.index(0, 0)..], self.width, self.height, self.stride);
+        let view = PlaneRef::new(&self.data()[self.index(0, 0)..], self.width, self.height, self.stride);
         view.expect("the border holds more than the last row needs")
     }
 
     /// All samples from `(x, y)` on, in rows of [`Self::stride`]; both may be as low as `−PADDING`.
     pub fn from(&self, x: isize, y: isize) -> &[u8] {
-        &self.data[self.index(x, y)..]
+        &self.data()[self.index(x, y)..]
+    }
+
+    fn data(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.pairs)
+    }
+
+    fn data_mut(&mut self) -> &mut [u8] {
+        bytemuck::cast_slice_mut(&mut self.pairs)
+    }
+
+    /// Pairs of samples from `(2x, y)` on, the even one in the low byte.
+    fn pairs_from(&self, x: isize, y: isize) -> &[u16] {
+        &self.pairs[self.index(2 * x, y) / 2..]
     }
 
     fn index(&self, x: isize, y: isize) -> usize {
@@ -74,19 +89,19 @@ impl PaddedPlane {
         self.width = width;
         self.height = height;
         self.stride = (width + 2 * PADDING).next_multiple_of(32);
-        self.data.resize(self.stride * (height + 2 * PADDING), 0);
+        self.pairs.resize(self.stride * (height + 2 * PADDING) / 2, 0);
     }
 
     fn row_mut(&mut self, y: usize) -> &mut [u8] {
         let start = self.index(0, y as isize);
-        &mut self.data[start..start + self.width]
+        let end = start + self.width;
+        &mut self.data_mut()[start..end]
     }
 
     /// Writes the mirrored border left and right of row `y`.
     fn mirror_sides(&mut self, y: usize) {
-        let (w, p) = (self.width, PADDING);
-        let start = y * self.stride + p * self.stride;
-        let row = &mut self.data[start..start + self.stride];
+        let (w, p, stride) = (self.width, PADDING, self.stride);
+        let row = &mut self.data_mut()[(y + p) * stride..(y + p + 1) * stride];
         for k in 1..=p {
             row[p - k] = row[p + mirrored(-(k as isize), w)];
         }
@@ -100,10 +115,10 @@ impl PaddedPlane {
         let (s, p) = (self.stride, PADDING);
         for k in 1..=p {
             let above = p + mirrored(-(k as isize), self.height);
-            self.data.copy_within(above * s..(above + 1) * s, (p - k) * s);
+            self.data_mut().copy_within(above * s..(above + 1) * s, (p - k) * s);
             let y = self.height + k - 1;
             let below = p + mirrored(y as isize, self.height);
-            self.data.copy_within(below * s..(below + 1) * s, (p + y) * s);
+            self.data_mut().copy_within(below * s..(below + 1) * s, (p + y) * s);
         }
     }
 }
@@ -164,12 +179,12 @@ fn reduce(image: &PaddedPlane, out: &mut PaddedPlane, ring: &mut Vec<u16>) {
     ring.resize(5 * w, 0);
     let slot = |y: isize| (y + 5).rem_euclid(5) as usize * w;
     for y in -2..1 {
-        reduce_row(image.from(-2, y), &mut ring[slot(y)..slot(y) + w]);
+        reduce_row(image.pairs_from(-1, y), &mut ring[slot(y)..slot(y) + w]);
     }
     for y in 0..out.height {
         let center = 2 * y as isize;
         for k in [center + 1, center + 2] {
-            reduce_row(image.from(-2, k), &mut ring[slot(k)..slot(k) + w]);
+            reduce_row(image.pairs_from(-1, k), &mut ring[slot(k)..slot(k) + w]);
         }
         let rows = [-2, -1, 0, 1, 2].map(|k| &ring[slot(center + k)..slot(center + k) + w]);
         reduce_rows(rows, out.row_mut(y));
@@ -179,13 +194,13 @@ fn reduce(image: &PaddedPlane, out: &mut PaddedPlane, ring: &mut Vec<u16>) {
 }
 
 multiversion! {
-    /// Horizontal half of the reduction, 16 times the mean: `out[x]` from `row[2x .. 2x + 5]`.
-    fn reduce_row(row: &[u8], out: &mut [u16]) {
-        let pairs = |from: usize| row[from..from + 2 * out.len()].chunks_exact(2);
-        let (left, middle, right) = (pairs(0), pairs(2), pairs(4));
-        for (((out, l), m), r) in out.iter_mut().zip(left).zip(middle).zip(right) {
-            let [l, m, r] = [l, m, r].map(|p| u16::from_le_bytes([p[0], p[1]]));
-            *out = (l & 255) + (r & 255) + 4 * ((l >> 8) + (m >> 8)) + 6 * (m & 255);
+    /// Horizontal half of the reduction, 16 times the mean: `out[x]` from the pairs `x`, `x + 1` and the even of `x + 2`.
+    fn reduce_row(pairs: &[u16], out: &mut [u16]) {
+        let n = out.len();
+        let (left, middle, right) = (&pairs[..n], &pairs[1..=n], &pairs[2..n + 2]);
+        for x in 0..n {
+            let [l, m, r] = [left[x], middle[x], right[x]].map(u16::to_le);
+            out[x] = (l & 255) + (r & 255) + 4 * ((l >> 8) + (m >> 8)) + 6 * (m & 255);
         }
     }
 }
@@ -275,7 +290,7 @@ mod tests {
         pyramid.rebuild(small.as_ref(), 3);
         let fresh = built(&small, 3);
         for (a, b) in pyramid.levels().iter().zip(fresh.levels()) {
-            assert_eq!((a.width(), &a.data), (b.width(), &b.data));
+            assert_eq!((a.width(), &a.pairs), (b.width(), &b.pairs));
         }
     }
 }

@@ -172,7 +172,7 @@ mod tests {
     fn pictures() -> Vec<Vec<u8>> {
         let mut rng = fastrand::Rng::with_seed(3);
         let mut pictures: Vec<Vec<u8>> = (0..8).map(|_| (0..STRIDE * 30).map(|_| rng.u8(..)).collect()).collect();
-        pictures.push((0..STRIDE * 30).map(|i| if (i % STRIDE / 2) % 2 == 0 { 255 } else { 0 }).collect());
+        pictures.push((0..STRIDE * 30).map(|i| if (i % STRIDE / 2).is_multiple_of(2) { 255 } else { 0 }).collect());
         pictures.push((0..STRIDE * 30).map(|i| if i / STRIDE % 4 < 2 { 255 } else { 0 }).collect());
         pictures.push(vec![255; STRIDE * 30]);
         pictures

@@ -3,6 +3,7 @@
 //! One source for both: a row of the window is two vectors of 16 lanes or one of 32. The lanes behind the window carry
 //! whatever the picture holds there; the template's gradient is zero in them, so they add nothing.
 #![allow(unsafe_code)] // SIMD loads and stores by pointer
+#![allow(clippy::cast_ptr_alignment)] // all of them are of the unaligned kind
 
 use super::window::{Kernel, Patch, Template};
 

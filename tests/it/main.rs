@@ -8,4 +8,5 @@ mod media_roundtrip;
 mod path;
 mod render;
 mod support;
+mod track;
 mod warp;
