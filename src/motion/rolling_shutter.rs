@@ -26,6 +26,8 @@
 //! Karpenko, Jacobs, Baek, Levoy, *Digital video stabilization and rolling shutter correction using gyroscopes*, Stanford
 //! CSTR 2011-03 (row time model); Forssén, Ringaby, CVPR 2010 (readout from tracks).
 
+use std::collections::VecDeque;
+
 use crate::math::{Homography, Point2, Similarity2, Vec2};
 
 use super::clip::ClipMotion;
@@ -42,6 +44,8 @@ const BINS: usize = 480;
 const SIGNIFICANCE: f64 = 5.0;
 /// Least readout reported, frame periods: 0.08 is 3 ms at 30 frames/s, invisible.
 const LEAST: f64 = 0.08;
+/// Motions that a vote looks at: the pair's own and two on either side.
+const WINDOW: usize = 5;
 /// Fewest votes.
 const FEWEST_VOTES: f64 = 20.0;
 
@@ -49,16 +53,14 @@ const FEWEST_VOTES: f64 = 20.0;
 #[derive(Clone, Debug)]
 pub struct ReadoutEstimator {
     height: f64,
-    /// Pairs and similarity of the last two steps: a step is judged when the motion after it is known.
-    waiting: Option<Step>,
-    before: Option<Similarity2>,
+    /// The last steps, oldest first: the middle one is judged when the motions on both its sides are known.
+    window: VecDeque<Step>,
     histogram: Vec<Bin>,
 }
 
 #[derive(Clone, Debug)]
 struct Step {
     motion: Similarity2,
-    before: Similarity2,
     pairs: Vec<Pair>,
 }
 
@@ -83,24 +85,24 @@ pub struct Readout {
 impl ReadoutEstimator {
     /// For frames of `height` px.
     pub fn new(height: u32) -> Self {
-        Self { height: f64::from(height), waiting: None, before: None, histogram: vec![Bin::default(); BINS] }
+        Self { height: f64::from(height), window: VecDeque::new(), histogram: vec![Bin::default(); BINS] }
     }
 
     /// Takes the background pairs of one frame and the motion fitted to it. Pairs from anything but a measured motion break the
     /// chain: call [`Self::interrupt`].
     pub fn push(&mut self, motion: &Similarity2, pairs: &[Pair]) {
-        if let Some(step) = self.waiting.take() {
-            self.vote(&step, motion);
+        self.window.push_back(Step { motion: *motion, pairs: pairs.to_vec() });
+        if self.window.len() > WINDOW {
+            self.window.pop_front();
         }
-        if let Some(before) = self.before.replace(*motion) {
-            self.waiting = Some(Step { motion: *motion, before, pairs: pairs.to_vec() });
+        if self.window.len() == WINDOW {
+            self.vote();
         }
     }
 
     /// A cut, a gap or a repeated frame: velocities on its two sides do not belong together.
     pub fn interrupt(&mut self) {
-        self.waiting = None;
-        self.before = None;
+        self.window.clear();
     }
 
     /// The readout the evidence supports; `None` for a global shutter, a camera too steady to tell, or too few frames.
@@ -137,9 +139,8 @@ impl ReadoutEstimator {
         (mean, variance, effective, near().map(|b| b.count).sum())
     }
 
-    fn vote(&mut self, step: &Step, after: &Similarity2) {
-        let Some(votes) = self.judge(step, after) else { return };
-        let (value, weight) = votes;
+    fn vote(&mut self) {
+        let Some((value, weight)) = self.judge() else { return };
         if !(value.abs() < REACH && weight > 0.0 && weight.is_finite()) {
             return;
         }
@@ -151,9 +152,11 @@ impl ReadoutEstimator {
         bin.sum += weight * value;
     }
 
-    /// `r̂` of one frame pair and its weight.
-    fn judge(&self, step: &Step, after: &Similarity2) -> Option<(f64, f64)> {
-        let (now, next) = (velocity(&step.motion, after), velocity(&step.before, &step.motion));
+    /// `r̂` of the window's middle frame pair and its weight.
+    fn judge(&self) -> Option<(f64, f64)> {
+        let motions: Vec<Similarity2> = self.window.iter().map(|s| s.motion).collect();
+        let step = &self.window[WINDOW / 2];
+        let (before, now) = (velocity(&motions[..4]), velocity(&motions[1..]));
         let linear = Similarity2 { t: Vec2::zeros(), ..step.motion };
         let basis: Vec<Pair> = step
             .pairs
@@ -161,7 +164,7 @@ impl ReadoutEstimator {
             .map(|pair| {
                 let (p, q) = (pair.previous, pair.this);
                 let here = now(q) * (q.y / self.height - 0.5);
-                let there = linear.apply(Point2::from(next(p) * (p.y / self.height - 0.5))).coords;
+                let there = linear.apply(Point2::from(before(p) * (p.y / self.height - 0.5))).coords;
                 Pair { previous: p, this: p + (here - there) }
             })
             .collect();
@@ -180,10 +183,15 @@ impl ReadoutEstimator {
     }
 }
 
-/// Velocity field at a frame, px per frame, from the motions that lead to it and away from it.
-fn velocity<'a>(to: &'a Similarity2, from: &'a Similarity2) -> impl Fn(Point2) -> Vec2 + 'a {
-    let back = to.inverse().unwrap_or(Similarity2::IDENTITY);
-    move |p| ((from.apply(p) - p) + (p - back.apply(p))) / 2.0
+/// Velocity field, px per frame, at the frame between the second and the third of four motions, by the central difference of
+/// fourth order: the plain one loses a third of a 7 Hz shake at 30 frames/s, and the readout would come out too long.
+fn velocity(motions: &[Similarity2]) -> impl Fn(Point2) -> Vec2 + '_ {
+    let back = motions[1].inverse().unwrap_or(Similarity2::IDENTITY);
+    move |p| {
+        let step = |k: usize| motions[k].apply(p) - p;
+        let near = (p - back.apply(p)) + step(2);
+        (near * 7.0 - step(0) - step(3)) / 12.0
+    }
 }
 
 /// Moves the points of one frame to where they were at the time of its center row.
