@@ -34,7 +34,18 @@ fn main() {
             points.iter().zip(estimator.background()).filter(|(_, b)| **b).map(|(p, _)| p.id.to_string()).collect();
         println!(
             "{:?} {:?} {} {} {:.3} {:.4} | {} | {} {} {} {} | {}",
-            m.quality, m.model, m.points, m.inliers, m.coverage, m.residual_px, h.join(" "), s.a, s.b, s.t.x, s.t.y, background.join(" ")
+            m.quality,
+            m.model,
+            m.points,
+            m.inliers,
+            m.coverage,
+            m.residual_px,
+            h.join(" "),
+            s.a,
+            s.b,
+            s.t.x,
+            s.t.y,
+            background.join(" ")
         );
         frame += 1;
     }

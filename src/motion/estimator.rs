@@ -221,7 +221,8 @@ impl MotionEstimator {
     /// The homography where the points support it, else the similarity.
     fn choose(&mut self, homography: Homography, similarity: Similarity2, spread: f64, c: f64) -> Option<Fit> {
         let (pairs, kept) = (&self.matches.pairs, &self.matches.kept);
-        let distance = |k: usize, q: Option<nalgebra::Point2<f64>>| q.map_or(f64::INFINITY, |q| (q - pairs[k].this).norm());
+        let distance =
+            |k: usize, q: Option<nalgebra::Point2<f64>>| q.map_or(f64::INFINITY, |q| (q - pairs[k].this).norm());
         // The median distance of a two-dimensional Gaussian error of deviation σ is 1.177 σ.
         let sigma = spread / 1.177;
         let (mut gain, mut total, mut similar) = (0.0, 0.0, Vec::with_capacity(pairs.len()));
@@ -268,7 +269,9 @@ impl MotionEstimator {
 
     fn report(&self, frame: &FrameInput<'_>, fit: Option<&Fit>) -> FrameMotion {
         let points = self.matches.pairs.len() as u32;
-        let Some(fit) = fit else { return FrameMotion { points, ..FrameMotion::still(frame.pts, MotionQuality::Lost) } };
+        let Some(fit) = fit else {
+            return FrameMotion { points, ..FrameMotion::still(frame.pts, MotionQuality::Lost) };
+        };
         let limit = self.inlier_limit(fit);
         let mut seen = vec![false; Background::cells()];
         let mut inliers = 0;
@@ -316,7 +319,11 @@ impl MotionEstimator {
             let still = world.tracks()[k].score >= BACKGROUND_SCORE && residuals[k]?.norm() < limit;
             still.then_some(*pair)
         }));
-        let outlying: Vec<u32> = self.world.tracks().iter().zip(&residuals)
+        let outlying: Vec<u32> = self
+            .world
+            .tracks()
+            .iter()
+            .zip(&residuals)
             .filter(|(_, r)| r.is_some_and(|r| !(r.norm() < limit)))
             .map(|(t, _)| t.id)
             .collect();
@@ -324,7 +331,8 @@ impl MotionEstimator {
         let tracks = self.world.tracks();
         self.background.clear();
         self.background.extend(frame.points.iter().map(|p| {
-            let trusted = tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= BACKGROUND_SCORE);
+            let trusted =
+                tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= BACKGROUND_SCORE);
             trusted && outlying.binary_search(&p.id).is_err()
         }));
     }

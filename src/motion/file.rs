@@ -45,6 +45,11 @@ const LARGEST_FILE: u64 = 1 << 30;
 /// Longest readout, s, either way: a tenth of a second is three times the slowest phone.
 const LONGEST_READOUT_S: f64 = 0.1;
 
+/// Largest entry of a map, px: beyond, sums lose the pixel.
+const LARGEST_ENTRY: f64 = 1e9;
+/// Least scale from one frame to the next, and the inverse of the largest: less is a collapsed picture.
+const LEAST_SCALE: f64 = 1e-3;
+
 /// Why a motion file was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -349,13 +354,21 @@ impl Document {
                 return Err(value(format!("frames[{}].pts", k + 1), pair[1].pts, "later than the frame before"));
             }
             if pair[1].shot != pair[0].shot && Some(pair[1].shot) != pair[0].shot.checked_add(1) {
-                return Err(value(format!("frames[{}].shot", k + 1), pair[1].shot, "that of the frame before, or one more"));
+                return Err(value(
+                    format!("frames[{}].shot", k + 1),
+                    pair[1].shot,
+                    "that of the frame before, or one more",
+                ));
             }
         }
         for (k, frame) in self.frames.iter().enumerate() {
             let measures = [frame.coverage, frame.residual_px, frame.similarity_residual_px];
             if !measures.iter().all(|v| v.is_finite() && *v >= 0.0) {
-                return Err(value(format!("frames[{k}]"), format!("{measures:?}"), "coverage and residuals of 0 or more"));
+                return Err(value(
+                    format!("frames[{k}]"),
+                    format!("{measures:?}"),
+                    "coverage and residuals of 0 or more",
+                ));
             }
         }
         Ok(())
@@ -394,8 +407,13 @@ impl Document {
         shift: f64,
     ) -> Result<(), MotionFileError> {
         if let Some(r) = matrix {
-            motion.homography = shifted(&r, shift)
-                .ok_or_else(|| value(format!("planar[{}]", k - 1), format!("{r:?}"), "a finite, invertible 3×3 map"))?;
+            motion.homography = shifted(&r, shift).ok_or_else(|| {
+                value(
+                    format!("planar[{}]", k - 1),
+                    format!("{r:?}"),
+                    "a 3×3 map that keeps the picture upright and in sight",
+                )
+            })?;
             motion.similarity = nearest_similarity(&motion.homography, self.source.width, self.source.height)
                 .ok_or_else(|| value(format!("planar[{}]", k - 1), format!("{r:?}"), "a map of the whole frame"))?;
         }
@@ -403,8 +421,12 @@ impl Document {
             let linear = Similarity2 { a, b, t: Vec2::zeros() };
             let center = Point2::new(shift, shift);
             let moved = Similarity2 { t: Vec2::new(tx, ty) + center.coords - linear.apply(center).coords, ..linear };
-            if moved.inverse().and_then(|i| i.inverse()).is_none_or(|s| !(s.t.norm().is_finite())) {
-                return Err(value(format!("planar_similarity[{}]", k - 1), format!("{:?}", [a, b, tx, ty]), "a regular map"));
+            if !(moved.t.amax() <= LARGEST_ENTRY && (LEAST_SCALE..1.0 / LEAST_SCALE).contains(&moved.scale())) {
+                return Err(value(
+                    format!("planar_similarity[{}]", k - 1),
+                    format!("{:?}", [a, b, tx, ty]),
+                    "a scale of 0.001 to 1000 and a shift in sight",
+                ));
             }
             motion.similarity = moved;
             if matrix.is_none() {
@@ -463,8 +485,8 @@ fn shifted(r: &[[f64; 3]; 3], shift: f64) -> Option<Homography> {
     let there = Matrix3::new(1.0, 0.0, shift, 0.0, 1.0, shift, 0.0, 0.0, 1.0);
     let back = Matrix3::new(1.0, 0.0, -shift, 0.0, 1.0, -shift, 0.0, 0.0, 1.0);
     let h = if shift == 0.0 { Homography::new(m) } else { Homography::new(there * m * back) };
-    let regular = h.is_finite() && h.inverse().is_some_and(|i| i.is_finite()) && h.matrix()[(2, 2)] != 0.0;
-    regular.then_some(h)
+    let bounded = h.matrix().iter().all(|v| v.abs() <= LARGEST_ENTRY) && h.matrix()[(2, 2)] == 1.0;
+    (bounded && h.matrix().determinant() >= LEAST_SCALE * LEAST_SCALE).then_some(h)
 }
 
 /// The similarity nearest to `h` on a frame, in least squares over its corners, edges and center.

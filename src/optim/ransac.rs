@@ -144,9 +144,8 @@ impl<'a, P: Consensus> Search<'a, P> {
             let mut fresh = None;
             for attempt in 0..TRIES {
                 let i = self.cumulative.partition_point(|c| *c < rng.f64()).min(self.weights.len() - 1);
-                let clash = |&j: &usize| {
-                    j == i || (attempt + 2 < TRIES && self.problem.group(j) == self.problem.group(i))
-                };
+                let clash =
+                    |&j: &usize| j == i || (attempt + 2 < TRIES && self.problem.group(j) == self.problem.group(i));
                 if self.weights[i] > 0.0 && !sample[..k].iter().any(clash) {
                     fresh = Some(i);
                     break;
