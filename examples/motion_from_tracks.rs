@@ -4,7 +4,7 @@
 //! integer + 0.5). Output, one line per frame: quality, model, points, inliers, coverage, residual, the nine entries of the
 //! homography, then `a b tx ty` of the similarity, then the ids of the points judged background.
 
-use plumbline::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, TrackPoint};
+use plumbline::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, ReadoutEstimator, TrackPoint};
 use plumbline::time::Timestamp;
 
 #[allow(clippy::print_stdout)]
@@ -13,6 +13,7 @@ fn main() {
     let mut lines = text.lines();
     let header: Vec<f64> = numbers(lines.next().expect("a header line"));
     let mut estimator = MotionEstimator::new(header[0] as u32, header[1] as u32, MotionOptions::default());
+    let mut readout = ReadoutEstimator::new(header[1] as u32);
     let mut frame = 0;
     while let Some(line) = lines.next() {
         let count: usize = line.trim_start_matches("F ").parse().expect("F n");
@@ -25,6 +26,7 @@ fn main() {
         let input = FrameInput { pts: Timestamp(frame), flags: FrameFlags::default(), points: &points };
         let started = std::time::Instant::now();
         let m = estimator.push(input);
+        readout.push(&m.similarity, estimator.background_pairs());
         eprintln!("{}", started.elapsed().as_micros());
         let h: Vec<String> = m.homography.matrix().transpose().iter().map(ToString::to_string).collect();
         let s = m.similarity;
@@ -47,6 +49,7 @@ fn main() {
         );
         frame += 1;
     }
+    eprintln!("readout {:?}", readout.estimate());
 }
 
 fn numbers(line: &str) -> Vec<f64> {

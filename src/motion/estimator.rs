@@ -39,6 +39,9 @@ const PRIOR_DEVIATION: f64 = 0.005;
 /// Furthest a homography may move a corner from where the similarity moves it, share of the half diagonal.
 const FURTHEST_FROM_SIMILARITY: f64 = 0.08;
 
+/// Score from which a track counts as background. New tracks start near it.
+const BACKGROUND_SCORE: f64 = 0.4;
+
 /// Settings of [`MotionEstimator`].
 #[derive(Clone, Copy, Debug)]
 pub struct MotionOptions {
@@ -67,6 +70,7 @@ pub struct MotionEstimator {
     spreads: (f64, f64),
     started: bool,
     background: Vec<bool>,
+    still_pairs: Vec<Pair>,
     matches: Matches,
 }
 
@@ -106,6 +110,7 @@ impl MotionEstimator {
             spreads: (unit_px, 0.3 * unit_px),
             started: false,
             background: Vec::new(),
+            still_pairs: Vec::new(),
             matches: Matches::default(),
         }
     }
@@ -131,6 +136,11 @@ impl MotionEstimator {
     /// For each point of the frame last pushed, in its order: does it belong to the still world?
     pub fn background(&self) -> &[bool] {
         &self.background
+    }
+
+    /// The points of the frame last pushed that were also seen in the previous one and moved with the still world.
+    pub fn background_pairs(&self) -> &[Pair] {
+        &self.still_pairs
     }
 
     fn start_shot(&mut self, frame: &FrameInput<'_>) -> FrameMotion {
@@ -201,7 +211,7 @@ impl MotionEstimator {
             let kappa = self.kappa(spread.max(floor));
             let (pairs, kept) = (&self.matches.pairs, &self.matches.kept);
             homography = planar_fit::homography(pairs, kept, &homography, kappa, &self.scale, 2)?;
-            c = (3.0 * spread).max(3.0 * floor).min(c);
+            c = (6.0 * spread).max(3.0 * floor).min(c);
         }
         let spread = self.matches.reweigh(|p| homography.apply(p), c);
         let similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.kept)?;
@@ -266,7 +276,7 @@ impl MotionEstimator {
         let mut seen = vec![false; Background::cells()];
         let mut inliers = 0;
         for (k, r) in self.matches.residuals(&fit.homography) {
-            if r.norm() < limit && self.matches.members[k].0 >= 0.3 {
+            if r.norm() < limit && self.matches.members[k].0 >= BACKGROUND_SCORE {
                 inliers += 1;
                 seen[self.matches.members[k].1] = true;
             }
@@ -303,6 +313,12 @@ impl MotionEstimator {
         }
         let spread = fit.map_or(self.spreads.1, |f| f.spread_px);
         let limit = fit.map_or(f64::INFINITY, |f| self.inlier_limit(f));
+        let (world, matches) = (&self.world, &self.matches);
+        self.still_pairs.clear();
+        self.still_pairs.extend(matches.pairs.iter().zip(&matches.tracks).filter_map(|(pair, &k)| {
+            let still = world.tracks()[k].score >= BACKGROUND_SCORE && residuals[k]?.norm() < limit;
+            still.then_some(*pair)
+        }));
         let outlying: Vec<u32> = self
             .world
             .tracks()
@@ -315,7 +331,8 @@ impl MotionEstimator {
         let tracks = self.world.tracks();
         self.background.clear();
         self.background.extend(frame.points.iter().map(|p| {
-            let trusted = tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= 0.4);
+            let trusted =
+                tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= BACKGROUND_SCORE);
             trusted && outlying.binary_search(&p.id).is_err()
         }));
     }

@@ -1,11 +1,21 @@
 //! Motion of the camera's picture, from tracked points: planar motion between frames that follows the still world.
 
 mod background;
+mod clip;
 mod estimator;
+mod file;
 mod frame_motion;
+mod local;
 mod planar;
 mod planar_fit;
+mod rolling_shutter;
+mod verdict;
 
+pub use clip::{ClipMotion, LONGEST_BRIDGE};
 pub use estimator::{MotionEstimator, MotionOptions};
+pub use file::{FORMAT, MotionFileError, VERSION, motion_file_schema};
 pub use frame_motion::{FrameFlags, FrameInput, FrameMotion, MotionQuality, PlanarModel, TrackPoint};
+pub use local::{LocalMotion, LocalMotionSolver};
 pub use planar_fit::{FrameScale, Pair, homography, homography_dlt, homography_of_four, similarity};
+pub use rolling_shutter::{Readout, ReadoutEstimator, RowMotion};
+pub use verdict::{SegmentVerdict, Tier, verdicts};

@@ -5,6 +5,7 @@ mod house;
 mod layers;
 mod media_bad_input;
 mod media_roundtrip;
+mod motion;
 mod path;
 mod render;
 mod support;

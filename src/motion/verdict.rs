@@ -1,0 +1,94 @@
+//! Which family of motion a stretch of video supports, and why, in words.
+
+use std::ops::Range;
+
+use super::clip::ClipMotion;
+use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
+
+/// How far the picture's motion can be modeled, from least to most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tier {
+    /// Nothing reliable: leave the frames as they are.
+    Untouched,
+    /// Rotation, zoom and shift only.
+    Similarity,
+    /// One map of the plane per frame.
+    Homography,
+    /// The homography with local motion on a grid.
+    Mesh,
+}
+
+/// A stretch of one shot with the family it supports.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SegmentVerdict {
+    /// Its frames.
+    pub frames: Range<usize>,
+    /// The richest family that its tracks support.
+    pub tier: Tier,
+    /// Why, for the user.
+    pub reason: String,
+}
+
+/// Longest stretch judged as one, frames: two to four seconds, so that one bad moment does not decide for a whole shot.
+const LONGEST_STRETCH: usize = 90;
+/// Points below which local motion, and below which perspective is not believed, per frame (median).
+const POINTS_FOR_MESH: f64 = 120.0;
+const POINTS_FOR_HOMOGRAPHY: f64 = 40.0;
+/// Coverage of the frame's cells below which the same.
+const COVERAGE_FOR_MESH: f64 = 0.35;
+const COVERAGE_FOR_HOMOGRAPHY: f64 = 0.2;
+/// Residual of the homography, px at 640 px across, from which local motion is worth modeling: 0.1 px is the noise of tracks.
+const RESIDUAL_FOR_MESH: f64 = 0.15;
+/// Share of frames with a measured motion below which a stretch is left alone.
+const LEAST_MEASURED: f64 = 0.5;
+
+/// Judges a clip, shot by shot, in stretches of at most 90 frames; neighbors with the same tier and reason are one segment.
+pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
+    let unit = f64::from(clip.width.max(clip.height)) / 640.0;
+    let mut segments: Vec<SegmentVerdict> = Vec::new();
+    for shot in &clip.shots {
+        let parts = shot.len().div_ceil(LONGEST_STRETCH).max(1);
+        for part in 0..parts {
+            let frames = shot.start + shot.len() * part / parts..shot.start + shot.len() * (part + 1) / parts;
+            let (tier, reason) = judge(&clip.frames[frames.clone()], unit);
+            match segments.last_mut() {
+                Some(last) if last.frames.end > shot.start && last.tier == tier => last.frames.end = frames.end,
+                _ => segments.push(SegmentVerdict { frames, tier, reason }),
+            }
+        }
+    }
+    segments
+}
+
+fn judge(frames: &[FrameMotion], unit_px: f64) -> (Tier, String) {
+    let moving =
+        || frames.iter().filter(|f| f.quality != MotionQuality::ShotStart && f.quality != MotionQuality::Duplicate);
+    let measured: Vec<&FrameMotion> = moving().filter(|f| f.quality == MotionQuality::Measured).collect();
+    let share = measured.len() as f64 / moving().count().max(1) as f64;
+    if !(share >= LEAST_MEASURED) || measured.is_empty() {
+        return (Tier::Untouched, format!("motion could be measured in {:.0} % of the frames only", 100.0 * share));
+    }
+    let median = |f: &dyn Fn(&FrameMotion) -> f64| {
+        let mut v: Vec<f64> = measured.iter().map(|m| f(m)).collect();
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    let (points, coverage) = (median(&|f| f64::from(f.inliers)), median(&|f| f.coverage));
+    let percent = 100.0 * coverage;
+    if points < POINTS_FOR_HOMOGRAPHY || coverage < COVERAGE_FOR_HOMOGRAPHY {
+        return (Tier::Similarity, format!("{points:.0} background points on {percent:.0} % of the frame are few"));
+    }
+    let bent = measured.iter().filter(|f| f.model == PlanarModel::Homography).count() as f64 / measured.len() as f64;
+    let residual = median(&|f| f.residual_px) / unit_px;
+    if residual >= RESIDUAL_FOR_MESH && points >= POINTS_FOR_MESH && coverage >= COVERAGE_FOR_MESH {
+        return (Tier::Mesh, format!("{points:.0} points move {residual:.2} px beside any plane: depth or wobble"));
+    }
+    if bent < 0.5 {
+        return (Tier::Similarity, format!("perspective shows in {:.0} % of the frames only", 100.0 * bent));
+    }
+    (
+        Tier::Homography,
+        format!("{points:.0} points on {percent:.0} % of the frame move as one plane, to {residual:.2} px"),
+    )
+}
