@@ -31,11 +31,8 @@ pub(super) struct Chain {
 
 impl Chain {
     pub(super) fn of_shot(clip: &Clip<'_>, stage: &Stage, shot: Range<usize>) -> Self {
-        let (step, rate, fps) = {
-            let (rate, fps) = rates(&clip.times_s[shot.clone()]);
-            (bridged(&clip.motion[shot], stage, &rate), rate, fps)
-        };
-        Self { step, rate, fps }
+        let (rate, fps) = rates(&clip.times_s[shot.clone()]);
+        Self { step: bridged(&clip.motion[shot], stage, &rate), rate, fps }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -80,16 +77,18 @@ impl Chain {
 
 /// Gaussian mean that reflects at the ends, so that a non-negative signal stays so and its sum is kept.
 fn spread(x: &[f64], sigma: f64) -> Vec<f64> {
-    let (n, kernel) = (x.len() as isize, half_kernel(sigma.max(0.3)));
-    let mirrored = |i: isize| {
-        let k = i.rem_euclid(2 * n);
-        x[(if k < n { k } else { 2 * n - 1 - k }) as usize]
+    let (n, kernel) = (x.len(), half_kernel(sigma.max(0.3)));
+    // Sample i of the signal …, x₁, x₀ | x₀, x₁, …, xₙ₋₁ | xₙ₋₁, …, whose period is 2n; `i` counts from one period before.
+    let periods = kernel.len() / (2 * n) + 1;
+    let mirrored = |i: usize| {
+        let k = i % (2 * n);
+        x[if k < n { k } else { 2 * n - 1 - k }]
     };
     (0..n)
         .map(|i| {
+            let i = i + 2 * n * periods;
             let sides = kernel.iter().enumerate().skip(1);
-            let around = sides.map(|(k, w)| w * (mirrored(i - k as isize) + mirrored(i + k as isize)));
-            kernel[0] * x[i as usize] + around.sum::<f64>()
+            kernel[0] * mirrored(i) + sides.map(|(k, w)| w * (mirrored(i - k) + mirrored(i + k))).sum::<f64>()
         })
         .collect()
 }

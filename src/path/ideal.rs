@@ -10,20 +10,17 @@ use super::pose::{C64, Pose};
 /// `Σₖ gₖ dₖ` for the center. Beyond the shot's ends the velocity is mirrored, so that a steady pan stays that pan.
 pub(super) fn gaussian(chain: &Chain, sigma_s: f64) -> Vec<Pose> {
     let kernel = half_kernel(chain.frames(sigma_s).max(0.3));
-    let n = chain.len() as isize;
-    // Step k leads from frame k−1 to frame k; mirrored: steps −1, −2, … repeat steps 1, 2, … after the (empty) step 0.
-    let step = |k: isize| {
-        let m = if k < 1 { 1 - k } else { k };
-        let m = if m > n - 1 { 2 * (n - 1) - m + 1 } else { m };
-        chain.step[m.clamp(1, n - 1) as usize]
-    };
-    (0..n)
+    let last = chain.len() - 1;
+    // Step k leads from frame k−1 to frame k. Beyond the ends the steps repeat in reverse: 2, 1 | 1, 2, …, n−1 | n−1, …
+    let before = |t: usize, k: usize| if t + 1 > k { t + 1 - k } else { (k - t).min(last) };
+    let after = |t: usize, k: usize| if t + k <= last { t + k } else { (2 * last + 1).saturating_sub(t + k).max(1) };
+    (0..=last)
         .map(|t| {
             let (mut log, mut d) = (C64::new(0.0, 0.0), C64::new(0.0, 0.0));
             let (mut from_past, mut from_future) = (Pose::IDENTITY, Pose::IDENTITY);
             for (k, &w) in kernel.iter().enumerate().skip(1) {
-                from_past = from_past.after(step(t + 1 - k as isize));
-                from_future = from_future.after(step(t + k as isize).inverse());
+                from_past = from_past.after(chain.step[before(t, k)]);
+                from_future = from_future.after(chain.step[after(t, k)].inverse());
                 log += (from_past.z.ln() + from_future.z.ln()) * w;
                 d += (from_past.d + from_future.d) * w;
             }
@@ -54,4 +51,42 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut v: Vec<f64> = values.collect();
     v.sort_by(f64::total_cmp);
     v.get(v.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chain(step: Pose, n: usize) -> Chain {
+        Chain { step: vec![step; n], rate: vec![1.0; n], fps: 30.0 }
+    }
+
+    #[test]
+    fn the_gaussian_mean_of_a_steady_pan_or_turn_or_zoom_is_itself() {
+        let still = C64::new(0.0, 0.0);
+        for step in [
+            Pose { z: C64::new(1.0, 0.0), d: C64::new(0.01, -0.02) },
+            Pose { z: C64::from_polar(1.0, 0.01), d: still },
+            Pose { z: C64::new(1.01, 0.0), d: still },
+        ] {
+            for (t, p) in gaussian(&chain(step, 80), 0.5).into_iter().enumerate() {
+                assert!((p.z - 1.0).norm() < 1e-9 && p.d.norm() < 1e-9, "{step:?}, frame {t}: {p:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_shot_shorter_than_the_kernel_is_averaged_within_itself() {
+        for n in 2..6 {
+            assert!(gaussian(&chain(Pose::IDENTITY, n), 5.0).iter().all(|p| *p == Pose::IDENTITY));
+        }
+    }
+
+    #[test]
+    fn through_a_tripod_nothing_moves() {
+        let chain = chain(Pose { z: C64::from_polar(1.001, 0.002), d: C64::new(0.01, -0.02) }, 50);
+        for (t, s) in chain.seen_through(&tripod(&chain)).step.iter().enumerate() {
+            assert!((s.z - 1.0).norm() < 1e-12 && s.d.norm() < 1e-12, "step {t}: {s:?}");
+        }
+    }
 }

@@ -1,28 +1,19 @@
 //! Gaussian low-pass of a signal that keeps linear trends exactly, to its very ends.
 
-/// The signal convolved with a Gaussian of `sigma` samples, cut off at four sigma.
+/// The signal convolved with a Gaussian of `sigma` samples, cut off at four sigma; below 0.3 samples it stays itself.
 ///
 /// Beyond its ends the signal is continued by point reflection, `x₋ₖ = 2x₀ − xₖ`, so a straight line stays that line.
 pub(super) fn lowpass(x: &[f64], sigma: f64) -> Vec<f64> {
-    let n = x.len();
-    if n < 3 || !(sigma >= 0.3) {
-        return x.to_vec();
-    }
-    let kernel = half_kernel(sigma);
-    let at = |i: isize| {
-        let last = n as isize - 1;
-        if i < 0 {
-            2.0 * x[0] - x[(-i).min(last) as usize]
-        } else if i > last {
-            2.0 * x[n - 1] - x[(2 * last - i).max(0) as usize]
-        } else {
-            x[i as usize]
-        }
+    let (&[first, .., last], true) = (x, sigma >= 0.3) else { return x.to_vec() };
+    let (n, kernel) = (x.len(), half_kernel(sigma));
+    let before = |i: usize, k: usize| if k <= i { x[i - k] } else { 2.0 * first - x[(k - i).min(n - 1)] };
+    let after = |i: usize, k: usize| {
+        if i + k < n { x[i + k] } else { 2.0 * last - x[(2 * (n - 1)).saturating_sub(i + k)] }
     };
-    (0..n as isize)
+    (0..n)
         .map(|i| {
-            let around = kernel.iter().enumerate().skip(1).map(|(k, w)| w * (at(i - k as isize) + at(i + k as isize)));
-            kernel[0] * x[i as usize] + around.sum::<f64>()
+            let sides = kernel.iter().enumerate().skip(1);
+            kernel[0] * x[i] + sides.map(|(k, w)| w * (before(i, k) + after(i, k))).sum::<f64>()
         })
         .collect()
 }
@@ -32,7 +23,9 @@ pub(super) fn half_kernel(sigma: f64) -> Vec<f64> {
     let reach = (4.0 * sigma + 1.0) as usize;
     let mut w: Vec<f64> = (0..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let total = w[0] + 2.0 * w[1..].iter().sum::<f64>();
-    w.iter_mut().for_each(|v| *v /= total);
+    for v in &mut w {
+        *v /= total;
+    }
     w
 }
 

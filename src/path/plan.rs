@@ -61,7 +61,7 @@ fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<
     }
     let steps = shot.len() - 1;
     let reliable = clip.motion[shot.start + 1..shot.end].iter().filter(|m| m.reliable).count();
-    if !(reliable as f64 >= LEAST_RELIABLE * steps as f64) {
+    if (reliable as f64) < LEAST_RELIABLE * steps as f64 {
         return Ok(Err(format!("motion could be followed in only {reliable} of {steps} frames")));
     }
     let chain = Chain::of_shot(clip, stage, shot.clone());
@@ -76,7 +76,7 @@ fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<
     }
     .map_err(|e| shifted(e, shot.start))?;
     let after = mean(&chain.seen_through(&path).shake());
-    if !(after < before) {
+    if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
         return Ok(Err("smoothing would not have made it steadier".to_owned()));
     }
     Ok(Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt()))))
@@ -200,4 +200,68 @@ fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
         return Err(PathError::Lengths { times, motions, covered: covered.unwrap_or(0) });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Similarity2, Vec2};
+    use crate::path::InterFrame;
+
+    /// A minute and a half of walking: drift, steps, tremor.
+    fn long_walk(frames: usize) -> Vec<InterFrame> {
+        let mut random = fastrand::Rng::with_seed(21);
+        let mut at = Vec2::zeros();
+        (0..frames)
+            .map(|t| {
+                let s = t as f64 / 10.0;
+                let tremor = Vec2::new(random.f64() - 0.5, random.f64() - 0.5) * 6.0;
+                let step = Vec2::new(9.0 * (6.0 * s).sin(), 6.0 * (12.0 * s).cos());
+                let to = Vec2::new(20.0 * s + 60.0 * (0.3 * s).sin(), 10.0 * (0.7 * s).cos()) + step + tremor;
+                let similarity = Similarity2 { t: to - at, ..Similarity2::IDENTITY };
+                at = to;
+                InterFrame { similarity, homography: similarity.to_homography(), reliable: true }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn windows_of_time_leave_no_trace_in_the_path() {
+        let motion = long_walk(900);
+        let times_s: Vec<f64> = (0..900).map(|t| f64::from(t) / 10.0).collect();
+        let shot = 0..900;
+        let clip =
+            Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
+        let stage = Stage::new(640, 360);
+        let chain = Chain::of_shot(&clip, &stage, 0..900);
+        assert!(windows(&chain).len() > 3, "{:?}", windows(&chain));
+        let strength = chain.shake_strength();
+        let program = Program {
+            chain: &chain,
+            stage: &stage,
+            strength: &strength,
+            ideal: None,
+            smoothness_s: 0.5,
+            min_crop: 0.8,
+            sizing: Sizing::Adaptive,
+            window: 1.0,
+        };
+        let pieces = in_windows(&program).expect("solvable");
+        let whole = program.solve(0..900, &Cameras::default()).expect("solvable").path;
+        let apart = pieces.iter().zip(&whole).map(|(p, q)| (p.d - q.d).norm() + (p.z - q.z).norm()).fold(0.0, f64::max);
+        assert!(apart < 1e-3, "{apart} of half the diagonal");
+    }
+
+    #[test]
+    fn windows_cover_a_shot_and_stay_short() {
+        for n in [3, 200, 2_000, 100_000] {
+            let chain = Chain { step: vec![Pose::IDENTITY; n], rate: vec![1.0; n], fps: 30.0 };
+            let ranges = windows(&chain);
+            assert_eq!((ranges[0].start, ranges[ranges.len() - 1].end), (0, n));
+            for pair in ranges.windows(2) {
+                assert_eq!(pair[1].start + 2, pair[0].start + pair[0].len() / 2);
+            }
+            assert!(ranges.iter().all(|r| r.len() <= 1_440), "{ranges:?}");
+        }
+    }
 }

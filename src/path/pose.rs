@@ -107,10 +107,10 @@ pub(super) fn settle(stage: &Stage, pose: Pose, window: f64) -> (Pose, Homograph
     loop {
         let p = pose.toward(safe, share);
         let src_from_out = stage.similarity(p);
-        if let Some(out_from_src) = src_from_out.inverse() {
-            if share >= 1.0 || stays_inside(stage, out_from_src, window) {
-                return (p, out_from_src.to_homography());
-            }
+        if let Some(out_from_src) = src_from_out.inverse()
+            && (share >= 1.0 || stays_inside(stage, out_from_src, window))
+        {
+            return (p, out_from_src.to_homography());
         }
         share = if share == 0.0 { 1e-9 } else { (share * 4.0).min(1.0) };
     }
@@ -119,4 +119,45 @@ pub(super) fn settle(stage: &Stage, pose: Pose, window: f64) -> (Pose, Homograph
 /// Whether the output window's preimage under the final pixel map lies in `[0,W]×[0,H]`.
 fn stays_inside(stage: &Stage, out_from_src: Similarity2, window: f64) -> bool {
     out_from_src.inverse().is_some_and(|s| stage.overhang(stage.pose(s), window) <= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage() -> Stage {
+        Stage::new(640, 360)
+    }
+
+    #[test]
+    fn poses_and_pixel_similarities_are_the_same_maps() {
+        let s = Similarity2::about(crate::math::Point2::new(100.0, 50.0), 0.2, 0.9, Vec2::new(7.0, -3.0));
+        let back = stage().similarity(stage().pose(s));
+        assert!((back.a - s.a).abs() < 1e-15 && (back.b - s.b).abs() < 1e-15 && (back.t - s.t).norm() < 1e-10);
+        let moved = Similarity2 { t: Vec2::new(36.7, 0.0), ..Similarity2::IDENTITY };
+        let half_diagonal = 320.0_f64.hypot(180.0);
+        assert!((stage().pose(moved).d.re - 36.7 / half_diagonal).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_widest_window_touches_the_edge() {
+        let pose = Pose { z: C64::from_polar(1.0, 0.05), d: C64::new(0.03, -0.02) };
+        let c = stage().widest(pose);
+        assert!(c < 1.0);
+        assert!(stage().overhang(Pose { z: pose.z * c, ..pose }, 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_overhanging_window_is_settled_inside_by_a_hair() {
+        let turned = Pose { z: C64::from_polar(1.0, 0.01), d: C64::new(0.05, 0.01) };
+        let over = Pose { z: turned.z * (stage().widest(turned) * (1.0 + 1e-7)), ..turned };
+        assert!(stage().overhang(over, 1.0) > 0.0);
+        let (settled, out_from_src) = settle(&stage(), over, 1.0);
+        assert!((settled.d - over.d).norm() + (settled.z - over.z).norm() < 1e-5);
+        let src_from_out = out_from_src.inverse().expect("a similarity");
+        for (x, y) in [(0.0, 0.0), (640.0, 0.0), (640.0, 360.0), (0.0, 360.0)] {
+            let p = src_from_out.apply(crate::math::Point2::new(x, y)).expect("affine");
+            assert!((-1e-10..=640.0 + 1e-10).contains(&p.x) && (-1e-10..=360.0 + 1e-10).contains(&p.y), "{p}");
+        }
+    }
 }

@@ -40,8 +40,9 @@ fn plan_of(views: &[View], options: &PathOptions) -> VirtualPath {
 
 fn plan_steps(motion: &[InterFrame], (width, height): (u32, u32), options: &PathOptions) -> VirtualPath {
     let times_s: Vec<f64> = (0..motion.len()).map(|t| t as f64 / FPS).collect();
-    let shots = std::slice::from_ref(&(0..motion.len())).to_vec();
-    plan(&Clip { width, height, times_s: &times_s, motion, shots: &shots }, options).expect("a valid clip")
+    let shot = 0..motion.len();
+    let shots = std::slice::from_ref(&shot);
+    plan(&Clip { width, height, times_s: &times_s, motion, shots }, options).expect("a valid clip")
 }
 
 /// A walk: drift, steps at 1.9 Hz, tremor, all from a seeded generator.
@@ -287,8 +288,8 @@ fn uneven_timestamps_of_an_even_pan_are_no_shake() {
     let tremble = |t: f64| 3.0 * (9.0 * t).sin();
     let views: Vec<View> =
         times_s.iter().map(|&t| View { x: 150.0 * t, y: tremble(t), angle: 0.0, zoom: 0.0 }).collect();
-    let steps = motion(&views, SIZE);
-    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: &[0..120] };
+    let (steps, shot) = (motion(&views, SIZE), 0..120);
+    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: std::slice::from_ref(&shot) };
     let path = plan(&clip, &PathOptions::default()).expect("a valid clip");
     let seen_x: Vec<f64> = seen(&path, &views).iter().map(|p| p.x).collect();
     let off = (2..118).map(|t| (seen_x[t] - seen_x[2] + 150.0 * (times_s[t] - times_s[2])).abs()).fold(0.0, f64::max);
@@ -297,9 +298,9 @@ fn uneven_timestamps_of_an_even_pan_are_no_shake() {
 
 #[test]
 fn invalid_requests_say_what_is_allowed() {
-    let steps = motion(&walk(10, 1.0, 14), SIZE);
+    let (steps, shot) = (motion(&walk(10, 1.0, 14), SIZE), 0..10);
     let times_s: Vec<f64> = (0..10).map(f64::from).collect();
-    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: &[0..10] };
+    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: std::slice::from_ref(&shot) };
     let message = |clip: &Clip<'_>, o: PathOptions| plan(clip, &o).expect_err("invalid").to_string();
     let d = PathOptions::default();
     let cases = [
