@@ -95,7 +95,8 @@ impl<T: Scalar> Cholesky<T> {
         self.factor.len()
     }
 
-    /// Factors `A`, which must have the analyzed pattern. Allocates nothing.
+    /// Factors `A`, which must have the analyzed pattern. Allocates nothing, but for a packing buffer of the kernels the first
+    /// time on each thread.
     ///
     /// # Errors
     /// [`SparseError::NotFinite`], [`SparseError::Singular`], [`SparseError::NotPositiveDefinite`].
