@@ -42,7 +42,7 @@ impl Convergence {
     /// True where the last two energies no longer differ; NaN counts as standing still.
     pub(super) fn reached(&self, energies: &[f64]) -> bool {
         match energies {
-            [.., before, now] => !(before - now > self.tolerance * before),
+            [.., before, now] => now.is_nan() || before - now <= self.tolerance * before,
             _ => false,
         }
     }

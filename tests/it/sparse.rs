@@ -75,7 +75,7 @@ fn every_ordering_gives_the_dense_solution() {
     }
 }
 
-/// Laplacian of a grid plus `shift` on the diagonal.
+/// Laplacian of a grid with diagonals plus `shift` on the diagonal.
 fn laplacian(cols: usize, rows: usize, shift: f64) -> SparseMatrix<f64> {
     let mut triplets = vec![];
     for i in 0..cols * rows {
@@ -87,6 +87,12 @@ fn laplacian(cols: usize, rows: usize, shift: f64) -> SparseMatrix<f64> {
         if i / cols + 1 < rows {
             edge(i + cols);
         }
+        if i % cols + 1 < cols && i / cols + 1 < rows {
+            edge(i + cols + 1);
+        }
+        if i % cols > 0 && i / cols + 1 < rows {
+            edge(i + cols - 1);
+        }
     }
     SparseMatrix::from_triplets(cols * rows, &triplets).expect("in range")
 }
@@ -97,7 +103,7 @@ fn nested_dissection_fills_less_than_the_natural_order() {
     let stored = |o: &Ordering| Cholesky::<f64>::analyze(a.pattern(), o).expect("sizes agree").stored();
     let all: Vec<usize> = orderings(60, 60).iter().map(stored).collect();
     assert!(3 * all[2] < 2 * all[0], "natural {}, dissection {}", all[0], all[2]);
-    assert!((all[2] as f64) < 1.25 * all[1] as f64, "minimum degree {}, dissection {}", all[1], all[2]);
+    assert!((all[2] as f64) < 1.2 * all[1] as f64, "minimum degree {}, dissection {}", all[1], all[2]);
 }
 
 #[test]
