@@ -105,12 +105,22 @@ impl<T: Scalar> QuadraticEnergy<T> {
         }
     }
 
+    /// Factors what has been added since [`Self::clear`].
+    pub(super) fn factor(&mut self) -> Result<(), EnergyError> {
+        Ok(self.cholesky.factor(&self.matrix)?)
+    }
+
+    /// Solves for right-hand sides other than the terms' own: columns of one entry per unknown.
+    pub(super) fn solve_in_place(&mut self, rhs: &mut [T]) {
+        self.cholesky.solve_in_place(rhs);
+    }
+
     /// The minimizer of what has been added since [`Self::clear`].
     ///
     /// # Errors
     /// [`EnergyError::Solve`] where the terms leave something free or are not finite.
     pub fn minimize(&mut self) -> Result<&[T], EnergyError> {
-        self.cholesky.factor(&self.matrix)?;
+        self.factor()?;
         self.solution.copy_from_slice(&self.rhs);
         self.cholesky.solve_in_place(&mut self.solution);
         Ok(&self.solution)

@@ -45,7 +45,10 @@ pub struct Cholesky<T = f64> {
 
 impl<T> std::fmt::Debug for Cholesky<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Cholesky").field("n", &self.order.len()).field("stored", &self.factor.len()).finish()
+        f.debug_struct("Cholesky")
+            .field("n", &self.order.len())
+            .field("stored", &self.factor.len())
+            .finish_non_exhaustive()
     }
 }
 
@@ -95,7 +98,8 @@ impl<T: Scalar> Cholesky<T> {
         self.factor.len()
     }
 
-    /// Factors `A`, which must have the analyzed pattern. Allocates nothing.
+    /// Factors `A`, which must have the analyzed pattern. Allocates nothing, but for a packing buffer of the kernels the first
+    /// time on each thread.
     ///
     /// # Errors
     /// [`SparseError::NotFinite`], [`SparseError::Singular`], [`SparseError::NotPositiveDefinite`].
@@ -162,8 +166,8 @@ impl<T: Scalar> Cholesky<T> {
         (0..symbolic.n_supernodes()).find_map(|s| {
             let node = factor.supernode(s);
             let (start, block) = (node.start(), node.val());
-            let vanished = |k: usize| !(block[(k, k)].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(start + k));
-            (0..block.ncols()).find(|&k| vanished(k)).map(|k| start + k)
+            let sound = |k: usize| block[(k, k)].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(start + k);
+            (0..block.ncols()).find(|&k| !sound(k)).map(|k| start + k)
         })
     }
 

@@ -28,10 +28,12 @@ pub trait Scalar:
     /// The scalar with this real part.
     fn real(re: f64) -> Self;
     /// Complex conjugate; the number itself if it is real.
+    #[must_use]
     fn conjugate(self) -> Self;
     /// `|z|²`.
     fn norm_sqr(self) -> f64;
     /// `s·z` for real `s`.
+    #[must_use]
     fn times(self, s: f64) -> Self;
     /// True where every part is finite.
     fn finite(self) -> bool;

@@ -48,7 +48,7 @@ const REFERENCE_POINTS: f64 = 400.0;
 const TRUSTED_POINTS: f64 = 50.0;
 
 /// Times `α` is raised before giving up: 4¹² is beyond what rounding leaves of `E_d`.
-const FOLD_ROUNDS: u32 = 12;
+const FOLD_ROUNDS: i32 = 12;
 
 /// Where a point of the source should go.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +89,7 @@ pub struct WarpReport {
     /// `α` of the returned mesh.
     pub alpha: f64,
     /// Times `α` was raised to remove folds.
-    pub raised: u32,
+    pub raised: i32,
     /// True where folds would not go and the mesh is the pre-warp itself.
     pub reverted: bool,
     /// Weighted root mean square distance of points from their targets under the pre-warp alone, px.
@@ -213,7 +213,7 @@ impl ContentPreserving {
     /// Solves with growing `α` until no cell folds.
     fn deform(&mut self, salience: &[f64], mesh: &mut GridMesh, report: &mut WarpReport) -> Result<(), WarpError> {
         for raised in 0..=FOLD_ROUNDS {
-            let alpha = self.options.alpha * 4_f64.powi(raised as i32);
+            let alpha = self.options.alpha * 4_f64.powi(raised);
             self.assemble(alpha, salience);
             let cell_px = self.cell_px;
             let displacement = self.energy.minimize()?;

@@ -1,5 +1,6 @@
 //! All integration tests, in one binary: each further binary would cost a link per edit.
 
+mod allocations;
 mod energy;
 mod house;
 mod layers;
@@ -8,6 +9,7 @@ mod media_roundtrip;
 mod motion;
 mod path;
 mod render;
+mod sparse;
 mod support;
 mod track;
 mod warp;

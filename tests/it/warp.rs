@@ -82,7 +82,7 @@ fn paper_rows(grid: &Grid, pre: Homography, points: &[PointPair], salience: &[f6
             rows.push(Row { terms, b: point.dst[xy] / unit, w });
         }
     }
-    for cell in 0..grid.cell_count() {
+    for (cell, w_s) in salience.iter().enumerate() {
         let [tl, tr, bl, br] = grid.corners(cell);
         // (V₁, V₂, V₃), right angle at V₂.
         let triangles = [
@@ -99,7 +99,7 @@ fn paper_rows(grid: &Grid, pre: Homography, points: &[PointPair], salience: &[f6
             let (e, d) = (hat[v3] - hat[v2], hat[v1] - hat[v2]);
             let r90 = Vec2::new(e.y, -e.x);
             let (u, v) = (d.dot(&e) / e.norm_squared(), d.dot(&r90) / e.norm_squared());
-            let w = alpha * salience[cell];
+            let w = alpha * w_s;
             // x: V₁ − V₂ − u (V₃ − V₂) − v (V₃ − V₂)·(0, 1);  y: the same with (−1, 0)
             let (x, y) = (0, 1);
             let row = |own: usize, other: usize, sign: f64| Row {
@@ -278,7 +278,7 @@ fn folds_are_removed_by_stiffening() {
     let (mesh, report) = s.solve(&Homography::identity(), &points, &[]).expect("regular");
     assert_eq!(mesh.folded_cells(), 0);
     assert!(report.raised > 0 && !report.reverted, "{report:?}");
-    assert_eq!(report.alpha, 20.0 * 4_f64.powi(report.raised as i32));
+    assert_eq!(report.alpha, 20.0 * 4_f64.powi(report.raised));
 }
 
 #[test]
