@@ -10,6 +10,7 @@
 //! `N + 1` rows each sample gives weight 0 to the row it does not use, and adding zero changes nothing: results are equal
 //! bit for bit.
 #![allow(unsafe_code)] // SIMD loads through raw pointers; each proves its bounds.
+#![allow(clippy::wildcard_imports)] // fifty intrinsics under their own names
 
 use std::arch::x86_64::*;
 
@@ -186,7 +187,7 @@ impl Taps<u8, 8> for Bytes6 {
             0, -128, 1, -128, 2, -128, 3, -128, 4, -128, 5, -128, 6, -128, 7, -128,
         );
         // The last two taps may wrap around the strip; their weights are zero.
-        let even = |j: i16| _mm256_set1_epi16(4 * j | -256);
+        let even = |j: i16| _mm256_set1_epi16((4 * j) | -256);
         let shuffle = |j| _mm256_add_epi8(_mm256_shuffle_epi8(offsets, even(j)), tap);
         let shuffles = [shuffle(0), shuffle(1), shuffle(2), shuffle(3)];
         Some(Self { shuffles, weights: six_by_four(table, xs) })
@@ -344,8 +345,8 @@ unsafe fn columns<S, T: Taps<S, N>, const N: usize>(
     let mut sum = _mm256_setzero_ps();
     let level = _mm256_castsi256_ps(_mm256_cmpgt_epi32(rows, _mm256_setzero_si256()));
     if _mm256_movemask_ps(level) == 0 {
-        for r in 0..taps(N) {
-            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weights[r]));
+        for (r, &weight) in weights[..taps(N)].iter().enumerate() {
+            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weight));
         }
     } else {
         for r in 0..=taps(N) {

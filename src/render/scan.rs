@@ -39,8 +39,14 @@ impl Siting {
         Self { log2: (x, y), offset: (along(x, color.chroma_offset[0]), along(y, color.chroma_offset[1])) }
     }
 
+    /// Luma px per sample along x and y.
+    pub(super) fn luma_px(&self) -> (f32, f32) {
+        ((1 << self.log2.0) as f32, (1 << self.log2.1) as f32)
+    }
+
     /// Writes the source positions of row `j` in units of 1/256 px of the plane, 0 at the center of its first sample.
-    #[inline(always)]
+    #[inline(always)] // so that it is compiled again for AVX2
+    #[allow(clippy::inline_always)]
     pub(super) fn positions(&self, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
         let step = lattice.step() as f32;
         let y = ((j << self.log2.1) as f32 + 0.5 + self.offset.1) / step;
@@ -81,6 +87,7 @@ struct Line {
     advance: i32,
 }
 
+#[allow(clippy::inline_always)] // see `positions`
 impl Line {
     /// From the offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase`
     /// of the cell behind the left end, samples are `share` of the cell apart.
