@@ -101,12 +101,13 @@ fn a_shift_by_whole_pixels_moves_bits() {
 
 #[test]
 fn a_shift_by_half_a_pixel_of_a_ramp_is_exact() {
-    let src = frame(PixelFormat::opaque(Layout::Gray, 10), (96, 40), |_, x, y| (8 * x + 2 * y) as i32);
+    let src =
+        frame(PixelFormat::opaque(Layout::Gray, 10), (96, 40), |_, x, y| i32::try_from(8 * x + 2 * y).expect("small"));
     for interpolation in KERNELS {
         let dst =
             rendered(&Renderer::new(RenderOptions { interpolation, border: Border::Black }), &src, &shift(0.5, 0.5));
         for (x, y) in (5..35).flat_map(|y| (5..90).map(move |x| (x, y))) {
-            let expected = (8 * x + 2 * y) as i32 - 5;
+            let expected = i32::try_from(8 * x + 2 * y).expect("small") - 5;
             // The window of the sinc reproduces constants and not lines: its ramp errs by a hundredth of a step.
             assert_eq!(get(&dst, 0, x, y), expected, "{interpolation:?} at ({x}, {y})");
         }
