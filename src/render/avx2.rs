@@ -10,6 +10,7 @@
 //! `N + 1` rows each sample gives weight 0 to the row it does not use, and adding zero changes nothing: results are equal
 //! bit for bit.
 #![allow(unsafe_code)] // SIMD loads through raw pointers; each proves its bounds.
+#![allow(clippy::wildcard_imports)] // fifty intrinsics under their own names
 
 use std::arch::x86_64::*;
 
@@ -67,31 +68,48 @@ fn split(pairs: __m256i) -> [__m256; 2] {
     [_mm256_cvtepi32_ps(low), _mm256_cvtepi32_ps(_mm256_srai_epi32::<16>(pairs))]
 }
 
+/// The four weights at a position, in the low half.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn four(table: &Table<4>, position: i32) -> __m128i {
+    // SAFETY: a row of the table is 8 bytes long, and so is the load.
+    unsafe { _mm_loadl_epi64(table[phase(position)].as_ptr().cast()) }
+}
+
+/// The six weights at a position, and two zeros.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn six(table: &Table<8>, position: i32) -> __m128i {
+    // SAFETY: a row of the table is 16 bytes long, and so is the load.
+    unsafe { _mm_loadu_si128(table[phase(position)].as_ptr().cast()) }
+}
+
 /// Weights of two samples for each half: samples `j, j + 1` below, `j + 4, j + 5` above.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn four_weights(table: &Table<4>, at: &[i32; LANES], j: usize) -> __m256i {
-    let two = |j: usize| {
-        // SAFETY: each row of the table is 8 bytes long, and so is each load.
-        let load = |j: usize| unsafe { _mm_loadl_epi64(table[phase(at[j])].as_ptr().cast()) };
-        _mm_unpacklo_epi64(load(j), load(j + 1))
-    };
-    _mm256_set_m128i(two(j + 4), two(j))
+    let (low, high) = (_mm_unpacklo_epi64(four(table, at[j]), four(table, at[j + 1])), j + 4);
+    _mm256_set_m128i(_mm_unpacklo_epi64(four(table, at[high]), four(table, at[high + 1])), low)
 }
 
 /// Weights of sample `j` below and of `j + 4` above.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn six_weights(table: &Table<8>, at: &[i32; LANES], j: usize) -> __m256i {
-    // SAFETY: each row of the table is 16 bytes long, and so is each load.
-    let load = |j: usize| unsafe { _mm_loadu_si128(table[phase(at[j])].as_ptr().cast()) };
-    _mm256_set_m128i(load(j + 4), load(j))
+    _mm256_set_m128i(six(table, at[j + 4]), six(table, at[j]))
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn six_by_four(table: &Table<8>, at: &[i32; LANES]) -> [__m256i; 4] {
+    [six_weights(table, at, 0), six_weights(table, at, 1), six_weights(table, at, 2), six_weights(table, at, 3)]
 }
 
 #[target_feature(enable = "avx2")]
 #[inline]
 fn four_columns(table: &Table<4>, ys: &[i32; LANES]) -> [__m256; 6] {
-    let [a, b] = [0, 2].map(|j| _mm256_castsi256_ps(four_weights(table, ys, j)));
+    let a = _mm256_castsi256_ps(four_weights(table, ys, 0));
+    let b = _mm256_castsi256_ps(four_weights(table, ys, 2));
     let [w0, w1] = split(_mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(a, b)));
     let [w2, w3] = split(_mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(a, b)));
     [w0, w1, w2, w3, _mm256_setzero_ps(), _mm256_setzero_ps()]
@@ -100,7 +118,7 @@ fn four_columns(table: &Table<4>, ys: &[i32; LANES]) -> [__m256; 6] {
 #[target_feature(enable = "avx2")]
 #[inline]
 fn six_columns(table: &Table<8>, ys: &[i32; LANES]) -> [__m256; 6] {
-    let [a, b, c, d] = [0, 1, 2, 3].map(|j| six_weights(table, ys, j));
+    let [a, b, c, d] = six_by_four(table, ys);
     let (low0, low1) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
     let (high0, high1) = (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
     let [w0, w1] = split(_mm256_unpacklo_epi64(low0, low1));
@@ -169,9 +187,10 @@ impl Taps<u8, 8> for Bytes6 {
             0, -128, 1, -128, 2, -128, 3, -128, 4, -128, 5, -128, 6, -128, 7, -128,
         );
         // The last two taps may wrap around the strip; their weights are zero.
-        let even = |j: i16| _mm256_set1_epi16(4 * j | -256);
+        let even = |j: i16| _mm256_set1_epi16((4 * j) | -256);
         let shuffle = |j| _mm256_add_epi8(_mm256_shuffle_epi8(offsets, even(j)), tap);
-        Some(Self { shuffles: [0, 1, 2, 3].map(shuffle), weights: [0, 1, 2, 3].map(|j| six_weights(table, xs, j)) })
+        let shuffles = [shuffle(0), shuffle(1), shuffle(2), shuffle(3)];
+        Some(Self { shuffles, weights: six_by_four(table, xs) })
     }
 
     #[target_feature(enable = "avx2")]
@@ -255,7 +274,7 @@ impl Taps<u16, 8> for Words6 {
         let mut lanes = [0; LANES];
         // SAFETY: 32 bytes into an array of 32 bytes.
         unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), offsets) };
-        let weights = [0, 1, 2, 3].map(|j| six_weights(table, xs, j));
+        let weights = six_by_four(table, xs);
         Some(Self { offsets: lanes, bias: _mm256_set1_epi16(bias as i16), weights })
     }
 
@@ -326,8 +345,8 @@ unsafe fn columns<S, T: Taps<S, N>, const N: usize>(
     let mut sum = _mm256_setzero_ps();
     let level = _mm256_castsi256_ps(_mm256_cmpgt_epi32(rows, _mm256_setzero_si256()));
     if _mm256_movemask_ps(level) == 0 {
-        for r in 0..taps(N) {
-            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weights[r]));
+        for (r, &weight) in weights[..taps(N)].iter().enumerate() {
+            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weight));
         }
     } else {
         for r in 0..=taps(N) {

@@ -8,15 +8,20 @@
 //! Kernels are interpolating, not smoothing: where the field minifies by more than about 2:1 the result aliases. Video
 //! stabilisation magnifies by 1 to 1.5.
 
+#![allow(clippy::cast_possible_wrap)] // sizes are at most 16384, checked before any pixel is touched
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod border;
+mod fill;
 mod kernel;
 mod plane;
 mod scan;
 mod source;
+mod tone;
 
 pub use border::Border;
+pub use fill::{FillReport, Neighbor};
 pub use kernel::Interpolation;
 
 use crate::image::{Frame, Layout, PixelFormat};

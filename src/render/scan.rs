@@ -39,23 +39,38 @@ impl Siting {
         Self { log2: (x, y), offset: (along(x, color.chroma_offset[0]), along(y, color.chroma_offset[1])) }
     }
 
+    /// Luma px per sample along x and y.
+    pub(super) fn luma_px(&self) -> (f32, f32) {
+        ((1 << self.log2.0) as f32, (1 << self.log2.1) as f32)
+    }
+
     /// Writes the source positions of row `j` in units of 1/256 px of the plane, 0 at the center of its first sample.
-    #[inline(always)]
+    #[inline(always)] // so that it is compiled again for AVX2
+    #[allow(clippy::inline_always)]
     pub(super) fn positions(&self, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
         let step = lattice.step() as f32;
         let y = ((j << self.log2.1) as f32 + 0.5 + self.offset.1) / step;
         let l = (y as usize).min(lattice.points().1 - 2);
-        let (upper, lower, t) = (lattice.row(l), lattice.row(l + 1), y - l as f32);
-        let at = |k: usize| [0, 1].map(|c| upper[k][c] + (lower[k][c] - upper[k][c]) * t);
+        let t = y - l as f32;
+        let at = |u: &[f32; 2], v: &[f32; 2]| [u[0] + (v[0] - u[0]) * t, u[1] + (v[1] - u[1]) * t];
+        let mut ends = lattice.row(l).iter().zip(lattice.row(l + 1)).map(|(u, v)| at(u, v));
         let per_cell = lattice.step() >> self.log2.0;
         let phase = (0.5 + self.offset.0) / step;
+        let share = 1.0 / per_cell as f32;
         let (unit_x, unit_y) = (unit(self.log2.0), unit(self.log2.1));
-        let mut left = at(0);
-        for (k, (xs, ys)) in xs.chunks_mut(per_cell).zip(ys.chunks_mut(per_cell)).enumerate() {
-            let right = at(k + 1);
-            let line = |c: usize, unit: f32| Line::new(left[c], right[c], phase, per_cell, unit);
-            line(0, unit_x).write(xs, (k * per_cell) as i32, 1);
-            line(1, unit_y).write(ys, j as i32, 0);
+        let mut left = ends.next().unwrap_or_default();
+        let cells = xs.chunks_mut(per_cell).zip(ys.chunks_mut(per_cell)).zip(ends);
+        for (k, ((xs, ys), right)) in cells.enumerate() {
+            let slope = [right[0] - left[0], right[1] - left[1]];
+            let x = Line::new(left[0], slope[0], phase, share, unit_x);
+            let y = Line::new(left[1], slope[1], phase, share, unit_y);
+            if slope[0].is_finite() && slope[1].is_finite() {
+                x.write(xs, (k * per_cell) as i32, 1);
+                y.write(ys, j as i32, 0);
+            } else {
+                xs.fill(NOWHERE);
+                ys.fill(NOWHERE);
+            }
             left = right;
         }
     }
@@ -70,30 +85,32 @@ fn unit(log2: u32) -> f32 {
 struct Line {
     start: i32,
     advance: i32,
-    defined: bool,
 }
 
+#[allow(clippy::inline_always)] // see `positions`
 impl Line {
-    /// From offsets (luma px) at both ends of a cell; the first sample stands `phase` of the cell behind its left end.
+    /// From the offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase`
+    /// of the cell behind the left end, samples are `share` of the cell apart.
     #[inline(always)]
-    fn new(left: f32, right: f32, phase: f32, samples: usize, unit: f32) -> Self {
-        let slope = right - left;
+    fn new(left: f32, slope: f32, phase: f32, share: f32, unit: f32) -> Self {
         let start = (left + slope * phase).clamp(-FARTHEST, FARTHEST) * unit;
-        let advance = (slope / samples as f32).clamp(-FARTHEST, FARTHEST) * unit;
-        Self { start: start as i32, advance: advance as i32, defined: slope.is_finite() }
+        let advance = (slope * share).clamp(-FARTHEST, FARTHEST) * unit;
+        Self { start: start as i32, advance: advance as i32 }
     }
 
     /// Positions of samples from index `first` on, `own` indices apart.
     #[inline(always)]
     fn write(&self, out: &mut [i32], first: i32, own: i32) {
-        if !self.defined {
-            out.fill(NOWHERE);
-            return;
-        }
         const DROPPED: u32 = FRACTION_BITS - PHASE_BITS;
         let advance = self.advance.wrapping_add(own << FRACTION_BITS);
         let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));
-        for position in out {
+        // Four at a time, which compiles to vectors; cells of chroma may have no more.
+        let (fours, rest) = out.as_chunks_mut::<4>();
+        for four in fours {
+            *four = [0, 1, 2, 3].map(|k: i32| at.wrapping_add(advance.wrapping_mul(k)) >> DROPPED);
+            at = at.wrapping_add(advance.wrapping_mul(4));
+        }
+        for position in rest {
             *position = at >> DROPPED;
             at = at.wrapping_add(advance);
         }

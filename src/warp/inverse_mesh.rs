@@ -23,8 +23,9 @@ use crate::mesh::GridMesh;
 
 /// Newton steps. Three suffice for convex cells; strongly sheared ones near a corner take up to six.
 const NEWTON_STEPS: usize = 8;
-/// Steps of `(s, t)` below this end Newton's method: 1e-9 of a cell is far below any pixel precision.
-const CONVERGED: f64 = 1e-9;
+/// A step of `(s, t)` below this is the last: convergence is quadratic, so that the error left is of the order of its
+/// square, 1e-10 of a cell.
+const CONVERGED: f64 = 1e-5;
 /// A point this far outside a cell, in cells, still counts as inside: both neighbors agree there, and without slack
 /// rounding could send the walk back and forth.
 const SLACK: f64 = 1e-7;
@@ -175,8 +176,8 @@ impl InverseMesh {
     /// The cell that lies `⌊u⌋` cells from `k`, held inside the mesh.
     fn toward(&self, k: usize, u: Vec2) -> usize {
         let go = |i: usize, s: f64, n: usize| {
-            let whole = if (-SLACK..=1.0 + SLACK).contains(&s) { 0 } else { s.floor() as i64 };
-            (i as i64).saturating_add(whole).clamp(0, n as i64 - 1) as usize
+            let whole = if (-SLACK..=1.0 + SLACK).contains(&s) { 0 } else { s.floor() as isize };
+            i.saturating_add_signed(whole).min(n - 1)
         };
         go(k / self.cols, u.y, self.rows) * self.cols + go(k % self.cols, u.x, self.cols)
     }

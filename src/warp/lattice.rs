@@ -66,7 +66,7 @@ impl Lattice {
             || vec![usize::MAX; field.chain.len()],
             |hints, (l, row)| {
                 for (k, offset) in row.iter_mut().enumerate() {
-                    let known = coarse.filter(|c| k % 2 == 0 && l % 2 == 0 && k / 2 < c.cols && l / 2 < c.rows);
+                    let known = coarse.filter(|c| (k | l) & 1 == 0 && k / 2 < c.cols && l / 2 < c.rows);
                     *offset = known.map_or_else(
                         || offset_at(field, Point2::new((k * step) as f64, (l * step) as f64), hints),
                         |c| c.offsets[l / 2 * c.cols + k / 2],
@@ -84,7 +84,7 @@ impl Lattice {
     }
 
     fn error_at(&self, fine: &Self, inside: &Inside, k: usize, l: usize) -> f64 {
-        if k % 2 == 0 && l % 2 == 0 {
+        if (k | l) & 1 == 0 {
             return 0.0;
         }
         let out = Point2::new((k * fine.step) as f64, (l * fine.step) as f64);

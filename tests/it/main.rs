@@ -9,6 +9,7 @@ mod media_roundtrip;
 mod motion;
 mod path;
 mod render;
+mod render_oracle;
 mod sparse;
 mod support;
 mod track;

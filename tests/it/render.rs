@@ -101,12 +101,13 @@ fn a_shift_by_whole_pixels_moves_bits() {
 
 #[test]
 fn a_shift_by_half_a_pixel_of_a_ramp_is_exact() {
-    let src = frame(PixelFormat::opaque(Layout::Gray, 10), (96, 40), |_, x, y| (8 * x + 2 * y) as i32);
+    let src =
+        frame(PixelFormat::opaque(Layout::Gray, 10), (96, 40), |_, x, y| i32::try_from(8 * x + 2 * y).expect("small"));
     for interpolation in KERNELS {
         let dst =
             rendered(&Renderer::new(RenderOptions { interpolation, border: Border::Black }), &src, &shift(0.5, 0.5));
         for (x, y) in (5..35).flat_map(|y| (5..90).map(move |x| (x, y))) {
-            let expected = (8 * x + 2 * y) as i32 - 5;
+            let expected = i32::try_from(8 * x + 2 * y).expect("small") - 5;
             // The window of the sinc reproduces constants and not lines: its ramp errs by a hundredth of a step.
             assert_eq!(get(&dst, 0, x, y), expected, "{interpolation:?} at ({x}, {y})");
         }
@@ -257,4 +258,64 @@ fn frames_that_do_not_fit_are_refused_with_the_reason() {
     assert!(matches!(deeper, RenderError::Format { .. }), "{deeper}");
     let empty = refusal(&Frame::new(format, 0, 32), Frame::new(format, 32, 32)).to_string();
     assert_eq!(empty, "frame of 0×32 px cannot be rendered (expected 1 to 16384 each)");
+}
+
+/// A scene larger than the frame, seen with its upper left corner at `(u, v)` and brighter by `gain`.
+fn view(size: (usize, usize), u: f64, v: f64, gain: f64) -> Frame {
+    frame(PixelFormat::opaque(Layout::Yuv420, 8), size, |i, x, y| {
+        let s = if i == 0 { 1.0 } else { 2.0 };
+        let (x, y) = (s * x as f64 + u, s * y as f64 + v);
+        let wave = (0.21 * x + 0.1 * y).sin() + (0.17 * y - 0.05 * x).cos() + (0.011 * x * y / 40.0).sin();
+        (110.0 + 25.0 * wave + gain) as i32
+    })
+}
+
+/// Largest difference of two frames but for the rows at their upper and lower edges, which no neighbor reaches.
+fn largest_difference(a: &Frame, b: &Frame, plane: usize) -> i32 {
+    let (w, h) = a.format.plane_size(plane, a.width, a.height);
+    let inner = |f: &Frame| samples(f, plane)[4 * w..(h - 4) * w].to_vec();
+    inner(a).iter().zip(inner(b)).map(|(a, b)| (a - b).abs()).max().expect("not empty")
+}
+
+/// The frame seen from (0, 0), stabilised to a view at (−24, 0), and a neighbor that saw the scene at (−40, 0).
+fn fill_with(neighbor: &Frame) -> (Frame, plumbline::render::FillReport) {
+    let (size, options) = ((256, 160), RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
+    let renderer = Renderer::new(options);
+    let own = Lattice::new(&shift(24.0, 0.0), size.0, size.1);
+    let theirs = Lattice::new(&shift(-16.0, 0.0), size.0, size.1);
+    let mut dst = rendered(&renderer, &view(size, 0.0, 0.0, 0.0), &shift(24.0, 0.0));
+    let neighbors = [plumbline::render::Neighbor { frame: neighbor, src_from_out: &theirs }];
+    let report = renderer.fill(&mut dst, &own, &neighbors).expect("formats and sizes agree");
+    (dst, report)
+}
+
+#[test]
+fn a_neighbor_shows_what_the_frame_did_not_see() {
+    let truth = view((256, 160), -24.0, 0.0, 0.0);
+    let (filled, report) = fill_with(&view((256, 160), -40.0, 0.0, 0.0));
+    for plane in 0..3 {
+        assert!(
+            largest_difference(&filled, &truth, plane) <= 3,
+            "plane {plane}: {}",
+            largest_difference(&filled, &truth, plane)
+        );
+    }
+    assert_eq!(report.used, 1);
+    assert!(report.uncovered > 0.09 && report.uncovered < 0.2, "{report:?}");
+}
+
+#[test]
+fn a_brighter_neighbor_is_toned_down_to_the_frame() {
+    let truth = view((256, 160), -24.0, 0.0, 0.0);
+    let (filled, report) = fill_with(&view((256, 160), -40.0, 0.0, 18.0));
+    assert_eq!(report.used, 1);
+    assert!(largest_difference(&filled, &truth, 0) <= 3, "{}", largest_difference(&filled, &truth, 0));
+}
+
+#[test]
+fn a_neighbor_of_another_scene_is_left_out() {
+    let (filled, report) = fill_with(&view((256, 160), 3000.0, 500.0, 0.0));
+    assert_eq!((report.used, report.left), (0, report.uncovered));
+    let renderer = Renderer::new(RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
+    assert_same(&filled, &rendered(&renderer, &view((256, 160), 0.0, 0.0, 0.0), &shift(24.0, 0.0)), "untouched");
 }
