@@ -48,5 +48,6 @@ pub use print::print;
 pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::schema;
+pub use settings::number_for;
 pub use summary::{SegmentSummary, Summary};
 pub use syntax::Source;

@@ -6,6 +6,7 @@
 
 use serde_json::{Map, Value as Json};
 
+use super::kind::{StageSettings, schema_of};
 use super::problem::Problem;
 use super::reference::{Resolved, Scope, resolve};
 use super::suggest::{did_you_mean, listed};
@@ -182,4 +183,17 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
         }
         _ => json,
     }
+}
+
+/// Reads a number for the setting `key` of `S` within the range that its schema states: for options that stand for a setting.
+///
+/// # Errors
+/// No number, or out of range; the message tells the range.
+pub fn number_for<S: StageSettings>(key: &str, text: &str) -> Result<f64, String> {
+    let range = allowed_range(&schema_of::<S>(&[])["properties"][key]);
+    let wanted = range_text(range);
+    let x: f64 = text.parse().map_err(|_| format!("not a number (expected {wanted})"))?;
+    // Written so that NaN is out of range.
+    let inside = range.0.is_none_or(|a| x >= a) && range.1.is_none_or(|b| x <= b);
+    if inside && x.is_finite() { Ok(x) } else { Err(format!("out of range (expected {wanted})")) }
 }
