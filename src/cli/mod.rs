@@ -91,7 +91,9 @@ pub fn command() -> clap::Command {
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
-pub fn stabilize_pipeline<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(args: I) -> Result<PipelineFile, String> {
+pub fn stabilize_pipeline<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(
+    args: I,
+) -> Result<PipelineFile, String> {
     match Cli::try_parse_from(args).map_err(|e| e.to_string())?.command {
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a stabilize command".to_owned()),

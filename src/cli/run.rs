@@ -87,7 +87,8 @@ fn tell_report(report: &Report) {
 
 /// The paths written, one per line, for programs; a person has read them in the summary.
 fn tell_outputs(report: &Report) {
-    let paths: Vec<&Path> = report.done().flat_map(|(_, s)| s.outputs.iter().map(std::path::PathBuf::as_path)).collect();
+    let paths: Vec<&Path> =
+        report.done().flat_map(|(_, s)| s.outputs.iter().map(std::path::PathBuf::as_path)).collect();
     if std::io::stdout().is_terminal() || paths.contains(&Path::new("-")) {
         return;
     }

@@ -10,8 +10,8 @@ use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
 use crate::pipeline::kinds::{
-    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, MotionSettings, PathMethod, RenderSettings, RollingShutter,
-    SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
+    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, MotionSettings, PathMethod, RenderSettings,
+    RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
@@ -143,11 +143,15 @@ impl StabilizeArgs {
     fn only_input(&self) -> Result<String, Failure> {
         let [input] = self.inputs.as_slice() else {
             let count = self.inputs.len();
-            return Err(Failure::usage(format!("--output names one file, but there are {count} inputs; use --out-dir")));
+            return Err(Failure::usage(format!(
+                "--output names one file, but there are {count} inputs; use --out-dir"
+            )));
         };
         let path = Path::new(input);
         if path.is_dir() || (is_glob(input) && !path.exists()) {
-            return Err(Failure::usage(format!("`{input}` may be many clips, but --output names one file; use --out-dir")));
+            return Err(Failure::usage(format!(
+                "`{input}` may be many clips, but --output names one file; use --out-dir"
+            )));
         }
         Ok(escape(input))
     }
@@ -188,7 +192,8 @@ impl StabilizeArgs {
         let path = |p: &PathBuf| literal_path(p);
         let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
-        let motion = MotionSettings { rolling_shutter: self.rolling_shutter, export: self.export_motion.as_ref().map(path) };
+        let motion =
+            MotionSettings { rolling_shutter: self.rolling_shutter, export: self.export_motion.as_ref().map(path) };
         let smooth = SmoothSettings {
             method: self.path,
             smoothness: self.smoothness,
@@ -211,7 +216,9 @@ impl StabilizeArgs {
         let mut stages = vec![
             StageEntry::built("warp", &warp).input("tracks", "tracks").input("path", "path").input("motion", "motion"),
             StageEntry::built("steady", &render).input("frames", "source").inputs("warps", &["warp"]),
-            StageEntry::built("out", &self.encode(output.to_owned())).input("frames", "steady").input("audio", "source.audio"),
+            StageEntry::built("out", &self.encode(output.to_owned()))
+                .input("frames", "steady")
+                .input("audio", "source.audio"),
         ];
         if self.compare {
             let encode = self.encode(compare_path(output)?);

@@ -83,7 +83,13 @@ impl Pipeline {
         }
     }
 
-    fn item_instance(&self, batch: &BatchSettings, item: Item, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Instance {
+    fn item_instance(
+        &self,
+        batch: &BatchSettings,
+        item: Item,
+        scope: &Scope<'_>,
+        problems: &mut Vec<Problem>,
+    ) -> Instance {
         let scope = Scope { item: Some(&item), ..*scope };
         let template = Node::built(Value::Text(batch.key.clone()));
         let key = match resolve(&template, &scope) {
@@ -115,9 +121,13 @@ fn check_keys(instances: &[Instance], problems: &mut Vec<Problem>) {
     let mut seen: HashMap<&str, usize> = HashMap::new();
     for (i, instance) in instances.iter().enumerate() {
         if let Some(first) = seen.insert(&instance.key, i) {
-            let path = |i: usize| instances[i].item.as_ref().map(|item| item.path.display().to_string()).unwrap_or_default();
+            let path =
+                |i: usize| instances[i].item.as_ref().map(|item| item.path.display().to_string()).unwrap_or_default();
             let message = format!("items `{}` and `{}` have the same key `{}`", path(first), path(i), instance.key);
-            problems.push(Problem::new("duplicate-key", message).help("set `batch.key` to something that differs, such as \"${item.path}\""));
+            problems.push(
+                Problem::new("duplicate-key", message)
+                    .help("set `batch.key` to something that differs, such as \"${item.path}\""),
+            );
         }
     }
 }
@@ -136,7 +146,9 @@ fn identity(path: &Path) -> PathBuf {
 
 fn check_outputs(instances: &[Instance], problems: &mut Vec<Problem>) {
     let standard = Path::new("-");
-    let files = |paths: Vec<PathBuf>| paths.into_iter().filter(|p| p != standard).map(|p| (identity(&p), p)).collect::<Vec<_>>();
+    let files = |paths: Vec<PathBuf>| {
+        paths.into_iter().filter(|p| p != standard).map(|p| (identity(&p), p)).collect::<Vec<_>>()
+    };
     let mut inputs: HashMap<PathBuf, PathBuf> = HashMap::new();
     for instance in instances {
         inputs.extend(files(instance.inputs()));
@@ -149,7 +161,8 @@ fn check_outputs(instances: &[Instance], problems: &mut Vec<Problem>) {
                 problems.push(Problem::new("output-is-input", message).help("write to another file or folder"));
             }
             if let Some(other) = written.insert(file, &instance.key) {
-                let message = format!("`{}` would be written twice, by `{other}` and by `{}`", path.display(), instance.key);
+                let message =
+                    format!("`{}` would be written twice, by `{other}` and by `{}`", path.display(), instance.key);
                 let help = "make the output's path differ, for example with ${item.stem} or ${item.index}";
                 problems.push(Problem::new("duplicate-output", message).help(help));
             }

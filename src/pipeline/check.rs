@@ -30,7 +30,8 @@ pub struct Pipeline {
 
 impl PartialEq for Pipeline {
     fn eq(&self, other: &Self) -> bool {
-        (&self.file.name, &self.run, &self.batch, &self.graph) == (&other.file.name, &other.run, &other.batch, &other.graph)
+        (&self.file.name, &self.run, &self.batch, &self.graph)
+            == (&other.file.name, &other.run, &other.batch, &other.graph)
     }
 }
 
@@ -74,7 +75,11 @@ fn check_with(file: PipelineFile, mut problems: Vec<Problem>) -> Result<Pipeline
 }
 
 /// Variables with the references to the environment in them replaced. A variable cannot refer to another or to the item.
-pub(super) fn resolved_vars(file: &PipelineFile, env: &dyn Fn(&str) -> Option<String>, problems: &mut Vec<Problem>) -> Vec<Entry> {
+pub(super) fn resolved_vars(
+    file: &PipelineFile,
+    env: &dyn Fn(&str) -> Option<String>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Entry> {
     let scope = Scope { vars: &[], env, item: None };
     let mut out = Vec::with_capacity(file.vars.len());
     for var in &file.vars {
@@ -113,13 +118,15 @@ pub(super) fn stage_settings(
     let Some(kind) = stage.kind else { return (None, Vec::new()) };
     let accepts = |json: Json| (kind.parse)(json).map(drop).map_err(|e| e.to_string());
     let schema = (kind.schema)();
-    let expected = Expected { what: stage_problem_name(stage), schema: &schema, required: kind.required, accepts: &accepts };
+    let expected =
+        Expected { what: stage_problem_name(stage), schema: &schema, required: kind.required, accepts: &accepts };
     let Checked { json, deferred } =
         check_table(&stage.settings, stage.name.span, &expected, scope, &file.sources, problems);
     let settings = match (kind.parse)(Json::Object(json)) {
         Ok(settings) => Some(settings),
         Err(error) => {
-            problems.push(Problem::new("bad-value", format!("{}: {error}", expected.what)).label(stage.name.span, "here"));
+            problems
+                .push(Problem::new("bad-value", format!("{}: {error}", expected.what)).label(stage.name.span, "here"));
             None
         }
     };
@@ -159,7 +166,13 @@ fn enabled(stage: &StageEntry, node: &Node, scope: &Scope<'_>, problems: &mut Ve
     true
 }
 
-fn options<T>(what: &str, entries: &[Entry], file: &PipelineFile, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<T>
+fn options<T>(
+    what: &str,
+    entries: &[Entry],
+    file: &PipelineFile,
+    scope: &Scope<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<T>
 where
     T: serde::de::DeserializeOwned + schemars::JsonSchema,
 {
@@ -175,7 +188,12 @@ where
 }
 
 /// `key` is a template over the item: it is kept as it is written. The rest is read at once.
-fn batch(entries: &[Entry], file: &PipelineFile, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<BatchSettings> {
+fn batch(
+    entries: &[Entry],
+    file: &PipelineFile,
+    scope: &Scope<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<BatchSettings> {
     let (keys, others): (Vec<Entry>, Vec<Entry>) = entries.iter().cloned().partition(|e| e.key == "key");
     let mut settings: BatchSettings = options("[batch]", &others, file, scope, problems)?;
     for key in &keys {
@@ -192,7 +210,9 @@ fn batch(entries: &[Entry], file: &PipelineFile, scope: &Scope<'_>, problems: &m
     }
     if settings.foreach.is_empty() && !entries.iter().any(|e| e.key == "foreach") {
         let message = "[batch] needs `foreach`";
-        problems.push(Problem::new("missing-key", message).help("foreach: a glob such as \"clips/*.mp4\", or a list of files"));
+        problems.push(
+            Problem::new("missing-key", message).help("foreach: a glob such as \"clips/*.mp4\", or a list of files"),
+        );
     }
     settings.base = foreach_base(&others, file);
     Some(settings)
@@ -218,7 +238,11 @@ fn check_item_use(file: &PipelineFile, problems: &mut Vec<Problem>) {
         if super::reference::refers_to_item(&entry.node) {
             let message = format!("`{}` refers to the item, but there is no [batch]", entry.key);
             let inputs = suggest::listed(&["[batch] foreach = \"clips/*.mp4\"", "--set batch.foreach='clips/*.mp4'"]);
-            problems.push(Problem::new("reference", message).label(entry.node.span, "no item here").help(format!("give {inputs}")));
+            problems.push(
+                Problem::new("reference", message)
+                    .label(entry.node.span, "no item here")
+                    .help(format!("give {inputs}")),
+            );
         }
     }
 }

@@ -35,7 +35,11 @@ pub fn draw(graph: &Graph, format: GraphFormat) -> String {
 fn edges(graph: &Graph) -> impl Iterator<Item = (&Stage, &Stage, String)> {
     graph.stages.iter().flat_map(move |to| {
         to.edges.iter().map(move |e| {
-            let label = if e.output.name == e.port.name { e.port.name.to_owned() } else { format!("{} → {}", e.output.name, e.port.name) };
+            let label = if e.output.name == e.port.name {
+                e.port.name.to_owned()
+            } else {
+                format!("{} → {}", e.output.name, e.port.name)
+            };
             (&graph.stages[e.from], to, label)
         })
     })
@@ -50,7 +54,8 @@ fn text(graph: &Graph) -> String {
         writeln!(out, "{} ({})", stage.name, stage.kind.name).expect(INFALLIBLE);
         for edge in &stage.edges {
             let from = &graph.stages[edge.from].name;
-            writeln!(out, "  {:<8} ← {from}.{} ({})", edge.port.name, edge.output.name, edge.port.data).expect(INFALLIBLE);
+            writeln!(out, "  {:<8} ← {from}.{} ({})", edge.port.name, edge.output.name, edge.port.data)
+                .expect(INFALLIBLE);
         }
     }
     out
@@ -64,7 +69,8 @@ fn identifier(name: &str) -> String {
 fn mermaid(graph: &Graph) -> String {
     let mut out = String::from("flowchart LR\n");
     for stage in &graph.stages {
-        writeln!(out, "  {}[\"{}<br/><small>{}</small>\"]", identifier(&stage.name), stage.name, stage.kind.name).expect(INFALLIBLE);
+        writeln!(out, "  {}[\"{}<br/><small>{}</small>\"]", identifier(&stage.name), stage.name, stage.kind.name)
+            .expect(INFALLIBLE);
     }
     for (from, to, label) in edges(graph) {
         writeln!(out, "  {} -->|{label}| {}", identifier(&from.name), identifier(&to.name)).expect(INFALLIBLE);
@@ -86,9 +92,7 @@ fn dot(graph: &Graph) -> String {
 
 fn json_of(graph: &Graph) -> Json {
     let stage = |s: &Stage| {
-        let edge = |e: &super::graph::Edge| {
-            json!({"port": e.port.name, "data": e.port.data.name(), "from": graph.stages[e.from].name, "output": e.output.name})
-        };
+        let edge = |e: &super::graph::Edge| json!({"port": e.port.name, "data": e.port.data.name(), "from": graph.stages[e.from].name, "output": e.output.name});
         let edges: Vec<Json> = s.edges.iter().map(edge).collect();
         json!({"name": s.name, "use": s.kind.name, "inputs": edges, "settings": s.settings.to_json()})
     };

@@ -172,7 +172,8 @@ fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
             return Err(RunError::Output(format!("`{}` is a folder; give the name of a file", path.display())));
         }
         if !overwrite && path.is_file() {
-            let message = format!("`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)", path.display());
+            let message =
+                format!("`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)", path.display());
             return Err(RunError::Output(message));
         }
         if let Some(folder) = path.parent().filter(|p| *p != Path::new("")) {

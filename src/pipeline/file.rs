@@ -80,7 +80,13 @@ impl StageEntry {
     /// templates: pass what must not be read as a reference through [`escape`].
     pub fn built<S: StageSettings>(name: &str, settings: &S) -> Self {
         let kind = super::kinds::find(S::KIND);
-        Self { name: name.into(), kind, inputs: Vec::new(), enable: None, settings: entries_of(settings, &S::default()) }
+        Self {
+            name: name.into(),
+            kind,
+            inputs: Vec::new(),
+            enable: None,
+            settings: entries_of(settings, &S::default()),
+        }
     }
 
     /// Connects `port` to `from`, which is `stage` or `stage.port`.
@@ -93,7 +99,11 @@ impl StageEntry {
     /// Connects `port`, which takes a list, to each of `from`.
     #[must_use]
     pub fn inputs(mut self, port: &str, from: &[&str]) -> Self {
-        self.inputs.push(Input { port: Some(port.into()), from: from.iter().map(|f| (*f).into()).collect(), list: true });
+        self.inputs.push(Input {
+            port: Some(port.into()),
+            from: from.iter().map(|f| (*f).into()).collect(),
+            list: true,
+        });
         self
     }
 }

@@ -171,7 +171,8 @@ impl Wiring<'_> {
                 None => {
                     *unsound = true;
                     let count = kind.inputs.len();
-                    let message = format!("stage `{}` ({}) takes {count} inputs, this is one more", stage.name.text, kind.name);
+                    let message =
+                        format!("stage `{}` ({}) takes {count} inputs, this is one more", stage.name.text, kind.name);
                     problems.push(Problem::new("input", message).label(name.span, "too many"));
                 }
             }
@@ -180,13 +181,22 @@ impl Wiring<'_> {
     }
 
     /// The stage and output that `from` names, if it fits `port`. Stages of unknown kind were reported: `None` without a word.
-    fn resolve(&self, stage: &StageEntry, port: &'static Port, from: &Name, problems: &mut Vec<Problem>) -> Option<(usize, &'static Port)> {
+    fn resolve(
+        &self,
+        stage: &StageEntry,
+        port: &'static Port,
+        from: &Name,
+        problems: &mut Vec<Problem>,
+    ) -> Option<(usize, &'static Port)> {
         let (name, output) = from.text.split_once('.').map_or((from.text.as_str(), None), |(s, o)| (s, Some(o)));
         let Some(i) = self.stages.iter().position(|s| s.name.text == name) else {
             problems.push(
-                Problem::new("input", format!("stage `{}` takes input from `{name}`, which does not exist", stage.name.text))
-                    .label(from.span, "no such stage")
-                    .suggest(did_you_mean(name, self.stages.iter().map(|s| s.name.text.as_str()))),
+                Problem::new(
+                    "input",
+                    format!("stage `{}` takes input from `{name}`, which does not exist", stage.name.text),
+                )
+                .label(from.span, "no such stage")
+                .suggest(did_you_mean(name, self.stages.iter().map(|s| s.name.text.as_str()))),
             );
             return None;
         };
@@ -224,7 +234,9 @@ impl Wiring<'_> {
             problems.push(Problem::new("input", message).label(mine[1].span, "one too many"));
         }
         for (i, link) in mine.iter().enumerate() {
-            if mine[..i].iter().any(|l| l.from == link.from && l.output.name == link.output.name) {
+            if port.arity == Arity::Many
+                && mine[..i].iter().any(|l| l.from == link.from && l.output.name == link.output.name)
+            {
                 let message = format!("port `{}` of stage `{name}` takes the same data twice", port.name);
                 problems.push(Problem::new("input", message).label(link.span, "named before"));
             }
@@ -247,7 +259,11 @@ impl Wiring<'_> {
             problems.push(
                 Problem::new("input", message)
                     .label(stage.name.span, format!("needs {}: {}", port.data, port.doc))
-                    .help(format!("add it to `inputs`, for example `inputs = {{ {} = {} }}`", port.name, self.example(port))),
+                    .help(format!(
+                        "add it to `inputs`, for example `inputs = {{ {} = {} }}`",
+                        port.name,
+                        self.example(port)
+                    )),
             );
         }
     }
@@ -273,7 +289,10 @@ fn unknown_input(stage: &StageEntry, kind: &StageKind, port: &Name) -> Problem {
 
 fn wrong_data(stage: &StageEntry, port: &Port, from: &Name, source: (&str, &StageKind, &Port)) -> Problem {
     let (name, kind, output) = source;
-    let message = format!("`{}` gives {}, but port `{}` of stage `{}` takes {}", from.text, output.data, port.name, stage.name.text, port.data);
+    let message = format!(
+        "`{}` gives {}, but port `{}` of stage `{}` takes {}",
+        from.text, output.data, port.name, stage.name.text, port.data
+    );
     let fitting = kind.outputs.iter().find(|o| o.data == port.data);
     Problem::new("type", message)
         .label(from.span, format!("this is {}", output.data))
@@ -345,9 +364,12 @@ fn check_resamples(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Proble
             let entry = file.stages.iter().find(|s| s.name.text == stage.name);
             let first = &graph.stages[edge.from].name;
             problems.push(
-                Problem::new("two-resamples", format!("`{}` would interpolate pixels that were interpolated before (`{first}`)", stage.name))
-                    .label(entry.and_then(|e| e.name.span), "second interpolation of the same pixels")
-                    .help("give all maps to one render stage: `warps = [\"first\", \"second\"]`"),
+                Problem::new(
+                    "two-resamples",
+                    format!("`{}` would interpolate pixels that were interpolated before (`{first}`)", stage.name),
+                )
+                .label(entry.and_then(|e| e.name.span), "second interpolation of the same pixels")
+                .help("give all maps to one render stage: `warps = [\"first\", \"second\"]`"),
             );
         }
     }

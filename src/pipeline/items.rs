@@ -9,8 +9,8 @@ use globset::{GlobBuilder, GlobMatcher};
 
 /// Extensions of clips: what a folder given as input is searched for.
 pub const CLIP_EXTENSIONS: [&str; 19] = [
-    "3gp", "avi", "flv", "insv", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "ogv", "ts", "vob", "webm", "wmv",
-    "y4m",
+    "3gp", "avi", "flv", "insv", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "ogv", "ts", "vob",
+    "webm", "wmv", "y4m",
 ];
 
 /// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`.
@@ -30,9 +30,13 @@ pub fn expand(patterns: &[String], base: Option<&Path>) -> Result<Vec<PathBuf>, 
     Ok(out)
 }
 
-/// True where the text means more than one name.
+/// True where the text may mean more than one name.
 pub fn is_glob(pattern: &str) -> bool {
-    pattern.contains(['*', '?', '[', '{'])
+    let choice = pattern
+        .split_once('{')
+        .and_then(|(_, rest)| rest.split_once('}'))
+        .is_some_and(|(inner, _)| inner.contains(','));
+    choice || pattern.contains(['*', '?', '['])
 }
 
 fn expand_one(pattern: &Path) -> Result<Vec<PathBuf>, String> {
@@ -68,7 +72,10 @@ fn clips_in(folder: &Path) -> Vec<PathBuf> {
 /// The folder before the first component with a wildcard, and how many folders deep the rest can reach (`None`: any).
 fn literal_root(pattern: &Path) -> (PathBuf, Option<usize>) {
     let components: Vec<Component<'_>> = pattern.components().collect();
-    let first = components.iter().position(|c| is_glob(&c.as_os_str().to_string_lossy())).unwrap_or(components.len());
+    let first = components
+        .iter()
+        .position(|c| c.as_os_str().to_string_lossy().contains(['*', '?', '[', '{']))
+        .unwrap_or(components.len());
     let rest = &components[first..];
     // A brace may hold a separator, and `**` stands for any depth.
     let endless = rest.iter().any(|c| {

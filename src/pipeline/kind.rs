@@ -40,7 +40,9 @@ pub struct Conflict {
 /// The settings of one stage kind, and what holds for every stage of the kind.
 ///
 /// `Default` gives every setting that a file leaves out; `REQUIRED` names those that a file must give.
-pub trait StageSettings: Serialize + DeserializeOwned + JsonSchema + Default + PartialEq + Debug + Send + Sync + 'static {
+pub trait StageSettings:
+    Serialize + DeserializeOwned + JsonSchema + Default + PartialEq + Debug + Send + Sync + 'static
+{
     /// The name after `use =`.
     const KIND: &'static str;
     /// What the stage does, in one line.

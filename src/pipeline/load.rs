@@ -31,7 +31,9 @@ pub(super) fn load(root: Vec<Entry>, sources: Sources, problems: &mut Vec<Proble
         }
     }
     if file.stages.is_empty() && problems.is_empty() {
-        problems.push(Problem::new("no-stages", "the pipeline has no stages").help("add a table [stage.NAME] with `use = \"…\"`"));
+        problems.push(
+            Problem::new("no-stages", "the pipeline has no stages").help("add a table [stage.NAME] with `use = \"…\"`"),
+        );
     }
     file
 }
@@ -152,7 +154,9 @@ fn inputs(stage: &Name, entry: &Entry, problems: &mut Vec<Problem>) -> Vec<Input
                 problem = problem.help(format!("write `inputs = [\"{text}\"]`"));
             }
             problems.push(problem);
-            Vec::new()
+            // What was meant is clear enough to check the rest with.
+            let meant = entry.node.text().map(|text| Name { text: text.to_owned(), span: entry.node.span });
+            vec![Input { port: None, from: meant.into_iter().collect(), list: true }]
         }
     }
 }
@@ -171,7 +175,11 @@ fn named_input(stage: &Name, port: &Entry, problems: &mut Vec<Problem>) -> Input
 fn endpoint(stage: &Name, node: &Node, problems: &mut Vec<Problem>) -> Option<Name> {
     let name = node.text().map(|text| Name { text: text.to_owned(), span: node.span });
     if name.is_none() {
-        let message = format!("an input of stage `{}` is {} (expected \"stage\" or \"stage.port\")", stage.text, node.type_name());
+        let message = format!(
+            "an input of stage `{}` is {} (expected \"stage\" or \"stage.port\")",
+            stage.text,
+            node.type_name()
+        );
         problems.push(Problem::new("bad-value", message).label(node.span, "expected a string"));
     }
     name

@@ -42,7 +42,8 @@ impl Held {
     pub fn evaluate(&self, clip: &ClipShape) -> u64 {
         let px = f64::from(clip.width) * f64::from(clip.height);
         let length = clip.frames.unwrap_or(0) as f64;
-        let variable = self.frames * clip.frame_bytes as f64 + self.bytes_per_px * px + self.bytes_per_clip_frame * length;
+        let variable =
+            self.frames * clip.frame_bytes as f64 + self.bytes_per_px * px + self.bytes_per_clip_frame * length;
         variable.round() as u64 + self.bytes
     }
 }
@@ -93,7 +94,8 @@ mod tests {
 
     #[test]
     fn terms_add_up_and_print() {
-        let held = Held { what: "x", frames: 2.0, bytes_per_px: 0.5, bytes: 1000, bytes_per_clip_frame: 8.0, on_disk: false };
+        let held =
+            Held { what: "x", frames: 2.0, bytes_per_px: 0.5, bytes: 1000, bytes_per_clip_frame: 8.0, on_disk: false };
         let clip = ClipShape { width: 100, height: 10, frame_bytes: 1500, frames: Some(7) };
         assert_eq!(held.evaluate(&clip), 3000 + 500 + 1000 + 56);
         assert_eq!(held.to_string(), "2 frames + 0.50 B × W×H + 1000 B + 8 B per frame of the clip");
@@ -102,9 +104,14 @@ mod tests {
 
     #[test]
     fn sizes_read_well() {
-        for (bytes, text) in
-            [(0, "0 B"), (1023, "1023 B"), (1024, "1.00 KiB"), (256 << 20, "256 MiB"), (3_110_400, "2.97 MiB"), (5 << 30, "5.00 GiB")]
-        {
+        for (bytes, text) in [
+            (0, "0 B"),
+            (1023, "1023 B"),
+            (1024, "1.00 KiB"),
+            (256 << 20, "256 MiB"),
+            (3_110_400, "2.97 MiB"),
+            (5 << 30, "5.00 GiB"),
+        ] {
             assert_eq!(human_bytes(bytes), text);
         }
     }

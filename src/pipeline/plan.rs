@@ -81,7 +81,8 @@ impl Plan {
         if clip.is_some() {
             out.push_str(&format!("  memory: about {}\n", human_bytes(pass.memory(graph, clip))));
         }
-        let carried: Vec<String> = pass.hands_on.iter().map(|(s, port)| format!("{} of `{}`", port, graph.stages[*s].name)).collect();
+        let carried: Vec<String> =
+            pass.hands_on.iter().map(|(s, port)| format!("{} of `{}`", port, graph.stages[*s].name)).collect();
         if !carried.is_empty() {
             out.push_str(&format!("  hands on: {}\n", carried.join(", ")));
         }

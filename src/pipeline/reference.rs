@@ -23,12 +23,15 @@ pub const ITEM_FIELDS: [&str; 6] = ["path", "stem", "name", "dir", "ext", "index
 
 impl Item {
     fn field(&self, name: &str) -> Option<Value> {
-        let text = |part: Option<&std::ffi::OsStr>| Value::Text(part.unwrap_or_default().to_string_lossy().into_owned());
+        let text =
+            |part: Option<&std::ffi::OsStr>| Value::Text(part.unwrap_or_default().to_string_lossy().into_owned());
         Some(match name {
             "path" => text(Some(self.path.as_os_str())),
             "stem" => text(self.path.file_stem()),
             "name" => text(self.path.file_name()),
-            "dir" => text(Some(self.path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new(".")).as_os_str())),
+            "dir" => {
+                text(Some(self.path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new(".")).as_os_str()))
+            }
             "ext" => text(self.path.extension()),
             "index" => Value::Integer(self.index as i64),
             _ => return None,
@@ -162,13 +165,18 @@ fn scalar_text(value: &Value, name: &str, span: Option<Span>) -> Result<String, 
 type Found = Option<(Value, Option<SourceId>)>;
 
 fn look_up(name: &str, span: Option<Span>, scope: &Scope<'_>) -> Result<Found, Problem> {
-    let wrong = |message: String, help: Option<String>| Err(Problem::new("reference", message).label(span, "used here").suggest(help));
+    let wrong = |message: String, help: Option<String>| {
+        Err(Problem::new("reference", message).label(span, "used here").suggest(help))
+    };
     match name.split_once('.') {
         Some(("vars", var)) => match scope.vars.iter().find(|e| e.key == var) {
             Some(entry) => Ok(Some((entry.node.value.clone(), entry.node.span.map(|s| s.source)))),
             None => {
                 let known = did_you_mean(var, scope.vars.iter().map(|e| e.key.as_str()));
-                wrong(format!("`${{vars.{var}}}` refers to no variable"), known.or(Some(format!("add `{var} = …` to [vars]"))))
+                wrong(
+                    format!("`${{vars.{var}}}` refers to no variable"),
+                    known.or(Some(format!("add `{var} = …` to [vars]"))),
+                )
             }
         },
         Some(("env", rest)) => {
@@ -184,7 +192,9 @@ fn look_up(name: &str, span: Option<Span>, scope: &Scope<'_>) -> Result<Found, P
         Some(("item", field)) if ITEM_FIELDS.contains(&field) => {
             Ok(scope.item.and_then(|item| item.field(field)).map(|value| (value, None)))
         }
-        Some(("item", field)) => wrong(format!("`${{item.{field}}}` is no field of an item"), did_you_mean(field, ITEM_FIELDS)),
+        Some(("item", field)) => {
+            wrong(format!("`${{item.{field}}}` is no field of an item"), did_you_mean(field, ITEM_FIELDS))
+        }
         _ => {
             let kinds = listed(&["vars.NAME", "env.NAME", "item.FIELD"]);
             wrong(format!("`${{{name}}}` refers to nothing"), Some(format!("a reference is one of {kinds}")))

@@ -58,7 +58,10 @@ fn branch(kind: &StageKind) -> Json {
     if let Some(properties) = properties {
         properties.insert("use".into(), json!({"const": kind.name, "description": kind.summary}));
         properties.insert("inputs".into(), inputs(kind));
-        properties.insert("enable".into(), json!({"type": ["boolean", "string"], "description": "false leaves the stage out"}));
+        properties.insert(
+            "enable".into(),
+            json!({"type": ["boolean", "string"], "description": "false leaves the stage out"}),
+        );
     }
     then["required"] = kind.required.into();
     json!({"if": {"properties": {"use": {"const": kind.name}}}, "then": then})

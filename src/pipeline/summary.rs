@@ -59,7 +59,13 @@ impl fmt::Display for Summary {
         }
         for segment in &self.segments {
             let Range { start, end } = segment.frames;
-            writeln!(f, "  {:<9} frames {start} to {}: {}", segment.mode, end.saturating_sub(1).max(start), segment.reason)?;
+            writeln!(
+                f,
+                "  {:<9} frames {start} to {}: {}",
+                segment.mode,
+                end.saturating_sub(1).max(start),
+                segment.reason
+            )?;
         }
         if let Some(readout) = self.readout_s {
             writeln!(f, "  rolling shutter corrected, readout {:.1} ms", 1e3 * readout)?;

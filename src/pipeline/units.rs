@@ -73,7 +73,9 @@ const RATE_UNITS: [(&str, f64); 3] = [("k", 1e3), ("M", 1e6), ("G", 1e9)];
 /// `number [unit]`; units are tried in order and compared without case where that is unambiguous.
 fn scaled(text: &str, units: &[(&str, f64)]) -> Option<u64> {
     let text = text.trim();
-    let unit = units.iter().find(|(u, _)| text.len() > u.len() && text.to_ascii_lowercase().ends_with(&u.to_ascii_lowercase()));
+    let unit = units
+        .iter()
+        .find(|(u, _)| text.len() > u.len() && text.to_ascii_lowercase().ends_with(&u.to_ascii_lowercase()));
     let (number, factor) = unit.map_or((text, 1.0), |(u, f)| (&text[..text.len() - u.len()], *f));
     let value = number.trim().parse::<f64>().ok()? * factor;
     (value.is_finite() && (0.0..9e18).contains(&value)).then_some(value.round() as u64)
@@ -103,7 +105,8 @@ impl FromStr for BitRate {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("`{text}` is no bit rate (expected bits per second above 0, or a number with k, M or G)");
+        let wrong =
+            || format!("`{text}` is no bit rate (expected bits per second above 0, or a number with k, M or G)");
         scaled(text, &RATE_UNITS).filter(|r| *r > 0).map(Self).ok_or_else(wrong)
     }
 }

@@ -31,7 +31,9 @@ impl FromStr for RollingShutter {
             ("auto", _) => Ok(Self::Auto),
             ("off", _) => Ok(Self::Off),
             (_, Ok(seconds)) if seconds > 0.0 && seconds <= 0.1 => Ok(Self::Readout(seconds)),
-            _ => Err(format!("`{text}` is no rolling-shutter setting (expected auto, off, or a readout time above 0 up to 0.1 s)")),
+            _ => Err(format!(
+                "`{text}` is no rolling-shutter setting (expected auto, off, or a readout time above 0 up to 0.1 s)"
+            )),
         }
     }
 }

@@ -27,7 +27,8 @@ impl Default for TrackSettings {
 
 impl StageSettings for TrackSettings {
     const KIND: &'static str = "video.track";
-    const SUMMARY: &'static str = "follows points through the frames, and recognizes cuts, blurred and duplicate frames";
+    const SUMMARY: &'static str =
+        "follows points through the frames, and recognizes cuts, blurred and duplicate frames";
     const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip to analyze")];
     const OUTPUTS: &'static [Port] = &[Port::one("tracks", PortType::Tracks, "the points of every frame")];
 
@@ -35,7 +36,12 @@ impl StageSettings for TrackSettings {
         // Two frames' luma pyramids (1 + 1/4 + 1/16 + … = 4/3 each); tracks go to a temporary file at 8 bytes per point.
         vec![
             Held { what: "two luma pyramids", bytes_per_px: 8.0 / 3.0, ..Held::default() },
-            Held { what: "tracks", bytes_per_clip_frame: f64::from(self.points) * 8.0, on_disk: true, ..Held::default() },
+            Held {
+                what: "tracks",
+                bytes_per_clip_frame: f64::from(self.points) * 8.0,
+                on_disk: true,
+                ..Held::default()
+            },
         ]
     }
 

@@ -143,7 +143,8 @@ impl<'a> TaskProgress<'a> {
     /// A pass begins: `label` is a verb (`analyze`, `warp`), `total` its number of frames if known.
     pub fn begin(&self, pass: usize, label: &str, total: Option<u64>) {
         let Ok(mut state) = self.state.lock() else { return };
-        state.tick = Tick { pass: pass + 1, label: label.to_owned(), done: 0, total, fps: 0.0, eta_s: None, ..state.tick };
+        state.tick =
+            Tick { pass: pass + 1, label: label.to_owned(), done: 0, total, fps: 0.0, eta_s: None, ..state.tick };
         state.pass_started = Instant::now();
         state.told = None;
     }
@@ -181,7 +182,8 @@ mod tests {
 
     #[test]
     fn time_to_go_is_what_the_rest_takes_at_the_same_pace() {
-        let mut tick = Tick { pass: 2, passes: 2, label: "warp".into(), done: 0, total: Some(100), fps: 0.0, eta_s: None };
+        let mut tick =
+            Tick { pass: 2, passes: 2, label: "warp".into(), done: 0, total: Some(100), fps: 0.0, eta_s: None };
         tick.update(50, 10.0, 30.0);
         assert_eq!(tick.fps, 5.0);
         assert_eq!(tick.eta_s, Some(10.0), "three quarters took 30 s");
@@ -194,7 +196,9 @@ mod tests {
 
     #[test]
     fn a_clock_reads_like_one() {
-        for (seconds, text) in [(0.0, "0:00"), (59.6, "1:00"), (3661.0, "1:01:01"), (f64::NAN, "0:00"), (1e12, "99:59:59")] {
+        for (seconds, text) in
+            [(0.0, "0:00"), (59.6, "1:00"), (3661.0, "1:01:01"), (f64::NAN, "0:00"), (1e12, "99:59:59")]
+        {
             assert_eq!(clock(seconds), text);
         }
     }

@@ -73,7 +73,9 @@ impl Progress for Bars {
                 let _ = self.all.println(format!("{task}: {error}; try {attempt} follows"));
             }
             Event::TaskDone { task, .. } => self.finish(&mut state, task, None),
-            Event::TaskFail { task, error, .. } => self.finish(&mut state, task, Some(format!("{task}: failed: {error}"))),
+            Event::TaskFail { task, error, .. } => {
+                self.finish(&mut state, task, Some(format!("{task}: failed: {error}")))
+            }
             Event::RunEnd { .. } => {
                 if let Some(bar) = state.batch.take() {
                     bar.finish_and_clear();
