@@ -38,3 +38,17 @@ impl Interrupt {
         if self.signal.load(Ordering::Relaxed) == SIGTERM as usize { Exit::Terminated } else { Exit::Interrupted }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_signal_asks_to_stop_and_names_itself() {
+        let interrupt = Interrupt::install().expect("signals can be handled");
+        assert!(!interrupt.cancel.load(Ordering::Relaxed));
+        signal_hook::low_level::raise(SIGTERM).expect("a process may signal itself");
+        assert!(interrupt.cancel.load(Ordering::Relaxed));
+        assert_eq!(interrupt.exit(), Exit::Terminated);
+    }
+}

@@ -59,6 +59,6 @@ fn setting(key: &str, property: &Json, default: &Json, required: bool) -> String
         Json::String(text) => notes.push(format!("default \"{text}\"")),
         other => notes.push(format!("default {other}")),
     }
-    let notes = if notes.is_empty() { String::new() } else { format!("\n{:15}[{}]", "", notes.join("; ")) };
-    format!("  {key:<12} {doc}{notes}\n")
+    let notes = if notes.is_empty() { String::new() } else { format!("\n{:19}[{}]", "", notes.join("; ")) };
+    format!("  {key:<16} {doc}{notes}\n")
 }
