@@ -26,7 +26,7 @@ impl PlanArgs {
         let mut text = String::new();
         if let (Some(batch), Some(first)) = (&pipeline.batch, first) {
             let count = instances.len();
-            text.push_str(&format!("{count} items, {} at once; figures for `{}`\n", batch.jobs, first.key));
+            text = format!("{count} items, {} at once; figures for `{}`\n", batch.jobs, first.key);
         }
         text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
         tell(&text);

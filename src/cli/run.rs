@@ -87,10 +87,11 @@ fn tell_report(report: &Report) {
 
 /// The paths written, one per line, for programs; a person has read them in the summary.
 fn tell_outputs(report: &Report) {
-    let paths: Vec<&Path> =
-        report.done().flat_map(|(_, s)| s.outputs.iter().map(std::path::PathBuf::as_path)).collect();
-    if std::io::stdout().is_terminal() || paths.contains(&Path::new("-")) {
+    let paths = || report.done().flat_map(|(_, s)| &s.outputs);
+    if std::io::stdout().is_terminal() || paths().any(|p| p == Path::new("-")) {
         return;
     }
-    tell(&paths.iter().map(|p| format!("{}\n", p.display())).collect::<String>());
+    for path in paths() {
+        tell(&format!("{}\n", path.display()));
+    }
 }

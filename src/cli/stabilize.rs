@@ -20,6 +20,7 @@ use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for
 
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools)] // each is a flag of the command line
 #[command(group = ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub struct StabilizeArgs {
     /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);

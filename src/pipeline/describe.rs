@@ -12,7 +12,8 @@ use super::settings::{allowed_range, allowed_words, range_text};
 /// Every kind on a line.
 pub fn list() -> String {
     let width = KINDS.iter().map(|k| k.name.len()).max().unwrap_or(0);
-    KINDS.iter().map(|k| format!("{:width$}  {}\n", k.name, k.summary)).collect()
+    let lines: Vec<String> = KINDS.iter().map(|k| format!("{:width$}  {}\n", k.name, k.summary)).collect();
+    lines.concat()
 }
 
 /// One kind with its ports and settings.

@@ -116,7 +116,7 @@ impl Wiring<'_> {
         let mut links = Vec::new();
         let mut unsound = false;
         let mut disabled: Vec<(&'static Port, usize, Option<Span>)> = Vec::new();
-        for (port, from) in self.assignments(stage, kind, problems, &mut unsound) {
+        for (port, from) in Self::assignments(stage, kind, problems, &mut unsound) {
             match self.resolve(stage, port, from, problems) {
                 Some((i, _)) if !self.prepared[i].enabled => disabled.push((port, i, from.span)),
                 Some((i, output)) => links.push(Link { port, from: i, output, span: from.span }),
@@ -132,7 +132,6 @@ impl Wiring<'_> {
 
     /// Which name goes to which port: the table form says so, the list form fills the ports in order.
     fn assignments<'n>(
-        &self,
         stage: &'n StageEntry,
         kind: &'static StageKind,
         problems: &mut Vec<Problem>,
@@ -141,40 +140,14 @@ impl Wiring<'_> {
         let mut out = Vec::new();
         for Input { port, from, .. } in &stage.inputs {
             let Some(name) = port else {
-                out.extend(self.in_order(stage, kind, from, problems, unsound));
+                out.extend(in_order(stage, kind, from, problems, unsound));
                 continue;
             };
-            match kind.input(&name.text) {
-                Some(port) => out.extend(from.iter().map(|f| (port, f))),
-                None => {
-                    *unsound = true;
-                    problems.push(unknown_input(stage, kind, name));
-                }
-            }
-        }
-        out
-    }
-
-    fn in_order<'n>(
-        &self,
-        stage: &StageEntry,
-        kind: &'static StageKind,
-        from: &'n [Name],
-        problems: &mut Vec<Problem>,
-        unsound: &mut bool,
-    ) -> Vec<(&'static Port, &'n Name)> {
-        let mut out = Vec::new();
-        for (i, name) in from.iter().enumerate() {
-            let last = kind.inputs.last().filter(|p| p.arity == Arity::Many);
-            match kind.inputs.get(i).or(last) {
-                Some(port) => out.push((port, name)),
-                None => {
-                    *unsound = true;
-                    let count = kind.inputs.len();
-                    let message =
-                        format!("stage `{}` ({}) takes {count} inputs, this is one more", stage.name.text, kind.name);
-                    problems.push(Problem::new("input", message).label(name.span, "too many"));
-                }
+            if let Some(port) = kind.input(&name.text) {
+                out.extend(from.iter().map(|f| (port, f)));
+            } else {
+                *unsound = true;
+                problems.push(unknown_input(stage, kind, name));
             }
         }
         out
@@ -280,6 +253,29 @@ impl Wiring<'_> {
     }
 }
 
+/// The list form: each name to the next port, the rest to a last port that takes a list.
+fn in_order<'n>(
+    stage: &StageEntry,
+    kind: &'static StageKind,
+    from: &'n [Name],
+    problems: &mut Vec<Problem>,
+    unsound: &mut bool,
+) -> Vec<(&'static Port, &'n Name)> {
+    let mut out = Vec::new();
+    let last = kind.inputs.last().filter(|p| p.arity == Arity::Many);
+    for (i, name) in from.iter().enumerate() {
+        if let Some(port) = kind.inputs.get(i).or(last) {
+            out.push((port, name));
+        } else {
+            *unsound = true;
+            let count = kind.inputs.len();
+            let message = format!("stage `{}` ({}) takes {count} inputs, this is one more", stage.name.text, kind.name);
+            problems.push(Problem::new("input", message).label(name.span, "too many"));
+        }
+    }
+    out
+}
+
 fn unknown_input(stage: &StageEntry, kind: &StageKind, port: &Name) -> Problem {
     let message = format!("stage `{}` ({}) has no input `{}`", stage.name.text, kind.name, port.text);
     let none = kind.inputs.is_empty().then(|| "it takes no inputs".to_owned());
@@ -316,15 +312,14 @@ fn sorted(stages: &[StageEntry], links: &[Vec<Link>], problems: &mut Vec<Problem
 fn cycle(start: usize, stages: &[StageEntry], links: &[Vec<Link>], done: &[bool]) -> Problem {
     // Every stage that is left waits for one that is left: walking back must meet itself.
     let mut walk = vec![start];
-    let (tail, ring) = loop {
+    let ring = loop {
         let at = walk[walk.len() - 1];
-        let Some(from) = links[at].iter().map(|l| l.from).find(|&f| !done[f]) else { break (0, walk.clone()) };
+        let Some(from) = links[at].iter().map(|l| l.from).find(|&f| !done[f]) else { break walk };
         if let Some(first) = walk.iter().position(|&w| w == from) {
-            break (first, walk[first..].to_vec());
+            break walk.split_off(first);
         }
         walk.push(from);
     };
-    debug_assert!(tail <= walk.len());
     let mut names: Vec<&str> = ring.iter().rev().map(|&i| stages[i].name.text.as_str()).collect();
     names.push(names[0]);
     let span = links[ring[0]].iter().find(|l| ring.contains(&l.from)).and_then(|l| l.span);

@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn globs_folders_and_files_find_what_they_say() {
-        let folder = tempfile::tempdir().map(|d| d.keep()).unwrap_or_default();
+        let folder = tempfile::tempdir().map(tempfile::TempDir::keep).unwrap_or_default();
         for name in ["b.mp4", "a.MOV", "notes.txt", "odd[1].mp4", "sub/c.mp4", "sub/deep/d.mkv"] {
             let path = folder.join(name);
             std::fs::create_dir_all(path.parent().unwrap_or(&folder)).unwrap_or_default();

@@ -72,13 +72,11 @@ fn text(entry: &Entry, problems: &mut Vec<Problem>) -> Option<String> {
 }
 
 fn table(entry: Entry, problems: &mut Vec<Problem>) -> Option<Vec<Entry>> {
-    match entry.node.value {
-        Value::Table(entries) => Some(entries),
-        _ => {
-            problems.push(wrong_type(&entry, "a table"));
-            None
-        }
+    if let Value::Table(entries) = entry.node.value {
+        return Some(entries);
     }
+    problems.push(wrong_type(&entry, "a table"));
+    None
 }
 
 fn vars(entry: Entry, problems: &mut Vec<Problem>) -> Vec<Entry> {

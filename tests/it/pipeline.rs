@@ -137,8 +137,7 @@ fn faults_of_the_whole_file_read_well() {
     let cycle = GOOD.replace("inputs = [\"source\"]\n\n[stage.motion]", "inputs = [\"steady\"]\n\n[stage.motion]");
     let disabled = GOOD.replace("use    = \"video.motion\"", "use    = \"video.motion\"\nenable = false");
     let twice = format!(
-        "{}\n[stage.again]\nuse = \"video.render\"\ninputs = [\"steady\", \"warp\"]\n[stage.second]\nuse = \"video.encode\"\ninputs = [\"again\"]\npath = \"c.mp4\"\n",
-        GOOD
+        "{GOOD}\n[stage.again]\nuse = \"video.render\"\ninputs = [\"steady\", \"warp\"]\n[stage.second]\nuse = \"video.encode\"\ninputs = [\"again\"]\npath = \"c.mp4\"\n"
     );
     let no_sink = &GOOD[..GOOD.find("[stage.out]").unwrap_or(0)];
     let conflict = format!("{GOOD}crf = 60\nbitrate = \"6M\"\n");

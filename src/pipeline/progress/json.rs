@@ -72,7 +72,9 @@ mod tests {
             Event::TaskFail { task: "x", error: "no video", code: 65 },
             Event::RunEnd { done: 1, failed: 1, seconds: 2.0 },
         ];
-        events.iter().for_each(|e| sink.event(e));
+        for event in &events {
+            sink.event(event);
+        }
         let text = String::from_utf8(sink.out.into_inner().expect("not poisoned")).expect("UTF-8");
         let lines: Vec<Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
         let names: Vec<&str> = lines.iter().filter_map(|l| l["ev"].as_str()).collect();
