@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
+use super::connect::{Prepared, connect};
 use super::file::{PipelineFile, StageEntry};
-use super::graph::{Graph, Prepared, connect};
+use super::graph::Graph;
 use super::kind::{Settings, schema_of};
 use super::load::load;
 use super::options::{BatchSettings, RunSettings};

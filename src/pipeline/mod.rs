@@ -9,6 +9,7 @@
 
 pub mod batch;
 mod check;
+mod connect;
 pub mod describe;
 pub mod draw;
 pub mod execute;
