@@ -53,7 +53,7 @@ impl Pipeline {
             None => vec![self.instance(self.single_key(), None, &scope, &mut problems)],
             Some(batch) => {
                 let items = self.items(batch, &mut problems);
-                items.into_iter().map(|item| self.item_instance(batch, item, &scope, &mut problems)).collect()
+                items.iter().map(|item| self.item_instance(batch, item, &scope, &mut problems)).collect()
             }
         };
         check_keys(&instances, &mut problems);
@@ -86,11 +86,11 @@ impl Pipeline {
     fn item_instance(
         &self,
         batch: &BatchSettings,
-        item: Item,
+        item: &Item,
         scope: &Scope<'_>,
         problems: &mut Vec<Problem>,
     ) -> Instance {
-        let scope = Scope { item: Some(&item), ..*scope };
+        let scope = Scope { item: Some(item), ..*scope };
         let template = Node::built(Value::Text(batch.key.clone()));
         let key = match resolve(&template, &scope) {
             Ok(Resolved::Ready(node, _)) => match node.value {
@@ -100,7 +100,7 @@ impl Pipeline {
             },
             _ => item.path.display().to_string(),
         };
-        self.instance(key, Some(&item), &scope, problems)
+        self.instance(key, Some(item), &scope, problems)
     }
 
     fn instance(&self, key: String, item: Option<&Item>, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Instance {

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
+use super::connect::{Prepared, connect};
 use super::file::{PipelineFile, StageEntry};
-use super::graph::{Graph, Prepared, connect};
+use super::graph::Graph;
 use super::kind::{Settings, schema_of};
 use super::load::load;
 use super::options::{BatchSettings, RunSettings};
@@ -197,15 +198,12 @@ fn batch(
     let (keys, others): (Vec<Entry>, Vec<Entry>) = entries.iter().cloned().partition(|e| e.key == "key");
     let mut settings: BatchSettings = options("[batch]", &others, file, scope, problems)?;
     for key in &keys {
-        match key.node.text() {
-            Some(text) => {
-                text.clone_into(&mut settings.key);
-                check_template(key, scope, problems);
-            }
-            None => {
-                let message = format!("`key` of [batch] is {} (expected a string)", key.node.type_name());
-                problems.push(Problem::new("bad-value", message).label(key.node.span, "expected a string"));
-            }
+        if let Some(text) = key.node.text() {
+            text.clone_into(&mut settings.key);
+            check_template(key, scope, problems);
+        } else {
+            let message = format!("`key` of [batch] is {} (expected a string)", key.node.type_name());
+            problems.push(Problem::new("bad-value", message).label(key.node.span, "expected a string"));
         }
     }
     if settings.foreach.is_empty() && !entries.iter().any(|e| e.key == "foreach") {

@@ -12,7 +12,8 @@ use super::settings::{allowed_range, allowed_words, range_text};
 /// Every kind on a line.
 pub fn list() -> String {
     let width = KINDS.iter().map(|k| k.name.len()).max().unwrap_or(0);
-    KINDS.iter().map(|k| format!("{:width$}  {}\n", k.name, k.summary)).collect()
+    let lines: Vec<String> = KINDS.iter().map(|k| format!("{:width$}  {}\n", k.name, k.summary)).collect();
+    lines.concat()
 }
 
 /// One kind with its ports and settings.
@@ -59,6 +60,6 @@ fn setting(key: &str, property: &Json, default: &Json, required: bool) -> String
         Json::String(text) => notes.push(format!("default \"{text}\"")),
         other => notes.push(format!("default {other}")),
     }
-    let notes = if notes.is_empty() { String::new() } else { format!("\n{:15}[{}]", "", notes.join("; ")) };
-    format!("  {key:<12} {doc}{notes}\n")
+    let notes = if notes.is_empty() { String::new() } else { format!("\n{:19}[{}]", "", notes.join("; ")) };
+    format!("  {key:<16} {doc}{notes}\n")
 }

@@ -1,6 +1,7 @@
 //! The built-in executor: runs the instances of a pipeline, some at once, one failure not stopping the rest.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -164,7 +165,7 @@ impl Executor<'_> {
     }
 }
 
-/// Refuses existing files before any work is done for them.
+/// Refuses existing files and makes missing folders before any work is done.
 fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
     for path in instance.outputs() {
         if path.is_dir() {
@@ -174,6 +175,10 @@ fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
             let message =
                 format!("`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)", path.display());
             return Err(RunError::Output(message));
+        }
+        if let Some(folder) = path.parent().filter(|p| *p != Path::new("")) {
+            let failed = |e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display()));
+            std::fs::create_dir_all(folder).map_err(failed)?;
         }
     }
     Ok(())

@@ -30,9 +30,13 @@ pub fn expand(patterns: &[String], base: Option<&Path>) -> Result<Vec<PathBuf>, 
     Ok(out)
 }
 
-/// True where the text means more than one name.
+/// True where the text may mean more than one name.
 pub fn is_glob(pattern: &str) -> bool {
-    pattern.contains(['*', '?', '[', '{'])
+    let choice = pattern
+        .split_once('{')
+        .and_then(|(_, rest)| rest.split_once('}'))
+        .is_some_and(|(inner, _)| inner.contains(','));
+    choice || pattern.contains(['*', '?', '['])
 }
 
 fn expand_one(pattern: &Path) -> Result<Vec<PathBuf>, String> {
@@ -68,7 +72,10 @@ fn clips_in(folder: &Path) -> Vec<PathBuf> {
 /// The folder before the first component with a wildcard, and how many folders deep the rest can reach (`None`: any).
 fn literal_root(pattern: &Path) -> (PathBuf, Option<usize>) {
     let components: Vec<Component<'_>> = pattern.components().collect();
-    let first = components.iter().position(|c| is_glob(&c.as_os_str().to_string_lossy())).unwrap_or(components.len());
+    let first = components
+        .iter()
+        .position(|c| c.as_os_str().to_string_lossy().contains(['*', '?', '[', '{']))
+        .unwrap_or(components.len());
     let rest = &components[first..];
     // A brace may hold a separator, and `**` stands for any depth.
     let endless = rest.iter().any(|c| {
@@ -104,7 +111,7 @@ mod tests {
 
     #[test]
     fn globs_folders_and_files_find_what_they_say() {
-        let folder = tempfile::tempdir().map(|d| d.keep()).unwrap_or_default();
+        let folder = tempfile::tempdir().map(tempfile::TempDir::keep).unwrap_or_default();
         for name in ["b.mp4", "a.MOV", "notes.txt", "odd[1].mp4", "sub/c.mp4", "sub/deep/d.mkv"] {
             let path = folder.join(name);
             std::fs::create_dir_all(path.parent().unwrap_or(&folder)).unwrap_or_default();

@@ -178,6 +178,9 @@ impl StageKind {
     }
 
     /// The default settings.
+    ///
+    /// # Errors
+    /// None of the kinds of [`super::kinds::KINDS`] gives one: a test parses the defaults of each.
     pub fn defaults(&self) -> Result<Arc<dyn Settings>, serde_json::Error> {
         (self.parse)(serde_json::json!({}))
     }

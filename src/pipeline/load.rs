@@ -72,13 +72,11 @@ fn text(entry: &Entry, problems: &mut Vec<Problem>) -> Option<String> {
 }
 
 fn table(entry: Entry, problems: &mut Vec<Problem>) -> Option<Vec<Entry>> {
-    match entry.node.value {
-        Value::Table(entries) => Some(entries),
-        _ => {
-            problems.push(wrong_type(&entry, "a table"));
-            None
-        }
+    if let Value::Table(entries) = entry.node.value {
+        return Some(entries);
     }
+    problems.push(wrong_type(&entry, "a table"));
+    None
 }
 
 fn vars(entry: Entry, problems: &mut Vec<Problem>) -> Vec<Entry> {
@@ -154,7 +152,9 @@ fn inputs(stage: &Name, entry: &Entry, problems: &mut Vec<Problem>) -> Vec<Input
                 problem = problem.help(format!("write `inputs = [\"{text}\"]`"));
             }
             problems.push(problem);
-            Vec::new()
+            // What was meant is clear enough to check the rest with.
+            let meant = entry.node.text().map(|text| Name { text: text.to_owned(), span: entry.node.span });
+            vec![Input { port: None, from: meant.into_iter().collect(), list: true }]
         }
     }
 }

@@ -9,6 +9,7 @@
 
 pub mod batch;
 mod check;
+mod connect;
 pub mod describe;
 pub mod draw;
 pub mod execute;
@@ -48,5 +49,6 @@ pub use print::print;
 pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::schema;
+pub use settings::number_for;
 pub use summary::{SegmentSummary, Summary};
 pub use syntax::Source;

@@ -12,7 +12,7 @@
 
 use std::collections::BTreeSet;
 
-use super::graph::Graph;
+use super::graph::{Graph, Stage};
 use super::kind::OverTime;
 use super::memory::{ClipShape, Held, human_bytes};
 use super::port::PortType;
@@ -50,44 +50,38 @@ impl Plan {
 
     /// The plan in words, with what each pass holds in memory: in bytes if the clip is known.
     pub fn describe(&self, graph: &Graph, clip: Option<&ClipShape>) -> String {
-        let mut out = String::new();
-        let mut peak = 0;
-        for pass in &self.passes {
-            out.push_str(&self.describe_pass(pass, graph, clip));
-            peak = peak.max(pass.memory(graph, clip));
-        }
-        if clip.is_some() {
-            let pixels = "the estimate leaves out the program itself and what FFmpeg keeps beside frames";
-            out.push_str(&format!("peak memory: about {} ({pixels})\n", human_bytes(peak)));
-        }
-        out
+        let mut lines: Vec<String> = self.passes.iter().flat_map(|p| self.describe_pass(p, graph, clip)).collect();
+        let peak = self.passes.iter().map(|p| p.memory(graph, clip)).max().filter(|_| clip.is_some());
+        lines.extend(peak.map(|bytes| format!("peak memory: about {} beside the program itself", human_bytes(bytes))));
+        lines.push(String::new());
+        lines.join("\n")
     }
 
-    fn describe_pass(&self, pass: &Pass, graph: &Graph, clip: Option<&ClipShape>) -> String {
-        let names: Vec<&str> = pass.stages.iter().map(|&s| graph.stages[s].name.as_str()).collect();
-        let mut out = format!("pass {} of {}: {}\n", pass.index + 1, self.passes.len(), names.join(" → "));
-        for &s in &pass.stages {
-            let stage = &graph.stages[s];
-            let time = match stage.settings.over_time() {
-                OverTime::Map => "frame by frame".to_owned(),
-                OverTime::Window(n) => format!("looks {n} frames around"),
-                OverTime::Reduce => "needs the whole clip".to_owned(),
-            };
-            out.push_str(&format!("  {:<10} {:<14} {time}\n", stage.name, stage.kind.name));
-            for held in stage.settings.held() {
-                out.push_str(&format!("{:27} {}\n", "", held_text(&held, clip)));
-            }
-        }
+    fn describe_pass(&self, pass: &Pass, graph: &Graph, clip: Option<&ClipShape>) -> Vec<String> {
+        let name = |s: usize| graph.stages[s].name.as_str();
+        let names: Vec<&str> = pass.stages.iter().map(|&s| name(s)).collect();
+        let mut lines = vec![format!("pass {} of {}: {}", pass.index + 1, self.passes.len(), names.join(" → "))];
+        lines.extend(pass.stages.iter().flat_map(|&s| describe_stage(&graph.stages[s], clip)));
         if clip.is_some() {
-            out.push_str(&format!("  memory: about {}\n", human_bytes(pass.memory(graph, clip))));
+            lines.push(format!("  memory: about {}", human_bytes(pass.memory(graph, clip))));
         }
-        let carried: Vec<String> =
-            pass.hands_on.iter().map(|(s, port)| format!("{} of `{}`", port, graph.stages[*s].name)).collect();
+        let carried: Vec<String> = pass.hands_on.iter().map(|(s, port)| format!("{port} of `{}`", name(*s))).collect();
         if !carried.is_empty() {
-            out.push_str(&format!("  hands on: {}\n", carried.join(", ")));
+            lines.push(format!("  hands on: {}", carried.join(", ")));
         }
-        out
+        lines
     }
+}
+
+fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
+    let time = match stage.settings.over_time() {
+        OverTime::Map => "frame by frame".to_owned(),
+        OverTime::Window(n) => format!("looks {n} frames around"),
+        OverTime::Reduce => "needs the whole clip".to_owned(),
+    };
+    let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
+    lines.extend(stage.settings.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
+    lines
 }
 
 impl Pass {

@@ -33,7 +33,7 @@ impl Item {
                 text(Some(self.path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new(".")).as_os_str()))
             }
             "ext" => text(self.path.extension()),
-            "index" => Value::Integer(self.index as i64),
+            "index" => Value::Integer(i64::try_from(self.index).unwrap_or(i64::MAX)),
             _ => return None,
         })
     }
@@ -165,41 +165,42 @@ fn scalar_text(value: &Value, name: &str, span: Option<Span>) -> Result<String, 
 type Found = Option<(Value, Option<SourceId>)>;
 
 fn look_up(name: &str, span: Option<Span>, scope: &Scope<'_>) -> Result<Found, Problem> {
-    let wrong = |message: String, help: Option<String>| {
-        Err(Problem::new("reference", message).label(span, "used here").suggest(help))
-    };
-    match name.split_once('.') {
-        Some(("vars", var)) => match scope.vars.iter().find(|e| e.key == var) {
-            Some(entry) => Ok(Some((entry.node.value.clone(), entry.node.span.map(|s| s.source)))),
-            None => {
-                let known = did_you_mean(var, scope.vars.iter().map(|e| e.key.as_str()));
-                wrong(
-                    format!("`${{vars.{var}}}` refers to no variable"),
-                    known.or(Some(format!("add `{var} = …` to [vars]"))),
-                )
-            }
-        },
-        Some(("env", rest)) => {
-            let (var, default) = rest.split_once(":-").map_or((rest, None), |(v, d)| (v, Some(d.to_owned())));
-            match (scope.env)(var).filter(|v| !v.is_empty()).or(default) {
-                Some(text) => Ok(Some((Value::Loose(text), None))),
-                None => {
-                    let help = format!("set it, or write `${{env.{var}:-default}}`");
-                    wrong(format!("environment variable `{var}` is not set"), Some(help))
-                }
-            }
-        }
+    let found = match name.split_once('.') {
+        Some(("vars", var)) => variable(var, scope).map(Some),
+        Some(("env", var)) => environment(var, scope).map(Some),
         Some(("item", field)) if ITEM_FIELDS.contains(&field) => {
             Ok(scope.item.and_then(|item| item.field(field)).map(|value| (value, None)))
         }
         Some(("item", field)) => {
-            wrong(format!("`${{item.{field}}}` is no field of an item"), did_you_mean(field, ITEM_FIELDS))
+            let problem = Problem::new("reference", format!("`${{item.{field}}}` is no field of an item"));
+            Err(problem.suggest(did_you_mean(field, ITEM_FIELDS)))
         }
         _ => {
-            let kinds = listed(&["vars.NAME", "env.NAME", "item.FIELD"]);
-            wrong(format!("`${{{name}}}` refers to nothing"), Some(format!("a reference is one of {kinds}")))
+            let kinds = listed(&["${vars.NAME}", "${env.NAME}", "${item.FIELD}"]);
+            Err(Problem::new("reference", format!("`${{{name}}}` refers to nothing"))
+                .help(format!("a reference is {kinds}")))
         }
+    };
+    found.map_err(|problem| problem.label(span, "used here"))
+}
+
+fn variable(name: &str, scope: &Scope<'_>) -> Result<(Value, Option<SourceId>), Problem> {
+    if let Some(entry) = scope.vars.iter().find(|e| e.key == name) {
+        return Ok((entry.node.value.clone(), entry.node.span.map(|s| s.source)));
     }
+    let suggestion = did_you_mean(name, scope.vars.iter().map(|e| e.key.as_str()));
+    Err(Problem::new("reference", format!("`${{vars.{name}}}` refers to no variable"))
+        .help(format!("add `{name} = …` to [vars]"))
+        .suggest(suggestion))
+}
+
+fn environment(reference: &str, scope: &Scope<'_>) -> Result<(Value, Option<SourceId>), Problem> {
+    let (name, default) = reference.split_once(":-").map_or((reference, None), |(n, d)| (n, Some(d.to_owned())));
+    let text = (scope.env)(name).filter(|v| !v.is_empty()).or(default).ok_or_else(|| {
+        Problem::new("reference", format!("environment variable `{name}` is not set"))
+            .help(format!("set it, or write `${{env.{name}:-default}}`"))
+    })?;
+    Ok((Value::Loose(text), None))
 }
 
 /// True where a string anywhere in `node` refers to the item.
@@ -225,26 +226,26 @@ mod tests {
         resolve(&Node::built(Value::Text(text.into())), &scope).map_err(|p| p.message)
     }
 
-    fn ready(value: Value) -> Result<Resolved, String> {
-        Ok(Resolved::Ready(Node::built(value), None))
+    fn ready(value: Value) -> Resolved {
+        Resolved::Ready(Node::built(value), None)
     }
 
     #[test]
     fn a_lone_reference_keeps_its_type_and_others_become_text() {
-        assert_eq!(value("${vars.crf}"), ready(Value::Integer(23)));
-        assert_eq!(value("${ vars.crf }"), ready(Value::Integer(23)));
-        assert_eq!(value("crf${vars.crf}"), ready(Value::Text("crf23".into())));
-        assert_eq!(value("${item.index}"), ready(Value::Integer(4)));
-        assert_eq!(value("${vars.dir}/${item.stem}.${item.ext}"), ready(Value::Text("out/tour.one.mp4".into())));
-        assert_eq!(value("${item.dir}|${item.name}"), ready(Value::Text("clips|tour.one.mp4".into())));
-        assert_eq!(value("${env.HOME}/x"), ready(Value::Text("/home/ada/x".into())));
-        assert_eq!(value("${env.NONE:-7}"), ready(Value::Loose("7".into())));
+        assert_eq!(value("${vars.crf}"), Ok(ready(Value::Integer(23))));
+        assert_eq!(value("${ vars.crf }"), Ok(ready(Value::Integer(23))));
+        assert_eq!(value("crf${vars.crf}"), Ok(ready(Value::Text("crf23".into()))));
+        assert_eq!(value("${item.index}"), Ok(ready(Value::Integer(4))));
+        assert_eq!(value("${vars.dir}/${item.stem}.${item.ext}"), Ok(ready(Value::Text("out/tour.one.mp4".into()))));
+        assert_eq!(value("${item.dir}|${item.name}"), Ok(ready(Value::Text("clips|tour.one.mp4".into()))));
+        assert_eq!(value("${env.HOME}/x"), Ok(ready(Value::Text("/home/ada/x".into()))));
+        assert_eq!(value("${env.NONE:-7}"), Ok(ready(Value::Loose("7".into()))));
     }
 
     #[test]
     fn what_is_escaped_comes_back_as_it_was() {
         for text in ["", "plain", "${vars.crf}", "$${a}", "a$", "$$${x", "cost: 5$"] {
-            assert_eq!(value(&escape(text)), ready(Value::Text(text.into())), "{text}");
+            assert_eq!(value(&escape(text)), Ok(ready(Value::Text(text.into()))), "{text}");
         }
     }
 

@@ -6,6 +6,7 @@
 
 use serde_json::{Map, Value as Json};
 
+use super::kind::{StageSettings, schema_of};
 use super::problem::Problem;
 use super::reference::{Resolved, Scope, resolve};
 use super::suggest::{did_you_mean, listed};
@@ -86,24 +87,27 @@ fn check_value(key: &str, node: &Node, property: &Json, expected: &Expected<'_>)
     let mut refusal = None;
     for candidate in candidates(node) {
         let json = to_json(&candidate, key)?;
+        check_range(key, node, &json, property, expected)?;
         match (expected.accepts)(Json::Object([(key.to_owned(), json.clone())].into_iter().collect())) {
-            Ok(()) => return in_range(key, node, json, property, expected),
+            Ok(()) => return Ok(json),
             Err(reason) => refusal = Some(reason),
         }
     }
-    let reason = refusal.unwrap_or_default();
     let words = allowed_words(property);
-    let suggestion = match (node.text(), words.as_slice()) {
-        (Some(text), [_, ..]) => did_you_mean(text, words.iter().copied()),
-        _ => property["description"].as_str().map(|doc| format!("{key}: {doc}")),
+    let doc = || property["description"].as_str().map(|doc| format!("{key}: {doc}"));
+    let (shown, suggestion) = match (node.text(), words.as_slice()) {
+        (_, []) => return Err(refused(key, node, expected, &refusal.unwrap_or_default()).suggest(doc())),
+        (Some(text), words) => (text.to_owned(), did_you_mean(text, words.iter().copied())),
+        (None, _) => (to_json(node, key)?.to_string(), doc()),
     };
-    let message = match node.text() {
-        Some(text) if !words.is_empty() => {
-            format!("`{key}` of {} cannot be `{text}` (expected {})", expected.what, listed(&words))
-        }
-        _ => format!("`{key}` of {} is wrong: {reason}", expected.what),
-    };
+    let message = format!("`{key}` of {} cannot be `{shown}` (expected {})", expected.what, listed(&words));
     Err(Problem::new("bad-value", message).label(node.span, "this value").suggest(suggestion))
+}
+
+/// A refusal in the words of the deserializer, its names of types put in ours.
+fn refused(key: &str, node: &Node, expected: &Expected<'_>, reason: &str) -> Problem {
+    let reason = reason.replace("expected u32", "expected a whole number").replace("expected f64", "expected a number");
+    Problem::new("bad-value", format!("`{key}` of {} is wrong: {reason}", expected.what)).label(node.span, "this value")
 }
 
 /// What the node may stand for: text without quotes is first read as TOML, then taken as it is.
@@ -151,13 +155,13 @@ pub(super) fn allowed_range(property: &Json) -> (Option<f64>, Option<f64>) {
     (property["minimum"].as_f64(), property["maximum"].as_f64())
 }
 
-fn in_range(key: &str, node: &Node, json: Json, property: &Json, expected: &Expected<'_>) -> Result<Json, Problem> {
+fn check_range(key: &str, node: &Node, json: &Json, property: &Json, expected: &Expected<'_>) -> Result<(), Problem> {
     let (least, most) = allowed_range(property);
-    let Some(x) = json.as_f64() else { return Ok(json) };
+    let Some(x) = json.as_f64() else { return Ok(()) };
     // Written so that NaN is out of range.
     let inside = least.is_none_or(|a| x >= a) && most.is_none_or(|b| x <= b);
     if inside {
-        return Ok(json);
+        return Ok(());
     }
     let range = range_text((least, most));
     let doc = property["description"].as_str().unwrap_or_default();
@@ -185,4 +189,17 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
         }
         _ => json,
     }
+}
+
+/// Reads a number for the setting `key` of `S` within the range that its schema states: for options that stand for a setting.
+///
+/// # Errors
+/// No number, or out of range; the message tells the range.
+pub fn number_for<S: StageSettings>(key: &str, text: &str) -> Result<f64, String> {
+    let range = allowed_range(&schema_of::<S>(&[])["properties"][key]);
+    let wanted = range_text(range);
+    let x: f64 = text.parse().map_err(|_| format!("not a number (expected {wanted})"))?;
+    // Written so that NaN is out of range.
+    let inside = range.0.is_none_or(|a| x >= a) && range.1.is_none_or(|b| x <= b);
+    if inside && x.is_finite() { Ok(x) } else { Err(format!("out of range (expected {wanted})")) }
 }

@@ -8,6 +8,7 @@ pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -
     match nearest {
         None => None,
         Some((d, name)) if d <= limit && d < name.len() => Some(format!("did you mean `{name}`?")),
+        Some(_) if known.len() == 1 => Some(format!("expected {}", listed(&known))),
         Some(_) => Some(format!("expected one of {}", listed(&known))),
     }
 }

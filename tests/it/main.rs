@@ -1,6 +1,7 @@
 //! All integration tests, in one binary: each further binary would cost a link per edit.
 
 mod allocations;
+mod cli;
 mod energy;
 mod house;
 mod layers;
@@ -8,6 +9,9 @@ mod media_bad_input;
 mod media_roundtrip;
 mod motion;
 mod path;
+mod pipeline;
+mod pipeline_laws;
+mod pipeline_run;
 mod render;
 mod render_oracle;
 mod sparse;

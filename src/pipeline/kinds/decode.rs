@@ -53,14 +53,11 @@ impl StageSettings for DecodeSettings {
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
-        match (self.start, self.end) {
-            (start, Some(end)) if !(end.seconds() > start.map_or(0.0, ClipTime::seconds)) => vec![Conflict {
-                key: "end",
-                message: format!("`end` = {end} s is not after `start` = {} s", start.map_or(0.0, ClipTime::seconds)),
-                help: "give an end later than the start, or leave it out",
-            }],
-            _ => Vec::new(),
-        }
+        let start = self.start.map_or(0.0, ClipTime::seconds);
+        let message = |end| format!("`end` = {end} s is not after `start` = {start} s");
+        let help = "give an end later than the start, or leave it out";
+        let end = self.end.filter(|end| end.seconds() <= start);
+        end.map(|end| Conflict { key: "end", message: message(end), help }).into_iter().collect()
     }
 
     fn reads(&self) -> Vec<&str> {

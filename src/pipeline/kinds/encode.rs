@@ -81,7 +81,7 @@ impl EncodeSettings {
                 let message = format!("codec `{codec}` has no `crf`");
                 Some(Conflict { key: "crf", message, help: "leave `crf` out, or take h264, hevc or av1" })
             }
-            Some(max) if !(crf <= max) => {
+            Some(max) if crf > max => {
                 let message = format!("`crf` = {crf} is out of range for `{codec}` (expected 0 to {max})");
                 Some(Conflict { key: "crf", message, help: "18 to 28 is usual" })
             }

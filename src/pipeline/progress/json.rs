@@ -50,3 +50,39 @@ fn object(event: &Event<'_>) -> Value {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Tick;
+    use super::*;
+    use crate::pipeline::Summary;
+
+    #[test]
+    fn every_event_is_one_line_with_its_time_and_name() {
+        let sink = JsonLines::new(Vec::new());
+        let tick =
+            Tick { pass: 1, passes: 2, label: "analyze".into(), done: 120, total: Some(480), fps: 31.5, eta_s: None };
+        let summary = Summary { frames: 480, ..Summary::default() };
+        let events = [
+            Event::RunStart { items: 1 },
+            Event::TaskStart { task: "tour" },
+            Event::TaskProgress { task: "tour", tick: &tick },
+            Event::TaskRetry { task: "tour", attempt: 2, error: "device\nbusy" },
+            Event::TaskDone { task: "tour", summary: &summary },
+            Event::TaskFail { task: "x", error: "no video", code: 65 },
+            Event::RunEnd { done: 1, failed: 1, seconds: 2.0 },
+        ];
+        for event in &events {
+            sink.event(event);
+        }
+        let text = String::from_utf8(sink.out.into_inner().expect("not poisoned")).expect("UTF-8");
+        let lines: Vec<Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
+        let names: Vec<&str> = lines.iter().filter_map(|l| l["ev"].as_str()).collect();
+        let expected = ["run.start", "task.start", "task.progress", "task.retry", "task.done", "task.fail", "run.end"];
+        assert_eq!(names, expected);
+        assert!(lines.iter().all(|l| l["t"].as_f64().is_some_and(|t| t >= 0.0)));
+        let progress = (&lines[2]["done"], &lines[2]["total"], &lines[2]["fps"], &lines[2]["unit"], &lines[2]["eta_s"]);
+        assert_eq!(progress, (&120.into(), &480.into(), &31.5.into(), &"frame".into(), &Value::Null));
+        assert_eq!((&lines[4]["summary"]["frames"], &lines[5]["code"]), (&480.into(), &65.into()));
+    }
+}

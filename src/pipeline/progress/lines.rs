@@ -62,3 +62,36 @@ pub(super) fn tick_text(tick: &Tick) -> String {
     let eta = tick.eta_s.map(|s| format!(", {} to go", clock(s))).unwrap_or_default();
     format!("{} ({} of {}) {}{total} frames, {:.1} fps{eta}", tick.label, tick.pass, tick.passes, tick.done, tick.fps)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_gets_a_line_per_pass_and_not_one_per_frame() {
+        let sink = Lines::new(Vec::new());
+        let mut tick = Tick {
+            pass: 1,
+            passes: 2,
+            label: "analyze".into(),
+            done: 1,
+            total: Some(300),
+            fps: 61.25,
+            eta_s: Some(12.3),
+        };
+        for done in 1..100 {
+            tick.done = done;
+            sink.event(&Event::TaskProgress { task: "a", tick: &tick });
+        }
+        (tick.pass, tick.label, tick.total) = (2, "warp".into(), None);
+        sink.event(&Event::TaskProgress { task: "a", tick: &tick });
+        sink.event(&Event::TaskFail { task: "b", error: "no video", code: 65 });
+        sink.event(&Event::RunEnd { done: 1, failed: 1, seconds: 75.0 });
+        let text = String::from_utf8(sink.state.into_inner().expect("not poisoned").out).expect("UTF-8");
+        let expected = "a: analyze (1 of 2) 1/300 frames, 61.2 fps, 0:12 to go\n\
+                        a: warp (2 of 2) 99 frames, 61.2 fps, 0:12 to go\n\
+                        b: failed: no video\n\
+                        1 done, 1 failed, 1:15\n";
+        assert_eq!(text, expected);
+    }
+}

@@ -74,7 +74,7 @@ impl Progress for Bars {
             }
             Event::TaskDone { task, .. } => self.finish(&mut state, task, None),
             Event::TaskFail { task, error, .. } => {
-                self.finish(&mut state, task, Some(format!("{task}: failed: {error}")))
+                self.finish(&mut state, task, Some(format!("{task}: failed: {error}")));
             }
             Event::RunEnd { .. } => {
                 if let Some(bar) = state.batch.take() {

@@ -1,0 +1,23 @@
+//! `plumbline completions`: completions for a shell.
+
+use clap::Args;
+use clap_complete::{Shell, generate};
+
+use super::tell;
+use crate::pipeline::Exit;
+
+#[derive(Debug, Args)]
+pub(super) struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+impl CompletionsArgs {
+    pub(super) fn run(self) -> Exit {
+        let mut script = Vec::new();
+        generate(self.shell, &mut super::command(), "plumbline", &mut script);
+        tell(&String::from_utf8_lossy(&script));
+        Exit::Done
+    }
+}

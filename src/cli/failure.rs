@@ -1,0 +1,44 @@
+//! Why a command failed: a message for people and an exit status for programs.
+
+use std::io::{IsTerminal, Write};
+
+use crate::pipeline::{Exit, Problems, RunError};
+
+/// Why a command failed.
+#[derive(Debug)]
+pub(super) struct Failure {
+    /// Exit status.
+    pub exit: Exit,
+    /// The message, without the `error:` in front unless it is drawn with its place.
+    pub message: String,
+    /// The message is complete as it stands.
+    pub drawn: bool,
+}
+
+impl Failure {
+    pub(super) fn usage(message: impl Into<String>) -> Self {
+        Self { exit: Exit::Usage, message: message.into(), drawn: false }
+    }
+
+    /// Tells it on standard error. There is nowhere left to complain where that fails.
+    pub(super) fn tell(&self) {
+        let mut err = std::io::stderr().lock();
+        let _ = if self.drawn { write!(err, "{}", self.message) } else { writeln!(err, "error: {}", self.message) };
+    }
+}
+
+impl From<Problems> for Failure {
+    fn from(problems: Problems) -> Self {
+        let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        Self { exit: Exit::Usage, message: problems.render(color, 100), drawn: true }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Config(problems) => problems.into(),
+            other => Self { exit: other.exit(), message: other.to_string(), drawn: false },
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! The command line: one file per subcommand. Each builds or reads a pipeline and hands it to the same executor.
+//!
+//! Standard output carries results only; progress, summaries and errors go to standard error. Exit statuses: [`Exit`].
+
+mod check;
+mod completions;
+mod failure;
+mod graph;
+mod interrupt;
+mod plan;
+mod probe;
+mod run;
+mod schema;
+mod stabilize;
+mod stages;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+
+use crate::pipeline::{Backend, Exit, Pipeline, PipelineFile};
+use failure::Failure;
+pub use stabilize::StabilizeArgs;
+
+/// Hold shaky video steady.
+#[derive(Debug, Parser)]
+#[command(name = "plumbline", version, about, max_term_width = 100, propagate_version = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Hold shaky clips steady
+    Stabilize(Box<StabilizeArgs>),
+    /// Run a pipeline file
+    Run(run::RunArgs),
+    /// Check a pipeline file, touching no input
+    Check(check::CheckArgs),
+    /// Show the passes of a pipeline and what each holds in memory
+    Plan(plan::PlanArgs),
+    /// Draw the stages of a pipeline
+    Graph(graph::GraphArgs),
+    /// Describe the kinds of stages: ports, settings, defaults
+    Stages(stages::StagesArgs),
+    /// Print the JSON schema of pipeline files, for editors
+    Schema,
+    /// Tell what is in a clip
+    Probe(probe::ProbeArgs),
+    /// Print completions for a shell
+    Completions(completions::CompletionsArgs),
+}
+
+/// Which pipeline file, and what to change in it.
+#[derive(Debug, Args)]
+struct PipelineArgs {
+    /// A pipeline file, or the name of a shipped one: stabilize
+    #[arg(value_name = "FILE|NAME")]
+    file: String,
+    /// Change a setting; NAME is a stage, or vars, batch or run
+    #[arg(long, value_name = "NAME.KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl PipelineArgs {
+    fn read(&self) -> Result<Pipeline, Failure> {
+        let source = crate::pipeline::shipped::find_source(&self.file).map_err(Failure::usage)?;
+        Ok(crate::pipeline::read(source, &self.set)?)
+    }
+}
+
+/// Runs the program on the process's own arguments.
+pub fn main(backend: &dyn Backend) -> ExitCode {
+    let cli = Cli::parse();
+    start_log();
+    let exit = dispatch(cli.command, backend).unwrap_or_else(|failure| {
+        failure.tell();
+        failure.exit
+    });
+    ExitCode::from(exit as u8)
+}
+
+/// The command line's definition, for help and completions.
+pub fn command() -> clap::Command {
+    Cli::command()
+}
+
+/// The pipeline that `plumbline stabilize` builds from these arguments, the program's name first.
+///
+/// # Errors
+/// What clap says of them, or why they do not fit together.
+pub fn stabilize_pipeline<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(
+    args: I,
+) -> Result<PipelineFile, String> {
+    match Cli::try_parse_from(args).map_err(|e| e.to_string())?.command {
+        Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
+        _ => Err("not a stabilize command".to_owned()),
+    }
+}
+
+fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
+    match command {
+        Command::Stabilize(args) => args.run(backend),
+        Command::Run(args) => args.run(backend),
+        Command::Check(args) => args.run(),
+        Command::Plan(args) => args.run(backend),
+        Command::Graph(args) => args.run(),
+        Command::Stages(args) => args.run(),
+        Command::Schema => Ok(schema::run()),
+        Command::Probe(args) => args.run(backend),
+        Command::Completions(args) => Ok(args.run()),
+    }
+}
+
+/// `PLUMBLINE_LOG` chooses what is logged, as `error`, `warn`, `info`, `debug` or by module.
+fn start_log() {
+    let filter = tracing_subscriber::EnvFilter::try_from_env("PLUMBLINE_LOG").unwrap_or_else(|_| "off".into());
+    // A second start in one process keeps the first subscriber, which is as good.
+    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+}
+
+/// Writes a result to standard output. A reader that went away has read enough.
+fn tell(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}

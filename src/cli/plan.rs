@@ -1,0 +1,35 @@
+//! `plumbline plan`: the passes of a pipeline and what each holds in memory.
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::{PipelineArgs, tell};
+use crate::pipeline::{Backend, Exit, Plan};
+
+#[derive(Debug, Args)]
+pub(super) struct PlanArgs {
+    #[command(flatten)]
+    pipeline: PipelineArgs,
+}
+
+impl PlanArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        let pipeline = self.pipeline.read()?;
+        // A plan can be read before the clips exist: then the figures stay symbolic.
+        let instances = pipeline.instances().unwrap_or_default();
+        let first = instances.first();
+        let clip = first
+            .and_then(|i| i.inputs().into_iter().next())
+            .and_then(|path| backend.probe(&path.to_string_lossy()).ok())
+            .and_then(|probed| probed.shape);
+        let graph = first.map_or(&pipeline.graph, |i| &i.graph);
+        let mut text = String::new();
+        if let (Some(batch), Some(first)) = (&pipeline.batch, first) {
+            let count = instances.len();
+            text = format!("{count} items, {} at once; figures for `{}`\n", batch.jobs, first.key);
+        }
+        text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
+        tell(&text);
+        Ok(Exit::Done)
+    }
+}

@@ -1,0 +1,255 @@
+//! `plumbline stabilize`: the main job, as options. Builds the same graph as `pipeline/stabilize.toml`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{ArgGroup, Args};
+
+use super::failure::Failure;
+use super::run::run_pipeline;
+use super::tell;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::items::is_glob;
+use crate::pipeline::kinds::{
+    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, MotionSettings, PathMethod, RenderSettings,
+    RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
+};
+use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::reference::escape;
+use crate::pipeline::units::{BitRate, ByteSize, ClipTime};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
+
+/// Options of `plumbline stabilize`.
+#[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools)] // each is a flag of the command line
+#[command(group = ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
+pub struct StabilizeArgs {
+    /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);
+    /// image sequences such as frames/%05d.png; - for standard input
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<String>,
+    /// The file to write, for one input; its extension chooses the container; - for standard output
+    #[arg(short, long, value_name = "OUTPUT")]
+    output: Option<PathBuf>,
+    /// The folder to write to; results keep the names of their inputs
+    #[arg(long, value_name = "DIR")]
+    out_dir: Option<PathBuf>,
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+    /// First position to read: seconds or [HH:]MM:SS
+    #[arg(long, value_name = "TIME")]
+    start: Option<ClipTime>,
+    /// Position to stop before
+    #[arg(long, value_name = "TIME")]
+    end: Option<ClipTime>,
+
+    /// How freely a frame may be bent
+    #[arg(long, value_enum, default_value_t, value_name = "MODE", help_heading = "Stabilization")]
+    mode: WarpMode,
+    /// How the virtual camera moves
+    #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
+    path: PathMethod,
+    /// Time over which motion is evened out, 0.05 to 60
+    #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
+    #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
+    smoothness: f64,
+    /// Picture of the clip's shape: nothing is tracked where it is black
+    #[arg(long, value_name = "FILE", help_heading = "Stabilization")]
+    mask: Option<PathBuf>,
+    /// Least part of the picture's width and height that must stay, 0.3 to 1
+    #[arg(long, default_value_t = SmoothSettings::default().min_crop, value_name = "PART", help_heading = "Stabilization")]
+    #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
+    min_crop: f64,
+    /// How the picture is enlarged to hide the borders
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    zoom: Zoom,
+    /// What stands where the source has no picture
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    border: Border,
+    /// Most memory for the neighboring frames of --border fill
+    #[arg(long, default_value_t = RenderSettings::default().fill_memory, value_name = "SIZE", help_heading = "Stabilization")]
+    fill_memory: ByteSize,
+    /// Rolling-shutter correction: auto, off, or the sensor's readout time in seconds
+    #[arg(long, default_value_t, value_name = "auto|off|SECONDS", help_heading = "Stabilization")]
+    rolling_shutter: RollingShutter,
+    /// How pixels are interpolated
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    interpolation: Interpolation,
+
+    /// How the pictures are coded
+    #[arg(long, value_enum, default_value_t, value_name = "CODEC", help_heading = "Encoding")]
+    codec: Codec,
+    /// Constant quality, 0 = best; the encoder's own default if left out
+    #[arg(long, value_name = "Q", help_heading = "Encoding")]
+    #[arg(value_parser = |text: &str| number_for::<EncodeSettings>("crf", text))]
+    crf: Option<f64>,
+    /// The encoder's own name for speed against size, such as veryfast or slow
+    #[arg(long, value_name = "NAME", help_heading = "Encoding")]
+    preset: Option<String>,
+    /// Average bit rate instead of constant quality, such as 6M
+    #[arg(long, value_name = "RATE", conflicts_with = "crf", help_heading = "Encoding")]
+    bitrate: Option<BitRate>,
+    /// A stream that the container cannot hold is an error, not a warning
+    #[arg(long, help_heading = "Encoding")]
+    strict: bool,
+
+    /// Also write original and result side by side, to OUTPUT with .compare before its extension
+    #[arg(long, help_heading = "Extras")]
+    compare: bool,
+    /// Also write the camera's motion, as plumbline.motion JSON
+    #[arg(long, value_name = "FILE.json", help_heading = "Extras")]
+    export_motion: Option<PathBuf>,
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long, help_heading = "Extras")]
+    print_pipeline: bool,
+    /// Threads for the whole run; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+/// Containers that hold what the default codecs give; other inputs get `mp4`.
+const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
+
+impl StabilizeArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        let file = self.pipeline()?;
+        if self.print_pipeline {
+            tell(&print(&file));
+            return Ok(Exit::Done);
+        }
+        run_pipeline(&check(file)?, backend)
+    }
+
+    /// The pipeline that the options mean.
+    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        let (source, output) = match &self.output {
+            Some(output) => (self.only_input()?, literal_path(output)),
+            None => ("${item.path}".to_owned(), self.batch_output()?),
+        };
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        let mut file = PipelineFile {
+            name: Some("stabilize".to_owned()),
+            run: entries_of(&run, &RunSettings::default()),
+            batch: self.output.is_none().then(|| self.batch()),
+            stages: self.analysis(source),
+            ..PipelineFile::default()
+        };
+        file.stages.extend(self.rendering(&output)?);
+        Ok(file)
+    }
+
+    fn only_input(&self) -> Result<String, Failure> {
+        let [input] = self.inputs.as_slice() else {
+            let count = self.inputs.len();
+            return Err(Failure::usage(format!(
+                "--output names one file, but there are {count} inputs; use --out-dir"
+            )));
+        };
+        let path = Path::new(input);
+        if path.is_dir() || (is_glob(input) && !path.exists()) {
+            return Err(Failure::usage(format!(
+                "`{input}` may be many clips, but --output names one file; use --out-dir"
+            )));
+        }
+        Ok(escape(input))
+    }
+
+    /// The name of each result under `--out-dir`: the container of the input where it holds the codec, or one that does.
+    fn batch_output(&self) -> Result<String, Failure> {
+        if self.inputs.iter().any(|i| i == "-") {
+            return Err(Failure::usage("standard input has no name to keep; use --output"));
+        }
+        if self.export_motion.is_some() {
+            let help = "use --output, or a pipeline file with `export = \"${item.stem}.json\"`";
+            return Err(Failure::usage(format!("--export-motion names one file, but --out-dir is for many; {help}")));
+        }
+        let kept = |input: &String| {
+            let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+            extension.is_some_and(|e| KEPT_CONTAINERS.contains(&e.as_str()))
+        };
+        let extension = match self.codec {
+            Codec::Prores => "mov",
+            Codec::Ffv1 => "mkv",
+            _ if self.inputs.iter().all(kept) => "${item.ext}",
+            _ => "mp4",
+        };
+        let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
+        Ok(format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')))
+    }
+
+    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
+        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
+        let foreach = match patterns.as_slice() {
+            [one] => Foreach::One(one.clone()),
+            _ => Foreach::List(patterns),
+        };
+        entries_of(&BatchSettings { foreach, ..BatchSettings::default() }, &BatchSettings::default())
+    }
+
+    fn analysis(&self, source: String) -> Vec<StageEntry> {
+        let path = |p: &PathBuf| literal_path(p);
+        let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
+        let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
+        let motion =
+            MotionSettings { rolling_shutter: self.rolling_shutter, export: self.export_motion.as_ref().map(path) };
+        let smooth = SmoothSettings {
+            method: self.path,
+            smoothness: self.smoothness,
+            min_crop: self.min_crop,
+            zoom: self.zoom,
+            keep_inside: self.border == Border::Crop,
+        };
+        vec![
+            StageEntry::built("source", &decode),
+            StageEntry::built("tracks", &track).input("frames", "source"),
+            StageEntry::built("motion", &motion).input("tracks", "tracks"),
+            StageEntry::built("path", &smooth).input("motion", "motion"),
+        ]
+    }
+
+    fn rendering(&self, output: &str) -> Result<Vec<StageEntry>, Failure> {
+        let warp = WarpSettings { mode: self.mode, ..WarpSettings::default() };
+        let render =
+            RenderSettings { interpolation: self.interpolation, border: self.border, fill_memory: self.fill_memory };
+        let mut stages = vec![
+            StageEntry::built("warp", &warp).input("tracks", "tracks").input("path", "path").input("motion", "motion"),
+            StageEntry::built("steady", &render).input("frames", "source").inputs("warps", &["warp"]),
+            StageEntry::built("out", &self.encode(output.to_owned()))
+                .input("frames", "steady")
+                .input("audio", "source.audio"),
+        ];
+        if self.compare {
+            let encode = self.encode(compare_path(output)?);
+            let compare = StageEntry::built("compare", &encode);
+            stages.push(compare.input("frames", "steady").input("audio", "source.audio").input("beside", "source"));
+        }
+        Ok(stages)
+    }
+
+    fn encode(&self, path: String) -> EncodeSettings {
+        EncodeSettings {
+            path,
+            codec: self.codec,
+            crf: self.crf,
+            preset: self.preset.as_deref().map(escape),
+            bitrate: self.bitrate,
+            strict: self.strict,
+        }
+    }
+}
+
+/// `dir/name.mp4` → `dir/name.compare.mp4`; works on templates too, since references hold no `/` before their last dot.
+fn compare_path(output: &str) -> Result<String, Failure> {
+    let file_at = output.rfind('/').map_or(0, |i| i + 1);
+    let extension_at = match output.rfind(".${item.ext}") {
+        Some(at) => Some(at),
+        None => output.rfind('.'),
+    };
+    match extension_at {
+        Some(at) if at > file_at && output != "-" => Ok(format!("{}.compare{}", &output[..at], &output[at..])),
+        _ => Err(Failure::usage(format!("--compare needs a file name with an extension, not `{output}`"))),
+    }
+}

@@ -1,0 +1,29 @@
+//! `plumbline stages`: the kinds of stages.
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::tell;
+use crate::pipeline::{Exit, describe, kinds, suggest};
+
+#[derive(Debug, Args)]
+pub(super) struct StagesArgs {
+    /// A kind to describe; all are listed if left out
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
+}
+
+impl StagesArgs {
+    pub(super) fn run(self) -> Result<Exit, Failure> {
+        let Some(name) = self.name else {
+            tell(&describe::list());
+            return Ok(Exit::Done);
+        };
+        let kind = kinds::find(&name).ok_or_else(|| {
+            let hint = suggest::did_you_mean(&name, kinds::KINDS.iter().map(|k| k.name)).unwrap_or_default();
+            Failure::usage(format!("there is no stage kind `{name}`; {hint}"))
+        })?;
+        tell(&describe::describe(kind));
+        Ok(Exit::Done)
+    }
+}

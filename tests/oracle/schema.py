@@ -1,0 +1,62 @@
+#!/usr/bin/env python3
+"""Shipped pipeline files, and faulty variants of them, against the exported JSON schema.
+
+    plumbline schema > schema.json
+    python tests/oracle/schema.py schema.json pipeline/*.toml
+
+An independent validator (the package `jsonschema`) must accept every file, and refuse each variant that `plumbline check` refuses.
+"""
+import copy
+import json
+import sys
+import tomllib
+
+import jsonschema
+
+
+def variants(document):
+    """(what is wrong, document) for faults that a schema can see."""
+    def changed(change):
+        copied = copy.deepcopy(document)
+        change(copied)
+        return copied
+
+    some = next(iter(document["stage"]))
+    yield "unknown top-level key", changed(lambda d: d.update(stages={}))
+    yield "unknown version", changed(lambda d: d.update(version=99))
+    yield "no version", changed(lambda d: d.pop("version"))
+    yield "unknown kind", changed(lambda d: d["stage"][some].update(use="video.nothing"))
+    yield "unknown setting", changed(lambda d: d["stage"][some].update(nonsense=1))
+    yield "bad stage name", changed(lambda d: d["stage"].update({"Bad Name": d["stage"][some]}))
+    for name, stage in document["stage"].items():
+        if stage["use"] == "video.smooth":
+            yield "crop out of range", changed(lambda d: d["stage"][name].update(min_crop=1.5))
+            yield "crop of wrong type", changed(lambda d: d["stage"][name].update(min_crop="wide"))
+            yield "unknown method", changed(lambda d: d["stage"][name].update(method="gausian"))
+        if stage["use"] == "video.encode":
+            yield "no path", changed(lambda d: d["stage"][name].pop("path"))
+            yield "unknown port", changed(lambda d: d["stage"][name].update(inputs={"sound": "a"}))
+
+
+def main(schema_file, *files):
+    with open(schema_file, encoding="utf-8") as f:
+        schema = json.load(f)
+    jsonschema.Draft7Validator.check_schema(schema)
+    validator = jsonschema.Draft7Validator(schema)
+    wrong = 0
+    for file in files:
+        with open(file, "rb") as f:
+            document = tomllib.load(f)
+        for error in validator.iter_errors(document):
+            wrong += 1
+            print(f"{file}: {'/'.join(map(str, error.absolute_path))}: {error.message}")
+        for what, variant in variants(document):
+            if validator.is_valid(variant):
+                wrong += 1
+                print(f"{file}: the schema accepts a file with a fault: {what}")
+    print(f"{len(files)} files, {wrong} disagreements")
+    return 1 if wrong or not files else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
