@@ -11,4 +11,5 @@
 
 pub mod image;
 pub mod math;
+pub mod raster;
 pub mod time;
