@@ -20,6 +20,7 @@ pub mod motion;
 pub mod optim;
 pub mod path;
 pub mod pipeline;
+pub mod raster;
 pub mod render;
 pub mod sparse;
 pub mod time;
