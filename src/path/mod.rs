@@ -30,7 +30,7 @@ use crate::math::{Homography, Similarity2};
 use crate::optim::qp::QpError;
 
 pub use plan::plan;
-pub use trajectory::{Anchor, TrajectoryOptions, TrajectorySmoother};
+pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
 
 /// Motion of one frame's content since the previous frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -46,6 +46,17 @@ impl TrajectoryOptions {
     }
 }
 
+/// A point that was followed to a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackedPoint {
+    /// Its track.
+    pub id: u32,
+    /// Where the frame shows it, source px.
+    pub src: Point2,
+    /// Where it was at the frame's own time, source px: differs from `src` where a rolling shutter captured it earlier or later.
+    pub at_frame_time: Point2,
+}
+
 /// A point of the source frame and where it belongs in the output frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
@@ -88,14 +99,14 @@ impl TrajectorySmoother {
         Self { options, tracks, waiting, ready, newest_s: f64::NEG_INFINITY }
     }
 
-    /// Adds the next frame: its time, its virtual camera, and the points seen in it (id, source px). Times must not
-    /// decrease. Points that the camera cannot see (beyond its horizon) are left out.
-    pub fn push(&mut self, time_s: f64, out_from_src: &Homography, points: impl IntoIterator<Item = (u32, Point2)>) {
+    /// Adds the next frame: its time, its virtual camera, and the points seen in it. Times must not decrease. Points that
+    /// the camera cannot see (beyond its horizon) are left out.
+    pub fn push(&mut self, time_s: f64, out_from_src: &Homography, points: impl IntoIterator<Item = TrackedPoint>) {
         let mut ids = Vec::new();
-        for (id, src) in points {
-            if let Some(out) = out_from_src.apply(src) {
-                self.tracks.entry(id).or_default().push_back(Sight { time_s, src, out });
-                ids.push(id);
+        for point in points {
+            if let Some(out) = out_from_src.apply(point.at_frame_time) {
+                self.tracks.entry(point.id).or_default().push_back(Sight { time_s, src: point.src, out });
+                ids.push(point.id);
             }
         }
         self.waiting.push_back(PendingFrame { time_s, ids });
@@ -175,11 +186,15 @@ mod tests {
 
     const FRAME_S: f64 = 1.0 / 30.0;
 
+    fn point(id: u32, p: Point2) -> TrackedPoint {
+        TrackedPoint { id, src: p, at_frame_time: p }
+    }
+
     /// Pushes `n` frames in which point 7 stands at `at(t)` and returns its anchors (`None` where it has none).
     fn follow(n: usize, at: impl Fn(usize) -> Option<Point2>) -> Vec<Option<Anchor>> {
         let mut smoother = TrajectorySmoother::new(TrajectoryOptions::default());
         for t in 0..n {
-            smoother.push(t as f64 * FRAME_S, &Homography::identity(), at(t).map(|p| (7, p)));
+            smoother.push(t as f64 * FRAME_S, &Homography::identity(), at(t).map(|p| point(7, p)));
         }
         smoother.cut();
         std::iter::from_fn(|| smoother.pop()).map(|a| a.first().copied()).collect()
@@ -220,7 +235,11 @@ mod tests {
         let mut smoother = TrajectorySmoother::new(TrajectoryOptions::default());
         let mut out = 0;
         for t in 0..3000_u32 {
-            smoother.push(f64::from(t) * FRAME_S, &Homography::identity(), [(t / 40, Point2::new(f64::from(t), 0.0))]);
+            smoother.push(
+                f64::from(t) * FRAME_S,
+                &Homography::identity(),
+                [point(t / 40, Point2::new(f64::from(t), 0.0))],
+            );
             while smoother.pop().is_some() {
                 out += 1;
             }

@@ -51,12 +51,17 @@ impl Values {
         self.0.insert((stage, port), Box::new(value));
     }
 
+    /// What a stage kept under `port`, if it is of this type.
+    pub fn at<T: Any>(&self, stage: usize, port: &'static str) -> Option<&T> {
+        self.0.get(&(stage, port)).and_then(|v| v.downcast_ref())
+    }
+
     /// The result at the other end of `edge`.
     ///
     /// # Errors
     /// [`RunError::Internal`] where no earlier pass kept it, or kept another type.
     pub fn get<T: Any>(&self, edge: &Edge) -> Result<&T, RunError> {
-        let value = self.0.get(&(edge.from, edge.output.name)).and_then(|v| v.downcast_ref());
+        let value = self.at(edge.from, edge.output.name);
         value.ok_or_else(|| RunError::Internal(format!("no {} was handed on", edge.output.name)))
     }
 }

@@ -1,20 +1,52 @@
 //! Bodies of the stages: where the methods of the other modules are joined to the graph.
+//!
+//! A pass is run stage by stage in the order of the graph. Stages that only describe a stream (`video.decode`, `video.warp`,
+//! `video.render`) do nothing of their own accord: the sink that ends the stream (`video.track`, `video.encode`) pulls frames
+//! through them, each on its own thread.
+
+mod analysis;
+mod context;
+mod encoding;
+mod maps;
+mod probe;
+mod smoothing;
+mod stream;
+mod tiers;
 
 use super::job::{Backend, Job, Probed, Values};
+use super::kinds::{EncodeSettings, SmoothSettings, TrackSettings};
 use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
+use context::Context;
 
 /// The bodies that this program has.
 pub struct Bodies;
 
 impl Backend for Bodies {
     fn probe(&self, input: &str) -> Result<Probed, RunError> {
-        Err(RunError::Internal(format!("this build cannot look into `{input}`")))
+        probe::probe(input)
     }
 
-    fn run_pass(&self, job: &Job<'_>, pass: &Pass, _: &mut Values, _: &mut Summary) -> Result<(), RunError> {
-        let names: Vec<&str> = pass.stages.iter().map(|&s| job.graph().stages[s].kind.name).collect();
-        Err(RunError::Internal(format!("this build has no body for the pass {}", names.join(" → "))))
+    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
+        let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
+        pool.install(|| {
+            let mut context = Context { job, pass, values, summary };
+            pass.stages.iter().try_for_each(|&stage| run_stage(&mut context, stage))
+        })
+    }
+}
+
+fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+    let settings = context.job.graph().stages[stage].settings.clone();
+    if let Some(settings) = settings.get::<TrackSettings>() {
+        analysis::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SmoothSettings>() {
+        smoothing::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<EncodeSettings>() {
+        encoding::run(context, stage, settings)
+    } else {
+        Ok(())
     }
 }

@@ -1,0 +1,103 @@
+//! What every body needs: the job, its values, and the way from a stage to the clip it works on.
+
+use crate::media::{Deinterlace, Fault, Input, MediaError, ReadOptions, ReadReport, VideoReader};
+use crate::pipeline::graph::{Edge, Stage};
+use crate::pipeline::job::{Job, Values};
+use crate::pipeline::kinds::{self, DecodeSettings};
+use crate::pipeline::plan::Pass;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::Summary;
+use crate::pipeline::units::ClipTime;
+
+/// One pass at work.
+pub(super) struct Context<'c, 'j> {
+    pub(super) job: &'c Job<'j>,
+    pub(super) pass: &'c Pass,
+    pub(super) values: &'c mut Values,
+    pub(super) summary: &'c mut Summary,
+}
+
+impl Context<'_, '_> {
+    /// The stage with this index.
+    pub(super) fn stage(&self, stage: usize) -> &Stage {
+        &self.job.graph().stages[stage]
+    }
+
+    /// The edge into input port `port` of a stage, if it is connected.
+    pub(super) fn edge(&self, stage: usize, port: &str) -> Option<&Edge> {
+        self.stage(stage).edges.iter().find(|e| e.port.name == port)
+    }
+
+    /// The edge into an input port that must be connected.
+    pub(super) fn required(&self, stage: usize, port: &str) -> Result<&Edge, RunError> {
+        let missing = || RunError::Internal(format!("`{}` has no {port}", self.stage(stage).name));
+        self.edge(stage, port).ok_or_else(missing)
+    }
+
+    /// The input of a `video.decode` stage. Standard input is read into a temporary file once; later passes read that.
+    pub(super) fn input(&mut self, decode: usize) -> Result<Input, RunError> {
+        if let Some(input) = self.values.at::<Input>(decode, "input") {
+            return Ok(input.clone());
+        }
+        let settings = self.decode_settings(decode)?;
+        let (start, end) = (settings.start.map(ClipTime::seconds), settings.end.map(ClipTime::seconds));
+        let input = Input::parse(&settings.path).and_then(|i| i.trimmed(start, end)).map_err(media_error)?;
+        self.values.put(decode, "input", input.clone());
+        Ok(input)
+    }
+
+    /// Opens the clip of a `video.decode` stage anew.
+    pub(super) fn open(&mut self, decode: usize) -> Result<(Input, VideoReader), RunError> {
+        let input = self.input(decode)?;
+        let deinterlace = match self.decode_settings(decode)?.deinterlace {
+            kinds::Deinterlace::Auto => Deinterlace::Auto,
+            kinds::Deinterlace::Off => Deinterlace::Off,
+            kinds::Deinterlace::Refuse => Deinterlace::Refuse,
+        };
+        let options = ReadOptions { threads: self.job.threads, deinterlace };
+        let reader = VideoReader::open(&input, &options).map_err(media_error)?;
+        Ok((input, reader))
+    }
+
+    fn decode_settings(&self, stage: usize) -> Result<&DecodeSettings, RunError> {
+        let none = || RunError::Internal(format!("`{}` is no source of pictures", self.stage(stage).name));
+        self.stage(stage).settings.get::<DecodeSettings>().ok_or_else(none)
+    }
+
+    /// Adds a warning that was not told yet.
+    pub(super) fn warn(&mut self, warning: String) {
+        if !self.summary.warnings.contains(&warning) {
+            self.summary.warnings.push(warning);
+        }
+    }
+
+    /// Tells of damage that was found while reading.
+    pub(super) fn tell_damage(&mut self, report: &ReadReport) {
+        let found = [
+            (report.bad_packets, "damaged packets were skipped"),
+            (report.corrupt, "frames hold concealed errors"),
+            (report.concealed, "frames could not be decoded and repeat the one before"),
+            (report.lost, "frames at the end could not be decoded and are missing"),
+            (report.retimed, "frames had no usable time and were given one between their neighbors"),
+            (report.deinterlaced, "frames were deinterlaced"),
+        ];
+        for (count, text) in found.into_iter().filter(|(count, _)| *count > 0) {
+            self.warn(format!("{count} {text}"));
+        }
+        if report.truncated {
+            self.warn("the input ends before its own index says".to_owned());
+        }
+    }
+}
+
+/// An error of media in the terms of a run.
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+pub(super) fn media_error(error: MediaError) -> RunError {
+    let text = error.to_string();
+    match error.fault() {
+        Fault::Usage | Fault::Input => RunError::Input(text),
+        Fault::Output => RunError::Output(text),
+        Fault::Environment => RunError::Temporary(text),
+        Fault::Internal => RunError::Internal(text),
+    }
+}

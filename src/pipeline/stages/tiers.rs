@@ -1,0 +1,77 @@
+//! How far each frame is bent: from the mode asked for and the verdict on its segment, blended over the borders of segments.
+
+use std::ops::Range;
+
+use crate::motion::{ClipMotion, SegmentVerdict, Tier, verdicts};
+use crate::path::{self, VirtualPath};
+use crate::pipeline::kinds::WarpMode;
+
+/// Frames over which one tier passes into the next: half a second, so that the change of model cannot be seen.
+const BLEND: usize = 15;
+
+/// The tier of every frame.
+pub(super) struct Tiers {
+    /// In order, without gaps.
+    pub(super) segments: Vec<SegmentVerdict>,
+}
+
+impl Tiers {
+    /// What `mode` makes of the verdicts on a clip; frames that the path leaves unchanged are not touched at all.
+    pub(super) fn new(mode: WarpMode, motion: Option<&ClipMotion>, path: &VirtualPath) -> Self {
+        let verdicts = motion.map(verdicts).unwrap_or_default();
+        let mut segments = Vec::new();
+        for part in &path.segments {
+            if part.tier == path::Tier::Unchanged {
+                let (frames, reason) = (part.frames.clone(), part.reason.clone());
+                segments.push(SegmentVerdict { frames, tier: Tier::Untouched, reason });
+            } else {
+                segments.extend(forced(mode, &verdicts, part));
+            }
+        }
+        Self { segments }
+    }
+
+    /// How much of a tier is in force at `frame`: 1 inside segments of at least this tier, 0 far from them.
+    pub(super) fn strength(&self, frame: usize, tier: Tier) -> f64 {
+        let (Some(here), reach) = (self.segment(frame), BLEND as f64) else { return 0.0 };
+        if here.tier == Tier::Untouched {
+            return 0.0;
+        }
+        if here.tier < tier {
+            return 0.0;
+        }
+        let below = |s: &&SegmentVerdict| s.tier < tier && s.tier != Tier::Untouched;
+        let distance =
+            |r: &Range<usize>| if frame < r.start { r.start - frame } else { (frame + 1).saturating_sub(r.end) };
+        let nearest = self.segments.iter().filter(below).map(|s| distance(&s.frames)).min();
+        nearest.map_or(1.0, |d| (d as f64 / reach).min(1.0))
+    }
+
+    fn segment(&self, frame: usize) -> Option<&SegmentVerdict> {
+        let at = self.segments.partition_point(|s| s.frames.end <= frame);
+        self.segments.get(at).filter(|s| s.frames.contains(&frame))
+    }
+}
+
+/// The segments of one part of the path.
+fn forced(mode: WarpMode, verdicts: &[SegmentVerdict], part: &path::Segment) -> Vec<SegmentVerdict> {
+    let tier = match mode {
+        WarpMode::Auto => None,
+        WarpMode::Mesh => Some(Tier::Mesh),
+        WarpMode::Homography => Some(Tier::Homography),
+        WarpMode::Similarity => Some(Tier::Similarity),
+    };
+    match tier {
+        Some(tier) => {
+            vec![SegmentVerdict { frames: part.frames.clone(), tier, reason: format!("as asked; {}", part.reason) }]
+        }
+        None => verdicts.iter().filter_map(|v| clipped(v, part)).collect(),
+    }
+}
+
+/// The part of a verdict that falls into `part`, with both reasons. What cannot be measured is at least moved along the path.
+fn clipped(verdict: &SegmentVerdict, part: &path::Segment) -> Option<SegmentVerdict> {
+    let frames = verdict.frames.start.max(part.frames.start)..verdict.frames.end.min(part.frames.end);
+    let reason = format!("{}; {}", verdict.reason, part.reason);
+    (!frames.is_empty()).then(|| SegmentVerdict { frames, tier: verdict.tier.max(Tier::Similarity), reason })
+}
