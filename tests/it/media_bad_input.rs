@@ -77,7 +77,7 @@ fn spans_outside_the_clip_are_refused_with_its_length() {
     let Some(folder) = workshop() else { return };
     let clip = make(folder.path(), "a.mp4", &format!("{} -c:v libx264", pattern(25)));
     let late = input(&clip).trimmed(Some(5.0), Some(6.0)).expect("a span");
-    let error = VideoReader::open(&late, &ReadOptions::default()).err().expect("refused");
+    let error = VideoReader::open(&late, &ReadOptions::default()).expect_err("refused");
     let expected = "a.mp4: the span from 5 s to 6 s is empty or lies outside the clip (1 s long)";
     assert_eq!(words(&error, folder.path()), expected);
     assert_eq!(error.fault(), Fault::Usage);
@@ -99,7 +99,7 @@ fn targets_that_would_destroy_something_are_refused() {
         ("b.xyz", false, "b.xyz: no container is known for this name; end it in .mp4"),
     ] {
         let options = WriteOptions { overwrite, ..fast() };
-        let error = transcode(&input(&clip), &folder.join(name), &options).err().expect(name);
+        let error = transcode(&input(&clip), &folder.join(name), &options).expect_err(name);
         assert!(words(&error, folder).starts_with(expected), "{error}");
     }
     assert_eq!(std::fs::read(&clip).expect("read"), before);
@@ -168,7 +168,7 @@ fn a_change_of_size_names_the_frame_and_both_sizes() {
     let both = folder.path().join("both.ts");
     let joined = [std::fs::read(small).expect("read"), std::fs::read(large).expect("read")].concat();
     std::fs::write(&both, joined).expect("write");
-    let error = transcode(&input(&both), &folder.path().join("out.mp4"), &fast()).err().expect("refused");
+    let error = transcode(&input(&both), &folder.path().join("out.mp4"), &fast()).expect_err("refused");
     let expected = "both.ts: frame 5 is 320×240 px yuv420p, all before it are 160×120 px yuv420p; cut the clip there or \
                     bring it to one size first";
     assert_eq!(words(&error, folder.path()), expected);
@@ -190,7 +190,7 @@ fn odd_sizes_stay_exact_or_are_refused() {
     assert_eq!((size(&full).as_str(), written.pixel_format.as_str()), ("161,121", "yuv444p"));
     assert_eq!(written.warnings, ["161×121 px is odd: libx264 encodes yuv444p instead of yuv420p to keep the size"]);
     let error = transcode(&input(&clip), &folder.path().join("c.mp4"), &WriteOptions { strict: true, ..fast() });
-    let error = error.err().expect("strict").to_string();
+    let error = error.expect_err("strict").to_string();
     assert!(error.starts_with("161×121 px is odd, which libx264 cannot hold in yuv420p (even sizes only)"), "{error}");
 }
 
@@ -202,14 +202,14 @@ fn losses_are_told_and_with_strict_refused() {
     let (_, written) = transcode(&input(&deep), &target, &fast()).expect("with a warning");
     assert_eq!(written.warnings, ["libx264 encodes yuv420p10le: depth falls from 12 to 10 bit"]);
     let strict = WriteOptions { strict: true, overwrite: true, ..fast() };
-    let error = transcode(&input(&deep), &target, &strict).err().expect("refused");
+    let error = transcode(&input(&deep), &target, &strict).expect_err("refused");
     let expected = "libx264 encodes yuv420p10le: depth falls from 12 to 10 bit (refused because of strict)";
     assert_eq!(error.to_string(), expected);
     let tone = "-f lavfi -i sine=duration=0.1";
     let sound = make(folder.path(), "pcm.mkv", &format!("{} {tone} -c:v libx264 -c:a pcm_s24le", pattern(3)));
     let (_, written) = transcode(&input(&sound), &folder.path().join("s.mp4"), &fast()).expect("with a warning");
     assert_eq!(written.warnings, ["stream 1 (audio, pcm_s24le) is left out: mp4 cannot hold it"]);
-    let error = transcode(&input(&sound), &target, &strict).err().expect("refused");
+    let error = transcode(&input(&sound), &target, &strict).expect_err("refused");
     assert_eq!(error.fault(), Fault::Usage);
 }
 
@@ -224,7 +224,7 @@ fn interlaced_video_is_detected_and_rebuilt_or_refused() {
     assert_eq!((read.frames, read.deinterlaced), (25, 25));
     assert_eq!(video_field(&result, "field_order"), "progressive");
     let refuse = ReadOptions { deinterlace: Deinterlace::Refuse, ..ReadOptions::default() };
-    let error = VideoReader::open(&input(&clip), &refuse).err().expect("refused");
+    let error = VideoReader::open(&input(&clip), &refuse).expect_err("refused");
     let expected = "tff.mpg: frame 0 is interlaced; allow deinterlacing, or convert it to progressive video first";
     assert_eq!(words(&error, folder.path()), expected);
 }
@@ -250,7 +250,7 @@ fn settings_that_an_encoder_cannot_follow_are_refused_with_the_range() {
             "encoder ffv1 refused crf: it has no constant-quality setting",
         ),
     ] {
-        let error = transcode(&input(&clip), &target, &options).err().expect(expected);
+        let error = transcode(&input(&clip), &target, &options).expect_err(expected);
         assert_eq!(error.to_string(), expected);
         assert_eq!(error.fault(), Fault::Usage);
     }

@@ -8,7 +8,7 @@ use plumbline::media::{
 };
 
 /// A folder for the files of one test, or `None` (with the reason printed) where `ffmpeg` is not installed.
-pub fn workshop() -> Option<tempfile::TempDir> {
+pub(crate) fn workshop() -> Option<tempfile::TempDir> {
     let found = Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success());
     if !found {
         eprintln!("skipped: the ffmpeg program is not on the path");
@@ -18,7 +18,7 @@ pub fn workshop() -> Option<tempfile::TempDir> {
 }
 
 /// A real clip from the folder that `PLUMBLINE_MEDIA` names, or `None` with the reason printed.
-pub fn real_clip(name: &str) -> Option<PathBuf> {
+pub(crate) fn real_clip(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("PLUMBLINE_MEDIA");
     let path = folder.map(|f| Path::new(&f).join("video").join(name)).filter(|p| p.exists());
     if path.is_none() {
@@ -34,7 +34,7 @@ fn output_of(program: &str, args: &[&str]) -> String {
 }
 
 /// Runs `ffmpeg` with `args` (split at spaces) and the file `name` in `folder` as its result.
-pub fn make(folder: &Path, name: &str, args: &str) -> PathBuf {
+pub(crate) fn make(folder: &Path, name: &str, args: &str) -> PathBuf {
     let path = folder.join(name);
     let text = path.to_str().expect("UTF-8");
     let args: Vec<&str> = ["-v", "error", "-y"].into_iter().chain(args.split_whitespace()).chain([text]).collect();
@@ -43,32 +43,32 @@ pub fn make(folder: &Path, name: &str, args: &str) -> PathBuf {
 }
 
 /// A moving pattern of `frames` frames at 25/s, 160×120 px, as an input of `ffmpeg`.
-pub fn pattern(frames: u32) -> String {
+pub(crate) fn pattern(frames: u32) -> String {
     format!("-f lavfi -i testsrc2=size=160x120:rate=25:duration={}", f64::from(frames) / 25.0)
 }
 
 /// Display times of all video frames, s, as `ffprobe` reads them.
-pub fn times(path: &Path) -> Vec<f64> {
+pub(crate) fn times(path: &Path) -> Vec<f64> {
     let entries = "frame=best_effort_timestamp_time";
     let text = probe(path, &["-select_streams", "v:0", "-show_entries", entries, "-of", "csv=p=0"]);
     text.lines().filter_map(|l| l.trim_matches(',').parse().ok()).collect()
 }
 
 /// What `ffprobe` prints for `args`.
-pub fn probe(path: &Path, args: &[&str]) -> String {
+pub(crate) fn probe(path: &Path, args: &[&str]) -> String {
     let path = path.to_str().expect("UTF-8");
     let args: Vec<&str> = ["-v", "error"].into_iter().chain(args.iter().copied()).chain([path]).collect();
     output_of("ffprobe", &args)
 }
 
 /// One value of the first video stream, as `ffprobe` names it.
-pub fn video_field(path: &Path, field: &str) -> String {
+pub(crate) fn video_field(path: &Path, field: &str) -> String {
     let entries = format!("stream={field}");
     probe(path, &["-select_streams", "v:0", "-show_entries", &entries, "-of", "csv=p=0"]).trim().to_owned()
 }
 
 /// Checksums of the packets of `streams` (`a`, `s`), undecoded, without their times.
-pub fn packet_sums(path: &Path, streams: &str) -> Vec<String> {
+pub(crate) fn packet_sums(path: &Path, streams: &str) -> Vec<String> {
     let path = path.to_str().expect("UTF-8");
     let text = output_of(
         "ffmpeg",
@@ -78,7 +78,7 @@ pub fn packet_sums(path: &Path, streams: &str) -> Vec<String> {
 }
 
 /// Checksums of the decoded video frames in the pixel format `pix`.
-pub fn picture_sums(path: &Path, pix: &str) -> Vec<String> {
+pub(crate) fn picture_sums(path: &Path, pix: &str) -> Vec<String> {
     let path = path.to_str().expect("UTF-8");
     let args = [
         "-v",
@@ -100,22 +100,26 @@ pub fn picture_sums(path: &Path, pix: &str) -> Vec<String> {
 }
 
 /// An input by its path.
-pub fn input(path: &Path) -> Input {
+pub(crate) fn input(path: &Path) -> Input {
     Input::parse(path.to_str().expect("UTF-8")).expect("the clip is there")
 }
 
 /// An output by its path.
-pub fn output(path: &Path) -> Output {
+pub(crate) fn output(path: &Path) -> Output {
     Output::parse(path.to_str().expect("UTF-8"))
 }
 
 /// Options for encoding fast.
-pub fn fast() -> WriteOptions {
+pub(crate) fn fast() -> WriteOptions {
     WriteOptions { preset: Some("ultrafast".into()), threads: 1, ..WriteOptions::default() }
 }
 
 /// Reads `from` and writes every frame of it to `to`.
-pub fn transcode(from: &Input, to: &Path, options: &WriteOptions) -> Result<(ReadReport, WriteReport), MediaError> {
+pub(crate) fn transcode(
+    from: &Input,
+    to: &Path,
+    options: &WriteOptions,
+) -> Result<(ReadReport, WriteReport), MediaError> {
     let mut reader = VideoReader::open(from, &ReadOptions { threads: 1, ..ReadOptions::default() })?;
     let mut writer = VideoWriter::create(&output(to), from, reader.info(), options)?;
     while let Some(frame) = reader.next_frame()? {

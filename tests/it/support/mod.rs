@@ -1,3 +1,3 @@
 //! What tests of several areas share.
 
-pub mod clips;
+pub(crate) mod clips;
