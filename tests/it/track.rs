@@ -61,7 +61,7 @@ fn tracker() -> Tracker {
 }
 
 fn run(tracker: &mut Tracker, pictures: &[Plane<u8>]) -> Vec<FrameTracks> {
-    pictures.iter().enumerate().map(|(i, p)| tracker.push_luma(p.as_ref(), Timestamp(i as i64))).collect()
+    (0..).zip(pictures).map(|(i, p)| tracker.push_luma(p.as_ref(), Timestamp(i))).collect()
 }
 
 /// Points that two frames share, in both.
