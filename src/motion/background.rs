@@ -152,13 +152,10 @@ impl Background {
             .filter(|p| p.x.is_finite() && p.y.is_finite())
             .map(|p| {
                 let position = Point2::new(f64::from(p.x), f64::from(p.y));
-                match self.tracks.binary_search_by_key(&p.id, |t| t.id) {
-                    Ok(k) => Track { position, ..self.tracks[k] },
-                    Err(_) => {
-                        let score = self.surroundings(position);
-                        Track { id: p.id, position, score, drift: Vec2::zeros(), age: 0 }
-                    }
+                if let Ok(k) = self.tracks.binary_search_by_key(&p.id, |t| t.id) {
+                    return Track { position, ..self.tracks[k] };
                 }
+                Track { id: p.id, position, score: self.surroundings(position), drift: Vec2::zeros(), age: 0 }
             })
             .collect();
         next.sort_by_key(|t| t.id);

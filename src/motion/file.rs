@@ -283,7 +283,7 @@ impl ClipMotion {
         let (num, den) = self.pixel_aspect;
         let wide = f64::from(self.width) * f64::from(num) / f64::from(den.max(1));
         let shown = (wide.round() as u32, self.height);
-        if self.rotation % 180 == 0 { shown } else { (shown.1, shown.0) }
+        if self.rotation.is_multiple_of(180) { shown } else { (shown.1, shown.0) }
     }
 
     fn entry(&self, k: usize) -> FrameEntry {
@@ -320,7 +320,7 @@ fn rows(h: &Homography) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|r| [0, 1, 2].map(|c| m[(r, c)]))
 }
 
-fn value(field: impl Into<String>, value: impl ToString, expected: &'static str) -> MotionFileError {
+fn value(field: impl Into<String>, value: impl std::fmt::Display, expected: &'static str) -> MotionFileError {
     MotionFileError::Value { field: field.into(), value: value.to_string(), expected }
 }
 

@@ -16,6 +16,7 @@ pub struct TrackPoint {
 
 /// What the tracker noticed about a frame as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "independent findings, any of which may hold with any other")]
 pub struct FrameFlags {
     /// Too dark or too flat to see anything.
     pub black: bool,

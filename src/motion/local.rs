@@ -23,8 +23,8 @@ use super::planar_fit::Pair;
 const STEPS_PER_PX: f64 = 64.0;
 /// α: a vertex follows its own points rather than its neighbors once it sees more than about four.
 const SMOOTH: f64 = 1.0;
-/// β: without points the field falls to half over about four cells.
-const REST: f64 = 0.03;
+/// β: without points the field falls to half over about three cells.
+const REST: f64 = 0.06;
 
 /// Displacements of the vertices of a regular grid over the frame, beside the homography; px in this frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -107,7 +107,9 @@ impl LocalMotionSolver {
     /// ωᵢ: crowded cells weigh as much as four points together.
     fn votes(&self, data: &[Datum]) -> Vec<f64> {
         let mut count = vec![0.0f64; (self.cols + 1) * (self.rows + 1)];
-        data.iter().for_each(|d| count[d.vertices[0]] += 1.0);
+        for d in data {
+            count[d.vertices[0]] += 1.0;
+        }
         data.iter().map(|d| (4.0 / count[d.vertices[0]]).min(1.0)).collect()
     }
 

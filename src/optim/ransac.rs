@@ -212,7 +212,7 @@ impl<'a, P: Consensus> Search<'a, P> {
 
     fn samples_needed(&self, sample_size: usize) -> usize {
         let support = self.best.as_ref().map_or(0.0, |b| b.support);
-        let clean = support.powi(sample_size as i32);
+        let clean = support.powf(sample_size as f64);
         if clean >= CONFIDENCE {
             return 1;
         }
