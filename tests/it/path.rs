@@ -320,3 +320,27 @@ fn invalid_requests_say_what_is_allowed() {
         assert_eq!(got, expected);
     }
 }
+
+#[test]
+fn a_sideways_shake_gets_the_path_of_the_independent_bounded_least_squares_reference() {
+    // Constants printed by tests/oracle/path.py.
+    let expected = [
+        (0, -28.714_160),
+        (10, 28.113_947),
+        (25, -6.778_950),
+        (40, 32.0),
+        (60, 9.376_579),
+        (77, -14.353_993),
+        (95, 9.516_227),
+        (119, 22.658_743),
+    ];
+    let x = |t: f64| 45.0 * (0.21 * t).sin() + 12.0 * (1.3 * t).sin() + 2.0 * t;
+    let views: Vec<View> = (0..120).map(|t| View { x: x(f64::from(t)), y: 0.0, angle: 0.0, zoom: 0.0 }).collect();
+    let options =
+        PathOptions { min_crop: 0.9, zoom: Zoom::None, border_allows_outside: true, ..PathOptions::default() };
+    let path = plan_of(&views, &options);
+    for (t, p) in expected {
+        let got = source_of(&path, t, Point2::new(320.0, 180.0)).x - 320.0;
+        assert!((got - p).abs() < 0.02, "frame {t}: {got} against {p}");
+    }
+}
