@@ -104,11 +104,14 @@ impl Line {
         const DROPPED: u32 = FRACTION_BITS - PHASE_BITS;
         let advance = self.advance.wrapping_add(own << FRACTION_BITS);
         let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));
-        // Four at a time, which compiles to vectors; cells of chroma may have no more.
-        let (fours, rest) = out.as_chunks_mut::<4>();
-        for four in fours {
-            *four = [0, 1, 2, 3].map(|k: i32| at.wrapping_add(advance.wrapping_mul(k)) >> DROPPED);
-            at = at.wrapping_add(advance.wrapping_mul(4));
+        // Eight at a time: the inner loop is one vector addition, one shift and one store.
+        let lanes: [i32; 8] = std::array::from_fn(|k| advance.wrapping_mul(k as i32));
+        let (eights, rest) = out.as_chunks_mut::<8>();
+        for eight in eights {
+            for (position, lane) in eight.iter_mut().zip(lanes) {
+                *position = at.wrapping_add(lane) >> DROPPED;
+            }
+            at = at.wrapping_add(advance.wrapping_mul(8));
         }
         for position in rest {
             *position = at >> DROPPED;
