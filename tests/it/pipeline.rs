@@ -290,6 +290,8 @@ fn a_disabled_stage_and_an_optional_edge_to_it_fall_away() {
     );
     let pipeline = read(source(&text), &[]).expect("no faults");
     assert!(pipeline.graph.stage("extra").is_none());
+    let printed = read(source(&plumbline::pipeline::print(&pipeline.file)), &[]).expect("no faults");
+    assert_eq!(printed, pipeline, "printing keeps it disabled");
     let kept = read(source(&text), &["extra.enable=true".into()]).expect("no faults");
     assert!(kept.graph.stage("extra").is_some());
 }
