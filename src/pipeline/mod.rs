@@ -2,7 +2,7 @@
 //!
 //! A pipeline is a graph of stages with typed ports. [`read`] turns a TOML file into a checked [`Pipeline`], telling every fault
 //! at once with its line, column and a suggestion; [`Pipeline::instances`] fills it in for each item of the batch;
-//! [`Plan`](plan::Plan) cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
+//! [`Plan`] cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
 //! [`PipelineFile`] that a file is read into.
 //!
 //! What stages compute stands in the other modules; [`stages`] joins them to the graph through the trait [`Backend`].

@@ -274,7 +274,10 @@ fn relative_paths_start_from_the_text_that_holds_them() {
     assert_eq!(path(&[], "out"), "jobs/out.mp4");
     assert_eq!(path(&["vars.clip=x.mp4".into()], "source"), "x.mp4", "an option is typed in the working directory");
     assert_eq!(path(&["source.path=/abs.mp4".into()], "source"), "/abs.mp4");
-    assert_eq!(path(&["source.path=-".into()], "source"), "-", "standard input has no folder");
+    let standard = Source { text: GOOD.replace("in.mp4", "-"), ..from.clone() };
+    let graph = read(standard, &[]).expect("no faults").graph;
+    let source = graph.stage("source").expect("source").settings.to_json();
+    assert_eq!(source["path"], "-", "standard input has no folder");
 }
 
 #[test]
@@ -290,6 +293,8 @@ fn a_disabled_stage_and_an_optional_edge_to_it_fall_away() {
     );
     let pipeline = read(source(&text), &[]).expect("no faults");
     assert!(pipeline.graph.stage("extra").is_none());
+    let printed = read(source(&plumbline::pipeline::print(&pipeline.file)), &[]).expect("no faults");
+    assert_eq!(printed, pipeline, "printing keeps it disabled");
     let kept = read(source(&text), &["extra.enable=true".into()]).expect("no faults");
     assert!(kept.graph.stage("extra").is_some());
 }
