@@ -92,6 +92,12 @@ impl Grid {
 }
 
 impl GridMesh {
+    /// Becomes a copy of another mesh in the memory it has (a derived `clone_from` would allocate).
+    pub fn copy_from(&mut self, other: &Self) {
+        (self.cols, self.rows) = (other.cols, other.rows);
+        self.vertices.clone_from(&other.vertices);
+    }
+
     /// Vertex numbers of a cell's corners: top left, top right, bottom left, bottom right (ascending).
     pub fn corners(&self, cell: usize) -> [usize; 4] {
         corners(self.cols, cell)

@@ -193,7 +193,7 @@ impl ContentPreserving {
         self.check_salience(salience)?;
         self.prewarp(pre_warp)?;
         let outside = self.place_points(pre_warp, points)?;
-        mesh.clone_from(&self.prewarped);
+        mesh.copy_from(&self.prewarped);
         let rms_px = self.rms_px(|_| Complex::new(0.0, 0.0));
         let mut report = WarpReport {
             points: self.data.len(),
@@ -226,7 +226,7 @@ impl ContentPreserving {
                 return Ok(());
             }
         }
-        mesh.clone_from(&self.prewarped);
+        mesh.copy_from(&self.prewarped);
         report.raised = FOLD_ROUNDS;
         report.reverted = true;
         Ok(())

@@ -5,6 +5,8 @@ use plumbline::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::mesh::{Grid, GridMesh, Quad};
 use plumbline::warp::{ContentPreserving, ContentPreservingOptions, PointPair, WarpError};
 
+use crate::allocations::allocations_of;
+
 const W: f64 = 640.0;
 const H: f64 = 360.0;
 
@@ -354,6 +356,18 @@ fn a_used_solver_gives_the_same_as_a_new_one() {
     let (a, ra) = used.solve(&Homography::identity(), &points, &[]).expect("regular");
     let (b, rb) = solver(32, 18).solve(&Homography::identity(), &points, &[]).expect("regular");
     assert_eq!((a, ra), (b, rb));
+}
+
+#[test]
+fn a_frame_allocates_nothing() {
+    let mut s = solver(32, 18);
+    let (points, salience) = (scatter(300, 16, wave), wavy_salience(s.grid()));
+    let mut mesh = s.grid().to_mesh();
+    s.solve_into(&perspective(), &points, &salience, &mut mesh).expect("regular");
+    let count = allocations_of(|| {
+        s.solve_into(&Homography::identity(), &points, &salience, &mut mesh).expect("regular");
+    });
+    assert_eq!(count, 0);
 }
 
 #[test]
