@@ -103,8 +103,8 @@ impl Shot {
         }
         // Through the picture in the middle two thirds of the clip, then away down the street.
         let s = t - self.duration_s / 6.0;
-        let mut movers = passer_by(s, [-4.0, 6.6], [1.15, 0.12]);
-        movers.extend(passer_by(t + 0.4, [0.9, 17.0], [-0.05, -0.9]));
+        let mut movers = passer_by(s, [-4.4, 7.6], [1.15, 0.12], [1.0; 3]);
+        movers.extend(passer_by(t + 0.4, [0.9, 19.0], [-0.05, -0.85], [0.35, 0.85, 0.6]));
         movers
     }
 

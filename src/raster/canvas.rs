@@ -52,10 +52,11 @@ impl Canvas {
 
     /// Mixes `color` over the pixel at column `x`, row `y` with opacity in [0, 1]; outside, nothing happens.
     pub fn blend(&mut self, x: i64, y: i64, color: Rgb, opacity: f32) {
-        if x < 0 || y < 0 || x >= self.width as i64 || y >= self.height as i64 {
+        let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
+        if x >= self.width || y >= self.height {
             return;
         }
-        let pixel = &mut self.pixels[y as usize * self.width + x as usize];
+        let pixel = &mut self.pixels[y * self.width + x];
         for (old, new) in pixel.iter_mut().zip(color) {
             *old = (f32::from(*old) + (f32::from(new) - f32::from(*old)) * opacity.clamp(0.0, 1.0)).round() as u8;
         }
@@ -123,6 +124,7 @@ impl Canvas {
     }
 
     /// One line of text, capitals in cells of 6×8 pixels times `scale`, the upper left corner at (`x`, `y`).
+    #[allow(clippy::cast_possible_wrap)] // positions within a line of text are far below 2^63
     pub fn text(&mut self, x: i64, y: i64, text: &str, color: Rgb, scale: usize) {
         for (i, c) in text.chars().enumerate() {
             for (column, row) in font::dots(c) {

@@ -82,13 +82,10 @@ fn tokens(source: &str) -> Vec<Token> {
             '\'' => quote_end(&chars, i),
             c if c.is_alphanumeric() || c == '_' => {
                 let end = i + chars[i..].iter().take_while(|c| c.is_alphanumeric() || **c == '_').count();
-                match raw_string_end(&chars, i, end) {
-                    Some(string_end) => string_end,
-                    None => {
-                        found.push(Token { text: chars[i..end].iter().collect(), line });
-                        end
-                    }
-                }
+                raw_string_end(&chars, i, end).unwrap_or_else(|| {
+                    found.push(Token { text: chars[i..end].iter().collect(), line });
+                    end
+                })
             }
             ':' if chars.get(i + 1) == Some(&':') => {
                 found.push(Token { text: "::".into(), line });
@@ -187,7 +184,7 @@ fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<(usize, String)> {
             }
             "crate" if text(tokens, i + 1) == "::" => targets(tokens, i + 2, 0, &mut found),
             "crate" if text(tokens, i + 1) == "as" || ends_use(tokens, i) => {
-                found.push((tokens[i].line, "crate".into()))
+                found.push((tokens[i].line, "crate".into()));
             }
             "super" => {
                 let depth = module.len() + braces.iter().filter(|b| **b).count();

@@ -87,7 +87,7 @@ mod tests {
         let mut shapes = Shapes::default();
         for _ in 0..40 {
             let at = Vec3::new(rng.f32(), rng.f32(), rng.f32()) * 10.0;
-            shapes.cuboid(at, [0.3 + rng.f32(), 0.3 + rng.f32(), 0.3 + rng.f32()], rng.f32(), plain);
+            shapes.cuboid(at, [0.8 + rng.f32(), 0.8 + rng.f32(), 0.8 + rng.f32()], rng.f32(), plain);
         }
         let tree = Bvh::new(&shapes.polygons);
         let mut met = 0;

@@ -51,7 +51,7 @@ pub(super) fn bricks(u: f32, v: f32, base: Color, seed: u32) -> Color {
         return scaled([0.66, 0.63, 0.58], 0.75 + 0.35 * grain);
     }
     let shade = 0.72 + 0.5 * hash(column, row, seed);
-    let warm = hash(column, row, seed ^ 77) * 0.16 - 0.08;
+    let warm = hash(column, row, seed ^ 0x4D) * 0.16 - 0.08;
     let edge = if fx > 0.965 || fy > 0.92 { 0.82 } else { 1.0 };
     let color = scaled(base, shade * edge * (0.78 + 0.44 * grain));
     [color[0] + warm, color[1] + warm * 0.5, color[2]]
@@ -62,7 +62,7 @@ pub(super) fn plaster(u: f32, v: f32, base: Color, seed: u32) -> Color {
     let stain = fractal(u, v, 3, 5, seed);
     let grain = fractal(u, v, 64, 3, seed ^ 5);
     let crack = (fractal(u, v, 5, 5, seed ^ 9) - 0.5).abs();
-    let worn = fractal(u, v, 4, 6, seed ^ 21);
+    let worn = fractal(u, v, 4, 6, seed ^ 0x15);
     let color = scaled(base, 0.80 + 0.22 * stain + 0.22 * (grain - 0.5));
     let color = if worn > 0.66 { mix(color, [0.62, 0.45, 0.36], 0.8) } else { color };
     if crack < 0.004 { scaled(color, 0.6) } else { color }
@@ -76,10 +76,10 @@ fn cells(u: f32, v: f32, count: i32, seed: u32) -> (f32, f32, f32) {
     for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))) {
         let (i, j) = ((x0 + dx).rem_euclid(count), (y0 + dy).rem_euclid(count));
         let px = (x0 + dx) as f32 + 0.5 + 0.7 * (hash(i, j, seed) - 0.5);
-        let py = (y0 + dy) as f32 + 0.5 + 0.7 * (hash(i, j, seed ^ 31) - 0.5);
+        let py = (y0 + dy) as f32 + 0.5 + 0.7 * (hash(i, j, seed ^ 0x1F) - 0.5);
         let d = (px - x).hypot(py - y);
         if d < first {
-            (second, first, id) = (first, d, hash(i, j, seed ^ 63));
+            (second, first, id) = (first, d, hash(i, j, seed ^ 0x3F));
         } else if d < second {
             second = d;
         }

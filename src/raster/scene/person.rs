@@ -8,23 +8,24 @@ use super::street::Look;
 /// Stride: both feet once, s.
 const STRIDE_S: f32 = 1.05;
 
-/// The walker at `t` seconds who passes `start` (x, z in m) at t = 0 with `velocity` (x, z in m/s).
-pub fn passer_by(t: f64, start: [f64; 2], velocity: [f64; 2]) -> Vec<Polygon> {
+/// The walker at `t` seconds who passes `start` (x, z in m) at t = 0 with `velocity` (x, z in m/s), in
+/// a coat tinted by `coat`.
+pub fn passer_by(t: f64, start: [f64; 2], velocity: [f64; 2], coat: [f32; 3]) -> Vec<Polygon> {
     let t32 = t as f32;
     let at = Vec3::new((start[0] + velocity[0] * t) as f32, 0.0, (start[1] + velocity[1] * t) as f32);
     let ahead = Vec3::new(velocity[0] as f32, 0.0, velocity[1] as f32).try_normalize(1e-9).unwrap_or(Vec3::x());
     let phase = t32 / STRIDE_S * std::f32::consts::TAU;
     let mut shapes = Shapes::default();
-    body(&mut shapes, at, ahead, phase);
+    body(&mut shapes, at, ahead, phase, coat);
     for polygon in &mut shapes.polygons {
         light::unshadowed(polygon);
     }
     shapes.polygons
 }
 
-fn body(shapes: &mut Shapes, at: Vec3, ahead: Vec3, phase: f32) {
+fn body(shapes: &mut Shapes, at: Vec3, ahead: Vec3, phase: f32, coat: [f32; 3]) {
     let look = |look: Look, tint: [f32; 3]| Material { texture: look as usize, tile_m: Some(0.7), tint };
-    let (coat, jeans) = (look(Look::Cloth, [1.0; 3]), look(Look::Speckled, [0.5, 0.7, 1.5]));
+    let (coat, jeans) = (look(Look::Cloth, coat), look(Look::Speckled, [0.5, 0.7, 1.5]));
     let (skin, hair, shoe) =
         (look(Look::Plaster, [1.1, 0.8, 0.62]), look(Look::Speckled, [0.7, 0.5, 0.35]), look(Look::Speckled, [0.4; 3]));
     let aside = Vec3::y().cross(&ahead);

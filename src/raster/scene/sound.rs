@@ -25,7 +25,7 @@ pub fn street_sound(duration_s: f64, seed: u64) -> Vec<i16> {
         let since = t % STEP_S;
         thump += (white - thump) * 0.12;
         let step = thump * 0.55 * (-since * 38.0).exp() + 0.22 * (TAU * 82.0 * since).sin() * (-since * 30.0).exp();
-        let left_foot = (t / STEP_S) as u32 % 2 == 0;
+        let left_foot = ((t / STEP_S) as u32).is_multiple_of(2);
         let chord = 0.16 * pad(t);
         let fade = (t / 0.4).min(1.0) * ((duration_s as f32 - t) / 0.8).clamp(0.0, 1.0);
         for near in [left_foot, !left_foot] {

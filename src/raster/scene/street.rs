@@ -146,7 +146,7 @@ fn house(shapes: &mut Shapes, rng: &mut fastrand::Rng, side: f32, z: f32, width:
         shapes.panel(on_wall(-2.95, width - 1.8, 0.06), facing, [2.5, 0.62], once(*name));
         awning(shapes, on_wall(-2.55, width - 1.8, 0.0), side, 2.6);
     } else {
-        let poster = if shop % 2 == 0 { Look::Concert } else { Look::Flowers };
+        let poster = if shop.is_multiple_of(2) { Look::Concert } else { Look::Flowers };
         shapes.panel(on_wall(-1.75, width * 0.5 - 0.35, 0.03), facing, [0.8, 1.15], once(poster));
     }
     // A sign that hangs over the pavement, legible from both ends of the street.

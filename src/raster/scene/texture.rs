@@ -2,6 +2,8 @@
 
 use std::sync::LazyLock;
 
+use rayon::prelude::*;
+
 use super::Vec3;
 
 /// Taps along the longer axis of a pixel's footprint: grazing ground stays sharp across and calm along.
@@ -32,7 +34,7 @@ pub(super) struct Texture {
 
 impl Texture {
     /// Samples `paint(u, v)` (sRGB in [0, 1]) four times per texel of a `side × side` texture, a power of two.
-    pub(super) fn paint(side: usize, paint: impl Fn(f32, f32) -> [f32; 3]) -> Self {
+    pub(super) fn paint(side: usize, paint: impl Fn(f32, f32) -> [f32; 3] + Sync) -> Self {
         let texel = |i: usize| {
             let (x, y) = ((i % side) as f32, (i / side) as f32);
             let mut sum = [0.0; 3];
@@ -43,7 +45,7 @@ impl Texture {
             let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
             [byte(sum[0]), byte(sum[1]), byte(sum[2]), 255]
         };
-        let mut levels = vec![Level { side, texels: (0..side * side).map(texel).collect() }];
+        let mut levels = vec![Level { side, texels: (0..side * side).into_par_iter().map(texel).collect() }];
         while levels.last().is_some_and(|l| l.side > 1) {
             levels.push(half(&levels[levels.len() - 1]));
         }
@@ -129,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_footprint_of_the_whole_texture_gives_its_mean_light() {
-        let t = Texture::paint(64, |u, _| [if (u * 64.0) as usize % 2 == 0 { 1.0 } else { 0.0 }; 3]);
+        let t = Texture::paint(64, |u, _| [if ((u * 64.0) as usize).is_multiple_of(2) { 1.0 } else { 0.0 }; 3]);
         assert!((t.sample([0.3, 0.7], [1.0, 0.0], [0.0, 1.0]).x - 0.5).abs() < 0.01);
     }
 }

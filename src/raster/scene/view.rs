@@ -258,9 +258,9 @@ fn sky(direction: Vec3) -> Vec3 {
     let up = (-direction.y).max(0.0);
     let blue =
         Vec3::new(0.72, 0.82, 0.95) + (Vec3::new(0.16, 0.36, 0.72) - Vec3::new(0.72, 0.82, 0.95)) * up.powf(0.55);
-    let flat = 0.16 / (up + 0.18);
+    let flat = 0.7 / (up + 0.25);
     let cloud = paint::fractal(direction.x * flat + 0.3, direction.z * flat, 4, 5, 90);
-    let cover = ((cloud - 0.47) * 4.5).clamp(0.0, 1.0) * (up * 6.0).min(1.0);
+    let cover = ((cloud - 0.52) * 4.0).clamp(0.0, 0.95) * (up * 5.0).min(1.0);
     blue + (Vec3::new(0.93, 0.92, 0.90) - blue) * cover
 }
 
