@@ -14,6 +14,7 @@ mod pipeline_laws;
 mod pipeline_run;
 mod render;
 mod render_oracle;
+mod render_sharpness;
 mod sparse;
 mod support;
 mod track;
