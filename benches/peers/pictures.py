@@ -112,18 +112,17 @@ def measured_path(frames):
 
 
 def exported_path(path):
-    """The same from a motion file: `planar` is `next_from_this`, 3x3."""
+    """The same from a motion file: its block `planar` holds `next_from_this` per frame, 3x3."""
     document = json.loads(Path(path).read_text())
-    frames = document["frames"]
-    size = document.get("source", document)
-    width, height = (size.get(k, document.get(k)) for k in ("width", "height"))
+    width, height = document["source"]["width"], document["source"]["height"]
     center = np.array([width / 2, height / 2, 1.0])
-    steps = [(0.0, 0.0, 0.0)]
-    for frame in frames[:-1]:
-        m = np.array(frame.get("planar") or np.eye(3), float).reshape(3, 3)
+    steps = []
+    for planar in document["planar"]:
+        m = np.eye(3) if planar is None else np.array(planar, float)
         at = m @ center
         x, y = (at[:2] / at[2] - center[:2]) * WIDTH / width
         steps.append((x, y, np.degrees(np.arctan2(m[1, 0], m[0, 0]))))
+    steps = [(0.0, 0.0, 0.0), *steps[:-1]]
     return np.cumsum(steps, axis=0)
 
 
