@@ -111,6 +111,24 @@ def measured_path(frames):
     return np.cumsum(steps, axis=0)
 
 
+def result_path(path, original, steady):
+    """The result's path: the original's, moved by the similarity between each frame and its own result. Summing up
+    motion between frames of the result instead drifts: what is left of it is as small as the error of each step."""
+    center = np.array([original[0].shape[1] / 2, original[0].shape[0] / 2])
+    moved = []
+    for i, (a, b) in enumerate(zip(original, steady)):
+        p, q = tracked(a, b)
+        m = cv2.estimateAffinePartial2D(p - center, q - center)[0] if len(p) >= 6 else None
+        x, y, angle = path[min(i, len(path) - 1)]
+        if m is None:
+            moved.append((np.nan,) * 3)
+            continue
+        # What was at the middle of the first frame is (x, y) off it now: where is that in the result, its zoom aside?
+        x, y = (m[:, :2] @ (x, y) + m[:, 2]) / np.hypot(m[0, 0], m[1, 0])
+        moved.append((x, y, angle + np.degrees(np.arctan2(m[1, 0], m[0, 0]))))
+    return np.array(moved)
+
+
 def exported_path(path):
     """The same from a motion file: its block `planar` holds `next_from_this` per frame, 3x3."""
     document = json.loads(Path(path).read_text())
@@ -153,7 +171,8 @@ def main():
     chosen = np.linspace(n // 12, n - 1 - n // 12, a.frames).astype(int)
     cv2.imwrite(str(a.out / "strip.png"), strip(original, steady, chosen))
     cv2.imwrite(str(a.out / "grid.png"), grids(original, steady, chosen))
-    plot(exported_path(a.motion) if a.motion else measured_path(original), measured_path(steady), a.out / "path.png")
+    path = exported_path(a.motion) if a.motion else measured_path(original)
+    plot(path, result_path(path, original, steady), a.out / "path.png")
     for name in ("strip", "grid", "path"):
         print(a.out / f"{name}.png")
 
