@@ -12,6 +12,8 @@ use crate::raster::{Canvas, Rgb};
 
 /// Coverage samples per pixel and axis.
 const SAMPLES: usize = 2;
+/// Coverage samples per pixel.
+const COUNT: usize = SAMPLES * SAMPLES;
 /// Nearer than this nothing is drawn, m.
 const NEAR_M: f32 = 0.08;
 /// At this distance haze has taken 63 % of a color, m.
@@ -176,7 +178,6 @@ impl Shader<'_> {
             let at = (self.view.ray(x, column, self.view.width), self.view.ray(y, line, self.view.height));
             (coverage[line][x * SAMPLES + column], at)
         };
-        const COUNT: usize = SAMPLES * SAMPLES;
         let samples: [(u16, (f32, f32)); COUNT] = std::array::from_fn(sample);
         let mut sum = Vec3::zeros();
         for (i, (seen, _)) in samples.iter().enumerate() {
