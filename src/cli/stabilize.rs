@@ -201,6 +201,7 @@ impl StabilizeArgs {
             min_crop: self.min_crop,
             zoom: self.zoom,
             keep_inside: self.border == Border::Crop,
+            ..SmoothSettings::default()
         };
         vec![
             StageEntry::built("source", &decode),

@@ -94,6 +94,16 @@ pub struct PathOptions {
     /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
     /// the output must be covered.
     pub border_allows_outside: bool,
+    /// Room to keep between window and frame, as a share of the window's width, 0 to 0.1: what later bends the frame moves
+    /// its border by so much.
+    pub reserve: f64,
+}
+
+impl PathOptions {
+    /// Size of the rectangle that the frame must cover, relative to the output.
+    fn window(&self) -> f64 {
+        if self.border_allows_outside { self.min_crop } else { (1.0 + self.reserve).min(1.0 / self.min_crop) }
+    }
 }
 
 impl Default for PathOptions {
@@ -104,6 +114,7 @@ impl Default for PathOptions {
             min_crop: 0.8,
             zoom: Zoom::Adaptive,
             border_allows_outside: false,
+            reserve: 0.0,
         }
     }
 }

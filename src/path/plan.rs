@@ -29,7 +29,7 @@ const LEAST_RELIABLE: f64 = 0.3;
 pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     let stage = Stage::new(clip.width, clip.height);
-    let window = if options.border_allows_outside { options.min_crop } else { 1.0 };
+    let window = options.window();
     let mut plan = VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), segments: Vec::new() };
     for shot in clip.shots {
         let segment = match shot_path(clip, options, &stage, shot.clone())? {
@@ -93,7 +93,7 @@ fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Po
         smoothness_s: options.smoothness_s,
         min_crop: options.min_crop,
         sizing: sizing(options),
-        window: if options.border_allows_outside { options.min_crop } else { 1.0 },
+        window: options.window(),
     };
     let path = in_windows(&program)?;
     if program.sizing == Sizing::Shared && windows(chain).len() > 1 {
@@ -116,8 +116,8 @@ fn sizing(options: &PathOptions) -> Sizing {
 
 /// The given path at the largest window that fits all of it, or held inside the frame at the smallest allowed.
 fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -> Result<Vec<Pose>, PathError> {
-    let window = if options.border_allows_outside { options.min_crop } else { 1.0 };
-    let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min);
+    let window = options.window();
+    let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
     let ideal: Vec<Pose> = ideal.iter().map(|p| Pose { z: p.z * size, d: p.d }).collect();
     if ideal.iter().all(|&p| stage.overhang(p, window) <= 1e-9) {
@@ -181,9 +181,11 @@ fn shifted(e: PathError, by: usize) -> PathError {
 }
 
 fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
-    for (option, value, low, high) in
-        [("smoothness", options.smoothness_s, 0.05, 30.0), ("min-crop", options.min_crop, 0.3, 1.0)]
-    {
+    for (option, value, low, high) in [
+        ("smoothness", options.smoothness_s, 0.05, 30.0),
+        ("min-crop", options.min_crop, 0.3, 1.0),
+        ("reserve", options.reserve, 0.0, 0.1),
+    ] {
         if !(value >= low && value <= high) {
             return Err(PathError::Option { option, value, low, high });
         }

@@ -33,7 +33,7 @@ impl Side {
     /// Top, right, bottom, left of a grid of `cols × rows` cells.
     fn all(cols: usize, rows: usize) -> [Self; 4] {
         let stride = cols + 1;
-        let (down, up) = (stride as isize, -(stride as isize));
+        let (down, up) = (stride.cast_signed(), -stride.cast_signed());
         [
             Self { start: 0, along: 1, inward: down, n: cols, depth: rows },
             Self { start: cols, along: down, inward: -1, n: rows, depth: cols },
@@ -44,7 +44,7 @@ impl Side {
 
     /// Index of the vertex `depth` cells behind border vertex `i`.
     fn vertex(&self, i: usize, depth: usize) -> usize {
-        self.start.wrapping_add_signed(self.along * i as isize + self.inward * depth as isize)
+        self.start.wrapping_add_signed(self.along * i.cast_signed() + self.inward * depth.cast_signed())
     }
 
     fn push_out(&self, mesh: &mut GridMesh, pre_warped: &GridMesh, corners: &[Point2; 4]) -> f64 {

@@ -48,6 +48,9 @@ pub struct SmoothSettings {
     pub min_crop: f64,
     /// How the picture is enlarged to hide the borders
     pub zoom: Zoom,
+    /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
+    #[schemars(range(min = 0.0, max = 0.1))]
+    pub reserve: f64,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
     pub keep_inside: bool,
 }
@@ -55,7 +58,7 @@ pub struct SmoothSettings {
 impl Default for SmoothSettings {
     fn default() -> Self {
         let (method, zoom) = (PathMethod::default(), Zoom::default());
-        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, keep_inside: true }
+        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, reserve: 0.01, keep_inside: true }
     }
 }
 

@@ -33,6 +33,7 @@ fn options(settings: &SmoothSettings) -> PathOptions {
             Zoom::None => path::Zoom::None,
         },
         border_allows_outside: !settings.keep_inside,
+        reserve: settings.reserve,
     }
 }
 
