@@ -128,6 +128,15 @@ impl WarpField {
         self
     }
 
+    /// Bound on the error, source px, of the field interpolated bilinearly on a lattice of step `h` output px, where one
+    /// is known without sampling: for a mesh alone.
+    pub(super) fn interpolation_error(&self, h: f64) -> Option<f64> {
+        match self.chain.as_slice() {
+            [Map::Mesh(mesh)] => Some(mesh.interpolation_error(h)),
+            _ => None,
+        }
+    }
+
     /// Source position of the output point `p`, and in `hints` where each map found it: neighboring points start
     /// their search there. `hints` has one entry per map.
     pub(super) fn map_from(&self, p: Point2, hints: &mut [usize]) -> Option<Point2> {

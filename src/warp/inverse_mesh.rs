@@ -6,14 +6,26 @@
 //! x(s, t) = a + s e + t f + st g,    e = b − a,  f = c − a,  g = a − b − c + d,    s, t ∈ [0, 1].
 //! ```
 //!
-//! Given `x`, Newton's method on `(s, t)` from the center of the cell solves `x(s, t) = x`: for the nearly
-//! parallelogram cells of a video warp two or three steps reach rounding error. The cell is found by walking: the cell
-//! that contained the previous point is tried first, and `(⌊s⌋, ⌊t⌋)` says how many cells to go on. Along a scan line
-//! the walk is almost always zero or one cell long, so that no search structure is needed.
+//! About the center of the cell, with `v = (s − ½, t − ½)` and the Jacobian `J` there, `x − x(½, ½) = J v + v₁v₂ g`, so
+//! that the solution of `x(s, t) = x` is the fixed point
+//!
+//! ```text
+//! v = J⁻¹(x − x(½, ½)) − v₁ v₂ k,    k = J⁻¹ g,
+//! ```
+//!
+//! which contracts by `|k|`: for the nearly parallelogram cells of a video warp a few multiplications yield rounding
+//! error. Bent cells are left to Newton's method.
+//!
+//! The cell is found by walking: the cell that contained the previous point is tried first, and `(⌊s⌋, ⌊t⌋)` says how many
+//! cells to go on. Along a scan line the walk is almost always zero or one cell long, so that no search structure is needed.
 //!
 //! Outside the mesh the border cell is linearised at its nearest point, so that the field is defined, continuous across
 //! the border, and grows no faster than the border cell itself. Cells that are folded over or degenerate yield the best
 //! `(s, t)` found, never NaN.
+//!
+//! The inverse bends where the mesh does. [`InverseMesh::interpolation_error`] bounds from the second differences of the
+//! vertices by how much it departs from its bilinear interpolation on a lattice, so that a lattice fine enough is found
+//! without sampling a finer one.
 
 use nalgebra::Matrix2;
 
@@ -21,11 +33,12 @@ use super::FieldError;
 use crate::math::{Point2, PointMap, Vec2};
 use crate::mesh::GridMesh;
 
+/// Steps of the fixed point before Newton's method takes over. Cells of a video warp, `|k|` below 0.03, need three to five.
+const FIXED_POINT_STEPS: usize = 6;
 /// Newton steps. Three suffice for convex cells; strongly sheared ones near a corner take up to six.
 const NEWTON_STEPS: usize = 8;
-/// A step of `(s, t)` below this is the last: convergence is quadratic, so that the error left is of the order of its
-/// square, 1e-10 of a cell.
-const CONVERGED: f64 = 1e-5;
+/// A step of `(s, t)` below this is the last: what is left is smaller by the factor `|k|`, or quadratically.
+const CONVERGED: f64 = 1e-8;
 /// A point this far outside a cell, in cells, still counts as inside: both neighbors agree there, and without slack
 /// rounding could send the walk back and forth.
 const SLACK: f64 = 1e-7;
@@ -38,9 +51,25 @@ struct Cell {
     e: Vec2,
     f: Vec2,
     g: Vec2,
+    /// `x(½, ½)`, `J⁻¹` and `k`; the latter two zero where the cell is degenerate.
+    center: Vec2,
+    inverse: Matrix2<f64>,
+    k: Vec2,
 }
 
+/// Where Newton's method starts.
+const CENTER: Vec2 = Vec2::new(0.5, 0.5);
+
 impl Cell {
+    /// The cell with corners `a b c d`.
+    fn new([a, b, c, d]: [Vec2; 4]) -> Self {
+        let (e, f, g) = (b - a, c - a, a - b - c + d);
+        let (p, q) = (e + 0.5 * g, f + 0.5 * g);
+        let regular = regular(p, q).map(|det| Matrix2::new(q.y, -q.x, -p.y, p.x) / det);
+        let inverse = regular.unwrap_or_else(Matrix2::zeros);
+        Self { a, e, f, g, center: a + 0.5 * (e + q), inverse, k: inverse * g }
+    }
+
     fn at(&self, u: Vec2) -> Vec2 {
         self.a + u.x * self.e + u.y * self.f + u.x * u.y * self.g
     }
@@ -53,19 +82,30 @@ impl Cell {
     /// One Newton step from `u`; `None` where the cell is degenerate or folded there.
     fn step(&self, x: Vec2, u: Vec2) -> Option<Vec2> {
         let (r, p, q) = (x - self.at(u), self.e + u.y * self.g, self.f + u.x * self.g);
-        let det = p.perp(&q);
-        let scale = p.norm_squared() + q.norm_squared();
-        (det > 1e-9 * scale).then(|| Vec2::new(r.perp(&q), p.perp(&r)) / det)
+        regular(p, q).map(|det| Vec2::new(r.perp(&q), p.perp(&r)) / det)
     }
 
     /// `(s, t)` of `x`. Where Newton's method does not converge (`x` far outside, the cell folded) the estimate of the
     /// cell linearised at its center, which is enough to walk on.
     fn invert(&self, x: Vec2) -> Vec2 {
-        let center = Vec2::new(0.5, 0.5);
-        let Some(linear) = self.step(x, center).map(|du| center + du) else { return center };
-        if (linear - center).amax() > 2.0 {
-            return linear;
+        let linear = self.inverse * (x - self.center);
+        if linear.amax() <= 2.5 {
+            let mut v = linear;
+            for _ in 0..FIXED_POINT_STEPS {
+                let next = linear - self.k * (v.x * v.y);
+                let moved = (next - v).amax();
+                v = next;
+                if moved < CONVERGED {
+                    return CENTER + v;
+                }
+            }
+            return self.newton(x, CENTER + linear);
         }
+        CENTER + linear
+    }
+
+    /// Newton's method from `linear`, which is the result where it does not converge.
+    fn newton(&self, x: Vec2, linear: Vec2) -> Vec2 {
         let mut u = linear;
         for _ in 1..NEWTON_STEPS {
             let Some(du) = self.step(x, u) else { break };
@@ -84,6 +124,12 @@ impl Cell {
     }
 }
 
+/// The determinant of the columns `p, q` where the cell is neither degenerate nor folded.
+fn regular(p: Vec2, q: Vec2) -> Option<f64> {
+    let det = p.perp(&q);
+    (det > 1e-9 * (p.norm_squared() + q.norm_squared())).then_some(det)
+}
+
 /// How far `(s, t)` lies outside its cell, in cells.
 fn distance(u: Vec2) -> f64 {
     let outside = |s: f64| (-s).max(s - 1.0).max(0.0);
@@ -98,6 +144,18 @@ pub struct InverseMesh {
     /// Size of a cell in the source, px.
     cell: Vec2,
     cells: Vec<Cell>,
+    bend: Bend,
+}
+
+/// The largest second derivatives of the inverse.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bend {
+    /// Change of slope where cells meet, along x and y together, source px per output px.
+    kink: f64,
+    /// Smallest distance of such kinks, output px.
+    pitch: f64,
+    /// Mixed derivative inside a cell, source px per squared output px. It counts where mesh and lattice are rotated.
+    twist: f64,
 }
 
 impl InverseMesh {
@@ -119,11 +177,20 @@ impl InverseMesh {
         let vertex = |i: usize, j: usize| mesh.vertices[j * (cols + 1) + i].coords;
         let cell = |k: usize| {
             let (i, j) = (k % cols, k / cols);
-            let [a, b, c, d] = [vertex(i, j), vertex(i + 1, j), vertex(i, j + 1), vertex(i + 1, j + 1)];
-            Cell { a, e: b - a, f: c - a, g: a - b - c + d }
+            Cell::new([vertex(i, j), vertex(i + 1, j), vertex(i, j + 1), vertex(i + 1, j + 1)])
         };
         let size = Vec2::new(width / cols as f64, height / rows as f64);
-        Ok(Self { cols, rows, cell: size, cells: (0..cols * rows).map(cell).collect() })
+        let cells: Vec<Cell> = (0..cols * rows).map(cell).collect();
+        let bend = Bend::of(&cells, cols, size);
+        Ok(Self { cols, rows, cell: size, cells, bend })
+    }
+
+    /// Bound on the error, source px, of the inverse interpolated bilinearly between the points of a lattice of step
+    /// `h` output px, inside the mesh. A change `κ` of slope errs by `κ h/4` at most where it falls into the middle of a
+    /// step; several of them, one each `c` px, act like the second derivative `κ/c` and err by `κ h²/8c`.
+    pub(super) fn interpolation_error(&self, h: f64) -> f64 {
+        let Bend { kink, pitch, twist } = self.bend;
+        kink * (h / 4.0).max(h * h / (8.0 * pitch)) + twist * h * h / 8.0
     }
 
     /// Source position of `p`. `hint` is the cell to try first (any value is allowed) and holds the cell found.
@@ -193,6 +260,23 @@ impl PointMap for InverseMesh {
         let inside = Vec2::new(u.x.clamp(0.0, 1.0), u.y.clamp(0.0, 1.0));
         let inverse = self.cells[k].jacobian(inside).try_inverse()?;
         Some(Matrix2::from_diagonal(&self.cell) * inverse)
+    }
+}
+
+impl Bend {
+    /// Of row-major `cells` in `cols` columns, each `size` px large in the source. Degenerate cells bend without bound.
+    fn of(cells: &[Cell], cols: usize, size: Vec2) -> Self {
+        let mut bend = Self { pitch: f64::INFINITY, ..Self::default() };
+        for (k, cell) in cells.iter().enumerate() {
+            let (across, down) = (cell.e.norm_squared(), cell.f.norm_squared());
+            let right = cells.get(k + 1).filter(|_| (k + 1) % cols != 0);
+            let kink_x = right.map_or(0.0, |right| (right.e - cell.e).norm() * size.x / across);
+            let kink_y = cells.get(k + cols).map_or(0.0, |below| (below.f - cell.f).norm() * size.y / down);
+            bend.kink = bend.kink.max(kink_x + kink_y);
+            bend.pitch = bend.pitch.min(across.min(down).sqrt());
+            bend.twist = bend.twist.max(cell.g.norm() * size.max() / (across * down).sqrt() / across.min(down).sqrt());
+        }
+        bend
     }
 }
 

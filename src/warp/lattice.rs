@@ -47,6 +47,9 @@ impl Lattice {
     /// Samples `field` for an output of size `out` and a source of size `src`, px each.
     pub fn between(field: &WarpField, out: (usize, usize), src: (usize, usize)) -> Self {
         let inside = Inside { width: src.0 as f64 + MARGIN_PX, height: src.1 as f64 + MARGIN_PX };
+        if let Some(step) = Self::step_known_to_suffice(field) {
+            return Self::sample(field, out, step, None);
+        }
         let mut coarse = Self::sample(field, out, COARSEST, None);
         while coarse.step > FINEST {
             let fine = Self::sample(field, out, coarse.step / 2, Some(&coarse));
@@ -56,6 +59,15 @@ impl Lattice {
             coarse = fine;
         }
         coarse
+    }
+
+    /// The coarsest step whose error is bounded by the tolerance, where a bound is known.
+    fn step_known_to_suffice(field: &WarpField) -> Option<usize> {
+        let mut step = COARSEST;
+        while step > FINEST && !(field.interpolation_error(step as f64)? < TOLERANCE_PX) {
+            step /= 2;
+        }
+        field.interpolation_error(step as f64).map(|_| step)
     }
 
     /// Offsets at one step; points that `coarse` has already are taken from there.
