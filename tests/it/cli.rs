@@ -1,7 +1,7 @@
 //! The command line, by running the program.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use plumbline::cli::stabilize_pipeline;
 use plumbline::pipeline::draw::{GraphFormat, draw};
@@ -9,22 +9,10 @@ use plumbline::pipeline::shipped::shipped;
 use plumbline::pipeline::{check, print, read};
 
 use crate::pipeline::source;
+use crate::support::program::{err, out, plumbline_in};
 
 fn plumbline(args: &[&str]) -> Output {
     plumbline_in(Path::new("."), args)
-}
-
-fn plumbline_in(folder: &Path, args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumbline"));
-    command.args(args).current_dir(folder).env("NO_COLOR", "1").output().expect("the program starts")
-}
-
-fn out(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]
@@ -49,7 +37,7 @@ fn a_bad_command_line_exits_2_tells_what_is_allowed_and_prints_no_result() {
         ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>"),
         ("two targets", &["stabilize", "a.mp4", "-o", "b.mp4", "--out-dir", "d"], "cannot be used with"),
         ("crop", &["stabilize", "a.mp4", "-o", "b.mp4", "--min-crop", "1.4"], "out of range (expected 0.3 to 1)"),
-        ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 60)"),
+        ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 30)"),
         ("mode", &["stabilize", "a.mp4", "-o", "b.mp4", "--mode", "mash"], "a similar value exists: 'mesh'"),
         (
             "shutter",

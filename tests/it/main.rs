@@ -1,6 +1,7 @@
 //! All integration tests, in one binary: each further binary would cost a link per edit.
 
 mod allocations;
+mod bad_input_cli;
 mod cli;
 mod energy;
 mod house;
@@ -15,6 +16,7 @@ mod pipeline_run;
 mod render;
 mod render_oracle;
 mod sparse;
+mod stabilize;
 mod support;
 mod track;
 mod warp;

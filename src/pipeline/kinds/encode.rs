@@ -17,6 +17,8 @@ pub enum Codec {
     #[default]
     H264,
     /// H.265: smaller, slower
+    #[serde(alias = "h265")]
+    #[value(alias = "h265")]
     Hevc,
     /// AV1: smallest, slowest
     Av1,
