@@ -56,7 +56,7 @@ fn analysis() -> impl Strategy<Value = (DecodeSettings, TrackSettings, MotionSet
         50u32..20_000,
         proptest::option::of(text()),
         shutter,
-        0.05..60.0f64,
+        0.05..30.0f64,
         0.3..1.0f64,
     )
         .prop_map(|(path, start, points, mask, rolling_shutter, smoothness, min_crop)| {

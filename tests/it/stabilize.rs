@@ -98,7 +98,8 @@ fn compare_shows_the_original_on_the_left_and_the_result_on_the_right() {
     assert_eq!((video_field(&both, "width"), video_field(&both, "height")), ("640".into(), "180".into()));
     assert_eq!(filtered_sums(&both, "crop=320:180:0:0", "yuv420p"), picture_sums(&clip, "yuv420p"));
     assert_eq!(filtered_sums(&both, "crop=320:180:320:0", "yuv420p"), picture_sums(&steady, "yuv420p"));
-    assert_eq!((times(&both), packet_sums(&both, "a")), (times(&clip), packet_sums(&clip, "a")));
+    assert_eq!(packet_sums(&both, "a"), packet_sums(&clip, "a"));
+    assert_eq!(times(&both), times(&steady));
 }
 
 #[test]
@@ -225,7 +226,7 @@ fn probe_tells_programs_what_is_in_a_clip() {
     clip(folder);
     let told: serde_json::Value =
         serde_json::from_slice(&succeed(folder, &["probe", "clip.mp4", "--json"]).stdout).expect("JSON");
-    assert_eq!((&told["video"]["width"], &told["video"]["height"]), (&320.into(), &180.into()), "{told:#}");
+    assert_eq!((&told["streams"][0]["width"], &told["streams"][0]["height"]), (&320.into(), &180.into()), "{told:#}");
     assert_eq!(told["streams"].as_array().map(Vec::len), Some(2), "{told:#}");
     let plan = out(&succeed(folder, &["plan", "stabilize", "--set", "batch.foreach=clip.mp4"]));
     assert!(plan.contains("peak memory: about "), "{plan}");
