@@ -111,19 +111,36 @@ def measured_path(frames):
     return np.cumsum(steps, axis=0)
 
 
+def result_path(path, original, steady):
+    """The result's path: the original's, moved by the similarity between each frame and its own result. Summing up
+    motion between frames of the result instead drifts: what is left of it is as small as the error of each step."""
+    center = np.array([original[0].shape[1] / 2, original[0].shape[0] / 2])
+    moved = []
+    for i, (a, b) in enumerate(zip(original, steady)):
+        p, q = tracked(a, b)
+        m = cv2.estimateAffinePartial2D(p - center, q - center)[0] if len(p) >= 6 else None
+        x, y, angle = path[min(i, len(path) - 1)]
+        if m is None:
+            moved.append((np.nan,) * 3)
+            continue
+        # What was at the middle of the first frame is (x, y) off it now: where is that in the result, its zoom aside?
+        x, y = (m[:, :2] @ (x, y) + m[:, 2]) / np.hypot(m[0, 0], m[1, 0])
+        moved.append((x, y, angle + np.degrees(np.arctan2(m[1, 0], m[0, 0]))))
+    return np.array(moved)
+
+
 def exported_path(path):
-    """The same from a motion file: `planar` is `next_from_this`, 3x3."""
+    """The same from a motion file: its block `planar` holds `next_from_this` per frame, 3x3."""
     document = json.loads(Path(path).read_text())
-    frames = document["frames"]
-    size = document.get("source", document)
-    width, height = (size.get(k, document.get(k)) for k in ("width", "height"))
+    width, height = document["source"]["width"], document["source"]["height"]
     center = np.array([width / 2, height / 2, 1.0])
-    steps = [(0.0, 0.0, 0.0)]
-    for frame in frames[:-1]:
-        m = np.array(frame.get("planar") or np.eye(3), float).reshape(3, 3)
+    steps = []
+    for planar in document["planar"]:
+        m = np.eye(3) if planar is None else np.array(planar, float)
         at = m @ center
         x, y = (at[:2] / at[2] - center[:2]) * WIDTH / width
         steps.append((x, y, np.degrees(np.arctan2(m[1, 0], m[0, 0]))))
+    steps = [(0.0, 0.0, 0.0), *steps[:-1]]
     return np.cumsum(steps, axis=0)
 
 
@@ -154,7 +171,8 @@ def main():
     chosen = np.linspace(n // 12, n - 1 - n // 12, a.frames).astype(int)
     cv2.imwrite(str(a.out / "strip.png"), strip(original, steady, chosen))
     cv2.imwrite(str(a.out / "grid.png"), grids(original, steady, chosen))
-    plot(exported_path(a.motion) if a.motion else measured_path(original), measured_path(steady), a.out / "path.png")
+    path = exported_path(a.motion) if a.motion else measured_path(original)
+    plot(path, result_path(path, original, steady), a.out / "path.png")
     for name in ("strip", "grid", "path"):
         print(a.out / f"{name}.png")
 

@@ -5,22 +5,23 @@
 //! every row sums to exactly 2¹⁴: constant images stay constant, and at `t = 0` the row is `(0, …, 2¹⁴, …, 0)`, so
 //! that a shift by whole pixels copies bits.
 //!
-//! Gradient energy of the result relative to Lanczos-3 in floating point, mean over frames of real video warped by small
-//! similarities (the sharpness that is left):
-//!
 //! | kernel | taps | gradient energy | |
 //! | --- | --- | --- | --- |
 //! | bilinear | 2 | 0.75 | previews |
-//! | cubic convolution, a = −½ | 4 | 0.91 | Keys 1981; third-order accurate, a little soft |
-//! | Lanczos, 3 lobes | 6 | 1.00 | Duchon 1979; the default, at about 1.6 times the cost of the cubic |
+//! | [`four_tap`](super::four_tap) | 4 | 1.02 | least error over a band, exact for ramps; the default |
+//! | Lanczos, 3 lobes | 6 | 1.00 | Duchon 1979; at about 1.6 times the cost of four taps |
 //!
-//! A cubic with `a = −¾` reaches 0.98 but gives up reproducing straight ramps; 4 lobes gain nothing over 3.
+//! Gradient energy is that of the result relative to Lanczos-3 in floating point, the mean over frames of real video
+//! warped by small similarities (the sharpness that is left). Cubic convolution (Keys 1981), the usual four taps, loses 9 %
+//! of it with `a = −½` and no longer reproduces ramps with the sharper `a = −¾`; 4 lobes gain nothing over 3.
 //!
 //! # References
 //! R. Keys, *Cubic convolution interpolation for digital image processing*, IEEE TASSP 29 (1981), eq. 4.
 //! C. Duchon, *Lanczos filtering in one and two dimensions*, J. Applied Meteorology 18 (1979).
 
 use std::f64::consts::PI;
+
+use super::four_tap;
 
 /// Sub-pixel positions per pixel. 256 place a sample within 1/512 px; a tenth of the lattice's own tolerance.
 pub(super) const PHASES: usize = 256;
@@ -36,33 +37,26 @@ pub(super) const UNIT: f32 = 1.0 / (1_u32 << (2 * WEIGHT_BITS)) as f32;
 pub enum Interpolation {
     /// Two taps; soft, for previews.
     Bilinear,
-    /// Four taps, cubic convolution with `a = −½`.
-    Bicubic,
-    /// Six taps, windowed sinc: the sharpest.
+    /// Four taps, optimal over the band that video fills: as sharp as Lanczos, straight ramps stay straight.
     #[default]
+    Bicubic,
+    /// Six taps, windowed sinc.
     Lanczos3,
 }
 
 impl Interpolation {
-    /// Weight of the sample at distance `x` px.
-    fn weight(self, x: f64) -> f64 {
-        let x = x.abs();
-        match self {
-            Self::Bilinear => (1.0 - x).max(0.0),
-            Self::Bicubic => cubic(x, -0.5),
-            Self::Lanczos3 => sinc(x) * if x < 3.0 { sinc(x / 3.0) } else { 0.0 },
-        }
-    }
-}
-
-/// Keys's kernel.
-fn cubic(x: f64, a: f64) -> f64 {
-    if x < 1.0 {
-        ((a + 2.0) * x - (a + 3.0)) * x * x + 1.0
-    } else if x < 2.0 {
-        (((x - 5.0) * x + 8.0) * x - 4.0) * a
-    } else {
-        0.0
+    /// Weights of the samples around `t ∈ [0, 1)`, the sample 0 at index `n/2 − 1` of the `n` that `N` holds.
+    fn weights<const N: usize>(self, t: f64) -> [f64; N] {
+        let before = taps(N) / 2 - 1;
+        let inner = four_tap::weights(t);
+        std::array::from_fn(|k| {
+            let x = k as f64 - before as f64 - t;
+            match self {
+                Self::Bilinear => (1.0 - x.abs()).max(0.0),
+                Self::Bicubic => (k + 1).checked_sub(before).and_then(|j| inner.get(j)).copied().unwrap_or(0.0),
+                Self::Lanczos3 => sinc(x) * if x.abs() < 3.0 { sinc(x / 3.0) } else { 0.0 },
+            }
+        })
     }
 }
 
@@ -90,9 +84,10 @@ pub(super) fn table<const N: usize>(kernel: Interpolation) -> Box<Table<N>> {
 
 fn quantized<const N: usize>(kernel: Interpolation, t: f64) -> [i16; N] {
     let (n, one) = (taps(N), f64::from(1 << WEIGHT_BITS));
-    let exact = |j: usize| if j < n { kernel.weight(j as f64 - (n / 2 - 1) as f64 - t) } else { 0.0 };
-    let sum: f64 = (0..n).map(exact).sum();
-    let mut row = std::array::from_fn(|j| (exact(j) / sum * one).round() as i16);
+    let mut exact = kernel.weights::<N>(t);
+    exact[n..].fill(0.0);
+    let sum: f64 = exact.iter().sum();
+    let mut row = exact.map(|w| (w / sum * one).round() as i16);
     // The rest of the rounding goes to the largest weight, where it is relatively smallest.
     let rest = (1 << WEIGHT_BITS) - row.iter().map(|&w| i32::from(w)).sum::<i32>();
     row[if t < 0.5 { n / 2 - 1 } else { n / 2 }] += rest as i16;
@@ -123,15 +118,6 @@ mod tests {
                 let off = table[phase].iter().zip(mirrored).map(|(a, b)| (a - b).abs()).max();
                 assert!(off <= Some(1), "{kernel:?} at phase {phase}");
             }
-        }
-    }
-
-    #[test]
-    fn cubic_convolution_reproduces_parabolas() {
-        // Keys's condition a = −½: third-order accuracy.
-        for t in [0.1, 0.25, 0.7] {
-            let value: f64 = (-1..=2).map(|j| cubic((f64::from(j) - t).abs(), -0.5) * f64::from(j * j)).sum();
-            assert!((value - t * t).abs() < 1e-12);
         }
     }
 }

@@ -14,6 +14,7 @@
 mod avx2;
 mod border;
 mod fill;
+mod four_tap;
 mod kernel;
 mod plane;
 mod scan;

@@ -15,6 +15,7 @@ mod pipeline_laws;
 mod pipeline_run;
 mod render;
 mod render_oracle;
+mod render_sharpness;
 mod sparse;
 mod stabilize;
 mod support;

@@ -16,11 +16,21 @@ def image():
     return np.round(2048 + 900 * np.sin(0.35 * x + 0.2 * y) + 800 * np.cos(0.27 * y - 0.11 * x))
 
 
-def cubic(x, a=-0.5):
-    x = abs(x)
-    if x < 1:
-        return ((a + 2) * x - (a + 3)) * x * x + 1
-    return (((x - 5) * x + 8) * x - 4) * a if x < 2 else 0.0
+def four_tap(t, band=2 / 3 * np.pi):
+    """Weights of the samples -1..2: least squares over the frequencies 0..band, solved with Lagrange multipliers."""
+    omega = (np.arange(4000) + 0.5) * band / 4000
+    j = np.arange(-1, 3)
+    waves = np.exp(1j * np.outer(omega, j))
+    gram, target = (waves.conj().T @ waves).real, (waves.conj().T @ np.exp(1j * omega * t)).real
+    constraints = np.array([np.ones(4), j])
+    system = np.block([[gram, constraints.T], [constraints, np.zeros((2, 2))]])
+    return np.linalg.solve(system, np.r_[target, 1, t])[:4]
+
+
+def bicubic(x):
+    t = -x % 1.0
+    j = int(round(x + t))
+    return four_tap(t)[j + 1] if -1 <= j <= 2 else 0.0
 
 
 def lanczos3(x):
@@ -42,7 +52,7 @@ def sample(img, kernel, x, y):
 
 
 img = image()
-for name, kernel in [("Bilinear", bilinear), ("Bicubic", cubic), ("Lanczos3", lanczos3)]:
+for name, kernel in [("Bilinear", bilinear), ("Bicubic", bicubic), ("Lanczos3", lanczos3)]:
     row = []
     for px, py in POINTS:
         s = BACK @ [px + 0.5, py + 0.5, 1.0]

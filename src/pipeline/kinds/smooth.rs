@@ -26,9 +26,9 @@ pub enum PathMethod {
 #[serde(rename_all = "lowercase")]
 pub enum Zoom {
     /// One zoom for the whole clip
-    #[default]
     Fixed,
     /// A zoom that changes slowly with the need
+    #[default]
     Adaptive,
     /// No zoom: borders may show
     None,
@@ -55,7 +55,7 @@ pub struct SmoothSettings {
 impl Default for SmoothSettings {
     fn default() -> Self {
         let (method, zoom) = (PathMethod::default(), Zoom::default());
-        Self { method, smoothness: 1.0, min_crop: 0.8, zoom, keep_inside: true }
+        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, keep_inside: true }
     }
 }
 

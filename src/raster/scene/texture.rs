@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Vec3;
 
 /// Taps along the longer axis of a pixel's footprint: grazing ground stays sharp across and calm along.
-const MAX_TAPS: f32 = 6.0;
+const MAX_TAPS: f32 = 4.0;
 
 /// sRGB byte → linear light in [0, 1].
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)));
@@ -33,14 +33,14 @@ pub(super) struct Texture {
 }
 
 impl Texture {
-    /// Samples `paint(u, v)` (sRGB in [0, 1]) four times per texel of a `side × side` texture, a power of two.
+    /// Samples `paint(u, v)` (sRGB in [0, 1]) twice per texel of a `side × side` texture, a power of two.
     pub(super) fn paint(side: usize, paint: impl Fn(f32, f32) -> [f32; 3] + Sync) -> Self {
         let texel = |i: usize| {
             let (x, y) = ((i % side) as f32, (i / side) as f32);
             let mut sum = [0.0; 3];
-            for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+            for (dx, dy) in [(0.25, 0.3), (0.75, 0.7)] {
                 let color = paint((x + dx) / side as f32, (y + dy) / side as f32);
-                (0..3).for_each(|c| sum[c] += color[c] / 4.0);
+                (0..3).for_each(|c| sum[c] += color[c] / 2.0);
             }
             let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
             [byte(sum[0]), byte(sum[1]), byte(sum[2]), 255]
@@ -56,7 +56,8 @@ impl Texture {
     pub(super) fn sample(&self, [u, v]: [f32; 2], across: [f32; 2], along: [f32; 2]) -> Vec3 {
         let (a, b) = (across[0].hypot(across[1]), along[0].hypot(along[1]));
         let (long, axis, short) = if a > b { (a, across, b) } else { (b, along, a) };
-        let taps = (long / short.max(long / MAX_TAPS)).ceil().clamp(1.0, MAX_TAPS);
+        // A footprint that is nearly round needs one tap: the mip level covers it.
+        let taps = (long / short.max(long / MAX_TAPS) - 0.4).ceil().clamp(1.0, MAX_TAPS);
         let lod = (long / taps * self.levels[0].side as f32).max(1.0).log2();
         let mut sum = Vec3::zeros();
         for k in 0..taps as usize {

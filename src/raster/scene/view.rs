@@ -12,6 +12,8 @@ use crate::raster::{Canvas, Rgb};
 
 /// Coverage samples per pixel and axis.
 const SAMPLES: usize = 2;
+/// Coverage samples per pixel.
+const COUNT: usize = SAMPLES * SAMPLES;
 /// Nearer than this nothing is drawn, m.
 const NEAR_M: f32 = 0.08;
 /// At this distance haze has taken 63 % of a color, m.
@@ -169,24 +171,27 @@ struct Shader<'a> {
 }
 
 impl Shader<'_> {
-    /// Mean light of a pixel: shaded once where all its samples see the same polygon.
+    /// Mean light of a pixel: each polygon that its samples see is shaded once, at the mean place of those samples.
     fn pixel(&self, coverage: &[Vec<u16>; SAMPLES], x: usize, y: usize) -> Vec3 {
-        let samples = |k: usize| &coverage[k][x * SAMPLES..(x + 1) * SAMPLES];
-        let first = samples(0)[0];
-        if (0..SAMPLES).all(|k| samples(k).iter().all(|s| *s == first)) {
-            let middle = |position: usize, size: usize| {
-                ((position as f64 + 0.5 - size as f64 / 2.0) / self.view.focal_px) as f32
-            };
-            return self.shade(first, middle(x, self.view.width), middle(y, self.view.height));
-        }
+        let sample = |i: usize| {
+            let (column, line) = (i % SAMPLES, i / SAMPLES);
+            let at = (self.view.ray(x, column, self.view.width), self.view.ray(y, line, self.view.height));
+            (coverage[line][x * SAMPLES + column], at)
+        };
+        let samples: [(u16, (f32, f32)); COUNT] = std::array::from_fn(sample);
         let mut sum = Vec3::zeros();
-        for k in 0..SAMPLES {
-            let ray_y = self.view.ray(y, k, self.view.height);
-            for (i, seen) in samples(k).iter().enumerate() {
-                sum += self.shade(*seen, self.view.ray(x, i, self.view.width), ray_y);
+        for (i, (seen, _)) in samples.iter().enumerate() {
+            if samples[..i].iter().any(|(earlier, _)| earlier == seen) {
+                continue;
             }
+            let (mut n, mut mean) = (0.0, (0.0, 0.0));
+            for (_, at) in samples[i..].iter().filter(|(other, _)| other == seen) {
+                n += 1.0;
+                mean = (mean.0 + at.0, mean.1 + at.1);
+            }
+            sum += self.shade(*seen, mean.0 / n, mean.1 / n) * n;
         }
-        sum / (SAMPLES * SAMPLES) as f32
+        sum / COUNT as f32
     }
 
     /// Tone-mapped linear color of what the ray (X, Y, 1) sees.
