@@ -195,3 +195,15 @@ fn the_schema_is_draft_07_and_has_a_branch_for_every_kind() {
     assert_eq!(names, KINDS.iter().map(|k| k.name).collect::<Vec<_>>());
     insta::assert_snapshot!(format!("{:#}", branches[3]));
 }
+
+#[test]
+fn defaults_are_those_of_the_modules_that_do_the_work() {
+    let (smooth, path) = (SmoothSettings::default(), plumbline::path::PathOptions::default());
+    assert_eq!((smooth.smoothness, smooth.min_crop), (path.smoothness_s, path.min_crop));
+    assert_eq!(format!("{:?} {:?}", smooth.method, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
+    assert_eq!(TrackSettings::default().points as usize, plumbline::track::TrackOptions::default().points);
+    let warp = plumbline::warp::ContentPreservingOptions::default();
+    assert_eq!(WarpSettings::default().alpha, warp.alpha);
+    let render = plumbline::render::RenderOptions::default();
+    assert_eq!(format!("{:?}", RenderSettings::default().interpolation), format!("{:?}", render.interpolation));
+}
