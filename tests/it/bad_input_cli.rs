@@ -1,8 +1,8 @@
 //! Bad input, bad targets and sudden ends, through the built program: a clear error, its exit status, and nothing lost.
 
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, ChildStderr, Stdio};
 
 use crate::support::clips::{make, pattern, picture_sums, shaky, times, video_field, workshop};
 use crate::support::program::{command, err, names, plumbline_in, succeed};
@@ -154,20 +154,17 @@ fn a_full_disk_is_told_and_leaves_nothing() {
     assert_eq!(names(folder), ["a.mp4"]);
 }
 
-/// The program on a clip long enough to be interrupted, once its result has begun to be written.
-fn at_work(folder: &Path) -> Child {
-    let args = ["stabilize", "long.mkv", "-o", "out.mp4", "--preset", "slow", "--progress", "none", "--threads", "1"];
-    let child = command(folder, &args).stderr(Stdio::piped()).spawn().expect("the program starts");
-    let deadline = Instant::now() + Duration::from_secs(120);
-    let begun = |name: &String| {
-        let written = std::fs::metadata(folder.join(name)).is_ok_and(|m| m.len() > 0);
-        name.starts_with("out.partial-") && written
-    };
-    while !names(folder).iter().any(begun) {
-        assert!(Instant::now() < deadline, "the second pass never began: {:?}", names(folder));
-        std::thread::sleep(Duration::from_millis(5));
+/// The program on a clip long enough to be interrupted, once it renders, and what it will tell from there.
+fn at_work(folder: &Path) -> (Child, BufReader<ChildStderr>) {
+    let args = ["stabilize", "long.mkv", "-o", "out.mp4", "--preset", "slow", "--progress", "json", "--threads", "1"];
+    let mut child = command(folder, &args).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut told = BufReader::new(child.stderr.take().expect("piped"));
+    let mut line = String::new();
+    while !line.contains("\"label\":\"render\"") {
+        line.clear();
+        assert!(told.read_line(&mut line).is_ok_and(|n| n > 0), "it ended before the second pass");
     }
-    child
+    (child, told)
 }
 
 fn signal(child: &Child, name: &str) {
@@ -182,16 +179,18 @@ fn an_interrupted_run_leaves_nothing_and_a_killed_one_nothing_under_the_final_na
     let scaled = "-vf scale=960:540 -c:v libx264 -preset ultrafast -pix_fmt yuv420p";
     make(folder, "long.mkv", &format!("{} {scaled}", shaky(2.4)));
     for (name, code) in [("INT", 130), ("TERM", 143)] {
-        let child = at_work(folder);
+        let (mut child, mut told) = at_work(folder);
+        assert!(names(folder).iter().any(|n| n.starts_with("out.partial-")), "{:?}", names(folder));
         signal(&child, name);
-        let ran = child.wait_with_output().expect("it ends");
-        assert_eq!(ran.status.code(), Some(code), "{}", err(&ran));
-        assert!(err(&ran).contains("interrupted; nothing was left under the final name"), "{}", err(&ran));
+        let mut rest = String::new();
+        told.read_to_string(&mut rest).expect("UTF-8");
+        assert_eq!(child.wait().expect("it ends").code(), Some(code), "{rest}");
+        assert!(rest.contains("interrupted; nothing was left under the final name"), "{rest}");
         assert_eq!(names(folder), ["long.mkv"], "SIG{name}");
     }
-    let child = at_work(folder);
+    let (mut child, _told) = at_work(folder);
     signal(&child, "KILL");
-    child.wait_with_output().expect("it ends");
+    child.wait().expect("it ends");
     assert!(!folder.join("out.mp4").exists());
     let left = names(folder);
     assert!(left.iter().all(|n| n == "long.mkv" || n.starts_with("out.partial-")), "{left:?}");

@@ -205,3 +205,14 @@ fn print_pipeline_of_the_program_is_a_file_that_check_accepts() {
     let again = plumbline_in(folder.path(), &["run", "job.toml", "--print-pipeline"]);
     assert_eq!(again.stdout, printed.stdout);
 }
+
+#[test]
+fn the_document_on_commands_names_every_command_and_exit_status() {
+    let document = std::fs::read_to_string("docs/COMMANDS.md").expect("a document");
+    for command in plumbline::cli::command().get_subcommands() {
+        assert!(document.contains(&format!("| `{}` |", command.get_name())), "{}", command.get_name());
+    }
+    for status in [0, 1, 2, 3, 65, 73, 75] {
+        assert!(document.contains(&format!("\n| {status} | ")), "{status}");
+    }
+}

@@ -143,3 +143,26 @@ pub(super) fn media_error(error: MediaError) -> RunError {
         Fault::Internal => RunError::Internal(text),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_file_that_grows_between_two_passes_is_refused() {
+        let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
+        file.write_all(b"half").expect("a few bytes");
+        let input = Input::parse(file.path().to_str().expect("UTF-8")).expect("it is there");
+        let source = Source { seen: Seen::of(&input), input };
+        assert!(source.check().is_ok());
+        file.write_all(b" and half").expect("a few bytes");
+        let grown = source.check().expect_err("another file").to_string();
+        assert!(
+            grown.ends_with("changed while it was at work (4 bytes, then 13 bytes); start again when it is complete")
+        );
+        file.close().expect("removed");
+        let gone = source.check().expect_err("no file").to_string();
+        assert!(gone.contains("(4 bytes, then gone)"), "{gone}");
+    }
+}

@@ -74,12 +74,12 @@ impl Branch {
     /// A picture for this sink, which leaves `sampled` to the others.
     fn picture(&self, sampled: &Sampled) -> Result<Frame, RunError> {
         let mut picture = self.pool.get().map_err(media_error)?;
-        let made = match self.beside {
-            Some(beside) => beside.join(sampled.original(), &sampled.result, &mut picture),
-            None => {
-                picture.copy_properties(&sampled.result);
-                paste(&sampled.result, &mut picture, (0, 0), (sampled.result.width, sampled.result.height))
-            }
+        let result = &sampled.result;
+        let made = if let Some(beside) = self.beside {
+            beside.join(sampled.original(), result, &mut picture)
+        } else {
+            picture.copy_properties(result);
+            paste(result, &mut picture, (0, 0), (result.width, result.height))
         };
         if made { Ok(picture) } else { Err(RunError::Internal("a frame of the pool is shared".to_owned())) }
     }
