@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 use super::failure::Failure;
@@ -17,12 +17,15 @@ pub(super) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Takes over both signals.
+    /// Takes over the signals.
     pub(super) fn install() -> Result<Self, Failure> {
+        let failed = |e| RunError::Internal(format!("cannot handle signals: {e}"));
         let interrupt = Self { cancel: Arc::default(), signal: Arc::default() };
         for (signal, exit) in [(SIGINT, Exit::Interrupted), (SIGTERM, Exit::Terminated)] {
-            interrupt.watch(signal, exit).map_err(|e| RunError::Internal(format!("cannot handle signals: {e}")))?;
+            interrupt.watch(signal, exit).map_err(failed)?;
         }
+        // A file beyond the limit of `ulimit -f` is an error of writing; unheeded, the signal would end the program.
+        flag::register(SIGXFSZ, Arc::default()).map_err(failed)?;
         Ok(interrupt)
     }
 

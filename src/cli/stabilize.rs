@@ -49,11 +49,11 @@ pub struct StabilizeArgs {
     /// How the virtual camera moves
     #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
     path: PathMethod,
-    /// Time over which motion is evened out, 0.05 to 60
+    /// Time over which motion is evened out, 0.05 to 30
     #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
     smoothness: f64,
-    /// Picture of the clip's shape: nothing is tracked where it is black
+    /// Picture of the clip's shape: nothing is tracked where it is white
     #[arg(long, value_name = "FILE", help_heading = "Stabilization")]
     mask: Option<PathBuf>,
     /// Least part of the picture's width and height that must stay, 0.3 to 1

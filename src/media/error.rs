@@ -292,10 +292,11 @@ impl MediaError {
             | Self::UnknownContainer { .. }
             | Self::NotStreamable { .. }
             | Self::Loss { .. } => Fault::Usage,
-            Self::TargetIsInput { .. } | Self::TargetExists { .. } | Self::Unwritable { .. } => Fault::Output,
-            Self::SpoolLimit { .. } | Self::Spool { .. } | Self::DiskFull { .. } | Self::NoMemory { .. } => {
-                Fault::Environment
-            }
+            Self::TargetIsInput { .. }
+            | Self::TargetExists { .. }
+            | Self::Unwritable { .. }
+            | Self::DiskFull { .. } => Fault::Output,
+            Self::SpoolLimit { .. } | Self::Spool { .. } | Self::NoMemory { .. } => Fault::Environment,
             Self::WrongFrame { .. } | Self::Internal { .. } => Fault::Internal,
         }
     }
@@ -341,7 +342,7 @@ mod tests {
         let path = Path::new("out.mp4");
         let full = MediaError::writing(path, AvError(-libc::ENOSPC));
         assert_eq!(full.to_string(), "out.mp4: no space is left on the device; the unfinished file was removed");
-        assert_eq!(full.fault().exit_code(), 75);
+        assert_eq!(full.fault().exit_code(), 73);
         let forbidden = MediaError::writing(path, AvError(-libc::EACCES));
         assert_eq!(forbidden.to_string(), "out.mp4: cannot be written: Permission denied");
         assert_eq!(forbidden.fault().exit_code(), 73);

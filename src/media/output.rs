@@ -79,6 +79,16 @@ impl Output {
         Ok(format)
     }
 
+    /// Refuses at once what writing would refuse after long work: an unknown container, a folder that cannot be written.
+    ///
+    /// # Errors
+    /// [`MediaError::UnknownContainer`], [`MediaError::NotStreamable`], [`MediaError::Unwritable`],
+    /// [`MediaError::DiskFull`].
+    pub fn rehearse(&self) -> Result<(), MediaError> {
+        self.format()?;
+        self.begin().map(drop)
+    }
+
     /// Refuses targets that would destroy something.
     pub(super) fn check(&self, source: &Input, overwrite: bool) -> Result<(), MediaError> {
         let path = self.path();

@@ -17,6 +17,17 @@ pub struct FramePool {
 }
 
 impl FramePool {
+    /// Frames of the size and format of `video`.
+    ///
+    /// # Errors
+    /// [`MediaError::NoMemory`].
+    pub fn new(video: &VideoInfo) -> Result<Self, MediaError> {
+        let fail = |e| MediaError::internal("preparing frames", e);
+        let (size, format) = ((video.width, video.height), video.format);
+        let pix = Pix::from_planar(format).ok_or_else(|| fail(AvError::INVALID))?;
+        Ok(Self { pool: Arc::new(av::FramePool::new(pix, size.0, size.1).map_err(fail)?), format, size })
+    }
+
     /// A writable frame; its samples are unspecified.
     ///
     /// # Errors
@@ -53,7 +64,7 @@ impl Surface {
         let fail = |e| MediaError::internal("preparing the encoder's frames", e);
         let (size, format) = ((video.width, video.height), video.format);
         let own = Pix::from_planar(format).ok_or_else(|| fail(AvError::INVALID))?;
-        let pool = FramePool { pool: Arc::new(av::FramePool::new(own, size.0, size.1).map_err(fail)?), format, size };
+        let pool = FramePool::new(video)?;
         let other = choice.fit != Fit::Same;
         let packed = if other { Some(av::FramePool::new(choice.pix, size.0, size.1).map_err(fail)?) } else { None };
         let (conversion, written) = colors(video, choice.pix);

@@ -1,6 +1,6 @@
 //! Instances: one graph per item of the batch, its settings filled in, its plan made.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::check::{Pipeline, resolved_vars, stage_settings};
@@ -133,7 +133,25 @@ fn check_keys(instances: &[Instance], problems: &mut Vec<Problem>) {
 }
 
 /// The file behind a path, so that two spellings of one file are seen to be one.
-fn identity(path: &Path) -> PathBuf {
+#[derive(Debug, PartialEq, Eq, Hash)]
+enum Identity {
+    /// Device and inode of a file that exists: links of either kind are seen through.
+    #[cfg(unix)]
+    Inode(u64, u64),
+    /// Where it is, or will be.
+    Place(PathBuf),
+}
+
+fn identity(path: &Path) -> Identity {
+    #[cfg(unix)]
+    if let Ok(meta) = path.metadata() {
+        use std::os::unix::fs::MetadataExt;
+        return Identity::Inode(meta.dev(), meta.ino());
+    }
+    Identity::Place(place(path))
+}
+
+fn place(path: &Path) -> PathBuf {
     if let Ok(found) = path.canonicalize() {
         return found;
     }
@@ -149,14 +167,14 @@ fn check_outputs(instances: &[Instance], problems: &mut Vec<Problem>) {
     let files = |paths: Vec<PathBuf>| {
         paths.into_iter().filter(|p| p != standard).map(|p| (identity(&p), p)).collect::<Vec<_>>()
     };
-    let mut inputs: HashMap<PathBuf, PathBuf> = HashMap::new();
+    let mut inputs: HashSet<Identity> = HashSet::new();
     for instance in instances {
-        inputs.extend(files(instance.inputs()));
+        inputs.extend(files(instance.inputs()).into_iter().map(|(file, _)| file));
     }
-    let mut written: HashMap<PathBuf, &str> = HashMap::new();
+    let mut written: HashMap<Identity, &str> = HashMap::new();
     for instance in instances {
         for (file, path) in files(instance.outputs()) {
-            if inputs.contains_key(&file) {
+            if inputs.contains(&file) {
                 let message = format!("`{}` would be written over its input", path.display());
                 problems.push(Problem::new("output-is-input", message).help("write to another file or folder"));
             }

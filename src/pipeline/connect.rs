@@ -37,6 +37,7 @@ pub(super) fn connect(file: &PipelineFile, prepared: Vec<Prepared>, problems: &m
     let graph = assemble(file, prepared, &links, &order);
     check_sinks(&graph, problems);
     check_resamples(&graph, file, problems);
+    check_streams(&graph, file, problems);
     graph
 }
 
@@ -287,6 +288,29 @@ fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
     if !graph.stages.is_empty() && !graph.stages.iter().any(writes) && problems.is_empty() {
         let help = "add a stage such as `use = \"video.encode\"`";
         problems.push(Problem::new("no-output", "the pipeline writes no file").help(help));
+    }
+}
+
+/// What the bodies of the stages cannot do: pictures of another clip beside the result, maps one after another.
+fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
+    for stage in &graph.stages {
+        let from = |port: &str| stage.edges.iter().find(|e| e.port.name == port).map(|e| e.from);
+        let place = || file.stages.iter().find(|s| s.name.text == stage.name).and_then(|s| s.name.span);
+        let upstream = |at: usize| graph.stages[at].edges.iter().find(|e| e.port.name == "frames").map(|e| e.from);
+        if let (Some(frames), Some(beside)) = (from("frames"), from("beside"))
+            && beside != frames
+            && Some(beside) != upstream(frames)
+        {
+            let (shown, other) = (&graph.stages[frames].name, &graph.stages[beside].name);
+            let message = format!("`{}` shows `{shown}` beside `{other}`, which it is not made from", stage.name);
+            let help = "connect `beside` to the stage that `frames` takes its pictures from";
+            problems.push(Problem::new("beside", message).label(place(), "in this stage").help(help));
+        }
+        if stage.edges.iter().filter(|e| e.output.data == PortType::Warp).count() > 1 {
+            let message = format!("`{}` takes several maps, which cannot be composed yet", stage.name);
+            let help = "give it one map, or a render stage of its own to each";
+            problems.push(Problem::new("warps", message).label(place(), "in this stage").help(help));
+        }
     }
 }
 

@@ -147,6 +147,7 @@ impl Executor<'_> {
     fn try_item(&self, instance: &Instance) -> Result<Summary, RunError> {
         let started = Instant::now();
         check_targets(instance, self.run.overwrite)?;
+        self.backend.rehearse(instance)?;
         let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
         let job = Job {
             instance,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::kind::{Settings, StageKind};
+use super::memory::Held;
 use super::port::{Port, PortType};
 use super::syntax::Entry;
 
@@ -30,6 +31,15 @@ pub struct Stage {
     pub deferred: Vec<Entry>,
     /// Edges in the order of the ports.
     pub edges: Vec<Edge>,
+}
+
+impl Stage {
+    /// What it holds while it runs; twice the frames where it joins two pictures into one.
+    pub fn held(&self) -> Vec<Held> {
+        let joins = self.edges.iter().any(|e| e.port.name == "beside");
+        let times = if joins { 2.0 } else { 1.0 };
+        self.settings.held().into_iter().map(|h| Held { frames: times * h.frames, ..h }).collect()
+    }
 }
 
 /// An acyclic graph whose edges fit their ports. Every edge leads to a later stage.

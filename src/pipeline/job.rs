@@ -85,6 +85,14 @@ pub trait Backend: Sync {
     /// [`RunError::Input`] where it cannot be read.
     fn probe(&self, input: &str) -> Result<Probed, RunError>;
 
+    /// Refuses a job that must fail at its end, before any work is done.
+    ///
+    /// # Errors
+    /// [`RunError::Output`] or [`RunError::Usage`] where a file cannot be written.
+    fn rehearse(&self, _instance: &Instance) -> Result<(), RunError> {
+        Ok(())
+    }
+
     /// Runs one pass of a job from its first frame to its last: reads its sources anew, takes what earlier passes handed on from
     /// `values`, puts there what `pass.hands_on` lists, writes the files of its sinks, and fills in `summary`.
     ///

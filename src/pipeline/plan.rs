@@ -80,14 +80,14 @@ fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
         OverTime::Reduce => "needs the whole clip".to_owned(),
     };
     let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
-    lines.extend(stage.settings.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
+    lines.extend(stage.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
     lines
 }
 
 impl Pass {
     /// Bytes held in memory during this pass; 0 while the clip is unknown.
     pub fn memory(&self, graph: &Graph, clip: Option<&ClipShape>) -> u64 {
-        let held = self.stages.iter().flat_map(|&s| graph.stages[s].settings.held());
+        let held = self.stages.iter().flat_map(|&s| graph.stages[s].held());
         clip.map_or(0, |clip| held.filter(|h| !h.on_disk).map(|h| h.evaluate(clip)).sum())
     }
 

@@ -9,6 +9,9 @@ pub enum RunError {
     /// The pipeline or the command line is wrong.
     #[error("{0}")]
     Config(Problems),
+    /// The options do not fit the clip or the file to write.
+    #[error("{0}")]
+    Usage(String),
     /// The input is missing, damaged or of an unsupported kind.
     #[error("{0}")]
     Input(String),
@@ -54,7 +57,7 @@ impl RunError {
     /// The exit status that tells whose fault it is.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Config(_) => Exit::Usage,
+            Self::Config(_) | Self::Usage(_) => Exit::Usage,
             Self::Input(_) => Exit::Input,
             Self::Output(_) => Exit::Output,
             Self::Temporary(_) => Exit::Temporary,

@@ -1,7 +1,7 @@
 //! The command line, by running the program.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use plumbline::cli::stabilize_pipeline;
 use plumbline::pipeline::draw::{GraphFormat, draw};
@@ -9,22 +9,10 @@ use plumbline::pipeline::shipped::shipped;
 use plumbline::pipeline::{check, print, read};
 
 use crate::pipeline::source;
+use crate::support::program::{err, out, plumbline_in};
 
 fn plumbline(args: &[&str]) -> Output {
     plumbline_in(Path::new("."), args)
-}
-
-fn plumbline_in(folder: &Path, args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_plumbline"));
-    command.args(args).current_dir(folder).env("NO_COLOR", "1").output().expect("the program starts")
-}
-
-fn out(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]
@@ -49,7 +37,7 @@ fn a_bad_command_line_exits_2_tells_what_is_allowed_and_prints_no_result() {
         ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>"),
         ("two targets", &["stabilize", "a.mp4", "-o", "b.mp4", "--out-dir", "d"], "cannot be used with"),
         ("crop", &["stabilize", "a.mp4", "-o", "b.mp4", "--min-crop", "1.4"], "out of range (expected 0.3 to 1)"),
-        ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 60)"),
+        ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 30)"),
         ("mode", &["stabilize", "a.mp4", "-o", "b.mp4", "--mode", "mash"], "a similar value exists: 'mesh'"),
         (
             "shutter",
@@ -216,4 +204,15 @@ fn print_pipeline_of_the_program_is_a_file_that_check_accepts() {
     assert_eq!(checked.status.code(), Some(0), "{}", err(&checked));
     let again = plumbline_in(folder.path(), &["run", "job.toml", "--print-pipeline"]);
     assert_eq!(again.stdout, printed.stdout);
+}
+
+#[test]
+fn the_document_on_commands_names_every_command_and_exit_status() {
+    let document = std::fs::read_to_string("docs/COMMANDS.md").expect("a document");
+    for command in plumbline::cli::command().get_subcommands() {
+        assert!(document.contains(&format!("| `{}` |", command.get_name())), "{}", command.get_name());
+    }
+    for status in [0, 1, 2, 3, 65, 73, 75] {
+        assert!(document.contains(&format!("\n| {status} | ")), "{status}");
+    }
 }

@@ -1,6 +1,7 @@
 //! All integration tests, in one binary: each further binary would cost a link per edit.
 
 mod allocations;
+mod bad_input_cli;
 mod cli;
 mod energy;
 mod house;
@@ -16,6 +17,7 @@ mod render;
 mod render_oracle;
 mod render_sharpness;
 mod sparse;
+mod stabilize;
 mod support;
 mod track;
 mod warp;

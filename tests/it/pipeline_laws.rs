@@ -56,7 +56,7 @@ fn analysis() -> impl Strategy<Value = (DecodeSettings, TrackSettings, MotionSet
         50u32..20_000,
         proptest::option::of(text()),
         shutter,
-        0.05..60.0f64,
+        0.05..30.0f64,
         0.3..1.0f64,
     )
         .prop_map(|(path, start, points, mask, rolling_shutter, smoothness, min_crop)| {
@@ -194,4 +194,16 @@ fn the_schema_is_draft_07_and_has_a_branch_for_every_kind() {
     let names: Vec<&Json> = branches.iter().map(|b| &b["if"]["properties"]["use"]["const"]).collect();
     assert_eq!(names, KINDS.iter().map(|k| k.name).collect::<Vec<_>>());
     insta::assert_snapshot!(format!("{:#}", branches[3]));
+}
+
+#[test]
+fn defaults_are_those_of_the_modules_that_do_the_work() {
+    let (smooth, path) = (SmoothSettings::default(), plumbline::path::PathOptions::default());
+    assert_eq!((smooth.smoothness, smooth.min_crop), (path.smoothness_s, path.min_crop));
+    assert_eq!(format!("{:?} {:?}", smooth.method, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
+    assert_eq!(TrackSettings::default().points as usize, plumbline::track::TrackOptions::default().points);
+    let warp = plumbline::warp::ContentPreservingOptions::default();
+    assert_eq!(WarpSettings::default().alpha, warp.alpha);
+    let render = plumbline::render::RenderOptions::default();
+    assert_eq!(format!("{:?}", RenderSettings::default().interpolation), format!("{:?}", render.interpolation));
 }

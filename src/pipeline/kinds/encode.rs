@@ -17,6 +17,8 @@ pub enum Codec {
     #[default]
     H264,
     /// H.265: smaller, slower
+    #[serde(alias = "h265")]
+    #[value(alias = "h265")]
     Hevc,
     /// AV1: smallest, slowest
     Av1,
@@ -102,8 +104,11 @@ impl StageSettings for EncodeSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
 
     fn held(&self) -> Vec<Held> {
-        // x264's default looks 40 frames ahead; references, reordering and one frame per thread come on top.
-        vec![Held { what: "encoder's lookahead", frames: 60.0, ..Held::default() }]
+        // Measured with x264 at 640×360 and 1920×1080 as peak memory over bytes of a frame: 58 frames at `veryfast` (10 ahead),
+        // 116 at `medium` (40 ahead, and references at four half-pixel positions); the same for joined pictures of twice the size.
+        let quick = matches!(self.preset.as_deref(), Some("ultrafast" | "superfast" | "veryfast"));
+        let frames = if quick { 60.0 } else { 120.0 };
+        vec![Held { what: "encoder's lookahead", frames, ..Held::default() }]
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::kind::{Conflict, OverTime, StageSettings};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 
@@ -41,7 +41,7 @@ pub struct SmoothSettings {
     /// How the virtual camera moves
     pub method: PathMethod,
     /// Time over which motion is evened out, seconds
-    #[schemars(range(min = 0.05, max = 60.0))]
+    #[schemars(range(min = 0.05, max = 30.0))]
     pub smoothness: f64,
     /// Least part of the picture's width and height that must stay, 1 = all
     #[schemars(range(min = 0.3, max = 1.0))]
@@ -70,6 +70,13 @@ impl StageSettings for SmoothSettings {
 
     fn over_time(&self) -> OverTime {
         OverTime::Reduce
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        let help = "choose `fixed` or `adaptive`, or let borders show (`--border mirror`, `keep_inside = false`)";
+        let message = "`zoom` = \"none\" leaves no room to move the picture while no border may show".to_owned();
+        let stuck = self.zoom == Zoom::None && self.keep_inside;
+        stuck.then_some(Conflict { key: "zoom", message, help }).into_iter().collect()
     }
 
     fn held(&self) -> Vec<Held> {

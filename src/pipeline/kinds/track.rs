@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::pipeline::kind::StageSettings;
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::track::TrackOptions;
 
 /// Settings of `video.track`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -14,14 +15,14 @@ pub struct TrackSettings {
     /// Points kept alive per frame; more follow finer motion and cost time in proportion
     #[schemars(range(min = 50, max = 20_000))]
     pub points: u32,
-    /// Picture of the clip's shape: nothing is tracked where it is black (a logo, a dashboard)
+    /// Picture of the clip's shape: nothing is tracked where it is white (a logo, a dashboard)
     #[schemars(extend("format" = "path"))]
     pub mask: Option<String>,
 }
 
 impl Default for TrackSettings {
     fn default() -> Self {
-        Self { points: 1000, mask: None }
+        Self { points: TrackOptions::default().points as u32, mask: None }
     }
 }
 

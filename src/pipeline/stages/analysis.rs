@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::context::Context;
+use super::export;
 use super::stream::for_each_frame;
 use crate::feature::Mask;
 use crate::media::VideoInfo;
@@ -72,24 +73,13 @@ fn hand_on_motion(context: &mut Context<'_, '_>, stage: usize, mut motion: ClipM
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
         }
         if let Some(path) = &settings.export {
-            export(&motion, Path::new(path), context.job.overwrite)?;
+            export::write(&motion, Path::new(path), context.job.overwrite)?;
             context.summary.outputs.push(path.into());
         }
     }
     context.summary.readout_s = motion.readout_s;
     context.values.put(stage, "motion", motion);
     Ok(())
-}
-
-/// Writes a motion file beside its target, and gives it its name when it is whole.
-fn export(motion: &ClipMotion, path: &Path, overwrite: bool) -> Result<(), RunError> {
-    let cannot = |e: &dyn std::fmt::Display| RunError::Output(format!("cannot write {}: {e}", path.display()));
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::Builder::new().suffix(".partial").tempfile_in(folder).map_err(|e| cannot(&e))?;
-    motion.write_json(std::io::BufWriter::new(&mut file)).map_err(|e| cannot(&e))?;
-    file.as_file().sync_all().map_err(|e| cannot(&e))?;
-    let named = if overwrite { file.persist(path) } else { file.persist_noclobber(path) };
-    named.map(drop).map_err(|e| cannot(&e.error))
 }
 
 fn takes_points_of(context: &Context<'_, '_>, motion: usize, tracks: usize) -> bool {

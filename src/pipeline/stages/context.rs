@@ -1,5 +1,7 @@
 //! What every body needs: the job, its values, and the way from a stage to the clip it works on.
 
+use std::time::SystemTime;
+
 use crate::media::{Deinterlace, Fault, Input, MediaError, ReadOptions, ReadReport, VideoReader};
 use crate::pipeline::graph::{Edge, Stage};
 use crate::pipeline::job::{Job, Values};
@@ -36,13 +38,15 @@ impl Context<'_, '_> {
 
     /// The input of a `video.decode` stage. Standard input is read into a temporary file once; later passes read that.
     pub(super) fn input(&mut self, decode: usize) -> Result<Input, RunError> {
-        if let Some(input) = self.values.at::<Input>(decode, "input") {
-            return Ok(input.clone());
+        if let Some(source) = self.values.at::<Source>(decode, "input") {
+            source.check()?;
+            return Ok(source.input.clone());
         }
         let settings = self.decode_settings(decode)?;
         let (start, end) = (settings.start.map(ClipTime::seconds), settings.end.map(ClipTime::seconds));
         let input = Input::parse(&settings.path).and_then(|i| i.trimmed(start, end)).map_err(media_error)?;
-        self.values.put(decode, "input", input.clone());
+        let seen = Seen::of(&input);
+        self.values.put(decode, "input", Source { input: input.clone(), seen });
         Ok(input)
     }
 
@@ -90,14 +94,75 @@ impl Context<'_, '_> {
     }
 }
 
+/// An input, and what its file looked like when it was opened first: every pass must see the same clip.
+struct Source {
+    input: Input,
+    seen: Option<Seen>,
+}
+
+/// What tells that a file was written to.
+#[derive(Clone, Copy, PartialEq)]
+struct Seen {
+    bytes: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Seen {
+    /// `None` where the file is gone.
+    fn of(input: &Input) -> Option<Self> {
+        let meta = std::fs::metadata(input.path()).ok()?;
+        Some(Self { bytes: meta.len(), modified: meta.modified().ok() })
+    }
+}
+
+impl Source {
+    fn check(&self) -> Result<(), RunError> {
+        let size = |seen: Option<Seen>| seen.map_or_else(|| "gone".to_owned(), |s| format!("{} bytes", s.bytes));
+        let now = Seen::of(&self.input);
+        if now == self.seen {
+            return Ok(());
+        }
+        Err(changed(self.input.name(), &format!("{}, then {}", size(self.seen), size(now))))
+    }
+}
+
+/// The clip is not what it was in the pass before.
+pub(super) fn changed(name: &str, how: &str) -> RunError {
+    RunError::Input(format!("{name}: the file changed while it was at work ({how}); start again when it is complete"))
+}
+
 /// An error of media in the terms of a run.
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
 pub(super) fn media_error(error: MediaError) -> RunError {
     let text = error.to_string();
     match error.fault() {
-        Fault::Usage | Fault::Input => RunError::Input(text),
+        Fault::Usage => RunError::Usage(text),
+        Fault::Input => RunError::Input(text),
         Fault::Output => RunError::Output(text),
         Fault::Environment => RunError::Temporary(text),
         Fault::Internal => RunError::Internal(text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_file_that_grows_between_two_passes_is_refused() {
+        let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
+        file.write_all(b"half").expect("a few bytes");
+        let input = Input::parse(file.path().to_str().expect("UTF-8")).expect("it is there");
+        let source = Source { seen: Seen::of(&input), input };
+        assert!(source.check().is_ok());
+        file.write_all(b" and half").expect("a few bytes");
+        let grown = source.check().expect_err("another file").to_string();
+        assert!(
+            grown.ends_with("changed while it was at work (4 bytes, then 13 bytes); start again when it is complete")
+        );
+        file.close().expect("removed");
+        let gone = source.check().expect_err("no file").to_string();
+        assert!(gone.contains("(4 bytes, then gone)"), "{gone}");
     }
 }

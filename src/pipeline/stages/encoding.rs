@@ -1,250 +1,162 @@
 //! `video.encode`: decodes the clip again, renders each frame through its map, and writes it.
 //!
-//! Four threads, joined by bounded queues: decode → map → render (on the job's pool) → encode. Order is kept, since each
-//! queue has one reader and one writer; whichever thread fails, the others run dry and stop.
+//! ```text
+//! decode → map → render ─┬→ encode           each arrow a bounded queue between two threads
+//!                        └→ beside → encode
+//! ```
+//!
+//! Encode stages that take the same pictures share one stream: a frame is decoded and rendered once, however many files it
+//! goes to. Order is kept, since each queue has one reader and one writer; whichever thread fails, the others run dry and
+//! stop. A file gets its name only after every thread has reached the end without a fault.
 
-use std::path::PathBuf;
+use crossbeam::channel::{self, Receiver};
 
-use crossbeam::channel::{self, Receiver, Sender};
-
-use super::analysis::Tracks;
-use super::context::{Context, media_error};
-use super::maps::Maps;
+use super::context::{Context, changed, media_error};
+use super::sampling::{Feed, Sampled, Sampler};
+use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
-use super::tiers::Tiers;
+use super::telling::{PathTold, tell_file};
 use crate::image::Frame;
-use crate::media::{Codec, FramePool, Output, VideoInfo, VideoWriter, WriteOptions, WriteReport};
-use crate::motion::{ClipMotion, Tier};
-use crate::path::VirtualPath;
-use crate::pipeline::graph::Graph;
+use crate::media::{ReadReport, VideoReader};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings, WarpSettings};
+use crate::pipeline::kinds::{EncodeSettings, RenderSettings};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::summary::{SegmentSummary, Summary};
-use crate::render::{Border, Interpolation, RenderOptions, Renderer};
-use crate::warp::Lattice;
 
-/// Writes one clip.
-pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &EncodeSettings) -> Result<(), RunError> {
-    let frames = context.required(stage, "frames")?.from;
-    let render = context.stage(frames).settings.clone();
-    let decode_stage = match render.get::<RenderSettings>() {
-        Some(_) => context.required(frames, "frames")?.from,
-        None => frames,
-    };
-    let (input, reader) = context.open(decode_stage)?;
-    let info = reader.info().clone();
-    let analyzed = render.get::<RenderSettings>().map(|_| analyzed_frames(context, frames)).transpose()?.flatten();
-    context.job.progress.begin(context.pass.index, "render", analyzed.or(info.frames_estimate));
+/// Writes the files of all encode stages that take the same pictures as `stage`, if it is the first of them.
+pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+    let pictures = context.required(stage, "frames")?.from;
+    let stages = encodes_of(context, pictures);
+    if stages.first() != Some(&stage) {
+        return Ok(());
+    }
+    let render = context.stage(pictures).settings.clone();
+    match render.get::<RenderSettings>() {
+        Some(settings) => rendered(context, &stages, pictures, settings),
+        None => copied(context, &stages, pictures),
+    }
+}
 
-    let output = Output::parse(&settings.path);
-    let writer =
-        VideoWriter::create(&output, &input, &info, &write_options(settings, context.job)).map_err(media_error)?;
-    let tiers = render.get::<RenderSettings>().map(|_| tiers(context, frames)).transpose()?;
-    let sampler = match (render.get::<RenderSettings>(), &tiers) {
-        (Some(render), Some(tiers)) => Some(Sampler::new(context, frames, render, tiers, &writer)?),
-        _ => None,
+/// Encode stages of this pass that take the pictures of stage `pictures`.
+fn encodes_of(context: &Context<'_, '_>, pictures: usize) -> Vec<usize> {
+    let takes = |&s: &usize| {
+        context.stage(s).settings.get::<EncodeSettings>().is_some()
+            && context.edge(s, "frames").is_some_and(|e| e.from == pictures)
     };
-    let (read, written) = stream(context.job, reader, sampler, writer)?;
+    context.pass.stages.iter().copied().filter(takes).collect()
+}
+
+/// Writes the pictures of the decode stage `source` as they are.
+fn copied(context: &mut Context<'_, '_>, stages: &[usize], source: usize) -> Result<(), RunError> {
+    let (input, reader) = context.open(source)?;
+    context.job.progress.begin(context.pass.index, "encode", reader.info().frames_estimate);
+    let sinks = sinks(context, stages, &input, reader.info())?;
+    let (read, sinks) = Stream { job: context.job, reader, sampler: None }.run(sinks)?;
+    finish(context, sinks)?;
     context.tell_damage(&read);
-    tell(context.summary, &output, &info, written);
-    if let Some(tiers) = &tiers {
-        tell_path(context, frames, tiers)?;
-    }
     Ok(())
 }
 
-fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
-    WriteOptions {
-        codec: match settings.codec {
-            kinds::Codec::H264 => Codec::H264,
-            kinds::Codec::Hevc => Codec::Hevc,
-            kinds::Codec::Av1 => Codec::Av1,
-            kinds::Codec::Prores => Codec::Prores,
-            kinds::Codec::Ffv1 => Codec::Ffv1,
-        },
-        encoder: None,
-        crf: settings.crf,
-        preset: settings.preset.clone(),
-        bitrate: settings.bitrate.map(|b| b.0),
-        threads: job.threads,
-        overwrite: job.overwrite,
-        strict: settings.strict,
-    }
-}
-
-/// The warp stage that feeds a render stage, if any.
-fn warp_stage(graph: &Graph, render: usize) -> Option<usize> {
-    graph.stages[render].edges.iter().find(|e| e.port.name == "warps").map(|e| e.from)
-}
-
-/// Frames that the analysis of a render stage's warp saw.
-fn analyzed_frames(context: &Context<'_, '_>, render: usize) -> Result<Option<u64>, RunError> {
-    let Some(warp) = warp_stage(context.job.graph(), render) else { return Ok(None) };
-    let tracks: &Tracks = context.values.get(context.required(warp, "tracks")?)?;
-    Ok(Some(tracks.store.frames() as u64))
-}
-
-/// Map and render of one stream.
-struct Sampler<'v> {
-    maps: Maps<'v>,
-    renderer: Renderer,
-    pool: FramePool,
-}
-
-impl<'v> Sampler<'v> {
-    fn new(
-        context: &'v Context<'_, '_>,
-        stage: usize,
-        settings: &RenderSettings,
-        tiers: &'v Tiers,
-        writer: &VideoWriter,
-    ) -> Result<Self, RunError> {
-        let (warp, path) = warp_and_path(context, stage)?;
-        let settings_of_warp = warp_settings(context, warp)?;
-        let tracks = context.values.get(context.required(warp, "tracks")?)?;
-        let maps = Maps::new(tracks, path, motion(context, warp)?, tiers, settings_of_warp)?;
-        let renderer = Renderer::new(RenderOptions {
-            interpolation: match settings.interpolation {
-                kinds::Interpolation::Bicubic => Interpolation::Bicubic,
-                kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
-            },
-            border: match settings.border {
-                kinds::Border::Mirror | kinds::Border::Fill => Border::Mirror,
-                kinds::Border::Replicate => Border::Replicate,
-                kinds::Border::Black | kinds::Border::Crop => Border::Black,
-            },
-        });
-        Ok(Self { maps, renderer, pool: writer.frame_pool() })
-    }
-}
-
-/// The one warp stage of a render stage, and the path it follows.
-fn warp_and_path<'v>(context: &'v Context<'_, '_>, render: usize) -> Result<(usize, &'v VirtualPath), RunError> {
-    let none = || RunError::Internal(format!("`{}` has no map", context.stage(render).name));
-    let warp = warp_stage(context.job.graph(), render).ok_or_else(none)?;
-    Ok((warp, context.values.get(context.required(warp, "path")?)?))
-}
-
-fn warp_settings<'v>(context: &'v Context<'_, '_>, warp: usize) -> Result<&'v WarpSettings, RunError> {
-    let not_a_warp = || RunError::Internal(format!("`{}` gives no map", context.stage(warp).name));
-    context.stage(warp).settings.get::<WarpSettings>().ok_or_else(not_a_warp)
-}
-
-/// The clip's motion, where the warp stage is given it.
-fn motion<'v>(context: &'v Context<'_, '_>, warp: usize) -> Result<Option<&'v ClipMotion>, RunError> {
-    context.edge(warp, "motion").map(|edge| context.values.get(edge)).transpose()
-}
-
-/// The tiers of a render stage's frames.
-fn tiers(context: &Context<'_, '_>, render: usize) -> Result<Tiers, RunError> {
-    let (warp, path) = warp_and_path(context, render)?;
-    Ok(Tiers::new(warp_settings(context, warp)?.mode, motion(context, warp)?, path))
-}
-
-type Ends = (crate::media::ReadReport, WriteReport);
-
-/// Runs the threads of one stream to their end.
-fn stream(
-    job: &Job<'_>,
-    reader: crate::media::VideoReader,
-    sampler: Option<Sampler<'_>>,
-    writer: VideoWriter,
-) -> Result<Ends, RunError> {
-    let (to_work, decoded) = channel::bounded(QUEUE);
-    let (to_encoder, rendered) = channel::bounded(QUEUE);
-    std::thread::scope(|scope| {
-        let decoder = scope.spawn(move || decode(reader, &to_work));
-        let encoder = scope.spawn(move || encode(job, writer, &rendered));
-        let worked = match sampler {
-            Some(sampler) => sample(job, sampler, decoded, &to_encoder),
-            None => decoded.iter().try_for_each(|frame| hand_on(&to_encoder, frame)),
-        };
-        drop(to_encoder);
-        let failed = |name: &str| RunError::Internal(format!("the {name}'s thread failed"));
-        let read = decoder.join().map_err(|_| failed("decoder"))?.map_err(media_error)?;
-        let written = encoder.join().map_err(|_| failed("encoder"))??;
-        worked?;
-        Ok((read, written))
-    })
-}
-
-/// Passes something on; a closed queue means that its reader failed and will say why.
-fn hand_on<T>(queue: &Sender<T>, item: T) -> Result<(), RunError> {
-    queue.send(item).map_err(|_| RunError::Interrupted)
-}
-
-/// Maps on a thread of their own, renders here.
-fn sample(
-    job: &Job<'_>,
-    sampler: Sampler<'_>,
-    decoded: Receiver<Frame>,
-    rendered: &Sender<Frame>,
+/// Writes the pictures of the render stage `render`.
+fn rendered(
+    context: &mut Context<'_, '_>,
+    stages: &[usize],
+    render: usize,
+    settings: &RenderSettings,
 ) -> Result<(), RunError> {
-    let Sampler { mut maps, renderer, pool } = sampler;
-    let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
-    std::thread::scope(|scope| {
-        let mapper = scope.spawn(move || -> Result<(), RunError> {
-            for frame in &decoded {
-                job.check_cancel()?;
-                let lattice = maps.next(&frame)?;
-                hand_on(&to_render, (frame, lattice))?;
-            }
-            Ok(())
-        });
-        let sampled = mapped.iter().try_for_each(|(frame, lattice)| {
-            let mut out = pool.get().map_err(media_error)?;
-            renderer.render(&frame, &lattice, &mut out).map_err(|e| RunError::Internal(e.to_string()))?;
-            hand_on(rendered, out)
-        });
-        drop(mapped);
-        let mapped = mapper.join().map_err(|_| RunError::Internal("the mapper's thread failed".to_owned()))?;
-        sampled.and(mapped)
-    })
-}
+    let source = context.required(render, "frames")?.from;
+    let (input, reader) = context.open(source)?;
+    let feed = Feed::of(context, render)?;
+    feed.check(input.name(), reader.info())?;
+    let frames = feed.tracks.store.frames() as u64;
+    context.job.progress.begin(context.pass.index, "render", Some(frames));
 
-fn encode(job: &Job<'_>, mut writer: VideoWriter, rendered: &Receiver<Frame>) -> Result<WriteReport, RunError> {
-    for (done, frame) in rendered.iter().enumerate() {
-        job.check_cancel()?;
-        writer.write(frame).map_err(media_error)?;
-        job.progress.frames(done as u64 + 1);
+    let tiers = feed.tiers();
+    let sampler = Sampler::new(feed, &tiers, settings, reader.info())?;
+    let sinks = sinks(context, stages, &input, reader.info())?;
+    let (read, sinks) = Stream { job: context.job, reader, sampler: Some(sampler) }.run(sinks)?;
+    if read.frames != frames {
+        return Err(changed(input.name(), &format!("{frames} frames, then {}", read.frames)));
     }
-    job.check_cancel()?;
-    writer.finish().map_err(media_error)
-}
-
-fn tell(summary: &mut Summary, output: &Output, info: &VideoInfo, written: WriteReport) {
-    summary.outputs.push(PathBuf::from(output.path()));
-    summary.frames = written.frames;
-    summary.size = Some((info.width as u32, info.height as u32));
-    for warning in written.warnings {
-        if !summary.warnings.contains(&warning) {
-            summary.warnings.push(warning);
-        }
-    }
-}
-
-/// Tells mode and crop of the path that a render stage followed.
-fn tell_path(context: &mut Context<'_, '_>, render: usize, tiers: &Tiers) -> Result<(), RunError> {
-    let (_, path) = warp_and_path(context, render)?;
-    let crop = &path.crop;
-    let mean = crop.iter().sum::<f64>() / crop.len().max(1) as f64;
-    let least = crop.iter().copied().fold(1.0, f64::min);
-    context.summary.crop = Some(mean);
-    context.summary.least_crop = Some(least);
-    context.summary.segments.extend(tiers.segments.iter().map(|s| SegmentSummary {
-        frames: s.frames.start as u64..s.frames.end as u64,
-        mode: tier_name(s.tier).to_owned(),
-        reason: s.reason.clone(),
-    }));
+    let path = PathTold::of(&feed, &tiers);
+    finish(context, sinks)?;
+    context.tell_damage(&read);
+    path.tell(context.summary);
     Ok(())
 }
 
-fn tier_name(tier: Tier) -> &'static str {
-    match tier {
-        Tier::Untouched => "unchanged",
-        Tier::Similarity => "similarity",
-        Tier::Homography => "homography",
-        Tier::Mesh => "mesh",
+/// Starts the files of `stages`.
+fn sinks(
+    context: &Context<'_, '_>,
+    stages: &[usize],
+    input: &crate::media::Input,
+    video: &crate::media::VideoInfo,
+) -> Result<Vec<Sink>, RunError> {
+    let sink = |&stage: &usize| {
+        let no_encode = || RunError::Internal(format!("`{}` writes no file", context.stage(stage).name));
+        let settings = context.stage(stage).settings.get::<EncodeSettings>().ok_or_else(no_encode)?;
+        Sink::create(settings, context.job, input, video, context.edge(stage, "beside").is_some())
+    };
+    stages.iter().map(sink).collect()
+}
+
+/// Gives the files their names and tells of them.
+fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
+    for sink in sinks {
+        context.job.check_cancel()?;
+        let (output, size, written) = sink.finish()?;
+        tell_file(context.summary, &output, size, written);
+    }
+    Ok(())
+}
+
+/// One stream from a decoder to its sinks.
+struct Stream<'v, 'j> {
+    job: &'v Job<'j>,
+    reader: VideoReader,
+    sampler: Option<Sampler<'v>>,
+}
+
+impl Stream<'_, '_> {
+    /// Runs the threads to their end, and gives back the sinks, whose files are whole but unfinished.
+    fn run(self, sinks: Vec<Sink>) -> Result<(ReadReport, Vec<Sink>), RunError> {
+        let Self { job, reader, sampler } = self;
+        let (to_work, decoded) = channel::bounded(QUEUE);
+        std::thread::scope(|scope| {
+            let decoder = scope.spawn(move || decode(reader, &to_work));
+            let start = |sink: Sink| {
+                let (queue, pictures) = channel::bounded(QUEUE);
+                (sink.branch(queue), scope.spawn(move || sink.encode(job, &pictures)))
+            };
+            let (branches, encoders): (Vec<Branch>, Vec<_>) = sinks.into_iter().map(start).unzip();
+            let worked = work(job, sampler, decoded, &branches);
+            drop(branches);
+            let failed = |name: &str| RunError::Internal(format!("the {name}'s thread failed"));
+            let read = decoder.join().map_err(|_| failed("decoder"))?.map_err(media_error)?;
+            let encoded = encoders.into_iter().map(|e| e.join().map_err(|_| failed("encoder"))?);
+            let sinks = encoded.collect::<Result<Vec<Sink>, RunError>>()?;
+            worked?;
+            Ok((read, sinks))
+        })
+    }
+}
+
+/// Samples the frames and hands them to the branches; tells progress.
+fn work(
+    job: &Job<'_>,
+    sampler: Option<Sampler<'_>>,
+    decoded: Receiver<Frame>,
+    branches: &[Branch],
+) -> Result<(), RunError> {
+    let mut done = 0;
+    let mut hand_out = |sampled: Sampled| {
+        job.check_cancel()?;
+        distribute(sampled, branches)?;
+        done += 1;
+        job.progress.frames(done);
+        Ok(())
+    };
+    match sampler {
+        Some(sampler) => sampler.run(job, decoded, hand_out),
+        None => decoded.iter().try_for_each(|frame| hand_out(Sampled::untouched(frame))),
     }
 }

@@ -5,20 +5,29 @@
 //! through them, each on its own thread.
 
 mod analysis;
+mod beside;
 mod context;
 mod encoding;
+mod export;
 mod maps;
 mod probe;
+mod sampling;
+mod sink;
 mod smoothing;
 mod stream;
+mod telling;
 mod tiers;
 
+use std::path::Path;
+
+use super::batch::Instance;
 use super::job::{Backend, Job, Probed, Values};
-use super::kinds::{EncodeSettings, SmoothSettings, TrackSettings};
+use super::kinds::{EncodeSettings, MotionSettings, SmoothSettings, TrackSettings};
 use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
-use context::Context;
+use crate::media::Output;
+use context::{Context, media_error};
 
 /// The bodies that this program has.
 pub struct Bodies;
@@ -26,6 +35,18 @@ pub struct Bodies;
 impl Backend for Bodies {
     fn probe(&self, input: &str) -> Result<Probed, RunError> {
         probe::probe(input)
+    }
+
+    fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
+        for stage in &instance.graph.stages {
+            if let Some(settings) = stage.settings.get::<EncodeSettings>() {
+                Output::parse(&settings.path).rehearse().map_err(media_error)?;
+            }
+            if let Some(path) = stage.settings.get::<MotionSettings>().and_then(|s| s.export.as_deref()) {
+                export::begin(Path::new(path))?;
+            }
+        }
+        Ok(())
     }
 
     fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
@@ -44,8 +65,8 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
         analysis::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<SmoothSettings>() {
         smoothing::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<EncodeSettings>() {
-        encoding::run(context, stage, settings)
+    } else if settings.get::<EncodeSettings>().is_some() {
+        encoding::run(context, stage)
     } else {
         Ok(())
     }

@@ -38,6 +38,11 @@ pub(super) fn for_each_frame(
     })
 }
 
+/// Passes something on; a closed queue means that its reader failed and will say why.
+pub(super) fn hand_on<T>(queue: &Sender<T>, item: T) -> Result<(), RunError> {
+    queue.send(item).map_err(|_| RunError::Interrupted)
+}
+
 fn work(
     job: &Job<'_>,
     frames: &Receiver<Frame>,

@@ -47,6 +47,15 @@ pub(crate) fn pattern(frames: u32) -> String {
     format!("-f lavfi -i testsrc2=size=160x120:rate=25:duration={}", f64::from(frames) / 25.0)
 }
 
+/// A shaky pan over a still texture, 320×180 px at 25/s, as options of `ffmpeg`; times of frames as `n / 25`.
+pub(crate) fn shaky(seconds: f64) -> String {
+    let texture = "nullsrc=s=440x300:r=25:d=0.04,geq=lum='random(1)*255':cb='128+60*sin(X/40)':cr='128+60*cos(Y/30)',\
+                   gblur=sigma=3,lutyuv=y='clip((val-128)*8+128,16,235)',loop=loop=-1:size=1,setpts=N/25/TB";
+    let x = "50+n*0.6+6*sin(n*1.9)+5*sin(n*0.77)";
+    let y = "60+5*sin(n*2.3)+6*cos(n*0.61)";
+    format!("-f lavfi -i {texture},crop=w=320:h=180:x='{x}':y='{y}':exact=1 -t {seconds}")
+}
+
 /// Display times of all video frames, s, as `ffprobe` reads them.
 pub(crate) fn times(path: &Path) -> Vec<f64> {
     let entries = "frame=best_effort_timestamp_time";
@@ -79,6 +88,11 @@ pub(crate) fn packet_sums(path: &Path, streams: &str) -> Vec<String> {
 
 /// Checksums of the decoded video frames in the pixel format `pix`.
 pub(crate) fn picture_sums(path: &Path, pix: &str) -> Vec<String> {
+    filtered_sums(path, "null", pix)
+}
+
+/// The same of frames that went through a filter of `ffmpeg`, such as `crop=320:180:0:0`.
+pub(crate) fn filtered_sums(path: &Path, filter: &str, pix: &str) -> Vec<String> {
     let path = path.to_str().expect("UTF-8");
     let args = [
         "-v",
@@ -87,6 +101,8 @@ pub(crate) fn picture_sums(path: &Path, pix: &str) -> Vec<String> {
         path,
         "-map",
         "0:v:0",
+        "-vf",
+        filter,
         "-fps_mode",
         "passthrough",
         "-pix_fmt",

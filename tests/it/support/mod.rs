@@ -1,3 +1,4 @@
 //! What tests of several areas share.
 
 pub(crate) mod clips;
+pub(crate) mod program;

@@ -1,0 +1,61 @@
+//! What a finished stream adds to the summary.
+
+use std::path::PathBuf;
+
+use super::sampling::Feed;
+use super::tiers::Tiers;
+use crate::media::{Output, WriteReport};
+use crate::motion::Tier;
+use crate::pipeline::summary::{SegmentSummary, Summary};
+
+/// Tells of a file. Frames and size are those of the first.
+pub(super) fn tell_file(summary: &mut Summary, output: &Output, size: (usize, usize), written: WriteReport) {
+    summary.outputs.push(PathBuf::from(output.path()));
+    if summary.size.is_none() {
+        summary.frames = written.frames;
+        summary.size = Some((size.0 as u32, size.1 as u32));
+    }
+    for warning in written.warnings {
+        if !summary.warnings.contains(&warning) {
+            summary.warnings.push(warning);
+        }
+    }
+}
+
+/// Crop and mode of the path that a render stage followed.
+pub(super) struct PathTold {
+    mean_crop: f64,
+    least_crop: f64,
+    segments: Vec<SegmentSummary>,
+}
+
+impl PathTold {
+    pub(super) fn of(feed: &Feed<'_>, tiers: &Tiers) -> Self {
+        let crop = &feed.path.crop;
+        let segment = |s: &crate::motion::SegmentVerdict| SegmentSummary {
+            frames: s.frames.start as u64..s.frames.end as u64,
+            mode: tier_name(s.tier).to_owned(),
+            reason: s.reason.clone(),
+        };
+        Self {
+            mean_crop: crop.iter().sum::<f64>() / crop.len().max(1) as f64,
+            least_crop: crop.iter().copied().fold(1.0, f64::min),
+            segments: tiers.segments.iter().map(segment).collect(),
+        }
+    }
+
+    pub(super) fn tell(self, summary: &mut Summary) {
+        summary.crop = Some(self.mean_crop);
+        summary.least_crop = Some(self.least_crop);
+        summary.segments.extend(self.segments);
+    }
+}
+
+fn tier_name(tier: Tier) -> &'static str {
+    match tier {
+        Tier::Untouched => "unchanged",
+        Tier::Similarity => "similarity",
+        Tier::Homography => "homography",
+        Tier::Mesh => "mesh",
+    }
+}
