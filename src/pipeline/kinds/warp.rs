@@ -42,11 +42,15 @@ pub struct WarpSettings {
 
 impl Default for WarpSettings {
     fn default() -> Self {
-        Self { mode: WarpMode::default(), columns: 64, rows: 36, alpha: 20.0 }
+        Self { mode: WarpMode::default(), columns: 64, rows: 36, alpha: Self::ALPHA }
     }
 }
 
 impl WarpSettings {
+    /// Stiffness of cells. The paper's 20 is for targets far from the pre-warp, as a new camera position makes them; here targets
+    /// are a pixel away, and at 20 the mesh ignores half of that: wobble 1.19 on nus-regular-6, against 0.85 at 0.8. Below 0.2 the
+    /// noise of single tracks begins to show.
+    const ALPHA: f64 = 0.8;
     /// Frames over which points fade in and out.
     pub const FADE: u32 = 25;
 }

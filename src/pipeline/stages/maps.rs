@@ -4,13 +4,13 @@
 //! if it moved smoothly. The homography tier follows of that what a plane can follow, the mesh tier bends the frame to it.
 
 use super::analysis::{Tracks, store_error};
+use super::sampling::Feed;
 use super::tiers::Tiers;
 use crate::image::{Frame, Plane, analysis_luma};
 use crate::math::{Homography, Point2};
 use crate::mesh::{Grid, GridMesh};
 use crate::motion::{self, ClipMotion, FrameScale, Pair, Tier};
 use crate::path::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother, VirtualPath};
-use crate::pipeline::kinds::WarpSettings;
 use crate::pipeline::run_error::RunError;
 use crate::warp::{
     ContentPreserving, ContentPreservingOptions, Lattice, PointPair, WarpField, cell_salience, keep_covered,
@@ -48,22 +48,19 @@ struct Bender {
     luma: Plane<u8>,
     salience: Vec<f64>,
     points: Vec<PointPair>,
+    /// The source must cover the output.
+    covered: bool,
 }
 
 impl<'a> Maps<'a> {
-    /// Maps for the clip of `tracks` along `path`; rolling shutter is taken out where `motion` knows of one.
-    pub(super) fn new(
-        tracks: &'a Tracks,
-        path: &'a VirtualPath,
-        motion: Option<&'a ClipMotion>,
-        tiers: &'a Tiers,
-        settings: &WarpSettings,
-    ) -> Result<Self, RunError> {
-        let (cols, rows) = (settings.columns as usize, settings.rows as usize);
-        let (width, height) = (tracks.clip.width as f64, tracks.clip.height as f64);
+    /// Maps for the clip of `feed`; rolling shutter is taken out where its motion knows of one. `covered`: the source must
+    /// cover the output whatever the mesh does.
+    pub(super) fn new(feed: &Feed<'a>, tiers: &'a Tiers, covered: bool) -> Result<Self, RunError> {
+        let (cols, rows) = (feed.warp.columns as usize, feed.warp.rows as usize);
+        let (width, height) = (feed.tracks.clip.width as f64, feed.tracks.clip.height as f64);
         let grid = Grid { cols, rows, width, height };
-        let bender = Bender::new(&grid, settings.alpha)?;
-        Ok(Self { tracks, path, motion, tiers, grid, bender, pushed: 0, next: 0 })
+        let bender = Bender::new(&grid, feed.warp.alpha, covered)?;
+        Ok(Self { tracks: feed.tracks, path: feed.path, motion: feed.motion, tiers, grid, bender, pushed: 0, next: 0 })
     }
 
     /// The map of the next frame, sampled for rendering.
@@ -120,7 +117,7 @@ impl<'a> Maps<'a> {
 }
 
 impl Bender {
-    fn new(grid: &Grid, alpha: f64) -> Result<Self, RunError> {
+    fn new(grid: &Grid, alpha: f64, covered: bool) -> Result<Self, RunError> {
         let options = ContentPreservingOptions { alpha, ..ContentPreservingOptions::default() };
         let solver = ContentPreserving::new(grid.cols, grid.rows, grid.width, grid.height, options);
         Ok(Self {
@@ -130,6 +127,7 @@ impl Bender {
             luma: Plane::new(0, 0),
             salience: Vec::new(),
             points: Vec::new(),
+            covered,
         })
     }
 
@@ -154,7 +152,9 @@ impl Bender {
         }
         let solved = self.solver.solve(&fitted, &self.points, &self.salience);
         let (mut mesh, _) = solved.map_err(|e| RunError::Internal(e.to_string()))?;
-        keep_covered(&mut mesh, &carried(&grid, camera), grid.width, grid.height);
+        if self.covered {
+            keep_covered(&mut mesh, &carried(&grid, camera), grid.width, grid.height);
+        }
         Ok(mesh)
     }
 

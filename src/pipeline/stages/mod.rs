@@ -9,6 +9,7 @@ mod beside;
 mod context;
 mod encoding;
 mod export;
+mod filling;
 mod maps;
 mod probe;
 mod sampling;

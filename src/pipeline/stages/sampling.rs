@@ -1,9 +1,12 @@
 //! `video.render`: each frame through its map, once.
 
+use std::sync::Arc;
+
 use crossbeam::channel::{self, Receiver};
 
 use super::analysis::Tracks;
 use super::context::{Context, changed, media_error};
+use super::filling::Filling;
 use super::maps::Maps;
 use super::stream::{QUEUE, hand_on};
 use super::tiers::Tiers;
@@ -58,12 +61,17 @@ impl<'v> Feed<'v> {
 /// A frame of the source and what was made of it.
 pub(super) struct Sampled {
     /// The source's frame, where the result is another.
-    source: Option<Frame>,
+    source: Option<Arc<Frame>>,
     /// The frame to show.
     pub(super) result: Frame,
 }
 
 impl Sampled {
+    /// `result`, made of `source`.
+    pub(super) fn new(source: Arc<Frame>, result: Frame) -> Self {
+        Self { source: Some(source), result }
+    }
+
     /// A frame that stays as it is.
     pub(super) fn untouched(frame: Frame) -> Self {
         Self { source: None, result: frame }
@@ -71,7 +79,7 @@ impl Sampled {
 
     /// The frame of the source.
     pub(super) fn original(&self) -> &Frame {
-        self.source.as_ref().unwrap_or(&self.result)
+        self.source.as_deref().unwrap_or(&self.result)
     }
 }
 
@@ -80,6 +88,7 @@ pub(super) struct Sampler<'v> {
     maps: Maps<'v>,
     renderer: Renderer,
     pool: FramePool,
+    filling: Option<Filling<'v>>,
 }
 
 impl<'v> Sampler<'v> {
@@ -90,9 +99,10 @@ impl<'v> Sampler<'v> {
         video: &VideoInfo,
     ) -> Result<Self, RunError> {
         Ok(Self {
-            maps: Maps::new(feed.tracks, feed.path, feed.motion, tiers, feed.warp)?,
+            maps: Maps::new(&feed, tiers, settings.border == kinds::Border::Crop)?,
             renderer: Renderer::new(options(settings)),
             pool: FramePool::new(video).map_err(media_error)?,
+            filling: (settings.border == kinds::Border::Fill).then(|| filling(&feed, settings)).transpose()?,
         })
     }
 
@@ -103,7 +113,7 @@ impl<'v> Sampler<'v> {
         frames: Receiver<Frame>,
         mut sink: impl FnMut(Sampled) -> Result<(), RunError>,
     ) -> Result<(), RunError> {
-        let Self { mut maps, renderer, pool } = self;
+        let Self { mut maps, renderer, pool, filling } = self;
         let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
         std::thread::scope(|scope| {
             let mapper = scope.spawn(move || {
@@ -113,16 +123,54 @@ impl<'v> Sampler<'v> {
                     hand_on(&to_render, (frame, lattice))
                 })
             });
-            let sampled = mapped.iter().try_for_each(|(frame, lattice)| {
-                let mut result = pool.get().map_err(media_error)?;
-                renderer.render(&frame, &lattice, &mut result).map_err(|e| RunError::Internal(e.to_string()))?;
-                sink(Sampled { source: Some(frame), result })
-            });
+            let sampled = match filling {
+                Some(filling) => fill_all(&mapped, filling, &renderer, &pool, &mut sink),
+                None => render_all(&mapped, &renderer, &pool, &mut sink),
+            };
             drop(mapped);
             let mapped = mapper.join().map_err(|_| RunError::Internal("the mapper's thread failed".to_owned()))?;
             sampled.and(mapped)
         })
     }
+}
+
+type Mapped = Receiver<(Frame, Lattice)>;
+
+fn render_all(
+    mapped: &Mapped,
+    renderer: &Renderer,
+    pool: &FramePool,
+    sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    mapped.iter().try_for_each(|(frame, lattice)| {
+        let mut result = pool.get().map_err(media_error)?;
+        renderer.render(&frame, &lattice, &mut result).map_err(|e| RunError::Internal(e.to_string()))?;
+        sink(Sampled::new(Arc::new(frame), result))
+    })
+}
+
+fn fill_all(
+    mapped: &Mapped,
+    mut filling: Filling<'_>,
+    renderer: &Renderer,
+    pool: &FramePool,
+    sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    for (frame, lattice) in mapped {
+        filling.push(frame, lattice);
+        while let Some(sampled) = filling.pop(false, renderer, pool)? {
+            sink(sampled)?;
+        }
+    }
+    while let Some(sampled) = filling.pop(true, renderer, pool)? {
+        sink(sampled)?;
+    }
+    Ok(())
+}
+
+fn filling<'v>(feed: &Feed<'v>, settings: &RenderSettings) -> Result<Filling<'v>, RunError> {
+    let no_motion = || RunError::Internal("a border cannot be filled without the clip's motion".to_owned());
+    Ok(Filling::new(settings, feed.motion.ok_or_else(no_motion)?))
 }
 
 fn options(settings: &RenderSettings) -> RenderOptions {
