@@ -377,10 +377,10 @@ fn block<S: Sample, T: Taps<S, N>, const N: usize>(
         // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads.
         unsafe { columns(&taps_of, &weights, strip.rows, start.as_ptr(), plane.stride()) }
     } else {
-        let mut patch = [S::default(); STRIP * STRIP_ROWS];
-        source.copy_patch(strip.x, strip.y, STRIP, &mut patch);
+        let mut patch = [[S::default(); STRIP]; STRIP_ROWS];
+        source.copy_patch(strip.x, strip.y, &mut patch);
         // SAFETY: the patch has STRIP samples in STRIP_ROWS rows.
-        unsafe { columns(&taps_of, &weights, strip.rows, patch.as_ptr(), STRIP) }
+        unsafe { columns(&taps_of, &weights, strip.rows, patch.as_flattened().as_ptr(), STRIP) }
     };
     let value = _mm256_add_epi32(sums, _mm256_set1_epi32(source.bias));
     Some(_mm256_min_epi32(_mm256_max_epi32(value, _mm256_setzero_si256()), _mm256_set1_epi32(source.max)))

@@ -26,9 +26,9 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix4, Matrix4x2, Vector4};
 
-/// Upper end `Ω` of the band, rad per sample. Gradient energy relative to Lanczos-3 grows with it: on nine real clips 0.98 to
-/// 1.04 here, with the mean at 1.02; some 0.02 less at 0.60 π, and 1.05 to 1.10 at 0.75 π, where frames look sharpened. A step edge
-/// overshoots by 11 % here, as it does under Lanczos-3.
+/// Upper end `Ω` of the band, rad per sample. Gradient energy relative to Lanczos-3 grows with it: on nine real clips 0.98
+/// to 1.04 here, with the mean at 1.02; some 0.02 less at 0.60 π, and 1.05 to 1.10 at 0.75 π, where frames look sharpened.
+/// A step edge overshoots by 11 % here, as it does under Lanczos-3.
 const BAND: f64 = 2.0 / 3.0 * PI;
 
 /// Weights of the samples −1, 0, 1, 2 at `t ∈ [0, 1)`.

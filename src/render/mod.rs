@@ -19,10 +19,9 @@ mod kernel;
 mod plane;
 mod scan;
 mod source;
-mod tone;
 
 pub use border::Border;
-pub use fill::{FillReport, Neighbor};
+pub use fill::{FillOptions, FillReport, Filler};
 pub use kernel::Interpolation;
 
 use crate::image::{Frame, Layout, PixelFormat};

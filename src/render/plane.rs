@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::Renderer;
 use super::kernel::{Interpolation, Table, table};
 use super::scan::Siting;
 use super::source::Source;
@@ -80,35 +81,41 @@ impl Job<'_> {
     }
 
     fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, (xs, ys): (&mut [i32], &mut [i32]), out: &mut [S]) {
-        match self.backend {
-            Backend::Portable => {
-                self.siting.positions(self.lattice, j, xs, ys);
-                match self.tables {
-                    Tables::Four(table) => source.sample_row(table, xs, ys, out),
-                    Tables::Six(table) => source.sample_row(table, xs, ys, out),
-                }
-            }
+        self.backend.positions(&self.siting, self.lattice, j, xs, ys);
+        self.backend.sample(self.tables, source, (xs, ys), out);
+    }
+}
+
+impl Backend {
+    /// [`Siting::positions`].
+    fn positions(self, siting: &Siting, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
+        match self {
+            Self::Portable => siting.positions(lattice, j, xs, ys),
             #[cfg(target_arch = "x86_64")]
-            Backend::Avx2 => avx2_row(self, source, j, (xs, ys), out),
+            #[allow(unsafe_code)] // a call into `avx2`, whose only condition is the processor
+            // SAFETY: `Backend::Avx2` is made only where the processor has AVX2.
+            Self::Avx2 => unsafe { avx2::positions(siting, lattice, j, xs, ys) },
+        }
+    }
+
+    /// Samples `source` at positions in units of 1/256 px.
+    fn sample<S: Kernels>(self, tables: &Tables, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
+        match (self, tables) {
+            (Self::Portable, Tables::Four(table)) => source.sample_row(table, at.0, at.1, out),
+            (Self::Portable, Tables::Six(table)) => source.sample_row(table, at.0, at.1, out),
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // as above
+            // SAFETY: as above.
+            (Self::Avx2, Tables::Four(table)) => unsafe { S::row4(source, table, at, out) },
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // as above
+            // SAFETY: as above.
+            (Self::Avx2, Tables::Six(table)) => unsafe { S::row6(source, table, at, out) },
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)] // calls into `avx2`, whose only condition is the processor
-fn avx2_row<S: Kernels>(
-    job: &Job<'_>,
-    source: &Source<'_, S>,
-    j: usize,
-    (xs, ys): (&mut [i32], &mut [i32]),
-    out: &mut [S],
-) {
-    // SAFETY: `Backend::Avx2` is made only where the processor has AVX2.
-    unsafe {
-        avx2::positions(&job.siting, job.lattice, j, xs, ys);
-        match job.tables {
-            Tables::Four(table) => S::row4(source, table, (xs, ys), out),
-            Tables::Six(table) => S::row6(source, table, (xs, ys), out),
-        }
-    }
+/// Samples `source` at positions in units of 1/256 px, as `renderer` would.
+pub(super) fn sample_row<S: Kernels>(renderer: &Renderer, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
+    renderer.backend.sample(&renderer.tables, source, at, out);
 }

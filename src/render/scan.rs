@@ -27,8 +27,10 @@ pub(super) const NOWHERE: i32 = -(MAX_SIZE as i32) << PHASE_BITS;
 /// Where the samples of a plane stand among the luma samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Siting {
-    log2: (u32, u32),
-    offset: (f32, f32),
+    /// Binary logarithm of luma px per sample, x and y.
+    pub(super) log2: (u32, u32),
+    /// Position of the first sample from that of the first luma sample, luma px.
+    pub(super) offset: (f32, f32),
 }
 
 impl Siting {
@@ -77,12 +79,12 @@ impl Siting {
 }
 
 /// Fixed-point units per luma px in a plane subsampled by `2^log2`.
-fn unit(log2: u32) -> f32 {
+pub(super) fn unit(log2: u32) -> f32 {
     (1 << (FRACTION_BITS - log2)) as f32
 }
 
 /// An offset along the samples of a cell, in fixed point.
-struct Line {
+pub(super) struct Line {
     start: i32,
     advance: i32,
 }
@@ -92,7 +94,7 @@ impl Line {
     /// From the offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase`
     /// of the cell behind the left end, samples are `share` of the cell apart.
     #[inline(always)]
-    fn new(left: f32, slope: f32, phase: f32, share: f32, unit: f32) -> Self {
+    pub(super) fn new(left: f32, slope: f32, phase: f32, share: f32, unit: f32) -> Self {
         let start = (left + slope * phase).clamp(-FARTHEST, FARTHEST) * unit;
         let advance = (slope * share).clamp(-FARTHEST, FARTHEST) * unit;
         Self { start: start as i32, advance: advance as i32 }
@@ -100,7 +102,7 @@ impl Line {
 
     /// Positions of samples from index `first` on, `own` indices apart.
     #[inline(always)]
-    fn write(&self, out: &mut [i32], first: i32, own: i32) {
+    pub(super) fn write(&self, out: &mut [i32], first: i32, own: i32) {
         const DROPPED: u32 = FRACTION_BITS - PHASE_BITS;
         let advance = self.advance.wrapping_add(own << FRACTION_BITS);
         let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));

@@ -94,12 +94,16 @@ impl<'a, S: Sample> Source<'a, S> {
         }
     }
 
-    /// Copies `rows × width` samples from index `(x0, y0)` on, the border resolved.
-    pub(super) fn copy_patch(&self, x0: i32, y0: i32, width: usize, patch: &mut [S]) {
-        for (y, row) in (y0..).zip(patch.chunks_exact_mut(width)) {
-            for (x, sample) in (x0..).zip(row) {
-                *sample = self.at(x, y);
-            }
+    /// Copies rows of `W` samples from index `(x0, y0)` on, the border resolved.
+    pub(super) fn copy_patch<const W: usize>(&self, x0: i32, y0: i32, patch: &mut [[S; W]]) {
+        let columns: [Option<usize>; W] =
+            std::array::from_fn(|k| self.border.resolve(x0 + k as i32, self.plane.width()));
+        for (y, row) in (y0..).zip(patch) {
+            let source = self.border.resolve(y, self.plane.height()).map(|y| self.plane.row(y));
+            *row = match source {
+                Some(source) => columns.map(|column| column.map_or(self.black, |x| source[x])),
+                None => [self.black; W],
+            };
         }
     }
 }

@@ -6,17 +6,18 @@
 //! x(s, t) = a + s e + t f + st g,    e = b − a,  f = c − a,  g = a − b − c + d,    s, t ∈ [0, 1].
 //! ```
 //!
-//! About the center of the cell, with `v = (s − ½, t − ½)` and the Jacobian `J` there, this is `x − x(½, ½) = J v + v₁v₂ g`, so
-//! that `x(s, t) = x` is the fixed point
+//! About the center of the cell, with `v = (s − ½, t − ½)` and the Jacobian `J` there, `x − x(½, ½) = J v + v₁v₂ g`, so
+//! that the solution of `x(s, t) = x` is the fixed point
 //!
 //! ```text
 //! v = J⁻¹(x − x(½, ½)) − v₁ v₂ k,    k = J⁻¹ g,
 //! ```
 //!
-//! which contracts by `|k|`: for the nearly parallelogram cells of a video warp a few multiplications yield rounding error.
-//! Bent cells are left to Newton's method. The cell is found by walking: the cell
-//! that contained the previous point is tried first, and `(⌊s⌋, ⌊t⌋)` says how many cells to go on. Along a scan line
-//! the walk is almost always zero or one cell long, so that no search structure is needed.
+//! which contracts by `|k|`: for the nearly parallelogram cells of a video warp a few multiplications yield rounding
+//! error. Bent cells are left to Newton's method.
+//!
+//! The cell is found by walking: the cell that contained the previous point is tried first, and `(⌊s⌋, ⌊t⌋)` says how many
+//! cells to go on. Along a scan line the walk is almost always zero or one cell long, so that no search structure is needed.
 //!
 //! Outside the mesh the border cell is linearised at its nearest point, so that the field is defined, continuous across
 //! the border, and grows no faster than the border cell itself. Cells that are folded over or degenerate yield the best

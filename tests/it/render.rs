@@ -1,9 +1,11 @@
 //! Laws of sampling a frame through a warp field.
 
+use std::sync::Arc;
+
 use plumbline::image::{ColorDescription, Frame, Layout, PixelFormat};
 use plumbline::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::mesh::GridMesh;
-use plumbline::render::{Border, Interpolation, RenderError, RenderOptions, Renderer};
+use plumbline::render::{Border, FillOptions, FillReport, Filler, Interpolation, RenderError, RenderOptions, Renderer};
 use plumbline::warp::{Lattice, WarpField};
 
 const KERNELS: [Interpolation; 3] = [Interpolation::Bilinear, Interpolation::Bicubic, Interpolation::Lanczos3];
@@ -277,22 +279,27 @@ fn largest_difference(a: &Frame, b: &Frame, plane: usize) -> i32 {
     inner(a).iter().zip(inner(b)).map(|(a, b)| (a - b).abs()).max().expect("not empty")
 }
 
-/// The frame seen from (0, 0), stabilised to a view at (−24, 0), and a neighbor that saw the scene at (−40, 0).
-fn fill_with(neighbor: &Frame) -> (Frame, plumbline::render::FillReport) {
+/// The frame seen from (0, 0), stabilised to a view at (−24, 0), and a neighbor that saw the scene at (−40, 0), which the
+/// motion knows but for an error of `(dx, dy)`.
+fn fill_with(neighbor: Frame, (dx, dy): (f64, f64)) -> (Frame, FillReport) {
     let (size, options) = ((256, 160), RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
     let renderer = Renderer::new(options);
     let own = Lattice::new(&shift(24.0, 0.0), size.0, size.1);
-    let theirs = Lattice::new(&shift(-16.0, 0.0), size.0, size.1);
-    let mut dst = rendered(&renderer, &view(size, 0.0, 0.0, 0.0), &shift(24.0, 0.0));
-    let neighbors = [plumbline::render::Neighbor { frame: neighbor, src_from_out: &theirs }];
-    let report = renderer.fill(&mut dst, &own, &neighbors).expect("formats and sizes agree");
+    let mut filler = Filler::new(FillOptions::default());
+    filler.push(Arc::new(neighbor));
+    filler.push(Arc::new(view(size, 0.0, 0.0, 0.0)));
+    assert_eq!(filler.pop(true).map(|(n, _)| n), Some(0));
+    let (_, this) = filler.pop(true).expect("two frames");
+    let mut dst = rendered(&renderer, &this, &shift(24.0, 0.0));
+    let motion = |n: usize| (n == 0).then(|| shift(-40.0 + dx, dy));
+    let report = filler.fill(&renderer, &own, &mut dst, motion).expect("formats and sizes agree");
     (dst, report)
 }
 
 #[test]
 fn a_neighbor_shows_what_the_frame_did_not_see() {
     let truth = view((256, 160), -24.0, 0.0, 0.0);
-    let (filled, report) = fill_with(&view((256, 160), -40.0, 0.0, 0.0));
+    let (filled, report) = fill_with(view((256, 160), -40.0, 0.0, 0.0), (0.0, 0.0));
     for plane in 0..3 {
         assert!(
             largest_difference(&filled, &truth, plane) <= 3,
@@ -307,15 +314,56 @@ fn a_neighbor_shows_what_the_frame_did_not_see() {
 #[test]
 fn a_brighter_neighbor_is_toned_down_to_the_frame() {
     let truth = view((256, 160), -24.0, 0.0, 0.0);
-    let (filled, report) = fill_with(&view((256, 160), -40.0, 0.0, 18.0));
+    let (filled, report) = fill_with(view((256, 160), -40.0, 0.0, 18.0), (0.0, 0.0));
     assert_eq!(report.used, 1);
     assert!(largest_difference(&filled, &truth, 0) <= 3, "{}", largest_difference(&filled, &truth, 0));
 }
 
 #[test]
 fn a_neighbor_of_another_scene_is_left_out() {
-    let (filled, report) = fill_with(&view((256, 160), 3000.0, 500.0, 0.0));
+    let (filled, report) = fill_with(view((256, 160), 3000.0, 500.0, 0.0), (0.0, 0.0));
     assert_eq!((report.used, report.left), (0, report.uncovered));
     let renderer = Renderer::new(RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
     assert_same(&filled, &rendered(&renderer, &view((256, 160), 0.0, 0.0, 0.0), &shift(24.0, 0.0)), "untouched");
+}
+
+#[test]
+fn a_motion_that_is_off_by_pixels_is_put_right_on_the_overlap() {
+    let truth = view((256, 160), -24.0, 0.0, 0.0);
+    let (filled, report) = fill_with(view((256, 160), -40.0, 0.0, 0.0), (1.7, -1.2));
+    assert_eq!(report.used, 1);
+    assert!(largest_difference(&filled, &truth, 0) <= 5, "{}", largest_difference(&filled, &truth, 0));
+}
+
+#[test]
+fn a_neighbor_is_not_shown_where_it_disagrees() {
+    let mut neighbor = view((256, 160), -40.0, 0.0, 0.0);
+    let mut rng = fastrand::Rng::with_seed(2);
+    // Something else stands in the lower half of the neighbor.
+    for (x, y) in (80..160).flat_map(|y| (0..256).map(move |x| (x, y))) {
+        set(&mut neighbor, 0, x, y, rng.i32(20..230));
+    }
+    let (filled, report) = fill_with(neighbor, (0.0, 0.0));
+    let truth = view((256, 160), -24.0, 0.0, 0.0);
+    // Half of it, and the blocks above that share a window with the lower half.
+    assert!(report.left > 0.5 * report.uncovered && report.left < 0.8 * report.uncovered, "{report:?}");
+    let renderer = Renderer::new(RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
+    let border = rendered(&renderer, &view((256, 160), 0.0, 0.0, 0.0), &shift(24.0, 0.0));
+    for x in 0..12 {
+        assert!((get(&filled, 0, x, 40) - get(&truth, 0, x, 40)).abs() <= 4, "shown where it agrees");
+        assert_eq!(get(&filled, 0, x, 120), get(&border, 0, x, 120), "the border where it does not");
+    }
+}
+
+#[test]
+fn a_frame_that_covers_everything_is_not_touched() {
+    let renderer = Renderer::new(RenderOptions::default());
+    let field = turn((256, 160), 0.0, 1.3);
+    let mut filler = Filler::new(FillOptions::default());
+    filler.push(Arc::new(view((256, 160), 5.0, 0.0, 0.0)));
+    let (_, this) = filler.pop(true).expect("one frame");
+    let mut dst = rendered(&renderer, &this, &field);
+    let report = filler.fill(&renderer, &Lattice::new(&field, 256, 160), &mut dst, |_| None).expect("sizes agree");
+    assert_eq!(report, FillReport::default());
+    assert_same(&dst, &rendered(&renderer, &this, &field), "covered");
 }

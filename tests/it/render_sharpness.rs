@@ -75,8 +75,7 @@ fn sharpness(frame: &Frame, zoom: f64, angle: f64, t: Vec2) -> f64 {
     let lattice = Lattice::new(&field, width, height);
     Renderer::new(RenderOptions::default()).render(frame, &lattice, &mut out).expect("sizes and formats agree");
     let place = |k: usize| Point2::new((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
-    let ideal: Vec<f64> =
-        (0..width * height).map(|k| reference(frame, field.map(place(k)).expect("affine"))).collect();
+    let ideal: Vec<f64> = (0..width * height).map(|k| reference(frame, field.map(place(k)).expect("affine"))).collect();
     let plane = out.plane8(0).expect("8 bit");
     let energy = gradient_energy((width, height), |x, y| f64::from(plane.row(y)[x]));
     energy / gradient_energy((width, height), |x, y| ideal[y * width + x])

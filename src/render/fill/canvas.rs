@@ -1,0 +1,163 @@
+//! The composition of a frame's strip, front to back, plane by plane.
+
+use rayon::prelude::*;
+
+use super::align::Aligned;
+use super::choose::RIM_PX;
+use super::layer::{AnySource, Patch, Rendered};
+use super::membrane::Membrane;
+use super::strip::{Corners, Strip};
+use crate::image::Frame;
+use crate::render::{RenderError, Renderer};
+
+/// Width of a feather, luma px. Narrower shows a line where tone differs within a block; wider shows double contours
+/// where alignment is off by a pixel.
+pub(super) const FEATHER_PX: f32 = 8.0;
+/// Weight of all neighbors together below which the border fades in. Smaller shows where the last neighbor ends.
+const FADE: f32 = 0.25;
+/// Share of a block's samples that both pictures must cover for a mean.
+const ENOUGH: f32 = 0.125;
+/// Trust below which a block says nothing about tone.
+const TRUSTED: f32 = 0.5;
+
+/// The strip of a frame, and what neighbors add to it.
+pub(super) struct Canvas {
+    pub(super) planes: Vec<PlaneCanvas>,
+    uncovered: f64,
+}
+
+/// One plane: the samples of each block of the strip, row by row, block after block.
+pub(super) struct PlaneCanvas {
+    pub(super) patch: Patch,
+    /// The frame itself.
+    pub(super) own: Rendered,
+    /// For each block, whether the frame itself covers any of it fully.
+    pub(super) overlaps: Vec<bool>,
+    /// Colors of the neighbors times their weights.
+    sum: Vec<f32>,
+    /// Weight that no layer has taken yet.
+    rest: Vec<f32>,
+}
+
+impl Canvas {
+    /// The canvas with the frame itself in front.
+    pub(super) fn new(strip: &Strip, dst: &Frame) -> Result<Self, RenderError> {
+        let corners = strip.own_corners();
+        let planes = (0..dst.format.planes()).map(|i| PlaneCanvas::new(strip, dst, i, &corners));
+        let mut canvas = Self { planes: planes.collect::<Result<_, _>>()?, uncovered: 0.0 };
+        canvas.uncovered = canvas.left(strip);
+        Ok(canvas)
+    }
+
+    /// Share of the frame that it does not cover itself.
+    pub(super) fn uncovered(&self) -> f64 {
+        self.uncovered
+    }
+
+    /// Share of the frame that the layers so far do not cover.
+    pub(super) fn left(&self, strip: &Strip) -> f64 {
+        let open = self.planes[0].rest.iter().filter(|&&rest| rest > 0.5).count();
+        open as f64 / (strip.size.0 * strip.size.1) as f64
+    }
+
+    /// Which probes the layers so far do not cover.
+    pub(super) fn left_probes(&self, strip: &Strip) -> Vec<bool> {
+        let luma = &self.planes[0];
+        let open = |(slot, sample): (usize, usize)| luma.rest[slot * luma.patch.len() + sample] > 0.5;
+        strip.probes.iter().map(|probe| open(probe.at)).collect()
+    }
+
+    /// Adds a neighbor behind the layers so far.
+    pub(super) fn add(
+        &mut self,
+        renderer: &Renderer,
+        strip: &Strip,
+        frame: &Frame,
+        aligned: &Aligned,
+    ) -> Result<(), RenderError> {
+        for (i, plane) in self.planes.iter_mut().enumerate() {
+            let source = AnySource::new(frame, i)?;
+            let mut layer = plane.patch.render(renderer, &source, strip, &aligned.corners);
+            layer.keep_inside(RIM_PX);
+            plane.add(strip, &layer, &aligned.trust);
+        }
+        Ok(())
+    }
+
+    /// Writes the strip to the frame.
+    pub(super) fn write(&self, strip: &Strip, dst: &mut Frame) -> Result<(), RenderError> {
+        let max = ((1_u32 << dst.format.bits) - 1) as f32;
+        for (i, plane) in self.planes.iter().enumerate() {
+            let values: Vec<f32> =
+                (0..plane.sum.len()).into_par_iter().map(|k| plane.value(k).clamp(0.0, max)).collect();
+            plane.patch.write(strip, &values, dst, i)?;
+        }
+        Ok(())
+    }
+}
+
+impl PlaneCanvas {
+    fn new(strip: &Strip, dst: &Frame, i: usize, corners: &[Option<Corners>]) -> Result<Self, RenderError> {
+        let patch = Patch::new(dst, i);
+        let own = patch.read(strip, dst, i, corners)?;
+        let n = patch.len();
+        let open = |k: usize| if patch.in_frame(strip, strip.blocks[k / n], k % n) { 1.0 } else { 0.0 };
+        let rest = own.margin.iter().enumerate().map(|(k, &m)| open(k) * (1.0 - feather(m))).collect();
+        let overlaps = own.margin.chunks(n).map(|margins| margins.iter().any(|&m| m >= FEATHER_PX)).collect();
+        Ok(Self { patch, sum: vec![0.0; own.margin.len()], rest, own, overlaps })
+    }
+
+    fn add(&mut self, strip: &Strip, layer: &Rendered, trust: &Membrane) {
+        let tone = self.tone(strip, layer, trust);
+        let (n, patch) = (self.patch.len(), &self.patch);
+        let blocks = self.sum.par_chunks_mut(n).zip(self.rest.par_chunks_mut(n)).zip(&strip.blocks);
+        blocks.enumerate().for_each(|(slot, ((sum, rest), &block))| {
+            for (k, rest) in rest.iter_mut().enumerate() {
+                let weight = feather(layer.margin[slot * n + k]);
+                if *rest > 0.0 && weight > 0.0 {
+                    let (u, v) = patch.place(strip, block, k);
+                    let share = *rest * weight * trust.at(u, v).clamp(0.0, 1.0);
+                    sum[k] += share * (layer.value[slot * n + k] + tone.at(u, v));
+                    *rest -= share;
+                }
+            }
+        });
+    }
+
+    /// The difference `own − layer` of blocks that both cover, continued over the strip.
+    fn tone(&self, strip: &Strip, layer: &Rendered, trust: &Membrane) -> Membrane {
+        let n = self.patch.len();
+        let (mut values, mut known) = (vec![0.0; strip.cols * strip.rows], vec![false; strip.cols * strip.rows]);
+        for (slot, &block) in strip.blocks.iter().enumerate().filter(|&(_, &b)| trust.of_block(b) >= TRUSTED) {
+            let both = (slot * n..(slot + 1) * n).filter(|&k| self.both(layer, k));
+            let difference = |k: usize| self.own.value[k] - layer.value[k];
+            let (sum, count) = both.fold((0.0, 0.0), |(sum, count), k| (sum + difference(k), count + 1.0));
+            if count >= ENOUGH * n as f32 {
+                (values[block], known[block]) = (sum / count, true);
+            }
+        }
+        Membrane::new(strip, values, &known)
+    }
+
+    /// The frame itself and a layer both cover sample `k` fully.
+    pub(super) fn both(&self, layer: &Rendered, k: usize) -> bool {
+        self.own.margin[k] >= FEATHER_PX && layer.margin[k] >= FEATHER_PX
+    }
+
+    /// Where neighbors contributed: inside the frame, its own color has the weight that they have not taken; outside, where
+    /// that color is only a border, they share all of it.
+    fn value(&self, k: usize) -> f32 {
+        let (own, alpha) = (self.own.value[k], feather(self.own.margin[k]));
+        let placed = 1.0 - alpha - self.rest[k];
+        if !(placed > 1e-6) {
+            return own;
+        }
+        let fade = if alpha > 0.0 { placed } else { (placed / FADE).min(1.0) };
+        own + fade * (self.sum[k] / placed - own)
+    }
+}
+
+/// Weight of a layer at a distance from its edge, px.
+fn feather(margin: f32) -> f32 {
+    (margin / FEATHER_PX).clamp(0.0, 1.0)
+}
