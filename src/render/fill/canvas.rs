@@ -17,8 +17,10 @@ pub(super) const FEATHER_PX: f32 = 8.0;
 const FADE: f32 = 0.25;
 /// Share of a block's samples that both pictures must cover for a mean.
 const ENOUGH: f32 = 0.125;
-/// Trust below which a block says nothing about tone.
+/// Trust below which a block is not shown, and says nothing about tone.
 const TRUSTED: f32 = 0.5;
+/// Trust from which a block is shown fully.
+const CERTAIN: f32 = 0.75;
 
 /// The strip of a frame, and what neighbors add to it.
 pub(super) struct Canvas {
@@ -116,7 +118,7 @@ impl PlaneCanvas {
                 let weight = feather(layer.margin[slot * n + k]);
                 if *rest > 0.0 && weight > 0.0 {
                     let (u, v) = patch.place(strip, block, k);
-                    let share = *rest * weight * trust.at(u, v).clamp(0.0, 1.0);
+                    let share = *rest * weight * certain(trust.at(u, v));
                     sum[k] += share * (layer.value[slot * n + k] + tone.at(u, v));
                     *rest -= share;
                 }
@@ -155,6 +157,12 @@ impl PlaneCanvas {
         let fade = if alpha > 0.0 { placed } else { (placed / FADE).min(1.0) };
         own + fade * (self.sum[k] / placed - own)
     }
+}
+
+/// Weight of a layer by its trust. What reaches a place from trusted blocks further away than from refused ones is not
+/// shown: half shown it would be a ghost.
+fn certain(trust: f32) -> f32 {
+    ((trust - TRUSTED) / (CERTAIN - TRUSTED)).clamp(0.0, 1.0)
 }
 
 /// Weight of a layer at a distance from its edge, px.
