@@ -21,8 +21,8 @@ use crate::image::Frame;
 use crate::render::{RenderError, Renderer};
 use crate::warp::WarpField;
 
-/// Gauss–Newton steps: the first for the overlap as a whole, the others block by block.
-const STEPS: usize = 3;
+/// Gauss–Newton steps: the first for the overlap as a whole, the second block by block.
+const STEPS: usize = 2;
 /// Radius of the window of a block's displacement, blocks. Smaller follows noise, larger misses parallax.
 const WINDOW: usize = 3;
 /// Radius of the window of a block's trust, blocks: one alone is too noisy to be judged.

@@ -47,9 +47,9 @@ pub use window::FillOptions;
 use window::Window;
 
 /// Most neighbors composed into a frame. Each shows as a patch of its own; past this many they are specks.
-const MOST_LAYERS: usize = 8;
+const MOST_LAYERS: usize = 6;
 /// Neighbors tried for that: some disagree and are left out.
-const MOST_TRIED: usize = 12;
+const MOST_TRIED: usize = 8;
 
 /// What filling a frame did, in shares of its samples, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
