@@ -37,7 +37,7 @@ pub struct TrackOptions {
 
 impl Default for TrackOptions {
     fn default() -> Self {
-        Self { analysis_side: 640, points: 400, klt: KltOptions::default(), corners: CornerOptions::default() }
+        Self { analysis_side: 640, points: 1000, klt: KltOptions::default(), corners: CornerOptions::default() }
     }
 }
 

@@ -29,7 +29,7 @@ macro_rules! window_kernels {
     ) => {
         use std::arch::x86_64::*;
 
-        use super::super::window::{LANES, RingRows, Rows, SCHARR, SIDE};
+        use crate::track::window::{LANES, RingRows, Rows, SCHARR, SIDE};
         use super::{Patch, Template};
 
         /// Vectors of a stored row.

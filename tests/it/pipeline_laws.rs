@@ -202,8 +202,6 @@ fn defaults_are_those_of_the_modules_that_do_the_work() {
     assert_eq!((smooth.smoothness, smooth.min_crop), (path.smoothness_s, path.min_crop));
     assert_eq!(format!("{:?} {:?}", smooth.method, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
     assert_eq!(TrackSettings::default().points as usize, plumbline::track::TrackOptions::default().points);
-    let warp = plumbline::warp::ContentPreservingOptions::default();
-    assert_eq!(WarpSettings::default().alpha, warp.alpha);
     let render = plumbline::render::RenderOptions::default();
     assert_eq!(format!("{:?}", RenderSettings::default().interpolation), format!("{:?}", render.interpolation));
 }
