@@ -29,8 +29,8 @@ macro_rules! window_kernels {
     ) => {
         use std::arch::x86_64::*;
 
-        use crate::track::window::{LANES, RingRows, Rows, SCHARR, SIDE};
         use super::{Patch, Template};
+        use crate::track::window::{LANES, RingRows, Rows, SCHARR, SIDE};
 
         /// Vectors of a stored row.
         const PARTS: usize = LANES / $lanes;
