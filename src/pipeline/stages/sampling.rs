@@ -181,8 +181,9 @@ fn options(settings: &RenderSettings) -> RenderOptions {
         },
         border: match settings.border {
             kinds::Border::Mirror | kinds::Border::Fill => Border::Mirror,
-            kinds::Border::Replicate => Border::Replicate,
-            kinds::Border::Black | kinds::Border::Crop => Border::Black,
+            // Nothing outside is shown, but kernels reach over the edge: black would darken the outermost pixels.
+            kinds::Border::Replicate | kinds::Border::Crop => Border::Replicate,
+            kinds::Border::Black => Border::Black,
         },
     }
 }
