@@ -221,7 +221,7 @@ mod tests {
     fn value(text: &str) -> Result<Resolved, String> {
         let vars = [Entry::built("crf", Value::Integer(23)), Entry::built("dir", Value::Text("out".into()))];
         let item = Item { path: "clips/tour.one.mp4".into(), index: 4 };
-        let env = |name: &str| (name == "HOME").then(|| "/home/ada".to_owned());
+        let env = |name: &str| (name == "HOME").then(|| "/users/ada".to_owned());
         let scope = Scope { vars: &vars, env: &env, item: Some(&item) };
         resolve(&Node::built(Value::Text(text.into())), &scope).map_err(|p| p.message)
     }
@@ -238,7 +238,7 @@ mod tests {
         assert_eq!(value("${item.index}"), Ok(ready(Value::Integer(4))));
         assert_eq!(value("${vars.dir}/${item.stem}.${item.ext}"), Ok(ready(Value::Text("out/tour.one.mp4".into()))));
         assert_eq!(value("${item.dir}|${item.name}"), Ok(ready(Value::Text("clips|tour.one.mp4".into()))));
-        assert_eq!(value("${env.HOME}/x"), Ok(ready(Value::Text("/home/ada/x".into()))));
+        assert_eq!(value("${env.HOME}/x"), Ok(ready(Value::Text("/users/ada/x".into()))));
         assert_eq!(value("${env.NONE:-7}"), Ok(ready(Value::Loose("7".into()))));
     }
 
