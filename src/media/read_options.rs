@@ -5,7 +5,7 @@ use serde::Serialize;
 /// What to do with interlaced pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Deinterlace {
-    /// Rebuild the missing lines of the earlier field (see [`super::deinterlace`]); whole pictures pass untouched.
+    /// Rebuild the missing lines of the earlier field (module `deinterlace`); whole pictures pass untouched.
     #[default]
     Auto,
     /// Stop with [`super::MediaError::Interlaced`].
