@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """Shipped pipeline files, and faulty variants of them, against the exported JSON schema.
 
-    plumbline schema > schema.json
-    python tests/oracle/schema.py schema.json pipeline/*.toml
-
 An independent validator (the package `jsonschema`) must accept every file, and refuse each variant that `plumbline check` refuses.
 """
 import copy
 import json
+import os
+import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import jsonschema
 
@@ -38,9 +38,10 @@ def variants(document):
             yield "unknown port", changed(lambda d: d["stage"][name].update(inputs={"sound": "a"}))
 
 
-def main(schema_file, *files):
-    with open(schema_file, encoding="utf-8") as f:
-        schema = json.load(f)
+def main():
+    files = sorted(Path("pipeline").glob("*.toml"))
+    exported = subprocess.run([os.environ["PLUMBLINE_BIN"], "schema"], check=True, capture_output=True, text=True)
+    schema = json.loads(exported.stdout)
     jsonschema.Draft7Validator.check_schema(schema)
     validator = jsonschema.Draft7Validator(schema)
     wrong = 0
@@ -59,4 +60,4 @@ def main(schema_file, *files):
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(main())
