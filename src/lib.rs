@@ -9,6 +9,7 @@
 //! which on a grid laid over an image is a *warp* and on a surface a *deformation*. The modules stand in strict layers;
 //! `docs/ARCHITECTURE.md` holds the table of allowed imports, and a test reads it from there.
 
+pub mod camera;
 pub mod cli;
 pub mod energy;
 pub mod feature;

@@ -9,6 +9,7 @@ mod local;
 mod planar;
 mod planar_fit;
 mod rolling_shutter;
+pub mod sfm;
 mod verdict;
 
 pub use clip::{ClipMotion, LONGEST_BRIDGE};

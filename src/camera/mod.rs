@@ -1,0 +1,15 @@
+//! Cameras: where they stand and how they project.
+//!
+//! Axes of a camera: +x right, +y down, +z forward. A pose is `cam_from_world`; pixels are as everywhere in this library,
+//! centers at integer + 0.5.
+
+mod intrinsics;
+mod pose;
+
+pub use intrinsics::Intrinsics;
+pub use pose::CameraPose;
+
+/// A position in space, in the unit of the scene.
+pub type Point3 = nalgebra::Point3<f64>;
+/// A displacement or a direction in space.
+pub type Vec3 = nalgebra::Vector3<f64>;
