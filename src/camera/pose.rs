@@ -35,12 +35,14 @@ impl CameraPose {
     }
 
     /// `world_from_cam`.
+    #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
     /// `R ← Exp(ω) R`, `t ← t + δ`: the step of every optimization over poses.
+    #[must_use]
     pub fn perturbed(&self, omega: &Vec3, delta: &Vec3) -> Self {
         let rotation = UnitQuaternion::from_scaled_axis(*omega) * self.rotation;
         Self { rotation: UnitQuaternion::new_normalize(rotation.into_inner()), translation: self.translation + delta }
