@@ -59,6 +59,8 @@ pub(super) enum Sizing {
     Shared,
     /// Given.
     Pinned(f64),
+    /// The ideal path's own.
+    Followed,
 }
 
 /// The program's data that all its windows of time share.
@@ -233,7 +235,12 @@ impl Program<'_> {
     /// Price, bounds and slowness of the window's size.
     fn size_window(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize) {
         let crop = |k: usize| self.crop(frames, k);
-        if let Sizing::Pinned(size) = self.sizing {
+        let given = match self.sizing {
+            Sizing::Pinned(size) => Some(size),
+            Sizing::Followed => self.ideal.map(|given| given[frames.start + i].z.norm()),
+            Sizing::Adaptive | Sizing::Shared => None,
+        };
+        if let Some(size) = given {
             qp.require_zero(crop(i) - Affine::constant(size));
             return;
         }

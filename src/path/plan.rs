@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::chain::Chain;
 use super::optimal::{Cameras, Program, Sizing};
-use super::pose::{Pose, Stage, settle};
+use super::pose::{C64, Pose, Stage, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
 use crate::math::Homography;
 
@@ -119,7 +119,8 @@ fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -
     let window = options.window();
     let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
-    let ideal: Vec<Pose> = ideal.iter().map(|p| Pose { z: p.z * size, d: p.d }).collect();
+    let ideal: Vec<Pose> =
+        ideal.iter().map(|p| attainable(stage, Pose { z: p.z * size, d: p.d }, options.min_crop, window)).collect();
     if ideal.iter().all(|&p| stage.overhang(p, window) <= 1e-9) {
         return Ok(ideal);
     }
@@ -131,10 +132,29 @@ fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -
         ideal: Some(&ideal),
         smoothness_s: options.smoothness_s,
         min_crop: options.min_crop,
-        sizing: Sizing::Pinned(size),
+        sizing: if options.border_allows_outside { Sizing::Pinned(size) } else { Sizing::Followed },
         window,
     };
     in_windows(&program)
+}
+
+/// The pose nearest to `ideal` whose window is no smaller than allowed and would fit the frame if it stood in its middle:
+/// with the size held, the angle gives way.
+fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
+    const HALVINGS: usize = 40;
+    let size = ideal.z.norm().clamp(min_crop, 1.0 / window);
+    let turned = |share: f64| C64::from_polar(1.0, share * ideal.z.arg());
+    let fits = |share: f64| stage.widest(Pose { z: turned(share), d: C64::new(0.0, 0.0) }) >= size * window;
+    let (mut inside, mut outside) = (0.0, 1.0);
+    if fits(1.0) {
+        inside = 1.0;
+    } else {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (inside + outside);
+            *if fits(middle) { &mut inside } else { &mut outside } = middle;
+        }
+    }
+    Pose { z: turned(inside) * size, d: ideal.d }
 }
 
 /// Solves the shot window by window: of each the first half is kept, its last two frames start the next.

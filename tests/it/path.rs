@@ -252,6 +252,25 @@ fn a_tripod_shows_no_motion_while_the_frame_allows_it() {
 }
 
 #[test]
+fn no_window_is_smaller_than_allowed_however_the_camera_turns_and_zooms() {
+    let drifting = |strength: f64, turn: f64, zoom: f64| -> Vec<View> {
+        let share = |t: usize| t as f64 / 150.0 - 0.5;
+        let moved =
+            |(t, v): (usize, View)| View { angle: v.angle + turn * share(t), zoom: v.zoom + zoom * share(t), ..v };
+        walk(150, strength, 4).into_iter().map(|v| View { x: 0.2 * v.x, ..v }).enumerate().map(moved).collect()
+    };
+    for (views, kind) in [drifting(2.0, 0.9, 0.6), drifting(0.3, 0.0, 0.24)]
+        .iter()
+        .flat_map(|views| [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod].map(|kind| (views, kind)))
+    {
+        let path = plan_of(views, &PathOptions { kind, min_crop: 0.8, ..PathOptions::default() });
+        assert_eq!(path.segments[0].tier, Tier::Smoothed, "{kind:?}: {}", path.segments[0].reason);
+        let least = path.crop.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(least >= 0.8 - 1e-6, "{kind:?}: a window of {least}");
+    }
+}
+
+#[test]
 fn a_few_lost_frames_are_bridged() {
     let views = walk(150, 1.0, 11);
     let whole = plan_of(&views, &PathOptions::default());
