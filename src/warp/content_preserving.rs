@@ -57,7 +57,7 @@ pub struct PointPair {
     pub src: Point2,
     /// Place wanted in the output, px.
     pub dst: Point2,
-    /// `lₖ` ≥ 0, dimensionless; 1 for a point that counts fully (see [`super::fade`]).
+    /// `lₖ` ≥ 0, dimensionless; 1 for a point that counts fully.
     pub weight: f64,
 }
 

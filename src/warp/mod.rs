@@ -6,7 +6,6 @@
 mod content_preserving;
 mod coverage;
 mod error;
-mod fade;
 mod field;
 mod inverse_mesh;
 mod lattice;
@@ -15,7 +14,6 @@ mod salience;
 pub use content_preserving::{ContentPreserving, ContentPreservingOptions, PointPair, WarpReport};
 pub use coverage::keep_covered;
 pub use error::WarpError;
-pub use fade::fade;
 pub use field::{FieldError, Map, WarpField};
 pub use inverse_mesh::InverseMesh;
 pub use lattice::Lattice;

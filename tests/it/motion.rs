@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use plumbline::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::motion::{
-    self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, LocalMotionSolver, MotionEstimator,
-    MotionFileError, MotionOptions, MotionQuality, Pair, PlanarModel, ReadoutEstimator, RowMotion, Tier, TrackPoint,
+    self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, MotionEstimator, MotionFileError, MotionOptions,
+    MotionQuality, Pair, PlanarModel, ReadoutEstimator, RowMotion, Tier, TrackPoint,
 };
 use plumbline::time::{Timebase, Timestamp};
 
@@ -488,34 +488,6 @@ fn row_motion_brings_points_to_the_center_rows_time() {
     let (before, after) = ((seen - shaken(p, t)).norm(), (rows.center_time(seen) - shaken(p, t)).norm());
     assert!(after < 0.05 * before, "{before:.2} px of wobble left {after:.2} px");
     assert_eq!(rows.displacement(Point2::new(77.0, 180.0)), Vec2::zeros(), "the center row needs no correction");
-}
-
-#[test]
-fn local_motion_follows_a_smooth_field_and_rests_without_points() {
-    let h = shake(2).to_homography();
-    let wave = |q: Point2| Vec2::new(2.0 * (q.x / 200.0).sin(), 1.5 * (q.y / 150.0).cos());
-    let bent = |p: Point2| {
-        let q = h.apply(p).expect("in front");
-        q + wave(q)
-    };
-    let mut seen = pairs(&whole_frame(900, 12), bent);
-    for wrong in seen.iter_mut().step_by(20) {
-        wrong.this += Vec2::new(9.0, -7.0);
-    }
-    let mut solver = LocalMotionSolver::new(16, 9, WIDTH, HEIGHT);
-    let field = solver.fit(&h, &seen, 1.0);
-    assert_eq!(field.cells(), (16, 9));
-    for row in 1..9 {
-        for col in 1..16 {
-            let expected = wave(Point2::new(40.0 * col as f64, 40.0 * row as f64));
-            let error = (field.vertex(col, row) - expected).norm();
-            assert!(error < 0.3, "vertex {col},{row} is off by {error:.2} px");
-        }
-    }
-    assert!(solver.fit(&h, &[], 1.0).rms_px() == 0.0);
-    let left = scatter(300, 5.0..200.0, 5.0..355.0, 13);
-    let one_sided = solver.fit(&h, &pairs(&left, |p| h.apply(p).expect("in front") + Vec2::new(3.0, 0.0)), 1.0);
-    assert!((one_sided.vertex(2, 4).x - 3.0).abs() < 0.2 && one_sided.vertex(16, 4).x.abs() < 0.5, "fades to rest");
 }
 
 #[test]

@@ -34,10 +34,7 @@ impl Tiers {
     /// How much of a tier is in force at `frame`: 1 inside segments of at least this tier, 0 far from them.
     pub(super) fn strength(&self, frame: usize, tier: Tier) -> f64 {
         let (Some(here), reach) = (self.segment(frame), BLEND as f64) else { return 0.0 };
-        if here.tier == Tier::Untouched {
-            return 0.0;
-        }
-        if here.tier < tier {
+        if here.tier == Tier::Untouched || here.tier < tier {
             return 0.0;
         }
         let below = |s: &&SegmentVerdict| s.tier < tier && s.tier != Tier::Untouched;
