@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Quality of `plumbline stabilize` and its peers on a folder of real clips.
 
-    quality.py --eval DIR --out DIR [--media DIR] [--plumbline BIN] [--min-crop 0.92 0.84 0.74] [--peers]
+    quality.py --eval DIR --out DIR [--media DIR] [--plumbline BIN] [--variant 1.0="--smoothness 1"]... [--peers]
 
 Every (method, clip) is rendered at crf 10, measured with `stab_metrics.py --width 480 --samples 30` of the folder
 given by --eval, and kept under OUT/results as JSON, keyed by the binary, its options and the clip: a second run
@@ -42,7 +42,10 @@ def methods(a):
             table[f"l1-{box}"] = ((program, box, peers.CRF), render)
     if a.plumbline:
         options = shlex.split(a.options)
-        variants = {a.name: options} | {f"{a.name}@{c}": [*options, "--min-crop", str(c)] for c in a.min_crop}
+        variants = {a.name: options}
+        for variant in a.variant:
+            label, _, more = variant.partition("=")
+            variants[f"{a.name}@{label}"] = [*options, *shlex.split(more)]
         for name, extra in variants.items():
             table[name] = ((a.plumbline, extra), lambda s, t, extra=extra: plumbline(a, s, t, extra))
     return table
@@ -171,7 +174,8 @@ def main():
     p.add_argument("--plumbline", type=Path, help="the binary to measure")
     p.add_argument("--name", default="plumbline", help="name of this variant in tables and cache")
     p.add_argument("--options", default="", help="further options of `plumbline stabilize`, one string")
-    p.add_argument("--min-crop", type=float, nargs="*", default=[], help="further runs, one per value: the frontier")
+    p.add_argument("--variant", action="append", default=[], metavar="LABEL=OPTIONS",
+                   help="a further run with more options; all of them make the frontier")
     p.add_argument("--peers", action="store_true", help="vid.stab strong and the L1 reference too")
     p.add_argument("--clips", default="", help="only clips whose name contains one of these (comma-separated)")
     p.add_argument("--keep", action="store_true", help="keep the rendered videos under OUT/video")
