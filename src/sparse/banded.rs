@@ -103,10 +103,8 @@ impl BandedMatrix {
 
     /// Makes unknown `k` one that nothing moves: its row and column become those of the identity.
     pub fn isolate(&mut self, k: usize) {
-        for j in k.saturating_sub(self.bandwidth)..k.min(self.n) {
-            self.column_mut(j)[k - j] = 0.0;
-        }
         if k < self.n {
+            (k.saturating_sub(self.bandwidth)..k).for_each(|j| self.column_mut(j)[k - j] = 0.0);
             self.column_mut(k).fill(0.0);
             self.border_mut(k).fill(0.0);
         } else {
