@@ -5,6 +5,7 @@
 
 mod intrinsics;
 mod pose;
+pub mod rotation;
 
 pub use intrinsics::Intrinsics;
 pub use pose::CameraPose;

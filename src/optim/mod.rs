@@ -1,4 +1,5 @@
 //! Search and optimization that is not plain least squares, each behind a type of our own.
 
+pub mod levenberg_marquardt;
 pub mod qp;
 pub mod ransac;

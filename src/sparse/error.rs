@@ -30,6 +30,12 @@ pub enum SparseError {
         /// The part of the system that contains the negative pivot.
         component: Component,
     },
+    /// Numerics: a matrix that is not positive definite, or not finite.
+    #[error("elimination met no positive pivot at unknown {unknown}; damp the system or fix the unknown")]
+    Pivot {
+        /// The unknown.
+        unknown: usize,
+    },
     /// Input: a NaN or infinite entry.
     #[error("entry ({row}, {col}) of the matrix is not finite")]
     NotFinite {

@@ -13,6 +13,7 @@
 //! element mesh*, SIAM J. Numer. Anal. 10 (1973); J. W. H. Liu, *The role of elimination trees in sparse factorization*,
 //! SIAM J. Matrix Anal. Appl. 11 (1990).
 
+mod banded;
 mod cholesky;
 mod dissection;
 mod error;
@@ -22,6 +23,7 @@ mod ordering;
 mod pattern;
 mod scalar;
 
+pub use banded::BandedMatrix;
 pub use cholesky::Cholesky;
 pub use error::{Component, SparseError};
 pub use matrix::SparseMatrix;
