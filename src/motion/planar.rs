@@ -101,14 +101,13 @@ impl Consensus for BySimilarity<'_> {
         2
     }
 
-    fn fit_minimal(&self, sample: &[usize]) -> Option<Similarity2> {
+    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Similarity2>) {
         let pairs = [self.0.pairs[sample[0]], self.0.pairs[sample[1]]];
-        let s = planar_fit::similarity(&pairs, &[1.0, 1.0])?;
         // Between frames of one shot nothing zooms by a third.
-        (0.75..1.34).contains(&s.scale()).then_some(s)
+        models.extend(planar_fit::similarity(&pairs, &[1.0, 1.0]).filter(|s| (0.75..1.34).contains(&s.scale())));
     }
 
-    fn fit_weighted(&self, weights: &[f64]) -> Option<Similarity2> {
+    fn fit_weighted(&self, weights: &[f64], _start: &Similarity2) -> Option<Similarity2> {
         planar_fit::similarity(self.0.pairs, weights)
     }
 
@@ -144,12 +143,12 @@ impl Consensus for ByHomography<'_> {
         4
     }
 
-    fn fit_minimal(&self, sample: &[usize]) -> Option<Homography> {
+    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Homography>) {
         let pairs = [0, 1, 2, 3].map(|k| self.data.pairs[sample[k]]);
-        planar_fit::homography_of_four(pairs, &self.data.scale)
+        models.extend(planar_fit::homography_of_four(pairs, &self.data.scale));
     }
 
-    fn fit_weighted(&self, weights: &[f64]) -> Option<Homography> {
+    fn fit_weighted(&self, weights: &[f64], _start: &Homography) -> Option<Homography> {
         planar_fit::homography(self.data.pairs, weights, &self.start, self.kappa, &self.data.scale, 2)
     }
 

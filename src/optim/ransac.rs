@@ -35,11 +35,12 @@ pub trait Consensus {
     /// Number of data that determine a model, at most [`MAX_SAMPLE`].
     fn sample_size(&self) -> usize;
 
-    /// The model through the data of `sample`; `None` for a degenerate sample.
-    fn fit_minimal(&self, sample: &[usize]) -> Option<Self::Model>;
+    /// Pushes the models through the data of `sample` to `models`, which comes empty; none for a degenerate sample.
+    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Self::Model>);
 
-    /// The model of least squares under `weights` (zero: left out), one entry per datum.
-    fn fit_weighted(&self, weights: &[f64]) -> Option<Self::Model>;
+    /// The model of least squares under `weights` (zero: left out), one entry per datum; `start` is the model that the
+    /// weights were taken from, for families that are fitted iteratively.
+    fn fit_weighted(&self, weights: &[f64], start: &Self::Model) -> Option<Self::Model>;
 
     /// Squared residual of datum `i`, in squared units of [`MsacOptions::threshold`].
     fn squared_residual(&self, model: &Self::Model, i: usize) -> f64;
@@ -96,15 +97,18 @@ pub fn msac<P: Consensus>(
     let mut drawn = 0;
     let mut sample = [0usize; MAX_SAMPLE];
     let sample = &mut sample[..problem.sample_size().min(MAX_SAMPLE)];
+    let mut models = Vec::new();
     while drawn < needed.max(options.min_samples).min(options.max_samples) {
         drawn += 1;
         if !search.draw(rng, sample) {
             continue;
         }
-        if let Some(model) = problem.fit_minimal(sample)
-            && search.consider(model)
-        {
-            needed = search.samples_needed(sample.len());
+        models.clear();
+        problem.fit_minimal(sample, &mut models);
+        for model in models.drain(..) {
+            if search.consider(model) {
+                needed = search.samples_needed(sample.len());
+            }
         }
     }
     search.best
@@ -199,7 +203,7 @@ impl<'a, P: Consensus> Search<'a, P> {
             let slack = 1.0 - self.problem.squared_residual(model, i) * inverse;
             *out = if slack > 0.0 { self.weights[i] * slack * slack } else { 0.0 };
         }
-        let refined = self.problem.fit_weighted(&self.refit)?;
+        let refined = self.problem.fit_weighted(&self.refit, model)?;
         self.score_unbounded(refined)
     }
 
@@ -235,14 +239,14 @@ mod tests {
         fn sample_size(&self) -> usize {
             2
         }
-        fn fit_minimal(&self, s: &[usize]) -> Option<(f64, f64)> {
+        fn fit_minimal(&self, s: &[usize], models: &mut Vec<(f64, f64)>) {
             let ((x0, y0), (x1, y1)) = (self.0[s[0]], self.0[s[1]]);
-            (x0 != x1).then(|| {
+            if x0 != x1 {
                 let a = (y1 - y0) / (x1 - x0);
-                (a, y0 - a * x0)
-            })
+                models.push((a, y0 - a * x0));
+            }
         }
-        fn fit_weighted(&self, w: &[f64]) -> Option<(f64, f64)> {
+        fn fit_weighted(&self, w: &[f64], _start: &(f64, f64)) -> Option<(f64, f64)> {
             let sum = |f: &dyn Fn(f64, f64) -> f64| w.iter().zip(&self.0).map(|(w, (x, y))| w * f(*x, *y)).sum::<f64>();
             let (n, x, y) = (sum(&|_, _| 1.0), sum(&|x, _| x), sum(&|_, y| y));
             let (xx, xy) = (sum(&|x, _| x * x), sum(&|x, y| x * y));
@@ -286,7 +290,7 @@ mod tests {
     fn the_local_step_reaches_least_squares_on_the_inliers() {
         let data = Line(two_lines().0[..30].to_vec());
         let found = msac(&data, &[1.0; 30], &OPTIONS, None, &mut fastrand::Rng::with_seed(3)).expect("a line exists");
-        let ideal = data.fit_weighted(&[1.0; 30]).expect("a line exists");
+        let ideal = data.fit_weighted(&[1.0; 30], &found.model).expect("a line exists");
         assert!((found.model.0 - ideal.0).abs() < 2e-3 && (found.model.1 - ideal.1).abs() < 5e-3, "{:?}", found.model);
     }
 

@@ -1,0 +1,301 @@
+//! Incremental mapping: from two views with depth between them, keyframe by keyframe, to the cameras of a whole shot.
+//!
+//! A keyframe next to the map is *resected*: its pose is predicted from the motion of its neighbors and then searched
+//! among the points it sees. New points are triangulated, the newest cameras adjusted, and the whole map whenever it has
+//! grown by a third. The focal length is held until the map has real baseline ([`FREED`] keyframes): freed on two or three
+//! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
+
+use super::absolute_pose::absolute_pose;
+use super::bundle::{BundleOptions, BundleReport, Freedom, adjust};
+use super::three_point::Sighting;
+use super::triangulate::{View, triangulate};
+use super::{Observation, Scene, ScenePoint, TrackTable};
+use crate::camera::{CameraPose, Intrinsics, Point3};
+use crate::energy::Loss;
+use crate::math::Vec2;
+use crate::optim::levenberg_marquardt::DampingOptions;
+use crate::optim::ransac::MsacOptions;
+
+/// Keyframes from which on focal length and distortion are unknowns.
+const FREED: usize = 8;
+/// Newest keyframes that are adjusted after each registration.
+const LOCAL: usize = 5;
+/// Growth of the map after which all of it is adjusted.
+const GROWTH: f64 = 1.34;
+/// Points that a registration rests on, at least.
+pub(super) const LEAST_INLIERS: usize = 20;
+/// Share of them among the known points that a frame sees, at least.
+const LEAST_SUPPORT: f64 = 0.4;
+/// Reprojection error of a wrong sighting, px at 640 px across.
+pub(super) const WRONG_PX: f64 = 3.0;
+/// Share of wrong sightings from which on a point is not taken to be still.
+const MOST_WRONG: f64 = 0.3;
+/// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
+const FARTHEST: f64 = 1e-3;
+
+/// What is known of the lens beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LensPrior {
+    /// Standard deviation of `ln f`.
+    pub(super) sigma_ln_focal: f64,
+    /// Standard deviation of `k₁` about 0.
+    pub(super) sigma_k1: f64,
+}
+
+/// A map that grows.
+#[derive(Clone)]
+pub(super) struct Mapper<'a> {
+    table: &'a TrackTable,
+    lens: LensPrior,
+    start: Intrinsics,
+    /// Frames that may be registered, ascending.
+    frames: Vec<usize>,
+    /// Their sightings.
+    observations: Vec<Observation>,
+    /// Points that were found not to be still.
+    banned: Vec<bool>,
+    pub(super) scene: Scene,
+}
+
+impl<'a> Mapper<'a> {
+    /// An empty map over the keyframes `frames`.
+    pub(super) fn new(table: &'a TrackTable, frames: &[usize], camera: Intrinsics, lens: LensPrior) -> Self {
+        let scene = Scene {
+            intrinsics: camera,
+            readout: 0.0,
+            poses: vec![None; table.frames()],
+            points: vec![None; table.points()],
+        };
+        let banned = vec![false; table.points()];
+        let mut mapper =
+            Self { table, lens, start: camera, frames: Vec::new(), observations: Vec::new(), banned, scene };
+        mapper.admit(frames);
+        mapper
+    }
+
+    /// Admits further frames for registration.
+    pub(super) fn admit(&mut self, frames: &[usize]) {
+        self.frames = frames.to_vec();
+        self.observations = frames.iter().flat_map(|&f| self.table.in_frame(f).iter().copied()).collect();
+    }
+
+    /// Starts from two frames with a known relative pose; false where they do not carry a map.
+    pub(super) fn seed(&mut self, first: usize, second: usize, second_from_first: CameraPose) -> bool {
+        self.scene.poses[first] = Some(CameraPose::identity());
+        self.scene.poses[second] = Some(second_from_first);
+        self.triangulate_new();
+        self.adjust_all(false).is_some() && self.known_points() >= LEAST_INLIERS
+    }
+
+    /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
+    pub(super) fn extend(&mut self) -> usize {
+        let mut adjusted = self.registered().len();
+        let (mut blocked_below, mut blocked_above) = (false, false);
+        loop {
+            let known = self.registered();
+            let Some((&low, &high)) = known.first().zip(known.last()) else { return 0 };
+            let below = self.frames.iter().rev().find(|&&f| f < low).copied().filter(|_| !blocked_below);
+            let above = self.frames.iter().find(|&&f| f > high).copied().filter(|_| !blocked_above);
+            let Some(frame) = nearer(below, above, low, high).or_else(|| self.gap(&known)) else { break };
+            if !self.register(frame) {
+                blocked_below |= frame < low;
+                blocked_above |= frame > high;
+                if frame > low && frame < high {
+                    self.frames.retain(|&f| f != frame);
+                }
+                continue;
+            }
+            self.triangulate_new();
+            let count = known.len() + 1;
+            if count as f64 >= GROWTH * adjusted as f64 {
+                self.adjust_all(count >= FREED);
+                self.discard_wrong();
+                adjusted = count;
+            } else {
+                self.adjust_around(frame);
+            }
+        }
+        self.adjust_all(self.registered().len() >= FREED);
+        self.discard_wrong();
+        self.registered().len()
+    }
+
+    /// A frame between known ones that is not known.
+    fn gap(&self, known: &[usize]) -> Option<usize> {
+        self.frames.iter().copied().find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
+    }
+
+    /// Frames with a pose, ascending.
+    pub(super) fn registered(&self) -> Vec<usize> {
+        self.frames.iter().copied().filter(|&f| self.scene.poses[f].is_some()).collect()
+    }
+
+    fn known_points(&self) -> usize {
+        self.scene.points.iter().flatten().count()
+    }
+
+    /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
+    pub(super) fn register(&mut self, frame: usize) -> bool {
+        let sightings = self.sightings(frame);
+        if sightings.len() < LEAST_INLIERS {
+            return false;
+        }
+        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        let threshold = 2.0 * WRONG_PX * unit / self.scene.intrinsics.focal;
+        let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
+        let mut rng = fastrand::Rng::with_seed(frame as u64);
+        let weights = vec![1.0; sightings.len()];
+        let found = absolute_pose(&sightings, &weights, &options, self.predicted(frame), &mut rng);
+        let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return false };
+        if found.support * (sightings.len() as f64) < LEAST_INLIERS as f64 {
+            return false;
+        }
+        self.scene.poses[frame] = Some(found.model);
+        true
+    }
+
+    /// Known points that a frame sees.
+    fn sightings(&self, frame: usize) -> Vec<Sighting> {
+        let nearest = self.farthest_inverse_depth();
+        let sighting = |o: &Observation| {
+            let point = self.scene.points[o.point as usize]?;
+            let anchor = self.scene.poses[point.anchor as usize]?;
+            let depth = 1.0 / point.inverse_depth.max(nearest);
+            let place = anchor.inverse().apply(&Point3::from(point.direction() * depth));
+            Some(Sighting { point: place, ray: self.scene.intrinsics.undistorted(o.pixel)? })
+        };
+        self.table.in_frame(frame).iter().filter_map(sighting).collect()
+    }
+
+    fn farthest_inverse_depth(&self) -> f64 {
+        let mut depths: Vec<f64> =
+            self.scene.points.iter().flatten().map(|p| p.inverse_depth).filter(|w| *w > 0.0).collect();
+        let middle = depths.len() / 2;
+        if depths.is_empty() { 1.0 } else { FARTHEST * *depths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    }
+
+    /// Where the camera would be at `frame` had it moved on, or between its neighbors.
+    fn predicted(&self, frame: usize) -> Option<CameraPose> {
+        let known = |f: &usize| self.scene.poses[*f].is_some();
+        let before = (0..frame).rev().find(known);
+        let after = (frame + 1..self.scene.poses.len()).find(known);
+        let (a, b) = match (before, after) {
+            (Some(a), Some(b)) => (a, b),
+            (Some(a), None) => (a, (0..a).rev().find(known)?),
+            (None, Some(b)) => (b, (b + 1..self.scene.poses.len()).find(known)?),
+            (None, None) => return None,
+        };
+        let (pose_a, pose_b) = (self.scene.poses[a]?, self.scene.poses[b]?);
+        let share = (frame as f64 - a as f64) / (b as f64 - a as f64);
+        Some(between(&pose_a, &pose_b, share))
+    }
+
+    /// Gives a place to every point that enough known frames see.
+    pub(super) fn triangulate_new(&mut self) {
+        for point in 0..self.table.points() {
+            if self.scene.points[point].is_none() && !self.banned[point] {
+                self.scene.points[point] = self.triangulated(point);
+            }
+        }
+    }
+
+    fn triangulated(&self, point: usize) -> Option<ScenePoint> {
+        let known = self.table.of_point(point).filter_map(|o| {
+            let pose = self.scene.poses[o.frame as usize]?;
+            Some((o.frame, pose, self.scene.intrinsics.undistorted(o.pixel)?))
+        });
+        let seen: Vec<(u32, CameraPose, Vec2)> = known.collect();
+        let (anchor, rest) = seen.split_first()?;
+        let from_anchor = anchor.1.inverse();
+        let views: Vec<View> =
+            rest.iter().map(|(_, pose, ray)| View { view_from_anchor: *pose * from_anchor, ray: *ray }).collect();
+        let found = triangulate(anchor.2, &views)?;
+        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        let wrong = WRONG_PX * unit / self.scene.intrinsics.focal;
+        (found.residual < wrong).then(|| ScenePoint {
+            anchor: anchor.0,
+            ray: anchor.2,
+            inverse_depth: found.inverse_depth.max(0.0),
+        })
+    }
+
+    /// Adjusts the newest frame, its nearest known neighbors and the points they see.
+    fn adjust_around(&mut self, frame: usize) {
+        let mut known = self.registered();
+        known.sort_by_key(|f| f.abs_diff(frame));
+        let (free, rest) = known.split_at(LOCAL.min(known.len()));
+        let mut wanted = vec![false; self.table.points()];
+        for o in free.iter().flat_map(|&f| self.table.in_frame(f)) {
+            wanted[o.point as usize] = true;
+        }
+        let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
+        let held = rest.iter().map(|&f| f as u32).collect();
+        let damping = DampingOptions { max_iterations: 10, tolerance: 1e-4, ..DampingOptions::default() };
+        let options = BundleOptions { held, damping, ..BundleOptions::default() };
+        // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
+        let _ = adjust(&mut self.scene, &near, &options);
+    }
+
+    /// Adjusts everything; with `lens` also focal length and distortion.
+    pub(super) fn adjust_all(&mut self, lens: bool) -> Option<BundleReport> {
+        let damping = DampingOptions { max_iterations: 30, tolerance: 1e-5, ..DampingOptions::default() };
+        let mut options = BundleOptions { damping, ..BundleOptions::default() };
+        if lens {
+            let (value, sigma) = (self.start.focal, self.lens.sigma_ln_focal);
+            options.focal = Freedom::Near { value, sigma };
+            options.k1 = Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 };
+        }
+        adjust(&mut self.scene, &self.observations, &options).ok()
+    }
+
+    /// The last adjustment, of a complete map: to convergence, with the readout where `rolling`.
+    pub(super) fn finish(&mut self, rolling: bool) -> Option<BundleReport> {
+        let damping = DampingOptions { max_iterations: 60, tolerance: 1e-7, ..DampingOptions::default() };
+        let options = BundleOptions {
+            losses: vec![Loss::Cauchy(2.0)],
+            focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
+            k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
+            readout: if rolling { Freedom::Free } else { Freedom::Fixed },
+            damping,
+            ..BundleOptions::default()
+        };
+        adjust(&mut self.scene, &self.observations, &options).ok()
+    }
+
+    /// Leaves out the points that too few of their sightings confirm.
+    pub(super) fn discard_wrong(&mut self) {
+        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        for point in 0..self.table.points() {
+            if self.scene.points[point].is_none() {
+                continue;
+            }
+            let (mut seen, mut wrong) = (0, 0);
+            for o in self.table.of_point(point).filter(|o| self.scene.poses[o.frame as usize].is_some()) {
+                seen += 1;
+                let place = self.scene.project(o.frame, o.point);
+                let near = place.is_some_and(|p| (p - o.pixel).norm() <= WRONG_PX * unit);
+                wrong += usize::from(!near);
+            }
+            if wrong as f64 > MOST_WRONG * f64::from(seen) {
+                self.scene.points[point] = None;
+                self.banned[point] = true;
+            }
+        }
+    }
+}
+
+/// Of two frames outside `low..=high` the nearer one.
+fn nearer(below: Option<usize>, above: Option<usize>, low: usize, high: usize) -> Option<usize> {
+    match (below, above) {
+        (Some(b), Some(a)) => Some(if low - b < a - high { b } else { a }),
+        (b, a) => b.or(a),
+    }
+}
+
+/// The pose at `share` of the way from `a` (0) to `b` (1), of even motion; also outside.
+pub(super) fn between(a: &CameraPose, b: &CameraPose, share: f64) -> CameraPose {
+    let turn = (b.rotation * a.rotation.inverse()).scaled_axis() * share;
+    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn) * a.rotation;
+    let center = a.center() + (b.center() - a.center()) * share;
+    CameraPose::looking_from(center, rotation)
+}
