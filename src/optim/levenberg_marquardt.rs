@@ -33,15 +33,17 @@ pub trait DampedProblem {
 pub struct DampingOptions {
     /// First `λ`, relative to the diagonal of `H`, > 0.
     pub lambda: f64,
-    /// Done when an accepted step lowers `E` by less than this share, and the model had promised no more; ≥ 0.
+    /// Done when an accepted step lowers `E + floor` by less than this share, and the model had promised no more; ≥ 0.
     pub tolerance: f64,
+    /// `E` that counts as zero, ≥ 0.
+    pub floor: f64,
     /// Most steps tried, the failed ones included.
     pub max_iterations: usize,
 }
 
 impl Default for DampingOptions {
     fn default() -> Self {
-        Self { lambda: 1e-4, tolerance: 1e-6, max_iterations: 50 }
+        Self { lambda: 1e-4, tolerance: 1e-6, floor: 0.0, max_iterations: 50 }
     }
 }
 
@@ -74,7 +76,7 @@ pub fn minimize(problem: &mut impl DampedProblem, cost: f64, options: &DampingOp
         }
         report.iterations += 1;
         let promised = problem.propose(lambda).filter(|gain| gain.is_finite());
-        let small = options.tolerance * report.cost;
+        let small = options.tolerance * (report.cost + options.floor);
         let Some(promised) = promised else {
             (lambda, growth) = (lambda * growth, growth * 2.0);
             continue;

@@ -37,7 +37,7 @@ pub(super) struct Layout {
     /// Track after track, each by frame.
     pub(super) sights: Vec<Sight>,
     /// Frames whose cameras take part.
-    pub(super) used: Vec<bool>,
+    used: Vec<bool>,
     /// Slot of each frame with a free pose.
     pub(super) slot: Vec<Option<usize>>,
     /// Number of free poses.
@@ -84,11 +84,16 @@ impl Layout {
 
     fn track(&self, point: usize, anchor: usize, sights: std::ops::Range<usize>) -> Track {
         let seen = self.sights[sights.clone()].iter().map(|s| s.frame);
-        let around = |f: usize| neighbors(f, &self.used).take_while(|_| self.rolling);
+        let around = |f: usize| neighbors(f, |n| self.uses(n)).take_while(|_| self.rolling);
         let touched = seen.flat_map(|f| std::iter::once(f).chain(around(f)));
         let slots = touched.chain([anchor]).filter_map(|f| self.slot[f]);
         let (first, end) = slots.fold((usize::MAX, 0), |(first, end), s| (first.min(s), end.max(s + 1)));
         Track { point, anchor, sights, slots: first.min(end)..end }
+    }
+
+    /// Whether the camera of a frame takes part.
+    pub(super) fn uses(&self, frame: usize) -> bool {
+        self.used.get(frame).copied().unwrap_or(false)
     }
 
     /// Number of unknowns of the reduced system.

@@ -17,25 +17,31 @@
 //! B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle adjustment — a modern synthesis*, 1999; J. Civera, A. Davison,
 //! J. Montiel, *Inverse depth parametrization for monocular SLAM*, IEEE T-RO 24 (2008).
 
+mod cameras;
 mod error;
+mod judgment;
 mod layout;
 mod normal;
 mod options;
 mod parameters;
 mod problem;
 mod residual;
+mod resect;
 mod schur;
 mod shutter;
+mod structure;
 
 pub use error::BundleError;
-pub use options::{BundleOptions, Freedom};
+pub use options::{BundleOptions, Freedom, RobustFit};
+pub use resect::{Resection, resect};
+pub use structure::refine_points;
 
 use super::{Observation, Scene};
 use crate::optim::levenberg_marquardt::minimize;
+use cameras::Cameras;
 use layout::Layout;
 use parameters::SHARED;
 use problem::Adjustment;
-use residual::Cameras;
 
 /// How an adjustment went.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,13 +81,14 @@ pub fn adjust(
     let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
     let rolling = scene.readout != 0.0 || options.readout != Freedom::Fixed;
     let layout = Layout::new(scene, observations, &options.held, shared_free, rolling)?;
-    let cameras = Cameras::new(scene.poses.len(), scene.intrinsics.center, rolling);
+    let cameras = Cameras::new(&layout, scene.intrinsics.center);
     let mut problem = Adjustment::new(&layout, layout.parameters(scene), cameras, options);
     let mut report = None;
-    for loss in &options.losses {
+    let damping = options.fit.damping_for(layout.sights.len());
+    for loss in &options.fit.losses {
         problem.judgment.loss = *loss;
         let cost = problem.cost();
-        let run = minimize(&mut problem, cost, &options.damping);
+        let run = minimize(&mut problem, cost, &damping);
         let (before, initial_cost) = report.map_or((0, run.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
         report = Some((before + run.iterations, initial_cost, run));
     }
@@ -119,6 +126,6 @@ impl Residuals {
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
         // Half of the squared lengths of a plane Gaussian of unit variance lie below 2 ln 2.
         let noise = (median / (2.0 * std::f64::consts::LN_2)).sqrt();
-        Self { rms_px: options.sigma_px * mean.sqrt(), median_px: options.sigma_px * median.sqrt(), noise }
+        Self { rms_px: options.fit.sigma_px * mean.sqrt(), median_px: options.fit.sigma_px * median.sqrt(), noise }
     }
 }

@@ -10,12 +10,13 @@
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SMatrixView, Vector3, Vector6};
 
+use super::judgment::Judgment;
 use super::layout::{Layout, POSE, Track};
 use super::parameters::{Parameters, SHARED};
-use super::residual::{Anchored, Cameras, Linearized};
+use super::cameras::Cameras;
+use super::residual::{Anchored, Linearized};
 use crate::camera::Vec3;
 use crate::camera::rotation::skew;
-use crate::energy::Loss;
 use crate::sparse::BandedMatrix;
 
 /// The part of one point.
@@ -39,24 +40,6 @@ pub(super) struct Normal {
     /// Rows of `W`: per point, for its slots, `POSE · slots × 3`, column by column.
     pub(super) w: Vec<f64>,
     pub(super) points: Vec<PointBlock>,
-}
-
-/// How residuals are judged.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Judgment {
-    pub(super) sigma: f64,
-    pub(super) loss: Loss,
-}
-
-/// Residual, in units of its standard deviation, that counts for a point behind a camera: worse than any in the picture, and
-/// without slope.
-const BEHIND: f64 = 1e3;
-
-impl Judgment {
-    /// `½ ρ(‖r‖²)`; `None` for a point behind.
-    pub(super) fn cost(&self, squared: Option<f64>) -> f64 {
-        0.5 * self.loss.value(squared.unwrap_or(BEHIND * BEHIND))
-    }
 }
 
 /// Sums over the observations of one point that the anchor's pose needs.
@@ -119,8 +102,8 @@ impl Normal {
         (block.c, block.g, block.shared) = (Matrix3::zeros(), Vec3::zeros(), Matrix3::zeros());
         for sight in &layout.sights[track.sights.clone()] {
             let weight = |squared| judgment.loss.weight(squared);
-            let seen = (sight.pixel, judgment.sigma);
-            if !cameras.linearize(point, (sight.frame, track.anchor), seen, weight, scratch) {
+            let (eye, from) = (cameras.eye(sight.frame), (point, cameras.view(track.anchor)));
+            if !eye.linearize(from, (sight.frame, sight.pixel), judgment.sigma, weight, scratch) {
                 continue;
             }
             let block = &mut self.points[index];

@@ -1,14 +1,19 @@
 //! The adjustment as a damped problem: present and trial parameters, priors, cost.
 
-use super::layout::{Layout, POSE};
-use super::normal::{Judgment, Normal};
+use super::cameras::Cameras;
+use super::layout::{Layout, POSE, Track};
+use super::judgment::Judgment;
+use super::normal::Normal;
 use super::options::{BundleOptions, Freedom};
-use super::parameters::{Parameters, SHARED};
-use super::residual::Cameras;
+use super::parameters::{LN_FOCAL, Parameters, SHARED};
 use super::schur::Reduced;
-use crate::camera::Vec3;
+use super::structure::PointProblem;
+use crate::camera::{CameraPose, Vec3};
 use crate::energy::Loss;
-use crate::optim::levenberg_marquardt::DampedProblem;
+use crate::optim::levenberg_marquardt::{DampedProblem, DampingOptions};
+
+/// Steps for a point on its own: a few bring it near enough for the next joint one.
+const SETTLING: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-2, floor: 0.0, max_iterations: 6 };
 
 /// `½ ((x − mean)/σ)²`.
 #[derive(Clone, Copy, Debug)]
@@ -26,51 +31,49 @@ pub(super) struct Adjustment<'a> {
     beyond: Vec<f64>,
     pub(super) present: Parameters,
     trial: Parameters,
-    pub(super) cameras: Cameras,
-    pub(super) normal: Normal,
+    /// What each track costs at the present point.
+    costs: Vec<f64>,
+    trial_costs: Vec<f64>,
+    cameras: Cameras,
+    normal: Normal,
     reduced: Reduced,
 }
 
 impl<'a> Adjustment<'a> {
     pub(super) fn new(layout: &'a Layout, start: Parameters, cameras: Cameras, options: &BundleOptions) -> Self {
         let normal = Normal::new(layout);
-        let judgment = Judgment { sigma: options.sigma_px, loss: Loss::Huber(1.0) };
-        let mut problem = Self {
+        let judgment = Judgment { sigma: options.fit.sigma_px, loss: Loss::Huber(1.0) };
+        Self {
             layout,
             judgment,
             priors: priors(options),
-            beyond: Vec::new(),
+            beyond: depth_priors(layout, &start, options.fit.sigma_px),
+            costs: vec![0.0; layout.tracks.len()],
+            trial_costs: vec![f64::INFINITY; layout.tracks.len()],
             trial: start.clone(),
             present: start,
             cameras,
             reduced: Reduced::new(layout, &normal),
             normal,
-        };
-        problem.beyond = problem.depth_priors();
-        problem
-    }
-
-    /// `κ = f B/σ`, `B` the longest baseline from the anchor: a point beyond infinity pays for the parallax it would have
-    /// against one at infinity as for a residual.
-    fn depth_priors(&self) -> Vec<f64> {
-        let focal = self.present.shared[0].exp();
-        let center = |frame: usize| self.present.poses[frame].center();
-        let baseline = |t: &super::layout::Track| {
-            let seen = self.layout.sights[t.sights.clone()].iter();
-            seen.map(|s| (center(s.frame) - center(t.anchor)).norm()).fold(0.0, f64::max)
-        };
-        self.layout.tracks.iter().map(|t| focal * baseline(t) / self.judgment.sigma).collect()
+        }
     }
 
     /// `E` at the present point under the present loss.
     pub(super) fn cost(&mut self) -> f64 {
         self.trial.copy_from(&self.present);
-        self.trial_cost()
+        self.costs.fill(f64::INFINITY);
+        let cost = self.trial_cost();
+        self.accept();
+        cost
     }
 
-    /// Squared residuals in units of `σ²`; `None` behind the camera.
+    /// Squared residuals at the point last tried, in units of `σ²`; `None` behind the camera.
     pub(super) fn squares(&self) -> impl Iterator<Item = Option<f64>> {
-        squares(self.layout, &self.cameras, &self.present, self.judgment.sigma)
+        self.layout.tracks.iter().zip(&self.trial.points).flat_map(move |(track, ray)| {
+            let point = self.cameras.anchored(ray, track.anchor);
+            let sights = self.layout.sights[track.sights.clone()].iter();
+            sights.map(move |s| self.judgment.squared(&self.cameras, &point, s))
+        })
     }
 
     /// Variance of `ln f` if the noise is as stated.
@@ -94,17 +97,34 @@ impl<'a> Adjustment<'a> {
         }
     }
 
+    /// What a track costs at the trial point. One that the joint step has made much worse is searched anew on its own, among
+    /// the cameras as tried: a linear step carries points near a camera too far, and one such point is not to veto the step.
+    fn settle(&mut self, index: usize) -> f64 {
+        let track = &self.layout.tracks[index];
+        let sights = &self.layout.sights[track.sights.clone()];
+        let (stepped, stay) = (self.trial.points[index], self.present.points[index]);
+        let problem = |start| {
+            PointProblem::new(&self.cameras, (track.anchor, sights), (self.judgment, self.beyond[index]), start)
+        };
+        let cost = problem(stepped).cost(&stepped);
+        if !(cost > 2.0 * self.costs[index] + sights.len() as f64) {
+            return cost;
+        }
+        let start = if problem(stay).cost(&stay) < cost { stay } else { stepped };
+        let (ray, cost) = problem(start).search(&SETTLING);
+        self.trial.points[index] = ray;
+        cost
+    }
+
     fn prior_cost(&self) -> f64 {
         let shared = self.priors.iter().zip(self.trial.shared);
-        let shared: f64 = shared.filter_map(|(p, x)| p.map(|p| p.weight * (x - p.mean).powi(2))).sum();
-        let beyond = self.trial.points.iter().zip(&self.beyond);
-        0.5 * (shared + beyond.map(|(ray, kappa)| (kappa * ray.w.min(0.0)).powi(2)).sum::<f64>())
+        0.5 * shared.filter_map(|(p, x)| p.map(|p| p.weight * (x - p.mean).powi(2))).sum::<f64>()
     }
 }
 
 impl DampedProblem for Adjustment<'_> {
     fn linearize(&mut self) {
-        self.cameras.place(&self.present, &self.layout.used);
+        self.cameras.place(&self.present, self.layout);
         self.normal.assemble(self.layout, &self.cameras, &self.present, &self.judgment);
         self.add_priors();
     }
@@ -127,27 +147,29 @@ impl DampedProblem for Adjustment<'_> {
     }
 
     fn trial_cost(&mut self) -> f64 {
-        self.cameras.place(&self.trial, &self.layout.used);
-        let squares = squares(self.layout, &self.cameras, &self.trial, self.judgment.sigma);
-        squares.map(|s| self.judgment.cost(s)).sum::<f64>() + self.prior_cost()
+        self.cameras.place(&self.trial, self.layout);
+        for index in 0..self.layout.tracks.len() {
+            self.trial_costs[index] = self.settle(index);
+        }
+        self.trial_costs.iter().sum::<f64>() + self.prior_cost()
     }
 
     fn accept(&mut self) {
         self.present.copy_from(&self.trial);
+        self.costs.copy_from_slice(&self.trial_costs);
     }
 }
 
-fn squares(
-    layout: &Layout,
-    cameras: &Cameras,
-    parameters: &Parameters,
-    sigma: f64,
-) -> impl Iterator<Item = Option<f64>> {
-    layout.tracks.iter().zip(&parameters.points).flat_map(move |(track, ray)| {
-        let point = cameras.anchored(ray, track.anchor);
-        let sights = layout.sights[track.sights.clone()].iter();
-        sights.map(move |s| cameras.residual(&point, s.frame, s.pixel, sigma).map(|r| r.norm_squared()))
-    })
+/// `κ = f B/σ` of every track, `B` its longest baseline from the anchor: a point beyond infinity pays for the parallax it would
+/// have against one at infinity as for a residual.
+pub(super) fn depth_priors(layout: &Layout, at: &Parameters, sigma: f64) -> Vec<f64> {
+    let focal = at.shared[LN_FOCAL].exp();
+    let centers: Vec<_> = at.poses.iter().map(CameraPose::center).collect();
+    let baseline = |t: &Track| {
+        let seen = layout.sights[t.sights.clone()].iter();
+        seen.map(|s| (centers[s.frame] - centers[t.anchor]).norm()).fold(0.0, f64::max)
+    };
+    layout.tracks.iter().map(|t| focal * baseline(t) / sigma).collect()
 }
 
 fn priors(options: &BundleOptions) -> [Option<Prior>; SHARED] {

@@ -15,10 +15,10 @@
 
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, UnitQuaternion, Vector2};
 
-use super::parameters::{K1, LN_FOCAL, Parameters, READOUT, Ray, SHARED};
+use super::parameters::{K1, LN_FOCAL, READOUT, Ray, SHARED};
 use super::shutter::{NEIGHBORS, Stencil};
 use crate::camera::rotation::left_jacobian;
-use crate::camera::{Intrinsics, Vec3};
+use crate::camera::{CameraPose, Intrinsics, Vec3};
 use crate::math::{Point2, Vec2};
 
 /// Share of its distance that a point must lie in front of the camera's plane. Nearer to the plane than this, 84° off the
@@ -32,16 +32,14 @@ pub(super) struct View {
     pub(super) translation: Vec3,
 }
 
-/// The cameras at one set of parameters.
-#[derive(Clone, Debug)]
-pub(super) struct Cameras {
-    lens: Intrinsics,
-    readout: f64,
-    /// By frame.
-    pub(super) views: Vec<View>,
-    stencils: Vec<Stencil>,
-    /// Whether rows are told apart.
-    rolling: bool,
+/// The camera of one frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Eye<'a> {
+    pub(super) lens: &'a Intrinsics,
+    pub(super) readout: f64,
+    pub(super) view: &'a View,
+    /// `None` where all rows are captured at once.
+    pub(super) stencil: Option<&'a Stencil>,
 }
 
 /// A point seen from its anchor.
@@ -94,101 +92,73 @@ impl Linearized {
     }
 }
 
-impl Cameras {
-    /// Cameras of `frames` frames, to be filled by [`Self::place`].
-    pub(super) fn new(frames: usize, center: Point2, rolling: bool) -> Self {
-        let origin = View { rotation: Matrix3::identity(), translation: Vec3::zeros() };
-        Self {
-            lens: Intrinsics { focal: 1.0, center, k1: 0.0 },
-            readout: 0.0,
-            views: vec![origin; frames],
-            stencils: vec![Stencil::still(); if rolling { frames } else { 0 }],
-            rolling,
-        }
+impl View {
+    pub(super) fn of(pose: &CameraPose) -> Self {
+        Self { rotation: *pose.rotation.to_rotation_matrix().matrix(), translation: pose.translation }
     }
+}
 
-    /// Moves the cameras in use to where the parameters say.
-    pub(super) fn place(&mut self, parameters: &Parameters, used: &[bool]) {
-        self.lens.focal = parameters.shared[LN_FOCAL].exp();
-        self.lens.k1 = parameters.shared[K1];
-        self.readout = parameters.shared[READOUT];
-        for (frame, pose) in parameters.poses.iter().enumerate().filter(|&(frame, _)| used[frame]) {
-            let rotation = *pose.rotation.to_rotation_matrix().matrix();
-            self.views[frame] = View { rotation, translation: pose.translation };
-            if self.rolling {
-                self.stencils[frame] = Stencil::of(frame, used, parameters);
-            }
-        }
+impl Anchored {
+    /// A point given by its ray and inverse depth in the camera `anchor`.
+    pub(super) fn new(ray: &Ray, anchor: &View) -> Self {
+        let p = Vec3::new(ray.xy.x, ray.xy.y, 1.0) - ray.w * anchor.translation;
+        Self { p, q: anchor.rotation.tr_mul(&p), w: ray.w }
     }
+}
 
-    pub(super) fn anchored(&self, ray: &Ray, anchor: usize) -> Anchored {
-        let view = &self.views[anchor];
-        let p = Vec3::new(ray.xy.x, ray.xy.y, 1.0) - ray.w * view.translation;
-        Anchored { p, q: view.rotation.tr_mul(&p), w: ray.w }
-    }
-
+impl Eye<'_> {
     /// `(project(Y) − observed)/σ`; `None` where the point is not in front of the camera.
-    pub(super) fn residual(&self, point: &Anchored, frame: usize, seen: Point2, sigma: f64) -> Option<Vec2> {
-        let row = self.row(frame, seen);
+    pub(super) fn residual(&self, point: &Anchored, seen: Point2, sigma: f64) -> Option<Vec2> {
+        let row = self.row(seen);
         let y = row.view.rotation * point.q + point.w * row.view.translation;
         let xy = normalized(&y)?;
         Some((self.lens.distorted(xy) - seen) / sigma)
     }
 
-    /// Whether an observation tells nothing of poses: the anchor sees its own ray.
-    pub(super) fn is_own_ray(&self, frame: usize, anchor: usize) -> bool {
-        frame == anchor && !self.rolling
-    }
-
-    /// The residual with all its derivatives, before the robust weight; `false` as for [`Self::residual`].
+    /// The residual and all its derivatives, times the root of the robust weight, which `weight_of` says of a squared
+    /// residual; `false` as for [`Self::residual`]. `frame` is the camera's own.
     pub(super) fn linearize(
         &self,
-        point: &Anchored,
-        (frame, anchor): (usize, usize),
-        (seen, sigma): (Point2, f64),
+        (point, anchor): (&Anchored, &View),
+        (frame, seen): (usize, Point2),
+        sigma: f64,
         weight_of: impl Fn(f64) -> f64,
         out: &mut Linearized,
     ) -> bool {
-        let row = self.row(frame, seen);
+        let row = self.row(seen);
         let v = row.view.rotation * point.q;
         let y = v + point.w * row.view.translation;
         let Some(xy) = normalized(&y) else { return false };
         let residual = (self.lens.distorted(xy) - seen) / sigma;
         let scale = weight_of(residual.norm_squared()).sqrt();
         out.residual = scale * residual;
-        let lens = (scale / sigma) * self.lens.jacobian(xy);
-        let j_y = lens * Matrix2x3::new(1.0, 0.0, -xy.x, 0.0, 1.0, -xy.y) / y.z;
+        let lens = (scale / (sigma * y.z)) * self.lens.jacobian(xy);
+        let j_y = lens * Matrix2x3::new(1.0, 0.0, -xy.x, 0.0, 1.0, -xy.y);
         let rho = xy.norm_squared();
         let reach = (scale / sigma) * self.lens.focal * xy;
         out.shared.set_column(LN_FOCAL, &((1.0 + self.lens.k1 * rho) * reach));
         out.shared.set_column(K1, &(rho * reach));
-        let anchor = &self.views[anchor];
         out.ray = (j_y * row.view.rotation) * anchor.rotation.transpose();
         let depth = j_y * row.view.translation - out.ray * anchor.translation;
         out.point = Matrix2x3::from_columns(&[out.ray.column(0).into(), out.ray.column(1).into(), depth]);
-        self.differentiate_poses(&row, frame, (&v, point.w), (&j_y, seen), out);
+        self.differentiate_poses(&row, (frame, seen), (&v, point.w), &j_y, out);
         true
     }
 
     fn differentiate_poses(
         &self,
         row: &Row,
-        frame: usize,
+        (frame, seen): (usize, Point2),
         (v, w): (&Vec3, f64),
-        (j_y, seen): (&Matrix2x3<f64>, Point2),
+        j_y: &Matrix2x3<f64>,
         out: &mut Linearized,
     ) {
-        let turn = Matrix2x3::from_rows(&[
-            v.cross(&j_y.row(0).transpose()).transpose(),
-            v.cross(&j_y.row(1).transpose()).transpose(),
-        ]);
+        let crossed = |k: usize| v.cross(&j_y.row(k).transpose()).transpose();
+        let turn = Matrix2x3::from_rows(&[crossed(0), crossed(1)]);
         out.poses[0] = (frame, stacked(&turn, &(w * j_y)));
         out.pose_count = 1;
         out.shared.set_column(READOUT, &Vector2::zeros());
-        if !self.rolling {
-            return;
-        }
-        let stencil = &self.stencils[frame];
+        let Some(stencil) = self.stencil else { return };
         let along = turn * left_jacobian(&row.theta);
         let mut own = turn * UnitQuaternion::from_scaled_axis(row.theta).to_rotation_matrix().matrix();
         let mut own_weight = 1.0;
@@ -205,26 +175,22 @@ impl Cameras {
         out.shared.set_column(READOUT, &(self.row_fraction(seen) * (along * turning + w * j_y * shifting)));
     }
 
-    /// Height of a row above the middle of the frame, in frame heights, −½ to ½.
+    /// Height of a row below the middle of the frame, in frame heights, −½ to ½.
     fn row_fraction(&self, seen: Point2) -> f64 {
         (seen.y - self.lens.center.y) / (2.0 * self.lens.center.y)
     }
 
-    fn row(&self, frame: usize, seen: Point2) -> Row {
-        let view = self.views[frame];
-        let still = Row { view, weights: [(0.0, 0.0); NEIGHBORS], theta: Vec3::zeros() };
-        if !self.rolling {
-            return still;
-        }
-        let (stencil, tau) = (&self.stencils[frame], self.row_fraction(seen) * self.readout);
-        let weights = stencil.weights(tau);
-        let (mut theta, mut translation) = (Vec3::zeros(), view.translation);
+    fn row(&self, seen: Point2) -> Row {
+        let still = Row { view: *self.view, weights: [(0.0, 0.0); NEIGHBORS], theta: Vec3::zeros() };
+        let Some(stencil) = self.stencil else { return still };
+        let weights = stencil.weights(self.row_fraction(seen) * self.readout);
+        let (mut theta, mut translation) = (Vec3::zeros(), self.view.translation);
         for (neighbor, (c, _)) in stencil.neighbors().iter().zip(weights) {
             theta += c * neighbor.rotation;
             translation += c * neighbor.translation;
         }
-        let rotation = UnitQuaternion::from_scaled_axis(theta).to_rotation_matrix().matrix() * view.rotation;
-        Row { view: View { rotation, translation }, weights, theta }
+        let turn = UnitQuaternion::from_scaled_axis(theta).to_rotation_matrix();
+        Row { view: View { rotation: turn.matrix() * self.view.rotation, translation }, weights, theta }
     }
 }
 

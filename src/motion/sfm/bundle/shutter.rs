@@ -14,9 +14,8 @@
 
 use nalgebra::Matrix3;
 
-use super::parameters::Parameters;
 use crate::camera::rotation::left_jacobian_inverse;
-use crate::camera::Vec3;
+use crate::camera::{CameraPose, Vec3};
 
 /// Neighbors on either side.
 const REACH: i64 = 2;
@@ -57,12 +56,10 @@ impl Stencil {
         Self { neighbors: [none; NEIGHBORS], len: 0 }
     }
 
-    /// The neighbors of `frame` that are reached without a gap.
-    pub(super) fn of(frame: usize, known: &[bool], parameters: &Parameters) -> Self {
+    /// `pose` is that of `frame`, `others` are those of its [`neighbors`].
+    pub(super) fn of(frame: usize, pose: &CameraPose, others: impl Iterator<Item = (usize, CameraPose)>) -> Self {
         let mut stencil = Self::still();
-        let pose = &parameters.poses[frame];
-        for neighbor in neighbors(frame, known) {
-            let other = &parameters.poses[neighbor];
+        for (neighbor, other) in others {
             let rotation = (other.rotation * pose.rotation.inverse()).scaled_axis();
             stencil.neighbors[stencil.len] = Neighbor {
                 frame: neighbor,
@@ -97,9 +94,9 @@ impl Stencil {
 }
 
 /// Frames within reach of `frame`, no unknown one between.
-pub(super) fn neighbors(frame: usize, known: &[bool]) -> impl Iterator<Item = usize> {
+pub(super) fn neighbors(frame: usize, known: impl Fn(usize) -> bool + Copy) -> impl Iterator<Item = usize> {
     let at = move |o: i64| usize::try_from(frame as i64 + o).ok();
-    let is_known = move |f: Option<usize>| f.is_some_and(|f| known.get(f).copied().unwrap_or(false));
+    let is_known = move |f: Option<usize>| f.is_some_and(known);
     let reached = move |o: i64| (1..=o.abs()).all(|step| is_known(at(step * o.signum())));
     (-REACH..=REACH).filter(move |&o| o != 0 && reached(o)).filter_map(at)
 }
