@@ -6,7 +6,7 @@
 //! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
 
 use super::absolute_pose::absolute_pose;
-use super::bundle::{BundleOptions, BundleReport, Freedom, adjust};
+use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust};
 use super::three_point::Sighting;
 use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
@@ -230,16 +230,14 @@ impl<'a> Mapper<'a> {
         }
         let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
         let held = rest.iter().map(|&f| f as u32).collect();
-        let damping = DampingOptions { max_iterations: 10, tolerance: 1e-4, ..DampingOptions::default() };
-        let options = BundleOptions { held, damping, ..BundleOptions::default() };
+        let options = BundleOptions { held, fit: fit(10, 1e-4), ..BundleOptions::default() };
         // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
         let _ = adjust(&mut self.scene, &near, &options);
     }
 
     /// Adjusts everything; with `lens` also focal length and distortion.
     pub(super) fn adjust_all(&mut self, lens: bool) -> Option<BundleReport> {
-        let damping = DampingOptions { max_iterations: 30, tolerance: 1e-5, ..DampingOptions::default() };
-        let mut options = BundleOptions { damping, ..BundleOptions::default() };
+        let mut options = BundleOptions { fit: fit(30, 1e-5), ..BundleOptions::default() };
         if lens {
             let (value, sigma) = (self.start.focal, self.lens.sigma_ln_focal);
             options.focal = Freedom::Near { value, sigma };
@@ -250,13 +248,11 @@ impl<'a> Mapper<'a> {
 
     /// The last adjustment, of a complete map: to convergence, with the readout where `rolling`.
     pub(super) fn finish(&mut self, rolling: bool) -> Option<BundleReport> {
-        let damping = DampingOptions { max_iterations: 60, tolerance: 1e-7, ..DampingOptions::default() };
         let options = BundleOptions {
-            losses: vec![Loss::Cauchy(2.0)],
+            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..fit(60, 1e-7) },
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
             readout: if rolling { Freedom::Free } else { Freedom::Fixed },
-            damping,
             ..BundleOptions::default()
         };
         adjust(&mut self.scene, &self.observations, &options).ok()
@@ -282,6 +278,10 @@ impl<'a> Mapper<'a> {
             }
         }
     }
+}
+
+fn fit(max_iterations: usize, tolerance: f64) -> RobustFit {
+    RobustFit { damping: DampingOptions { max_iterations, tolerance, ..DampingOptions::default() }, ..RobustFit::default() }
 }
 
 /// Of two frames outside `low..=high` the nearer one.

@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Cameras recovered from synthetic clips, held against the true ones.
+
+    cameras.py --tool BIN FOLDER... [--noise PX] [--outliers SHARE] [--rolling] [--out DIR]
+
+Each FOLDER is one of the clip generator (`make_synthetic_shake.py`): `truth.json` and `observations.json`. --tool is the
+built example `cameras_from_tracks`, which gets the exact tracks, with Gaussian noise and gross outliers where asked.
+
+Printed per clip: the verdict; frames with a camera; ATE, the RMS distance of camera centers after the best similarity,
+in mm and in percent of the true path's length; RMS of the rotations after the best common rotation, degrees; the same
+between consecutive frames (rpe); the error of the focal length; mean reprojection error, px; seconds per frame. --out
+saves a picture of both paths per clip.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+
+def read(folder):
+    truth = json.loads((folder / "truth.json").read_text())
+    frames = json.loads((folder / "observations.json").read_text())["frames"]
+    return truth, [[(int(i), x + 0.5, y + 0.5) for i, x, y in f] for f in frames]
+
+
+def disturbed(frames, truth, noise, outliers, seed=7):
+    rng = np.random.default_rng(seed)
+    limits = truth["width"], truth["height"]
+
+    def moved(x, y):
+        if rng.random() < outliers:
+            return rng.uniform(0, limits[0]), rng.uniform(0, limits[1])
+        return x + noise * rng.standard_normal(), y + noise * rng.standard_normal()
+
+    return [[(i, *moved(x, y)) for i, x, y in f] for f in frames]
+
+
+def as_text(truth, frames):
+    lines = [f"{truth['width']} {truth['height']} {truth['fps']} {len(frames)}"]
+    for f in frames:
+        lines.append(f"F {len(f)}")
+        lines += [f"{i} {x:.6f} {y:.6f}" for i, x, y in sorted(f)]
+    return "\n".join(lines)
+
+
+def matrix(q):
+    w, x, y, z = q
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def angle_deg(r):
+    # Accurate for small angles, where the arc cosine is not.
+    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    return np.degrees(np.arctan2(np.linalg.norm(axis), np.trace(r) - 1))
+
+
+def aligned(source, target):
+    """`source` moved onto `target` by the similarity of least squares (Umeyama 1991)."""
+    a, b = source.mean(0), target.mean(0)
+    u, d, vt = np.linalg.svd((target - b).T @ (source - a))
+    s = np.diag([1, 1, np.sign(np.linalg.det(u @ vt))])
+    r = u @ s @ vt
+    spread = np.sum((source - a) ** 2)
+    scale = np.trace(np.diag(d) @ s) / spread if spread > 1e-20 else 0.0
+    return (scale * (r @ (source - a).T)).T + b
+
+
+def errors(truth, found):
+    known = [k for k, p in enumerate(found["poses"]) if p]
+    true_r = [np.array(truth["shaky"][k]["R"]) for k in known]
+    true_c = np.array([-r.T @ np.array(truth["shaky"][k]["t"]) for k, r in zip(known, true_r)])
+    our_r = [matrix(found["poses"][k]["q"]) for k in known]
+    our_c = np.array([-r.T @ np.array(found["poses"][k]["t"]) for k, r in zip(known, our_r)])
+    moved = aligned(our_c, true_c)
+    ate = np.sqrt(np.mean(np.sum((moved - true_c) ** 2, axis=1)))
+    every = np.array([-np.array(p["R"]).T @ np.array(p["t"]) for p in truth["shaky"]])
+    path = np.sum(np.linalg.norm(np.diff(every, axis=0), axis=1))
+    u, _, vt = np.linalg.svd(sum(t.T @ o for t, o in zip(true_r, our_r)))
+    common = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt  # true world from ours
+    rot = [angle_deg(t @ common @ o.T) for t, o in zip(true_r, our_r)]
+    steps = [i for i in range(len(known) - 1) if known[i + 1] == known[i] + 1]
+    rpe = [angle_deg((true_r[i + 1] @ true_r[i].T) @ (our_r[i + 1] @ our_r[i].T).T) for i in steps]
+    rms = lambda v: float(np.sqrt(np.mean(np.square(v)))) if len(v) else float("nan")
+    focal = found["focal"] / truth["camera"]["focal"] - 1
+    return {"ate_mm": 1000 * ate, "ate_percent": 100 * ate / max(path, 1e-9), "rot_deg": rms(rot), "rpe_deg": rms(rpe),
+            "focal_percent": 100 * focal}, (true_c, moved)
+
+
+def draw(paths, target):
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    true, ours = paths
+    figure, axes = plt.subplots(1, 2, figsize=(11, 5))
+    for axis, (i, j) in zip(axes, ((0, 2), (0, 1))):
+        axis.plot(true[:, i], true[:, j], "k-", label="true")
+        axis.plot(ours[:, i], ours[:, j], "r.", markersize=3, label="recovered")
+        axis.set(xlabel="xyz"[i] + " (m)", ylabel="xyz"[j] + " (m)")
+        axis.axis("equal")
+    axes[0].legend()
+    figure.tight_layout()
+    figure.savefig(target, dpi=80)
+    plt.close(figure)
+
+
+def main():
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("folders", nargs="+", type=Path)
+    p.add_argument("--tool", type=Path, required=True)
+    p.add_argument("--noise", type=float, default=0.0, help="standard deviation per coordinate, px")
+    p.add_argument("--outliers", type=float, default=0.0, help="share of sightings that are nowhere near")
+    p.add_argument("--rolling", action="store_true", help="let the tool look for a readout time")
+    p.add_argument("--out", type=Path)
+    a = p.parse_args()
+    print(f"{'':14}{'verdict':>14}{'frames':>9}{'ATE mm':>9}{'ATE %':>9}{'rot':>8}{'rpe':>9}{'f %':>8}{'k1':>8}"
+          f"{'readout':>8}{'px':>7}{'s/frame':>9}  reason")
+    for folder in a.folders:
+        truth, frames = read(folder)
+        text = as_text(truth, disturbed(frames, truth, a.noise, a.outliers))
+        run = subprocess.run([a.tool, *(["--rolling"] if a.rolling else [])], input=text, capture_output=True, text=True)
+        if run.returncode != 0:
+            sys.exit(f"{a.tool} failed on {folder}:\n{run.stderr[-1500:]}")
+        found = json.loads(run.stdout)
+        f = found["figures"]
+        line = f"{folder.name:14}{found['verdict']:>14}{f['registered']:>5}/{f['frames']:<3}"
+        if f["registered"]:
+            e, paths = errors(truth, found)
+            line += (f"{e['ate_mm']:9.2f}{e['ate_percent']:9.4f}{e['rot_deg']:8.4f}{e['rpe_deg']:9.5f}"
+                     f"{e['focal_percent']:8.3f}{found['k1']:8.4f}{found['readout']:8.3f}")
+            if a.out:
+                a.out.mkdir(parents=True, exist_ok=True)
+                draw(paths, a.out / f"{folder.name}.png")
+        print(f"{line}{f['reprojection_px']:7.3f}{found['seconds'] / f['frames']:9.4f}  {found['reason']}")
+
+
+if __name__ == "__main__":
+    main()
