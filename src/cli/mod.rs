@@ -7,6 +7,7 @@ mod completions;
 mod failure;
 mod graph;
 mod interrupt;
+mod motion;
 mod plan;
 mod probe;
 mod run;
@@ -35,6 +36,8 @@ pub struct Cli {
 enum Command {
     /// Hold shaky clips steady
     Stabilize(Box<StabilizeArgs>),
+    /// Recover how the camera moved, in the picture and in space
+    Motion(Box<motion::MotionArgs>),
     /// Run a pipeline file
     Run(run::RunArgs),
     /// Check a pipeline file, touching no input
@@ -103,6 +106,7 @@ pub fn stabilize_pipeline<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString>
 fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
     match command {
         Command::Stabilize(args) => args.run(backend),
+        Command::Motion(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),
         Command::Plan(args) => args.run(backend),

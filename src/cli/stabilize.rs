@@ -193,8 +193,11 @@ impl StabilizeArgs {
         let path = |p: &PathBuf| literal_path(p);
         let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
-        let motion =
-            MotionSettings { rolling_shutter: self.rolling_shutter, export: self.export_motion.as_ref().map(path) };
+        let motion = MotionSettings {
+            rolling_shutter: self.rolling_shutter,
+            export: self.export_motion.as_ref().map(path),
+            ..MotionSettings::default()
+        };
         let smooth = SmoothSettings {
             method: self.path,
             smoothness: self.smoothness,

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::sfm::{Reconstruction, SfmFigures, SfmVerdict};
-use super::sfm::TrackTable;
+use super::sfm::{Reconstruction, SfmFigures, SfmVerdict, TrackTable};
 use crate::camera::{CameraPose, Intrinsics, Point3};
 
 /// Cameras, points and verdicts of a clip.

@@ -6,6 +6,7 @@ use std::ops::Range;
 use crate::math::{Point2, Similarity2, Vec2};
 use crate::time::Timebase;
 
+use super::cameras::ClipCameras;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 
 /// Longest gap that is bridged, frames: a third of a second, about as long as a hand keeps its course.
@@ -31,6 +32,8 @@ pub struct ClipMotion {
     /// Time from the first row's capture to the last row's, s; negative where rows are read upwards; `None` where not
     /// estimated or not supported.
     pub readout_s: Option<f64>,
+    /// The cameras in space, where they were looked for.
+    pub cameras: Option<ClipCameras>,
     /// Blocks of a motion file that this version does not know, kept as they are.
     pub other_blocks: BTreeMap<String, serde_json::Value>,
 }
@@ -55,6 +58,7 @@ impl ClipMotion {
             frames,
             shots,
             readout_s: None,
+            cameras: None,
             other_blocks: BTreeMap::new(),
         }
     }

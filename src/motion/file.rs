@@ -17,6 +17,7 @@
 //!
 //! `planar[k]` maps frame `k` to frame `k+1` (`next_from_this`, px, row by row); `null` before a cut and at the end.
 //! `planar_similarity[k]` is the nearest motion `[a, b, tx, ty]` without shear and perspective; left out, it is derived.
+//! Where cameras in space are known there are further blocks, see `file_cameras.rs`: `cameras`, `points`, `reconstruction`.
 //! Pixel centers lie at integer + 0.5; a file that says `"pixel_centre": 0` is shifted on reading. Blocks of other names are
 //! kept, other versions are refused.
 
@@ -31,6 +32,7 @@ use crate::math::{Homography, Point2, Similarity2, Vec2};
 use crate::time::{Timebase, Timestamp};
 
 use super::clip::ClipMotion;
+use super::file_cameras::{self, InSpace};
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use super::planar_fit::{self, Pair};
 
@@ -185,6 +187,9 @@ struct Document {
     /// Per frame the similarity `[a, b, tx, ty]` to the next one, px.
     #[serde(default)]
     planar_similarity: Option<Vec<Option<[f64; 4]>>>,
+    /// The cameras in space.
+    #[serde(flatten)]
+    in_space: InSpace,
     /// Blocks of other programs or later editions.
     #[serde(flatten)]
     other_blocks: BTreeMap<String, serde_json::Value>,
@@ -253,6 +258,9 @@ impl ClipMotion {
         write_block(&mut out, "planar", planar)?;
         let similar = |f: &FrameMotion| [f.similarity.a, f.similarity.b, f.similarity.t.x, f.similarity.t.y];
         write_block(&mut out, "planar_similarity", (0..self.frames.len()).map(|k| next(k).map(similar)))?;
+        if let Some(cameras) = &self.cameras {
+            file_cameras::write(&mut out, cameras)?;
+        }
         for (name, block) in &self.other_blocks {
             write!(out, ",\n{}: ", serde_json::to_string(name).map_err(MotionFileError::Syntax)?)?;
             serde_json::to_writer(&mut out, block).map_err(MotionFileError::Syntax)?;
@@ -302,7 +310,7 @@ impl ClipMotion {
     }
 }
 
-fn write_block(
+pub(super) fn write_block(
     out: &mut impl Write,
     name: &str,
     entries: impl Iterator<Item = impl Serialize>,
@@ -320,7 +328,11 @@ fn rows(h: &Homography) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|r| [0, 1, 2].map(|c| m[(r, c)]))
 }
 
-fn value(field: impl Into<String>, value: impl std::fmt::Display, expected: &'static str) -> MotionFileError {
+pub(super) fn value(
+    field: impl Into<String>,
+    value: impl std::fmt::Display,
+    expected: &'static str,
+) -> MotionFileError {
     MotionFileError::Value { field: field.into(), value: value.to_string(), expected }
 }
 
@@ -345,6 +357,7 @@ impl Document {
                 return Err(MotionFileError::Length { block, found, frames });
             }
         }
+        self.in_space.check(frames)?;
         self.check_frames()
     }
 
@@ -394,6 +407,7 @@ impl Document {
         clip.rotation = source.rotation;
         clip.pixel_aspect = (source.pixel_aspect[0], source.pixel_aspect[1]);
         clip.readout_s = self.readout_s;
+        clip.cameras = self.in_space.into_cameras(shift);
         clip.other_blocks = self.other_blocks;
         Ok(clip)
     }

@@ -1,9 +1,11 @@
 //! Motion of the camera's picture, from tracked points: planar motion between frames that follows the still world.
 
 mod background;
+mod cameras;
 mod clip;
 mod estimator;
 mod file;
+mod file_cameras;
 mod frame_motion;
 mod planar;
 mod planar_fit;
@@ -11,6 +13,7 @@ mod rolling_shutter;
 pub mod sfm;
 mod verdict;
 
+pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
 pub use clip::{ClipMotion, LONGEST_BRIDGE};
 pub use estimator::{MotionEstimator, MotionOptions};
 pub use file::{FORMAT, MotionFileError, VERSION, motion_file_schema};

@@ -122,7 +122,10 @@ impl<'a> Mapper<'a> {
 
     /// A frame between known ones that is not known.
     fn gap(&self, known: &[usize]) -> Option<usize> {
-        self.frames.iter().copied().find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
+        self.frames
+            .iter()
+            .copied()
+            .find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
     }
 
     /// Frames with a pose, ascending.
@@ -281,7 +284,10 @@ impl<'a> Mapper<'a> {
 }
 
 fn fit(max_iterations: usize, tolerance: f64) -> RobustFit {
-    RobustFit { damping: DampingOptions { max_iterations, tolerance, ..DampingOptions::default() }, ..RobustFit::default() }
+    RobustFit {
+        damping: DampingOptions { max_iterations, tolerance, ..DampingOptions::default() },
+        ..RobustFit::default()
+    }
 }
 
 /// Of two frames outside `low..=high` the nearer one.

@@ -51,7 +51,7 @@ pub struct SfmOptions {
 }
 
 /// What a shot's tracks allow to say about its cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SfmVerdict {
     /// Cameras with places, points with depths.
@@ -68,7 +68,7 @@ pub enum SfmVerdict {
 }
 
 /// How good a reconstruction is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct SfmFigures {
     /// Frames with a camera.
     pub registered: usize,
@@ -88,8 +88,8 @@ pub struct SfmFigures {
     pub coverage: f64,
     /// Focal length, px.
     pub focal: f64,
-    /// Standard deviation of its logarithm; infinite where it was not determined.
-    pub sigma_ln_focal: f64,
+    /// Standard deviation of its logarithm; `None` where it was not determined.
+    pub sigma_ln_focal: Option<f64>,
 }
 
 /// A reconstruction and what it is worth.
@@ -120,9 +120,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
         Kind::General => general(table, options, &keys, &edges, guess),
         Kind::Planar => planar(table, options, &keys, &edges, guess),
         Kind::Rotation => rotation_only(table, options, &keys, &edges, guess),
-        Kind::Nothing => {
-            nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned())
-        }
+        Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
     }
 }
 
@@ -230,7 +228,9 @@ fn planar(
     }
     match best {
         Some((_, mapper)) => finished(table, mapper, options, SfmVerdict::Planar),
-        None => nothing(table, guess, SfmVerdict::Failed, "no pose explains the plane that the points move as".to_owned()),
+        None => {
+            nothing(table, guess, SfmVerdict::Failed, "no pose explains the plane that the points move as".to_owned())
+        }
     }
 }
 
@@ -252,7 +252,7 @@ fn finished(table: &TrackTable, mut mapper: Mapper<'_>, options: &SfmOptions, ve
         report = mapper.finish(false).or(report);
     }
     mapper.discard_wrong();
-    let sigma = report.and_then(|r| r.sigma_ln_focal).unwrap_or(f64::INFINITY);
+    let sigma = report.and_then(|r| r.sigma_ln_focal);
     let figures = figures(table, &mapper.scene, sigma);
     let (verdict, reason) = judged(&figures, verdict, f64::from(table.width.max(table.height)) / 640.0);
     Reconstruction { scene: mapper.scene, verdict, reason, figures }
@@ -271,7 +271,7 @@ fn judged(figures: &SfmFigures, verdict: SfmVerdict, unit_px: f64) -> (SfmVerdic
         failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
     } else if verdict == SfmVerdict::ThreeD && !(f.angle >= LEAST_ANGLE) {
         failed(format!("points are seen under {:.1} degrees only", f.angle.to_degrees()))
-    } else if verdict == SfmVerdict::ThreeD && !(f.sigma_ln_focal <= MOST_SIGMA_LN_FOCAL) {
+    } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MOST_SIGMA_LN_FOCAL) {
         failed("the focal length cannot be told".to_owned())
     } else {
         let angle = f.angle.to_degrees();
@@ -312,9 +312,10 @@ fn rotation_only(
     // Translations and inverse depths of zero have no gradient: the adjustment turns cameras and rays only.
     let report = mapper.finish(false);
     mapper.discard_wrong();
-    let sigma = report.and_then(|r| r.sigma_ln_focal).unwrap_or(f64::INFINITY);
+    let sigma = report.and_then(|r| r.sigma_ln_focal);
     let figures = figures(table, &mapper.scene, sigma);
-    let (verdict, reason) = judged(&figures, SfmVerdict::RotationOnly, f64::from(table.width.max(table.height)) / 640.0);
+    let (verdict, reason) =
+        judged(&figures, SfmVerdict::RotationOnly, f64::from(table.width.max(table.height)) / 640.0);
     Reconstruction { scene: mapper.scene, verdict, reason, figures }
 }
 
@@ -348,12 +349,12 @@ fn nothing(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: 
         poses: vec![None; table.frames()],
         points: vec![None; table.points()],
     };
-    let figures = SfmFigures { frames: table.frames(), sigma_ln_focal: f64::INFINITY, ..SfmFigures::default() };
+    let figures = SfmFigures { frames: table.frames(), ..SfmFigures::default() };
     Reconstruction { scene, verdict, reason, figures }
 }
 
 /// Measures a scene against its tracks.
-fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: f64) -> SfmFigures {
+fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<f64>) -> SfmFigures {
     let unit = f64::from(table.width.max(table.height)) / 640.0;
     let (mut sum, mut squares, mut observations, mut covered) = (0.0, 0.0, 0, 0.0);
     for frame in (0..table.frames()).filter(|&f| scene.poses[f].is_some()) {

@@ -71,7 +71,9 @@ pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge]) -> Option<FocalEs
     let center = Vec2::new(f64::from(table.width), f64::from(table.height)) / 2.0;
     let pairs: Vec<Vec<Correspondence>> = general
         .iter()
-        .map(|e| e.matches.iter().map(|m| Correspondence::new(m.first.coords - center, m.second.coords - center)).collect())
+        .map(|e| {
+            e.matches.iter().map(|m| Correspondence::new(m.first.coords - center, m.second.coords - center)).collect()
+        })
         .collect();
     estimate_focal(&pairs, &FocalOptions::for_width(f64::from(table.width.max(table.height))))
 }

@@ -81,6 +81,8 @@ impl JsonSchema for RollingShutter {
 pub struct MotionSettings {
     /// Rolling-shutter correction: estimated, off, or the sensor's readout time in seconds
     pub rolling_shutter: RollingShutter,
+    /// Also recover where the camera stood in space, and the points it saw
+    pub cameras: bool,
     /// Also write the motion to this file (JSON, `plumbline.motion`)
     #[schemars(extend("format" = "path"))]
     pub export: Option<String>,

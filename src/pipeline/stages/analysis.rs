@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::cameras;
 use super::context::Context;
 use super::export;
 use super::stream::for_each_frame;
@@ -56,21 +57,30 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &TrackS
     let motions: Vec<usize> =
         context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
     let (motion, store) = analysis.finish(clip, &info);
+    let tracks = Tracks { store, clip };
     for stage in motions {
-        hand_on_motion(context, stage, motion.clone())?;
+        hand_on_motion(context, stage, motion.clone(), &tracks)?;
     }
-    context.values.put(stage, "tracks", Tracks { store, clip });
+    context.values.put(stage, "tracks", tracks);
     Ok(())
 }
 
 /// Gives a motion stage its result: with the readout that its settings ask for, and in a file where they ask for one.
-fn hand_on_motion(context: &mut Context<'_, '_>, stage: usize, mut motion: ClipMotion) -> Result<(), RunError> {
+fn hand_on_motion(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    mut motion: ClipMotion,
+    tracks: &Tracks,
+) -> Result<(), RunError> {
     let settings = context.stage(stage).settings.clone();
     if let Some(settings) = settings.get::<MotionSettings>() {
         match settings.rolling_shutter {
             RollingShutter::Auto => {}
             RollingShutter::Off => motion.readout_s = None,
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
+        }
+        if settings.cameras {
+            motion.cameras = Some(cameras::recover(tracks, &motion, motion.readout_s.is_some())?);
         }
         if let Some(path) = &settings.export {
             export::write(&motion, Path::new(path), context.job.overwrite)?;

@@ -6,6 +6,7 @@
 
 mod analysis;
 mod beside;
+mod cameras;
 mod context;
 mod encoding;
 mod export;

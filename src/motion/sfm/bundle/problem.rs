@@ -1,8 +1,8 @@
 //! The adjustment as a damped problem: present and trial parameters, priors, cost.
 
 use super::cameras::Cameras;
-use super::layout::{Layout, POSE, Track};
 use super::judgment::Judgment;
+use super::layout::{Layout, POSE, Track};
 use super::normal::Normal;
 use super::options::{BundleOptions, Freedom};
 use super::parameters::{LN_FOCAL, Parameters, SHARED};

@@ -1,0 +1,26 @@
+//! Cameras in space, for a `video.motion` that asks for them: structure from motion, shot by shot, on the tracks of the clip.
+
+use super::analysis::{Tracks, store_error};
+use crate::math::Point2;
+use crate::motion::sfm::{SfmOptions, TrackTable, reconstruct};
+use crate::motion::{ClipCameras, ClipMotion};
+use crate::pipeline::run_error::RunError;
+use crate::track::TrackStore;
+
+/// Recovers the cameras of every shot.
+pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling: bool) -> Result<ClipCameras, RunError> {
+    let mut cameras = ClipCameras::default();
+    let options = SfmOptions { focal: None, rolling_shutter: rolling };
+    for shot in &motion.shots {
+        let frames = shot.clone().map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, _>>()?;
+        let table = TrackTable::new(motion.width, motion.height, frames);
+        let found = reconstruct(&table, &options);
+        cameras.push(shot.clone(), &table, found);
+    }
+    Ok(cameras)
+}
+
+fn points_of(store: &TrackStore, frame: usize) -> Result<Vec<(u32, Point2)>, RunError> {
+    let seen = store.read(frame).map_err(store_error)?.observations;
+    Ok(seen.into_iter().map(|o| (o.id, Point2::new(f64::from(o.x), f64::from(o.y)))).collect())
+}
