@@ -8,12 +8,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use tempfile::TempPath;
-
 use super::MediaError;
 use super::av::{AvError, Demuxer, Dictionary, log};
 use super::error::reason;
 use super::sequence::Sequence;
+use super::unfinished::{Name, Unfinished};
 
 /// Bytes of standard input that are spooled unless asked otherwise.
 pub const SPOOL_LIMIT: u64 = 16 << 30;
@@ -31,7 +30,7 @@ pub struct Input {
 enum Source {
     File(PathBuf),
     Sequence(Sequence),
-    Spooled(Arc<TempPath>),
+    Spooled(Arc<Unfinished>),
 }
 
 /// Limits of the temporary copy of standard input.
@@ -85,14 +84,14 @@ impl Input {
     pub fn spool(reader: impl Read, options: &SpoolOptions) -> Result<Self, MediaError> {
         let place = || options.folder.clone();
         let fail = |source| MediaError::Spool { place: place(), source };
-        let mut file =
-            tempfile::Builder::new().prefix("plumbline-stdin-").tempfile_in(&options.folder).map_err(fail)?;
-        tracing::info!("copying standard input to {} (at most {} bytes)", file.path().display(), options.limit);
-        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), &mut file).map_err(fail)?;
+        let mut copy = Unfinished::private(&options.folder, &Name::beginning("plumbline-stdin-")).map_err(fail)?;
+        tracing::info!("copying standard input to {} (at most {} bytes)", copy.path().display(), options.limit);
+        let file = copy.file().ok_or_else(|| fail(std::io::ErrorKind::Unsupported.into()))?;
+        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), file).map_err(fail)?;
         match copied {
             0 => Err(MediaError::Empty { path: "standard input".into() }),
             n if n > options.limit => Err(MediaError::SpoolLimit { limit: options.limit, place: place() }),
-            _ => Ok(Self::of("standard input", Source::Spooled(Arc::new(file.into_temp_path())))),
+            _ => Ok(Self::of("standard input", Source::Spooled(Arc::new(copy)))),
         }
     }
 
@@ -119,7 +118,7 @@ impl Input {
         match &self.source {
             Source::File(path) => path,
             Source::Sequence(sequence) => sequence.first_file(),
-            Source::Spooled(path) => path,
+            Source::Spooled(copy) => copy.path(),
         }
     }
 

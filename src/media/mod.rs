@@ -25,6 +25,7 @@ mod read_options;
 mod reader;
 mod sequence;
 mod surface;
+mod unfinished;
 mod unpack;
 mod write_options;
 mod writer;
@@ -38,5 +39,6 @@ pub use probe::{ChapterInfo, MediaInfo, StreamInfo, StreamKind, VideoSummary, pr
 pub use read_options::{Deinterlace, ReadOptions, ReadReport};
 pub use reader::VideoReader;
 pub use surface::FramePool;
+pub use unfinished::Unfinished;
 pub use write_options::{Codec, WriteOptions, WriteReport};
 pub use writer::VideoWriter;

@@ -73,7 +73,7 @@ fn hand_on_motion(context: &mut Context<'_, '_>, stage: usize, mut motion: ClipM
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
         }
         if let Some(path) = &settings.export {
-            export::write(&motion, Path::new(path), context.job.overwrite)?;
+            export::write(&motion, Path::new(path))?;
             context.summary.outputs.push(path.into());
         }
     }
