@@ -30,15 +30,15 @@ mod unpack;
 mod write_options;
 mod writer;
 
-pub use encoders::{EncoderInfo, encoders};
+pub use encoders::{EncoderInfo, check_encoder, encoders};
 pub use error::{Fault, MediaError};
 pub use info::{FieldOrder, Ratio, VideoInfo};
-pub use input::{Input, SPOOL_LIMIT, SpoolOptions};
+pub use input::{Input, PICTURE_RATE, SPOOL_LIMIT, SpoolOptions};
 pub use output::Output;
 pub use probe::{ChapterInfo, MediaInfo, StreamInfo, StreamKind, VideoSummary, probe};
 pub use read_options::{Deinterlace, ReadOptions, ReadReport};
 pub use reader::VideoReader;
 pub use surface::FramePool;
 pub use unfinished::Unfinished;
-pub use write_options::{Codec, WriteOptions, WriteReport};
+pub use write_options::{Codec, Companions, EncoderWish, WriteOptions, WriteReport};
 pub use writer::VideoWriter;

@@ -3,6 +3,7 @@
 //! A file is written beside its target ([`Unfinished`]), synced and renamed last. Whatever happens before that, nothing stands
 //! under the final name and the input is untouched.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
@@ -96,13 +97,14 @@ impl Output {
             return Ok(());
         }
         let occupied = match &self.target {
-            Target::Sequence(path) => first_of_sequence(path),
-            _ => path.symlink_metadata().is_ok().then(|| path.to_owned()),
+            Target::Sequence(path) => files_of_sequence(path),
+            _ => path.symlink_metadata().is_ok().then(|| path.to_owned()).into_iter().collect(),
         };
-        if same_file(path, source.path()) || occupied.as_deref().is_some_and(|o| same_file(o, source.path())) {
+        let inputs: HashSet<Identity> = source.files().iter().filter_map(|f| identity(f)).collect();
+        if occupied.iter().any(|o| identity(o).is_some_and(|i| inputs.contains(&i))) {
             return Err(MediaError::TargetIsInput { path: path.to_owned() });
         }
-        match occupied {
+        match occupied.into_iter().next() {
             Some(path) if path.is_dir() => Err(MediaError::Unwritable { path, reason: "it is a folder".into() }),
             Some(path) if !overwrite => Err(MediaError::TargetExists { path }),
             _ => Ok(()),
@@ -124,24 +126,30 @@ fn streams(container: &str) -> bool {
     matches!(container, "matroska" | "webm" | "mpegts" | "nut" | "mp4" | "mov")
 }
 
-/// The device and inode tell, so that links in any disguise are seen through.
-fn same_file(a: &Path, b: &Path) -> bool {
-    let (Ok(a), Ok(b)) = (a.metadata(), b.metadata()) else { return false };
+/// Device and inode, so that links in any disguise are seen through.
+#[cfg(unix)]
+type Identity = (u64, u64);
+/// The file's place without links.
+#[cfg(not(unix))]
+type Identity = PathBuf;
+
+fn identity(path: &Path) -> Option<Identity> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
-        a.dev() == b.dev() && a.ino() == b.ino()
+        path.metadata().ok().map(|meta| (meta.dev(), meta.ino()))
     }
     #[cfg(not(unix))]
     {
-        a.len() == b.len() && a.created().ok() == b.created().ok() && a.modified().ok() == b.modified().ok()
+        path.canonicalize().ok()
     }
 }
 
-fn first_of_sequence(path: &Path) -> Option<PathBuf> {
-    let pattern = Pattern::parse(path.file_name()?.to_str()?)?;
+fn files_of_sequence(path: &Path) -> Vec<PathBuf> {
+    let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else { return Vec::new() };
     let matches = |p: &PathBuf| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| pattern.number(n).is_some());
-    std::fs::read_dir(folder_of(path)).ok()?.filter_map(|e| Some(e.ok()?.path())).find(matches)
+    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten();
+    entries.filter_map(|e| Some(e.ok()?.path())).filter(matches).collect()
 }
 
 /// An unfinished result; dropped without [`Partial::publish`] it is removed.
@@ -177,9 +185,7 @@ impl Partial {
     pub(super) fn publish(self) -> Result<(), MediaError> {
         match self {
             Self::Stdout => Ok(()),
-            Self::File { partial, target } => {
-                partial.publish(&target).map_err(|e| MediaError::writing_io(&target, &e))
-            }
+            Self::File { partial, target } => partial.publish(&target).map_err(|e| MediaError::writing_io(&target, &e)),
             Self::Folder { partial, target } => {
                 partial.publish_into(folder_of(&target)).map_err(|e| MediaError::writing_io(&target, &e))
             }

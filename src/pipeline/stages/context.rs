@@ -4,12 +4,13 @@ use std::time::SystemTime;
 
 use crate::media::{Deinterlace, Fault, Input, MediaError, ReadOptions, ReadReport, VideoReader};
 use crate::pipeline::graph::{Edge, Stage};
+use crate::pipeline::items::pictures;
 use crate::pipeline::job::{Job, Values};
 use crate::pipeline::kinds::{self, DecodeSettings};
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::summary::Summary;
-use crate::pipeline::units::ClipTime;
+use crate::pipeline::summary::{InputSummary, Summary};
+use crate::pipeline::units::{ClipTime, FrameRate};
 
 /// One pass at work.
 pub(super) struct Context<'c, 'j> {
@@ -44,7 +45,11 @@ impl Context<'_, '_> {
         }
         let settings = self.decode_settings(decode)?;
         let (start, end) = (settings.start.map(ClipTime::seconds), settings.end.map(ClipTime::seconds));
-        let input = Input::parse(&settings.path).and_then(|i| i.trimmed(start, end)).map_err(media_error)?;
+        let rate = settings.fps.map(FrameRate::ratio);
+        let input = open_input(&settings.path)
+            .and_then(|i| if let Some(rate) = rate { i.at_rate(rate) } else { Ok(i) })
+            .and_then(|i| i.trimmed(start, end));
+        let input = input.map_err(media_error)?;
         let seen = Seen::of(&input);
         self.values.put(decode, "input", Source { input: input.clone(), seen });
         Ok(input)
@@ -60,6 +65,7 @@ impl Context<'_, '_> {
         };
         let options = ReadOptions { threads: self.job.threads, deinterlace };
         let reader = VideoReader::open(&input, &options).map_err(media_error)?;
+        self.summary.input.get_or_insert_with(|| InputSummary::of(&input, reader.info()));
         Ok((input, reader))
     }
 
@@ -91,6 +97,14 @@ impl Context<'_, '_> {
         if report.truncated {
             self.warn("the input ends before its own index says".to_owned());
         }
+    }
+}
+
+/// A clip by its name: a file, a pattern, standard input, or a folder or glob of pictures.
+pub(super) fn open_input(text: &str) -> Result<Input, MediaError> {
+    match pictures(text) {
+        Some(files) => Input::pictures(text, files),
+        None => Input::parse(text),
     }
 }
 
