@@ -10,7 +10,7 @@ use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, DecodeSettings, EncodeSettings, EncoderWish, Interpolation, MotionSettings, PathMethod,
+    Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, Interpolation, MotionSettings, PathMethod,
     RenderSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
@@ -45,6 +45,9 @@ pub struct StabilizeArgs {
     /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
     #[arg(long, value_name = "RATE")]
     fps: Option<FrameRate>,
+    /// What happens to interlaced pictures
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    deinterlace: Deinterlace,
 
     /// How freely a frame may be bent
     #[arg(long, value_enum, default_value_t, value_name = "MODE", help_heading = "Stabilization")]
@@ -207,7 +210,7 @@ impl StabilizeArgs {
             start: self.start,
             end: self.end,
             fps: self.fps,
-            ..DecodeSettings::default()
+            deinterlace: self.deinterlace,
         };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
         let motion =

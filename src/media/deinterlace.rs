@@ -12,8 +12,8 @@
 //! ```
 //!
 //! That is weaving where nothing moves, edge-based line averaging along diagonals, and the cubic through four lines of the
-//! field elsewhere, each plane on its own. Frames that are not flagged as interlaced pass untouched, so mixed material keeps
-//! its whole pictures.
+//! field elsewhere, each plane on its own. Frames that are not flagged as interlaced pass untouched unless told otherwise, so
+//! mixed material keeps its whole pictures.
 //!
 //! # Reference
 //! G. de Haan, E. B. Bellers, *Deinterlacing — An Overview*, Proceedings of the IEEE 86(9), 1998: sections on motion-adaptive
@@ -42,8 +42,19 @@ impl Deinterlacer {
         self.mode == Deinterlace::Refuse
     }
 
-    pub(super) fn is_active(&self) -> bool {
-        self.mode == Deinterlace::Auto
+    /// Whether flags are looked at.
+    pub(super) fn trusts_flags(&self) -> bool {
+        matches!(self.mode, Deinterlace::Auto | Deinterlace::Refuse)
+    }
+
+    /// The order of fields in a picture flagged `fields` (top field first), as far as it is to be deinterlaced.
+    pub(super) fn order(&self, fields: Option<bool>) -> Option<bool> {
+        match self.mode {
+            Deinterlace::Auto => fields,
+            Deinterlace::Top => Some(true),
+            Deinterlace::Bottom => Some(false),
+            Deinterlace::Off | Deinterlace::Refuse => None,
+        }
     }
 
     /// A picture that is whole already.

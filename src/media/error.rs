@@ -160,7 +160,7 @@ pub enum MediaError {
         reason: String,
     },
     /// The numbers of a trimmed span make no sense.
-    #[error("{path}: the span from {start} s to {end} s is empty or lies outside the clip ({length} s long)")]
+    #[error("{path}: the span from {start} s to {} is empty or lies outside the clip{}", end_of(*end), long(*length))]
     EmptySpan {
         /// The input as given.
         path: String,
@@ -359,6 +359,15 @@ impl MediaError {
             None => Self::Unwritable { path: path.to_owned(), reason: source.to_string() },
         }
     }
+}
+
+/// The end of a span in words.
+fn end_of(end: f64) -> String {
+    if end.is_finite() { format!("{end} s") } else { "the end".to_owned() }
+}
+
+fn long(length: f64) -> String {
+    if length.is_finite() { format!(" ({length} s long)") } else { String::new() }
 }
 
 fn first_of(list: &str) -> &str {

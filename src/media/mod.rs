@@ -14,6 +14,7 @@ mod encoder_choice;
 mod encoder_settings;
 mod encoders;
 mod error;
+mod fields;
 mod hdr;
 mod info;
 mod input;

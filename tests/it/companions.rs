@@ -66,3 +66,24 @@ fn an_encoder_that_is_not_there_is_refused_before_any_work_and_auto_does_without
         assert!(refused || works || err(&ran).contains("libx264"), "{wish}: {}", err(&ran));
     }
 }
+
+#[test]
+fn fields_without_a_flag_are_told_and_taken_apart_on_request() {
+    let Some(folder) = workshop() else { return };
+    let folder = folder.path();
+    let coded = "-c:v ffv1 -pix_fmt yuv420p";
+    // Fields see a shake of low frequencies only, or their order could not be told.
+    let slow = ["1.9", "0.77", "2.3", "0.61"].iter().fold(shaky(2.4), |s, w| s.replace(w, &format!("0.2*{w}")));
+    make(folder, "woven.mkv", &format!("{slow} -vf tinterlace=interleave_bottom,setfield=prog {coded}"));
+    make(folder, "whole.mkv", &format!("{} {coded}", shaky(1.2)));
+    let deinterlace = |name: &str, how: &str| {
+        let args = ["stabilize", name, "-o", "out.mkv", "--codec", "ffv1", "--overwrite", "--deinterlace", how];
+        err(&succeed(folder, &args))
+    };
+    let told = deinterlace("woven.mkv", "auto");
+    assert!(told.contains("the pictures look interlaced, the bottom field first"), "{told}");
+    let told = deinterlace("woven.mkv", "bottom");
+    assert!(told.contains("interlaced frames: 30, deinterlaced") && !told.contains("look interlaced"), "{told}");
+    let told = deinterlace("whole.mkv", "auto");
+    assert!(!told.contains("interlaced"), "{told}");
+}

@@ -13,9 +13,13 @@ use crate::pipeline::units::{ClipTime, FrameRate};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Deinterlace {
-    /// Interlaced pictures are detected and deinterlaced by field; others are left alone
+    /// Pictures flagged as interlaced are deinterlaced by field; others are left alone
     #[default]
     Auto,
+    /// All pictures are deinterlaced, the top field being earlier
+    Top,
+    /// All pictures are deinterlaced, the bottom field being earlier
+    Bottom,
     /// Pictures are taken as they are
     Off,
     /// Interlaced input is an error

@@ -1,6 +1,6 @@
 //! How much a clip shakes, before and after, for the summary.
 //!
-//! With `F_t` the motion measured from frame `t − 1` to `t` and `S_t` the virtual camera (`out_from_src`), a viewer sees
+//! With `F_t` the similarity measured from frame `t − 1` to `t` and `S_t` the virtual camera (`out_from_src`), a viewer sees
 //! `M_t = F_t` before and `M_t = S_t F_t S_{t−1}⁻¹` after. The shift `M_t(c) − c` of the picture's center `c` and the
 //! turn of `M_t` there are summed up along the shot; shake is how far these sums stray from their own Gaussian mean:
 //!
@@ -37,11 +37,12 @@ struct Stray {
 impl Strays {
     /// Of the clip itself and as seen through the cameras `out_from_src`, one per frame.
     pub(super) fn of(motion: &ClipMotion, out_from_src: &[Homography]) -> Self {
+        let measured = |t: usize| motion.frames[t].similarity.to_homography();
         let seen = |t: usize| {
             let (this, previous) = (out_from_src.get(t)?, out_from_src.get(t - 1)?);
-            Some(*this * motion.frames[t].homography * previous.inverse()?)
+            Some(*this * measured(t) * previous.inverse()?)
         };
-        Self { before: strays(motion, |t| Some(motion.frames[t].homography)), after: strays(motion, seen) }
+        Self { before: strays(motion, |t| Some(measured(t))), after: strays(motion, seen) }
     }
 
     /// Over a range of frames.
