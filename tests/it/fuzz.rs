@@ -72,10 +72,12 @@ fn mutated(examples: &[Vec<u8>], random: &mut fastrand::Rng) -> Vec<u8> {
     bytes
 }
 
-/// Runs `body` on the examples and on their mutants; returns how many of all it was given.
+/// Runs `body` on the examples and on their mutants.
 fn hammer(examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
     let mut random = fastrand::Rng::with_seed(seed);
-    examples.iter().for_each(|example| body(example));
+    for example in examples {
+        body(example);
+    }
     for round in 0..ROUNDS {
         let bytes = mutated(examples, &mut random);
         let ran = std::panic::catch_unwind(|| body(&bytes));
