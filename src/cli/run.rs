@@ -69,15 +69,20 @@ pub(super) fn run_pipeline(pipeline: &Pipeline, backend: &dyn Backend) -> Result
 /// Summaries and failures for people. There is nowhere left to complain where standard error is closed.
 fn tell_report(report: &Report) {
     let mut err = std::io::stderr().lock();
+    let many = report.items.len() > 1;
     for (key, summary) in report.done() {
-        let _ = write!(err, "{key}\n{summary}");
+        let heading = if many { format!("{key}\n") } else { String::new() };
+        let _ = write!(err, "{heading}{summary}");
     }
     let failures: Vec<_> = report.failures().collect();
-    if report.items.len() > 1 && !failures.is_empty() {
+    if many && !failures.is_empty() {
         let _ = writeln!(err, "error: {} of {} items failed", failures.len(), report.items.len());
     }
     for (key, error) in failures {
-        let _ = writeln!(err, "error: {key}: {error}");
+        // Most errors begin with the name of the file at fault, which is often the key.
+        let error = error.to_string();
+        let named = !many || error.starts_with(&format!("{key}: "));
+        let _ = if named { writeln!(err, "error: {error}") } else { writeln!(err, "error: {key}: {error}") };
     }
     let skipped: Vec<&str> = report.skipped().collect();
     if !skipped.is_empty() {

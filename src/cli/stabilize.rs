@@ -8,14 +8,14 @@ use super::failure::Failure;
 use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::is_glob;
+use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, MotionSettings, PathMethod, RenderSettings,
-    RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
+    Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, Interpolation, MotionSettings, PathMethod,
+    RenderSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
-use crate::pipeline::units::{BitRate, ByteSize, ClipTime};
+use crate::pipeline::units::{BitRate, ByteSize, ClipTime, FrameRate};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
 
 /// Options of `plumbline stabilize`.
@@ -24,7 +24,7 @@ use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for
 #[command(group = ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub struct StabilizeArgs {
     /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);
-    /// image sequences such as frames/%05d.png; - for standard input
+    /// one image sequence (frames/%05d.png, a folder or a quoted glob of pictures); - for standard input
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
     /// The file to write, for one input; its extension chooses the container; - for standard output
@@ -42,6 +42,12 @@ pub struct StabilizeArgs {
     /// Position to stop before
     #[arg(long, value_name = "TIME")]
     end: Option<ClipTime>,
+    /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
+    #[arg(long, value_name = "RATE")]
+    fps: Option<FrameRate>,
+    /// What happens to interlaced pictures
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    deinterlace: Deinterlace,
 
     /// How freely a frame may be bent
     #[arg(long, value_enum, default_value_t, value_name = "MODE", help_heading = "Stabilization")]
@@ -79,6 +85,9 @@ pub struct StabilizeArgs {
     /// How the pictures are coded
     #[arg(long, value_enum, default_value_t, value_name = "CODEC", help_heading = "Encoding")]
     codec: Codec,
+    /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
+    #[arg(long, default_value_t, value_name = "WHICH", help_heading = "Encoding")]
+    encoder: EncoderWish,
     /// Constant quality, 0 = best; the encoder's own default if left out
     #[arg(long, value_name = "Q", help_heading = "Encoding")]
     #[arg(value_parser = |text: &str| number_for::<EncodeSettings>("crf", text))]
@@ -144,12 +153,17 @@ impl StabilizeArgs {
     fn only_input(&self) -> Result<String, Failure> {
         let [input] = self.inputs.as_slice() else {
             let count = self.inputs.len();
+            if self.inputs.iter().all(|i| is_picture(Path::new(i))) {
+                let help = "name their folder, or put the glob in quotes";
+                return Err(Failure::usage(format!("{count} pictures do not say that they are one clip; {help}")));
+            }
             return Err(Failure::usage(format!(
                 "--output names one file, but there are {count} inputs; use --out-dir"
             )));
         };
         let path = Path::new(input);
-        if path.is_dir() || (is_glob(input) && !path.exists()) {
+        let many = path.is_dir() || (is_glob(input) && !path.exists());
+        if many && pictures(input).is_none() {
             return Err(Failure::usage(format!(
                 "`{input}` may be many clips, but --output names one file; use --out-dir"
             )));
@@ -191,7 +205,13 @@ impl StabilizeArgs {
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {
         let path = |p: &PathBuf| literal_path(p);
-        let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
+        let decode = DecodeSettings {
+            path: source,
+            start: self.start,
+            end: self.end,
+            fps: self.fps,
+            deinterlace: self.deinterlace,
+        };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
         let motion = MotionSettings {
             rolling_shutter: self.rolling_shutter,
@@ -237,6 +257,7 @@ impl StabilizeArgs {
         EncodeSettings {
             path,
             codec: self.codec,
+            encoder: self.encoder.clone(),
             crf: self.crf,
             preset: self.preset.as_deref().map(escape),
             bitrate: self.bitrate,

@@ -15,6 +15,7 @@ enum Way {
 
 /// Copies the other streams' packets into a muxer.
 pub(super) struct Copier {
+    clip: Input,
     demuxer: Demuxer,
     ways: Vec<Way>,
     packet: Packet,
@@ -31,11 +32,25 @@ impl Copier {
         let demuxer = source.demux()?;
         let span = source.span_us(&demuxer);
         let ways = (0..demuxer.stream_count()).map(|_| Way::Left).collect();
-        Ok(Self { demuxer, ways, packet: Packet::new(), pending: false, ended: false, span, copied: 0 })
+        Ok(Self {
+            clip: source.clone(),
+            demuxer,
+            ways,
+            packet: Packet::new(),
+            pending: false,
+            ended: false,
+            span,
+            copied: 0,
+        })
     }
 
     pub(super) fn source(&self) -> &Demuxer {
         &self.demuxer
+    }
+
+    /// The clip that the packets come from.
+    pub(super) fn clip(&self) -> &Input {
+        &self.clip
     }
 
     /// Start of the wanted span on the source's clock, µs; everything moves by its negative.

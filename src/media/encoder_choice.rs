@@ -5,7 +5,8 @@
 //! resolution, depth; ties go to the format with the least excess.
 
 use super::av::{EncoderCodec, Pix, Route, find_encoder};
-use super::{Codec, MediaError};
+use super::encoders::{encoders, opens};
+use super::{Codec, EncoderWish, MediaError};
 use crate::image::PixelFormat;
 
 /// How planes become what the encoder takes.
@@ -27,7 +28,7 @@ pub(super) struct Choice {
     pub(super) fit: Fit,
 }
 
-/// Encoders of a codec, the preferred one first. Those that run on a device are taken only by name.
+/// Encoders of a codec, the preferred one first. Those that run on a device are taken only where they are asked for.
 pub(super) fn software(codec: Codec) -> &'static [&'static str] {
     match codec {
         Codec::H264 => &["libx264", "libopenh264"],
@@ -49,21 +50,57 @@ pub(super) fn hardware(codec: Codec) -> &'static [&'static str] {
     }
 }
 
-/// The encoder for `codec`, or the one named, with the format that suits `format` best.
-pub(super) fn choose(codec: Codec, named: Option<&str>, format: PixelFormat) -> Result<Choice, MediaError> {
-    let missing = |wanted: &str, reason: &str| {
-        let built = software(codec).iter().chain(hardware(codec)).filter(|n| find_encoder(n).is_some());
-        let available: Vec<_> = built.copied().collect();
-        let available = if available.is_empty() { "none".into() } else { available.join(", ") };
-        MediaError::NoEncoder { wanted: wanted.to_owned(), reason: reason.to_owned(), available }
-    };
-    if let Some(name) = named {
-        let encoder = find_encoder(name).ok_or_else(|| missing(name, "this FFmpeg was built without it"))?;
-        return fit(encoder, format).ok_or_else(|| missing(name, "it takes no pixel format that can be made"));
+/// Encoders for `codec` as wished, each with the format that suits `format` best: the one to try, and what to fall back on.
+pub(super) fn choose(codec: Codec, wish: &EncoderWish, format: PixelFormat) -> Result<Vec<Choice>, MediaError> {
+    match wish {
+        EncoderWish::Software => Ok(vec![in_software(codec, format)?]),
+        EncoderWish::Named(name) => Ok(vec![named(codec, name, format)?]),
+        EncoderWish::Hardware => {
+            let found = on_device(codec, format).next();
+            let reason = || format!("no device for it works on this machine (tried {})", join(hardware(codec)));
+            let wanted = || format!("{} on a device", codec.name());
+            Ok(vec![found.ok_or_else(|| missing(codec, &wanted(), &reason()))?])
+        }
+        EncoderWish::Auto => {
+            let lossless = on_device(codec, format).filter(|c| loss(format, c.pix).is_none());
+            let mut choices: Vec<Choice> = lossless.collect();
+            choices.extend(in_software(codec, format));
+            if choices.is_empty() { Ok(vec![in_software(codec, format)?]) } else { Ok(choices) }
+        }
     }
+}
+
+fn in_software(codec: Codec, format: PixelFormat) -> Result<Choice, MediaError> {
     let choices: Vec<_> = software(codec).iter().filter_map(|n| fit(find_encoder(n)?, format)).collect();
     let lossless = choices.iter().find(|c| c.fit != Fit::Converted || loss(format, c.pix).is_none());
-    lossless.or(choices.first()).copied().ok_or_else(|| missing(codec.name(), "this FFmpeg was built without one"))
+    let none = || missing(codec, codec.name(), "this FFmpeg was built without one");
+    lossless.or(choices.first()).copied().ok_or_else(none)
+}
+
+fn on_device(codec: Codec, format: PixelFormat) -> impl Iterator<Item = Choice> {
+    hardware(codec).iter().filter(|n| opens(n)).filter_map(move |n| fit(find_encoder(n)?, format))
+}
+
+fn named(codec: Codec, name: &str, format: PixelFormat) -> Result<Choice, MediaError> {
+    let encoder = find_encoder(name).ok_or_else(|| missing(codec, name, "this FFmpeg was built without it"))?;
+    if ![software(codec), hardware(codec)].concat().contains(&name) {
+        return Err(missing(codec, name, &format!("it is none of the encoders known for {}", codec.name())));
+    }
+    if hardware(codec).contains(&name) && !opens(name) {
+        return Err(missing(codec, name, "the device for it is missing on this machine"));
+    }
+    fit(encoder, format).ok_or_else(|| missing(codec, name, "it takes no pixel format that can be made"))
+}
+
+/// The error that names the encoders which do work.
+fn missing(codec: Codec, wanted: &str, reason: &str) -> MediaError {
+    let names: Vec<String> = encoders(codec).into_iter().map(|e| e.name).collect();
+    let available = if names.is_empty() { "none".into() } else { names.join(", ") };
+    MediaError::NoEncoder { wanted: wanted.to_owned(), reason: reason.to_owned(), available }
+}
+
+fn join(names: &[&str]) -> String {
+    if names.is_empty() { "none: there is none for this codec".into() } else { names.join(", ") }
 }
 
 /// The encoder for pictures of a numbered sequence, by the extension.
@@ -147,8 +184,16 @@ mod tests {
     use crate::image::Layout;
 
     fn chosen(codec: Codec, format: PixelFormat) -> (String, Fit) {
-        let choice = choose(codec, None, format).expect("an encoder");
+        let choice = first(codec, format);
         (choice.pix.name(), choice.fit)
+    }
+
+    fn first(codec: Codec, format: PixelFormat) -> Choice {
+        choose(codec, &EncoderWish::Software, format).expect("an encoder")[0]
+    }
+
+    fn refusal(codec: Codec, wish: EncoderWish) -> Option<String> {
+        choose(codec, &wish, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
     }
 
     #[test]
@@ -176,28 +221,55 @@ mod tests {
     #[test]
     fn the_nearest_format_is_taken_and_the_loss_is_named() {
         let twelve = PixelFormat::opaque(Layout::Yuv420, 12);
-        let choice = choose(Codec::H264, None, twelve).expect("x264");
+        let choice = first(Codec::H264, twelve);
         assert_eq!(choice.pix.name(), "yuv420p10le");
         assert_eq!(loss(twelve, choice.pix).as_deref(), Some("depth falls from 12 to 10 bit"));
         let alpha = PixelFormat { layout: Layout::Yuv420, bits: 8, alpha: true };
-        let choice = choose(Codec::H264, None, alpha).expect("x264");
+        let choice = first(Codec::H264, alpha);
         assert_eq!(choice.pix.name(), "yuv420p");
         assert_eq!(loss(alpha, choice.pix).as_deref(), Some("the alpha channel is dropped"));
-        let choice = choose(Codec::Prores, None, alpha).expect("prores");
+        let choice = first(Codec::Prores, alpha);
         assert_eq!(choice.pix.name(), "yuva444p10le");
         assert_eq!(loss(alpha, choice.pix), None);
         let rgb = PixelFormat::opaque(Layout::Gbr, 8);
-        let choice = choose(Codec::H264, None, rgb).expect("x264");
+        let choice = first(Codec::H264, rgb);
         assert_eq!(choice.pix.name(), "yuv444p");
         assert_eq!(loss(rgb, choice.pix).as_deref(), Some("colors are converted to YUV"));
         let old = PixelFormat::opaque(Layout::Yuv411, 8);
-        assert_eq!(loss(old, choose(Codec::H264, None, old).expect("x264").pix), None);
+        assert_eq!(loss(old, first(Codec::H264, old).pix), None);
     }
 
     #[test]
     fn an_encoder_that_does_not_exist_is_named_with_those_that_do() {
-        let e = choose(Codec::H264, Some("h264_magic"), PixelFormat::opaque(Layout::Yuv420, 8)).err().expect("refused");
-        let text = e.to_string();
-        assert!(text.starts_with("no encoder for h264_magic: this FFmpeg was built without it; available: "), "{text}");
+        let text = refusal(Codec::H264, EncoderWish::Named("h264_magic".into())).expect("refused");
+        let expected = "no encoder for h264_magic: this FFmpeg was built without it; available: libx264";
+        assert!(text.starts_with(expected), "{text}");
+        let text = refusal(Codec::H264, EncoderWish::Named("ffv1".into())).expect("refused");
+        assert!(
+            text.starts_with("no encoder for ffv1: it is none of the encoders known for h264; available: "),
+            "{text}"
+        );
+        let text = refusal(Codec::Ffv1, EncoderWish::Hardware).expect("refused");
+        assert!(text.ends_with("(tried none: there is none for this codec); available: ffv1"), "{text}");
+    }
+
+    #[test]
+    fn a_device_that_is_missing_is_refused_when_asked_for_and_passed_over_by_auto() {
+        for codec in [Codec::H264, Codec::Hevc, Codec::Av1] {
+            let devices: Vec<_> = encoders(codec).into_iter().filter(|e| e.hardware).collect();
+            let choices = choose(codec, &EncoderWish::Auto, PixelFormat::opaque(Layout::Yuv420, 8)).expect("one");
+            assert_eq!(choices.len(), devices.len() + 1, "devices that open first, software last");
+            assert!(choices.last().is_some_and(|c| software(codec).contains(&c.encoder.name().as_str())));
+            if !devices.is_empty() {
+                continue;
+            }
+            let text = refusal(codec, EncoderWish::Hardware).expect("refused");
+            assert!(text.contains("on a device: no device for it works on this machine (tried "), "{text}");
+            assert!(text.contains(&format!("available: {}", encoders(codec)[0].name)), "{text}");
+            for name in hardware(codec).iter().filter(|n| find_encoder(n).is_some()) {
+                let text = refusal(codec, EncoderWish::Named((*name).to_owned())).expect("refused");
+                assert!(text.contains("the device for it is missing on this machine; available: "), "{text}");
+            }
+        }
     }
 }

@@ -5,9 +5,9 @@
 
 use serde::Serialize;
 
-use super::Codec;
 use super::av::{Dictionary, Encoder, EncoderSettings, Rational, find_encoder};
-use super::encoder_choice::{fit, hardware, software};
+use super::encoder_choice::{choose, fit, hardware, software};
+use super::{Codec, EncoderWish, MediaError};
 use crate::image::{ColorDescription, Layout, PixelFormat};
 
 /// An encoder that works here.
@@ -30,7 +30,16 @@ pub fn encoders(codec: Codec) -> Vec<EncoderInfo> {
 /// Side of the trial picture, px: above every device's smallest.
 const TRIAL: usize = 256;
 
-fn opens(name: &str) -> bool {
+/// Refuses a wish that cannot be fulfilled on this machine.
+///
+/// # Errors
+/// [`MediaError::NoEncoder`], with the encoders that there are.
+pub fn check_encoder(codec: Codec, wish: &EncoderWish) -> Result<(), MediaError> {
+    choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).map(drop)
+}
+
+/// True where the encoder of this name opens on a small picture.
+pub(super) fn opens(name: &str) -> bool {
     let format = PixelFormat::opaque(Layout::Yuv420, 8);
     let Some(choice) = find_encoder(name).and_then(|e| fit(e, format)) else { return false };
     let settings = EncoderSettings {

@@ -73,12 +73,43 @@ pub enum MediaError {
         found: String,
     },
     /// A still picture, whatever its name says.
-    #[error("{path}: is a still picture ({format}), not a video; a numbered sequence is given as frames/%05d.png")]
+    #[error(
+        "{path}: is a still picture ({format}), not a video; a sequence is given as frames/%05d.png or by its folder"
+    )]
     StillPicture {
         /// The input as given.
         path: String,
         /// The picture's format.
         format: String,
+    },
+    /// A number is missing in a sequence.
+    #[error(
+        "{path}: number {missing} is missing ({first} to {last} are there in part); supply it, or give the folder to take the \
+         pictures that are there in the order of their names"
+    )]
+    Gap {
+        /// The input as given.
+        path: String,
+        /// The first number without a file.
+        missing: u64,
+        /// The lowest number there is.
+        first: u64,
+        /// The highest number there is.
+        last: u64,
+    },
+    /// Pictures of one sequence are of several kinds.
+    #[error("{path}: holds pictures of several kinds ({kinds}); name one kind, such as '{path}/*.{}'", first_of(kinds))]
+    MixedPictures {
+        /// The input as given.
+        path: String,
+        /// Their extensions.
+        kinds: String,
+    },
+    /// A frame rate for a clip that has times of its own.
+    #[error("{path}: has times of its own; a frame rate can be given for image sequences only")]
+    OwnTimes {
+        /// The input as given.
+        path: String,
     },
     /// The video stream holds no picture that could be decoded.
     #[error("{path}: the video stream ({codec}) holds no frame that can be decoded")]
@@ -129,7 +160,7 @@ pub enum MediaError {
         reason: String,
     },
     /// The numbers of a trimmed span make no sense.
-    #[error("{path}: the span from {start} s to {end} s is empty or lies outside the clip ({length} s long)")]
+    #[error("{path}: the span from {start} s to {} is empty or lies outside the clip{}", end_of(*end), long(*length))]
     EmptySpan {
         /// The input as given.
         path: String,
@@ -279,6 +310,8 @@ impl MediaError {
             | Self::NotMedia { .. }
             | Self::NoVideo { .. }
             | Self::StillPicture { .. }
+            | Self::Gap { .. }
+            | Self::MixedPictures { .. }
             | Self::NoFrames { .. }
             | Self::PixelFormat { .. }
             | Self::FormatChange { .. }
@@ -286,6 +319,7 @@ impl MediaError {
             | Self::Read { .. }
             | Self::Protocol { .. } => Fault::Input,
             Self::EmptySpan { .. }
+            | Self::OwnTimes { .. }
             | Self::NoEncoder { .. }
             | Self::EncoderRefused { .. }
             | Self::OddSize { .. }
@@ -325,6 +359,19 @@ impl MediaError {
             None => Self::Unwritable { path: path.to_owned(), reason: source.to_string() },
         }
     }
+}
+
+/// The end of a span in words.
+fn end_of(end: f64) -> String {
+    if end.is_finite() { format!("{end} s") } else { "the end".to_owned() }
+}
+
+fn long(length: f64) -> String {
+    if length.is_finite() { format!(" ({length} s long)") } else { String::new() }
+}
+
+fn first_of(list: &str) -> &str {
+    list.split(", ").next().unwrap_or_default()
 }
 
 /// FFmpeg's number in words, with the last complaint of the library where there is one.

@@ -1,4 +1,4 @@
-//! Where a clip comes from: a file, a numbered image sequence, or standard input copied to a temporary file.
+//! Where a clip comes from: a file, an image sequence, or standard input copied to a temporary file.
 //!
 //! **Trimming.** A span `[start, end)` in seconds from the beginning of the file keeps the frames shown within it. Frames
 //! keep the timestamps of the source, so that two passes and a motion file agree; the writer moves everything by `−start`,
@@ -8,15 +8,18 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use tempfile::TempPath;
-
 use super::MediaError;
 use super::av::{AvError, Demuxer, Dictionary, log};
 use super::error::reason;
+use super::info::Ratio;
 use super::sequence::Sequence;
+use super::unfinished::{Name, Unfinished};
 
 /// Bytes of standard input that are spooled unless asked otherwise.
 pub const SPOOL_LIMIT: u64 = 16 << 30;
+
+/// Frame rate of image sequences unless told otherwise, 1/s: FFmpeg's.
+pub const PICTURE_RATE: Ratio = Ratio { num: 25, den: 1 };
 
 /// A clip to read. Cheap to clone; a spooled copy is removed with the last clone.
 #[derive(Clone, Debug)]
@@ -25,13 +28,14 @@ pub struct Input {
     source: Source,
     start: Option<f64>,
     end: Option<f64>,
+    rate: Option<Ratio>,
 }
 
 #[derive(Clone, Debug)]
 enum Source {
     File(PathBuf),
     Sequence(Sequence),
-    Spooled(Arc<TempPath>),
+    Spooled(Arc<Unfinished>),
 }
 
 /// Limits of the temporary copy of standard input.
@@ -74,8 +78,16 @@ impl Input {
         Ok(Self::of(text, Source::File(path.to_owned())))
     }
 
+    /// Pictures as a clip, in the order given; `name` is what the user called them.
+    ///
+    /// # Errors
+    /// [`MediaError::Missing`], [`MediaError::MixedPictures`], [`MediaError::Spool`].
+    pub fn pictures(name: &str, files: Vec<PathBuf>) -> Result<Self, MediaError> {
+        Ok(Self::of(name, Source::Sequence(Sequence::of_pictures(name, files)?)))
+    }
+
     fn of(name: &str, source: Source) -> Self {
-        Self { name: name.to_owned(), source, start: None, end: None }
+        Self { name: name.to_owned(), source, start: None, end: None, rate: None }
     }
 
     /// Copies `reader` to a temporary file, which lives as long as the input.
@@ -85,14 +97,14 @@ impl Input {
     pub fn spool(reader: impl Read, options: &SpoolOptions) -> Result<Self, MediaError> {
         let place = || options.folder.clone();
         let fail = |source| MediaError::Spool { place: place(), source };
-        let mut file =
-            tempfile::Builder::new().prefix("plumbline-stdin-").tempfile_in(&options.folder).map_err(fail)?;
-        tracing::info!("copying standard input to {} (at most {} bytes)", file.path().display(), options.limit);
-        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), &mut file).map_err(fail)?;
+        let mut copy = Unfinished::private(&options.folder, &Name::beginning("plumbline-stdin-")).map_err(fail)?;
+        tracing::info!("copying standard input to {} (at most {} bytes)", copy.path().display(), options.limit);
+        let file = copy.file().ok_or_else(|| fail(std::io::ErrorKind::Unsupported.into()))?;
+        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), file).map_err(fail)?;
         match copied {
             0 => Err(MediaError::Empty { path: "standard input".into() }),
             n if n > options.limit => Err(MediaError::SpoolLimit { limit: options.limit, place: place() }),
-            _ => Ok(Self::of("standard input", Source::Spooled(Arc::new(file.into_temp_path())))),
+            _ => Ok(Self::of("standard input", Source::Spooled(Arc::new(copy)))),
         }
     }
 
@@ -109,6 +121,22 @@ impl Input {
         Ok(Self { start: start.filter(|s| *s > 0.0), end, ..self })
     }
 
+    /// An image sequence at `rate`, 1/s; [`PICTURE_RATE`] unless set.
+    ///
+    /// # Errors
+    /// [`MediaError::OwnTimes`] for anything but an image sequence.
+    pub fn at_rate(self, rate: Ratio) -> Result<Self, MediaError> {
+        if !self.is_sequence() {
+            return Err(MediaError::OwnTimes { path: self.name });
+        }
+        Ok(Self { rate: Some(rate), ..self })
+    }
+
+    /// The frame rate that was assumed, 1/s: of an image sequence for which none was given.
+    pub fn assumed_rate(&self) -> Option<Ratio> {
+        (self.is_sequence() && self.rate.is_none()).then_some(PICTURE_RATE)
+    }
+
     /// The input as the user named it.
     pub fn name(&self) -> &str {
         &self.name
@@ -118,8 +146,17 @@ impl Input {
     pub fn path(&self) -> &Path {
         match &self.source {
             Source::File(path) => path,
-            Source::Sequence(sequence) => sequence.first_file(),
-            Source::Spooled(path) => path,
+            Source::Sequence(sequence) => sequence.files().first().map_or(Path::new(""), PathBuf::as_path),
+            Source::Spooled(copy) => copy.path(),
+        }
+    }
+
+    /// All files that are read.
+    pub(super) fn files(&self) -> &[PathBuf] {
+        match &self.source {
+            Source::File(path) => std::slice::from_ref(path),
+            Source::Sequence(sequence) => sequence.files(),
+            Source::Spooled(_) => &[],
         }
     }
 
@@ -140,7 +177,7 @@ impl Input {
         self.start.is_some() || self.end.is_some()
     }
 
-    /// True for a numbered image sequence.
+    /// True for an image sequence.
     pub fn is_sequence(&self) -> bool {
         matches!(self.source, Source::Sequence(_))
     }
@@ -152,7 +189,9 @@ impl Input {
         let options = Dictionary::new().with("protocol_whitelist", "file,pipe,crypto,data");
         let opened = match &self.source {
             Source::Sequence(sequence) => {
-                let options = options.with("start_number", &sequence.first().to_string()).with("framerate", "25");
+                let rate = self.rate.unwrap_or(PICTURE_RATE);
+                let options =
+                    options.with("start_number", &sequence.first().to_string()).with("framerate", &rate.to_string());
                 Demuxer::open(sequence.pattern(), Some("image2"), options)
             }
             _ => Demuxer::open(&local_url(self.path()), None, options),

@@ -1,13 +1,14 @@
 //! Where a result goes, and how it gets there in one piece.
 //!
-//! A file is written beside its target as `name.partial-<pid>-<random>.ext`, synced and renamed last. Whatever happens
-//! before that, nothing stands under the final name and the input is untouched.
+//! A file is written beside its target ([`Unfinished`]), synced and renamed last. Whatever happens before that, nothing stands
+//! under the final name and the input is untouched.
 
-use std::fs::File;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
 use super::sequence::{Pattern, muxer_pattern};
+use super::unfinished::{Name, Unfinished, folder_of};
 use super::{Input, MediaError};
 
 /// A target to write.
@@ -96,13 +97,14 @@ impl Output {
             return Ok(());
         }
         let occupied = match &self.target {
-            Target::Sequence(path) => first_of_sequence(path),
-            _ => path.symlink_metadata().is_ok().then(|| path.to_owned()),
+            Target::Sequence(path) => files_of_sequence(path),
+            _ => path.symlink_metadata().is_ok().then(|| path.to_owned()).into_iter().collect(),
         };
-        if same_file(path, source.path()) || occupied.as_deref().is_some_and(|o| same_file(o, source.path())) {
+        let inputs: HashSet<Identity> = source.files().iter().filter_map(|f| identity(f)).collect();
+        if occupied.iter().any(|o| identity(o).is_some_and(|i| inputs.contains(&i))) {
             return Err(MediaError::TargetIsInput { path: path.to_owned() });
         }
-        match occupied {
+        match occupied.into_iter().next() {
             Some(path) if path.is_dir() => Err(MediaError::Unwritable { path, reason: "it is a folder".into() }),
             Some(path) if !overwrite => Err(MediaError::TargetExists { path }),
             _ => Ok(()),
@@ -124,55 +126,49 @@ fn streams(container: &str) -> bool {
     matches!(container, "matroska" | "webm" | "mpegts" | "nut" | "mp4" | "mov")
 }
 
-/// The device and inode tell, so that links in any disguise are seen through.
-fn same_file(a: &Path, b: &Path) -> bool {
-    let (Ok(a), Ok(b)) = (a.metadata(), b.metadata()) else { return false };
+/// Device and inode, so that links in any disguise are seen through.
+#[cfg(unix)]
+type Identity = (u64, u64);
+/// The file's place without links.
+#[cfg(not(unix))]
+type Identity = PathBuf;
+
+fn identity(path: &Path) -> Option<Identity> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
-        a.dev() == b.dev() && a.ino() == b.ino()
+        path.metadata().ok().map(|meta| (meta.dev(), meta.ino()))
     }
     #[cfg(not(unix))]
     {
-        a.len() == b.len() && a.created().ok() == b.created().ok() && a.modified().ok() == b.modified().ok()
+        path.canonicalize().ok()
     }
 }
 
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn first_of_sequence(path: &Path) -> Option<PathBuf> {
-    let pattern = Pattern::parse(path.file_name()?.to_str()?)?;
+fn files_of_sequence(path: &Path) -> Vec<PathBuf> {
+    let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else { return Vec::new() };
     let matches = |p: &PathBuf| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| pattern.number(n).is_some());
-    std::fs::read_dir(folder_of(path)).ok()?.filter_map(|e| Some(e.ok()?.path())).find(matches)
+    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten();
+    entries.filter_map(|e| Some(e.ok()?.path())).filter(matches).collect()
 }
 
 /// An unfinished result; dropped without [`Partial::publish`] it is removed.
 #[derive(Debug)]
 pub(super) enum Partial {
     Stdout,
-    File { partial: PathBuf, target: PathBuf, done: bool },
-    Folder { partial: tempfile::TempDir, target: PathBuf },
+    File { partial: Unfinished, target: PathBuf },
+    Folder { partial: Unfinished, target: PathBuf },
 }
 
 impl Partial {
     fn file(target: &Path) -> Result<Self, MediaError> {
-        let stem = target.file_stem().unwrap_or_default().to_string_lossy();
-        let extension = target.extension().unwrap_or_default().to_string_lossy();
-        let random: String = (0..8).map(|_| fastrand::alphanumeric()).collect();
-        let name = format!("{stem}.partial-{}-{random}.{extension}", std::process::id());
-        let partial = target.with_file_name(name);
-        File::create_new(&partial).map_err(|e| MediaError::writing_io(target, &e))?;
-        Ok(Self::File { partial, target: target.to_owned(), done: false })
+        let partial = Unfinished::beside(target).map_err(|e| MediaError::writing_io(target, &e))?;
+        Ok(Self::File { partial, target: target.to_owned() })
     }
 
     fn folder(target: &Path) -> Result<Self, MediaError> {
-        let prefix = format!("sequence.partial-{}-", std::process::id());
-        let partial = tempfile::Builder::new()
-            .prefix(&prefix)
-            .tempdir_in(folder_of(target))
-            .map_err(|e| MediaError::writing_io(target, &e))?;
+        let partial = Unfinished::folder(folder_of(target), &Name::beginning("sequence.partial-"));
+        let partial = partial.map_err(|e| MediaError::writing_io(target, &e))?;
         Ok(Self::Folder { partial, target: target.to_owned() })
     }
 
@@ -180,49 +176,19 @@ impl Partial {
     pub(super) fn url(&self) -> String {
         match self {
             Self::Stdout => "pipe:1".into(),
-            Self::File { partial, .. } => super::input::local_url(partial),
+            Self::File { partial, .. } => super::input::local_url(partial.path()),
             Self::Folder { partial, target } => muxer_pattern(partial.path(), &target.to_string_lossy()),
         }
     }
 
     /// Syncs the finished result to the disk and gives it its name.
-    pub(super) fn publish(mut self) -> Result<(), MediaError> {
-        match &mut self {
+    pub(super) fn publish(self) -> Result<(), MediaError> {
+        match self {
             Self::Stdout => Ok(()),
-            Self::File { partial, target, done } => {
-                move_synced(partial, target).map_err(|e| MediaError::writing_io(target, &e))?;
-                *done = true;
-                Ok(())
-            }
+            Self::File { partial, target } => partial.publish(&target).map_err(|e| MediaError::writing_io(&target, &e)),
             Self::Folder { partial, target } => {
-                publish_folder(partial.path(), folder_of(target)).map_err(|e| MediaError::writing_io(target, &e))
+                partial.publish_into(folder_of(&target)).map_err(|e| MediaError::writing_io(&target, &e))
             }
-        }
-    }
-}
-
-fn publish_folder(partial: &Path, folder: &Path) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(partial)? {
-        let entry = entry?;
-        move_synced(&entry.path(), &folder.join(entry.file_name()))?;
-    }
-    Ok(())
-}
-
-fn move_synced(from: &Path, to: &Path) -> std::io::Result<()> {
-    File::options().write(true).open(from)?.sync_all()?;
-    std::fs::rename(from, to)?;
-    // The name itself lasts once the folder is synced; file systems that cannot do that still hold the data.
-    if let Ok(folder) = File::open(folder_of(to)) {
-        let _ = folder.sync_all();
-    }
-    Ok(())
-}
-
-impl Drop for Partial {
-    fn drop(&mut self) {
-        if let Self::File { partial, done: false, .. } = self {
-            let _ = std::fs::remove_file(partial);
         }
     }
 }

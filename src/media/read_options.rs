@@ -2,12 +2,18 @@
 
 use serde::Serialize;
 
+use super::FieldOrder;
+
 /// What to do with interlaced pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Deinterlace {
-    /// Rebuild the missing lines of the earlier field (module `deinterlace`); whole pictures pass untouched.
+    /// Rebuild the missing lines of the earlier field (module `deinterlace`) in pictures flagged as interlaced.
     #[default]
     Auto,
+    /// The same in all pictures, which have the top field first.
+    Top,
+    /// The same in all pictures, which have the bottom field first.
+    Bottom,
     /// Stop with [`super::MediaError::Interlaced`].
     Refuse,
     /// Deliver the woven lines as they are.
@@ -40,6 +46,8 @@ pub struct ReadReport {
     pub retimed: u64,
     /// Frames that were deinterlaced.
     pub deinterlaced: u64,
+    /// Pictures without a flag look interlaced, in this order.
+    pub unflagged_fields: Option<FieldOrder>,
     /// The file ended before its own index says.
     pub truncated: bool,
 }

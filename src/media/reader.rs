@@ -12,12 +12,13 @@ use std::collections::VecDeque;
 use super::av::{AvError, AvFrame, Decoder, Demuxer, Packet, Rational};
 use super::clock::Clock;
 use super::deinterlace::Deinterlacer;
+use super::fields::FieldDetector;
 use super::info::{FieldOrder, HdrBytes, Ratio, VideoInfo, orientation};
 use super::losses::Losses;
 use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
 use super::{Input, MediaError, ReadOptions, ReadReport};
-use crate::image::Frame;
+use crate::image::{Frame, FrameBuffer};
 use crate::time::{Timebase, Timestamp};
 
 /// Read errors in a row after which a file counts as ended: a demuxer that makes no headway would never stop.
@@ -29,6 +30,7 @@ pub struct VideoReader {
     core: Core,
     unpacker: Unpacker,
     deinterlacer: Deinterlacer,
+    fields: FieldDetector,
     info: VideoInfo,
     clock: Clock,
     span: Span,
@@ -67,7 +69,9 @@ impl VideoReader {
         let clock = Clock::new(info.mean_ticks());
         let deinterlacer = Deinterlacer::new(options.deinterlace);
         let ready = VecDeque::new();
-        let mut this = Self { name, core, unpacker, deinterlacer, info, clock, span, ready, report, ended: false };
+        let fields = FieldDetector::default();
+        let mut this =
+            Self { name, core, unpacker, deinterlacer, fields, info, clock, span, ready, report, ended: false };
         this.accept(first)?;
         Ok(this)
     }
@@ -103,6 +107,7 @@ impl VideoReader {
         self.ended = true;
         self.report.lost = self.core.losses.at_end() as u64;
         let complete = self.info.frames_estimate.is_none_or(|n| self.core.packets >= n);
+        self.report.unflagged_fields = self.fields.verdict();
         self.report.truncated |= self.span.is_whole() && !complete;
         if self.report.bad_packets > 0 || self.report.truncated {
             tracing::warn!("{}: {}", self.name, self.report);
@@ -134,15 +139,19 @@ impl VideoReader {
         let extra = extra(&picture);
         let fields = picture.is_interlaced().then(|| picture.is_top_first());
         let planar = self.unpacker.unpack(picture)?;
-        let planar = match fields {
-            Some(_) if self.deinterlacer.refuses() => {
-                return Err(MediaError::Interlaced { path: self.name.clone(), frame: index });
-            }
-            Some(top_first) if self.deinterlacer.is_active() => {
+        if fields.is_some() && self.deinterlacer.refuses() {
+            return Err(MediaError::Interlaced { path: self.name.clone(), frame: index });
+        }
+        if fields.is_none() && self.deinterlacer.trusts_flags() {
+            let (size, bytes) = (planar.frame().size(), planar.format().bytes_per_sample());
+            self.fields.push(planar.plane(0), size, bytes);
+        }
+        let planar = match self.deinterlacer.order(fields) {
+            Some(top_first) => {
                 self.report.deinterlaced += 1;
                 self.deinterlacer.field(planar, top_first, self.unpacker.blank()?)
             }
-            _ => self.deinterlacer.whole(planar),
+            None => self.deinterlacer.whole(planar),
         };
         let (pts, retimed) = self.clock.tick(pts, duration);
         self.report.retimed += u64::from(retimed);

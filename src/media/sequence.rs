@@ -1,15 +1,22 @@
-//! Numbered image sequences: `frames/%05d.png`.
+//! Image sequences: by a numbered pattern such as `frames/%05d.png`, or from any pictures in a given order.
+//!
+//! FFmpeg counts through a pattern and takes the first number that is missing for the end, so gaps are refused here. Pictures
+//! without such numbers are linked under numbers in a temporary folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::MediaError;
+use super::unfinished::{Name, Unfinished};
 
-/// A pattern and the first number that exists for it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A pattern, the first number that exists for it, and all its files.
+#[derive(Clone, Debug)]
 pub(super) struct Sequence {
     pattern: String,
     first: u64,
-    first_file: PathBuf,
+    files: Vec<PathBuf>,
+    /// Holds the links, if any.
+    _links: Option<Arc<Unfinished>>,
 }
 
 /// A file name with one number in it: the text before, the text after and the least number of digits.
@@ -42,7 +49,7 @@ impl Sequence {
     /// The sequence that `text` names; `None` where it is no pattern.
     ///
     /// # Errors
-    /// [`MediaError::Missing`] where no file matches.
+    /// [`MediaError::Missing`] where no file matches, [`MediaError::Gap`] where a number is missing in between.
     pub(super) fn find(text: &str) -> Result<Option<Self>, MediaError> {
         let path = Path::new(text);
         let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else {
@@ -55,8 +62,41 @@ impl Sequence {
             let e = e.ok()?;
             Some((pattern.number(e.file_name().to_str()?)?, e.path()))
         });
-        let (first, first_file) = numbered.min().ok_or_else(missing)?;
-        Ok(Some(Self { pattern: muxer_pattern(folder, text), first, first_file }))
+        let mut numbered: Vec<(u64, PathBuf)> = numbered.collect();
+        numbered.sort();
+        let first = numbered.first().ok_or_else(missing)?.0;
+        if let Some(gap) = (first..).zip(&numbered).find_map(|(n, (found, _))| (n != *found).then_some(n)) {
+            let last = numbered.last().map_or(gap, |l| l.0);
+            return Err(MediaError::Gap { path: text.to_owned(), missing: gap, first, last });
+        }
+        let files = numbered.into_iter().map(|(_, file)| file).collect();
+        Ok(Some(Self { pattern: muxer_pattern(folder, text), first, files, _links: None }))
+    }
+
+    /// `files` in this order; `name` is what the user called them.
+    ///
+    /// # Errors
+    /// [`MediaError::Missing`] without a file, [`MediaError::MixedPictures`] where they are of several kinds,
+    /// [`MediaError::Spool`] where the links cannot be made.
+    pub(super) fn of_pictures(name: &str, files: Vec<PathBuf>) -> Result<Self, MediaError> {
+        let kind = |file: &PathBuf| file.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let mut kinds: Vec<String> = files.iter().map(kind).collect();
+        kinds.sort();
+        kinds.dedup();
+        let [extension] = kinds.as_slice() else {
+            let path = name.to_owned();
+            let mixed = MediaError::MixedPictures { path: path.clone(), kinds: kinds.join(", ") };
+            return Err(if kinds.is_empty() { MediaError::Missing { path } } else { mixed });
+        };
+        let place = std::env::temp_dir();
+        let fail = |source| MediaError::Spool { place: place.clone(), source };
+        let links = Unfinished::folder(&place, &Name::beginning("plumbline-pictures-")).map_err(fail)?;
+        for (number, file) in files.iter().enumerate() {
+            let target = std::path::absolute(file).map_err(fail)?;
+            link(&target, &links.path().join(format!("{number:08}.{extension}"))).map_err(fail)?;
+        }
+        let pattern = muxer_pattern(links.path(), &format!("%08d.{extension}"));
+        Ok(Self { pattern, first: 0, files, _links: Some(Arc::new(links)) })
     }
 
     /// The pattern as FFmpeg takes it.
@@ -68,9 +108,20 @@ impl Sequence {
         self.first
     }
 
-    pub(super) fn first_file(&self) -> &Path {
-        &self.first_file
+    /// All its files, in order; there is at least one.
+    pub(super) fn files(&self) -> &[PathBuf] {
+        &self.files
     }
+}
+
+#[cfg(unix)]
+fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+    std::os::unix::fs::symlink(target, name)
+}
+
+#[cfg(not(unix))]
+fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+    std::fs::hard_link(target, name).or_else(|_| std::fs::copy(target, name).map(drop))
 }
 
 /// The pattern `text` inside `folder` as FFmpeg takes it: percent signs of the folder's name are doubled.
@@ -99,7 +150,7 @@ mod tests {
     #[test]
     fn a_sequence_begins_at_its_lowest_number() {
         let folder = tempfile::tempdir().expect("temporary folder");
-        for n in [12, 7, 9] {
+        for n in [9, 7, 8] {
             std::fs::write(folder.path().join(format!("f{n:03}.png")), b"x").expect("write");
         }
         let text = folder.path().join("f%03d.png");
@@ -107,5 +158,31 @@ mod tests {
         assert_eq!(Sequence::find(text).expect("found").map(|s| s.first()), Some(7));
         let other = text.replace("f%", "g%");
         assert!(matches!(Sequence::find(&other), Err(MediaError::Missing { .. })));
+        std::fs::write(folder.path().join("f012.png"), b"x").expect("write");
+        let gap = Sequence::find(text).expect_err("10 and 11 are missing").to_string();
+        assert!(gap.contains("number 10 is missing (7 to 12 are there in part)"), "{gap}");
+    }
+
+    #[test]
+    fn pictures_of_any_name_are_numbered_in_the_order_given() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let files: Vec<_> = ["b.png", "a.PNG"].map(|n| folder.path().join(n)).into();
+        for file in &files {
+            std::fs::write(file, file.to_str().expect("UTF-8")).expect("write");
+        }
+        let sequence = Sequence::of_pictures("x", files.clone()).expect("made");
+        let read = |n: &str| std::fs::read_to_string(sequence.pattern().replace("%08d", n)).expect("linked");
+        assert_eq!(
+            (read("00000000"), read("00000001")),
+            (files[0].display().to_string(), files[1].display().to_string())
+        );
+        let place = Path::new(sequence.pattern()).parent().expect("a folder").to_owned();
+        drop(sequence);
+        assert!(!place.exists() && files[0].exists(), "the links go, the pictures stay");
+        let mixed = Sequence::of_pictures("x", vec!["a.png".into(), "b.jpg".into()]).expect_err("refused");
+        assert_eq!(
+            mixed.to_string(),
+            "x: holds pictures of several kinds (jpg, png); name one kind, such as 'x/*.jpg'"
+        );
     }
 }

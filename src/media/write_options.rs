@@ -1,21 +1,30 @@
 //! How to write a result, and what became of it.
 
-use serde::Serialize;
+use std::fmt;
+use std::str::FromStr;
 
-/// Video codecs to write.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
+use clap::ValueEnum;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::Input;
+
+/// How the pictures are coded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Codec {
-    /// H.264 / AVC: plays everywhere.
+    /// H.264: plays everywhere
     #[default]
     H264,
-    /// H.265 / HEVC: smaller, 12 bit, HDR.
+    /// H.265: smaller, slower
+    #[serde(alias = "h265")]
+    #[value(alias = "h265")]
     Hevc,
-    /// AV1: smallest, slow.
+    /// AV1: smallest, slowest
     Av1,
-    /// Apple ProRes: large, for editing; 10 bit, alpha in 4444.
+    /// Apple ProRes 422: large, for editing
     Prores,
-    /// FFV1: without loss, any depth, alpha.
+    /// FFV1: lossless
     Ffv1,
 }
 
@@ -23,7 +32,7 @@ impl Codec {
     /// All codecs, in the order in which they are offered.
     pub const ALL: [Self; 5] = [Self::H264, Self::Hevc, Self::Av1, Self::Prores, Self::Ffv1];
 
-    /// The name on the command line.
+    /// The name in files and options.
     pub const fn name(self) -> &'static str {
         match self {
             Self::H264 => "h264",
@@ -33,17 +42,88 @@ impl Codec {
             Self::Ffv1 => "ffv1",
         }
     }
+
+    /// The worst constant quality on the codec's scale, which begins at 0; `None` where it has no such setting.
+    pub const fn crf_max(self) -> Option<f64> {
+        match self {
+            Self::H264 | Self::Hevc => Some(51.0),
+            Self::Av1 => Some(63.0),
+            Self::Prores | Self::Ffv1 => None,
+        }
+    }
 }
 
-impl std::str::FromStr for Codec {
+/// Which encoder of a codec.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum EncoderWish {
+    /// The usual one that runs on the processor.
+    #[default]
+    Software,
+    /// One that runs on a device, where one opens and loses nothing; else in software.
+    Auto,
+    /// One that runs on a device.
+    Hardware,
+    /// The one of this name in FFmpeg (`h264_nvenc`, `libaom-av1`).
+    Named(String),
+}
+
+impl FromStr for EncoderWish {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wanted = text.to_ascii_lowercase();
-        let known = || Self::ALL.map(Self::name).join(", ");
-        let found = Self::ALL.into_iter().find(|c| c.name() == wanted);
-        found.ok_or_else(|| format!("unknown codec \"{text}\"; one of {}", known()))
+        let named = !text.is_empty() && text.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-');
+        match text {
+            "software" => Ok(Self::Software),
+            "auto" => Ok(Self::Auto),
+            "hardware" => Ok(Self::Hardware),
+            _ if named => Ok(Self::Named(text.to_owned())),
+            _ => Err(format!("`{text}` is no encoder (expected software, auto, hardware, or FFmpeg's name of one)")),
+        }
     }
+}
+
+impl fmt::Display for EncoderWish {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Software => "software",
+            Self::Auto => "auto",
+            Self::Hardware => "hardware",
+            Self::Named(name) => name,
+        })
+    }
+}
+
+impl Serialize for EncoderWish {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for EncoderWish {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        String::deserialize(d)?.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+impl JsonSchema for EncoderWish {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "EncoderWish".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"type": "string", "pattern": "^[A-Za-z0-9_-]+$"})
+    }
+}
+
+/// Where everything beside the pictures comes from: audio, subtitles, data, chapters and tags.
+#[derive(Clone, Debug, Default)]
+pub enum Companions {
+    /// The clip that the pictures come from.
+    #[default]
+    OfSource,
+    /// Another clip.
+    Of(Input),
+    /// Nowhere: the file holds the pictures alone.
+    None,
 }
 
 /// Options of [`super::VideoWriter::create`].
@@ -51,8 +131,8 @@ impl std::str::FromStr for Codec {
 pub struct WriteOptions {
     /// Codec of the video.
     pub codec: Codec,
-    /// An encoder of FFmpeg by its own name (`h264_nvenc`, `libaom-av1`) instead of the codec's usual one.
-    pub encoder: Option<String>,
+    /// Which of the codec's encoders.
+    pub encoder: EncoderWish,
     /// Constant quality, in the codec's own scale (0 to 51, AV1 0 to 63); lower is better and larger. The default is 18
     /// for H.264, 20 for HEVC, 25 for AV1: no visible loss.
     pub crf: Option<f64>,
@@ -64,6 +144,8 @@ pub struct WriteOptions {
     pub threads: usize,
     /// Replace an existing target.
     pub overwrite: bool,
+    /// Where everything beside the pictures comes from.
+    pub companions: Companions,
     /// Make an error of everything that would be lost: depth, chroma, alpha, streams.
     pub strict: bool,
 }
@@ -90,11 +172,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_codec_is_found_by_its_name() {
+    fn every_codec_reads_its_own_name() {
         for codec in Codec::ALL {
-            assert_eq!(codec.name().to_uppercase().parse(), Ok(codec));
+            assert_eq!(Codec::from_str(codec.name(), false), Ok(codec));
+            assert_eq!(serde_json::to_value(codec).expect("JSON"), codec.name());
         }
-        let e = "xvid".parse::<Codec>().expect_err("unknown");
-        assert_eq!(e, "unknown codec \"xvid\"; one of h264, hevc, av1, prores, ffv1");
+        assert_eq!(Codec::value_variants(), Codec::ALL);
+    }
+
+    #[test]
+    fn wishes_print_what_they_read() {
+        for text in ["software", "auto", "hardware", "h264_nvenc", "libaom-av1"] {
+            assert_eq!(text.parse::<EncoderWish>().map(|w| w.to_string()), Ok(text.to_owned()));
+        }
+        assert!("".parse::<EncoderWish>().is_err() && "a b".parse::<EncoderWish>().is_err());
     }
 }

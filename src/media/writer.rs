@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::av::{Dictionary, Encoder, Muxer, OutputFormat, Packet, Rational};
+use super::av::{Demuxer, Dictionary, Encoder, Muxer, OutputFormat, Packet, Rational};
 use super::copier::Copier;
 use super::encoder_choice::{Choice, choose, choose_still, loss};
 use super::encoder_settings::settings;
@@ -14,7 +14,7 @@ use super::error::reason;
 use super::info::{VideoInfo, describe};
 use super::output::Partial;
 use super::surface::Surface;
-use super::{Input, MediaError, Output, WriteOptions, WriteReport, av};
+use super::{Companions, Input, MediaError, Output, WriteOptions, WriteReport, av};
 use crate::image::Frame;
 
 /// A file being written.
@@ -53,10 +53,17 @@ impl VideoWriter {
         av::log::forget();
         let fail = |e| MediaError::writing(output.path(), e);
         let mut muxer = Muxer::create(format, &partial.url()).map_err(fail)?;
-        let mut copier = if source.is_sequence() { None } else { Some(Copier::open(source)?) };
-        let video_stream = add_streams(&mut muxer, copier.as_mut(), &encoder, format, video, source, &mut warnings)
-            .map_err(|e| e.at(output))?;
-        let shift = copier.as_ref().map_or(0, |c| Rational::MICRO.rescale(-c.start_us(), video.av_timebase()));
+        let picture = source.demux()?;
+        let start_us = source.span_us(&picture).0.unwrap_or(0);
+        let mut copier = donor(source, options).map(Copier::open).transpose()?;
+        let own = matches!(options.companions, Companions::OfSource);
+        let template = Template { encoder: &encoder, picture: &picture, video, own };
+        let video_stream =
+            template.add_streams(&mut muxer, copier.as_mut(), format, &mut warnings).map_err(|e| e.at(output))?;
+        if let Some(copier) = &copier {
+            muxer.set_chapters(&super::chapters::trimmed(copier.source(), copier.clip())).map_err(fail)?;
+        }
+        let shift = Rational::MICRO.rescale(-start_us, video.av_timebase());
         if output.is_sequence() {
             copier = None;
         }
@@ -188,6 +195,17 @@ impl Warnings {
     }
 }
 
+/// The clip that everything beside the pictures comes from.
+fn donor<'i>(source: &'i Input, options: &'i WriteOptions) -> Option<&'i Input> {
+    let donor = match &options.companions {
+        Companions::OfSource => source,
+        Companions::Of(other) => other,
+        Companions::None => return None,
+    };
+    (!donor.is_sequence()).then_some(donor)
+}
+
+/// Opens the first encoder that takes the video; what only the last one refuses is an error.
 fn open_encoder(
     output: &Output,
     format: OutputFormat,
@@ -195,11 +213,33 @@ fn open_encoder(
     options: &WriteOptions,
     warnings: &mut Warnings,
 ) -> Result<(Choice, Encoder, Surface), MediaError> {
-    let mut choice = if output.is_sequence() {
-        choose_still(&output.path().extension().unwrap_or_default().to_string_lossy(), video.format)?
+    let choices = if output.is_sequence() {
+        vec![choose_still(&output.path().extension().unwrap_or_default().to_string_lossy(), video.format)?]
     } else {
-        choose(options.codec, options.encoder.as_deref(), video.format)?
+        choose(options.codec, &options.encoder, video.format)?
     };
+    let mut opened = Err(MediaError::Internal { doing: "choosing an encoder".into(), reason: "none is left".into() });
+    for choice in choices {
+        let mut losses = Warnings { strict: warnings.strict, list: Vec::new() };
+        opened = open_choice(choice, format, video, options, &mut losses);
+        match &opened {
+            Ok(_) => {
+                warnings.list.append(&mut losses.list);
+                break;
+            }
+            Err(e) => tracing::info!("{e}"),
+        }
+    }
+    opened
+}
+
+fn open_choice(
+    mut choice: Choice,
+    format: OutputFormat,
+    video: &VideoInfo,
+    options: &WriteOptions,
+    warnings: &mut Warnings,
+) -> Result<(Choice, Encoder, Surface), MediaError> {
     if let Some(change) = super::odd_size::avoid(&mut choice, video, options.strict)? {
         warnings.add(change)?;
     }
@@ -247,35 +287,49 @@ impl From<MediaError> for AddError {
     }
 }
 
-/// Adds all streams in the source's order, chapters and tags. Returns the index of the video.
-fn add_streams(
-    muxer: &mut Muxer,
-    copier: Option<&mut Copier>,
-    encoder: &Encoder,
-    format: OutputFormat,
-    video: &VideoInfo,
-    source: &Input,
-    warnings: &mut Warnings,
-) -> Result<usize, AddError> {
-    let Some(copier) = copier else {
-        let demuxer = source.demux()?;
-        return Ok(muxer.add_encoded(encoder, demuxer.stream(video.stream))?);
-    };
-    let mut index = 0;
-    for i in 0..copier.source().stream_count() {
-        if i == video.stream {
-            copier.skip(i);
-            index = muxer.add_encoded(encoder, copier.source().stream(i))?;
-        } else if format.name() == "image2" {
-            copier.skip(i);
-        } else if let Some(lost) = copier.plan(i, muxer, format)? {
-            warnings.add(lost)?;
+/// What the stream of the pictures is made from.
+struct Template<'a> {
+    encoder: &'a Encoder,
+    picture: &'a Demuxer,
+    video: &'a VideoInfo,
+    /// The other streams come from the same clip.
+    own: bool,
+}
+
+impl Template<'_> {
+    /// Adds all streams, in the order of the clip where they are of one, and tags. Returns the index of the video.
+    fn add_streams(
+        &self,
+        muxer: &mut Muxer,
+        copier: Option<&mut Copier>,
+        format: OutputFormat,
+        warnings: &mut Warnings,
+    ) -> Result<usize, AddError> {
+        let Some(copier) = copier else { return self.add_video(muxer) };
+        let pictures = if self.own { Some(self.video.stream) } else { copier.source().best_video() };
+        let mut index = if self.own { None } else { Some(self.add_video(muxer)?) };
+        for i in 0..copier.source().stream_count() {
+            if Some(i) == pictures {
+                copier.skip(i);
+                if self.own {
+                    index = Some(self.add_video(muxer)?);
+                }
+            } else if format.name() == "image2" {
+                copier.skip(i);
+            } else if let Some(lost) = copier.plan(i, muxer, format)? {
+                warnings.add(lost)?;
+            }
         }
+        muxer.set_metadata(muxer_tags(Some(copier)));
+        index.map_or_else(|| self.add_video(muxer), Ok)
     }
-    muxer.set_hdr(index, video.hdr.mastering.as_deref(), video.hdr.light.as_deref())?;
-    muxer.set_metadata(muxer_tags(Some(copier)));
-    muxer.set_chapters(&super::chapters::trimmed(copier.source(), source))?;
-    Ok(index)
+
+    fn add_video(&self, muxer: &mut Muxer) -> Result<usize, AddError> {
+        let index = muxer.add_encoded(self.encoder, self.picture.stream(self.video.stream))?;
+        let hdr = &self.video.hdr;
+        muxer.set_hdr(index, hdr.mastering.as_deref(), hdr.light.as_deref())?;
+        Ok(index)
+    }
 }
 
 /// Tags of the whole file; those that describe the old container are left out.

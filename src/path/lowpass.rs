@@ -3,7 +3,7 @@
 /// The signal convolved with a Gaussian of `sigma` samples, cut off at four sigma; below 0.3 samples it stays itself.
 ///
 /// Beyond its ends the signal is continued by point reflection, `x₋ₖ = 2x₀ − xₖ`, so a straight line stays that line.
-pub(super) fn lowpass(x: &[f64], sigma: f64) -> Vec<f64> {
+pub(crate) fn lowpass(x: &[f64], sigma: f64) -> Vec<f64> {
     let (&[first, .., last], true) = (x, sigma >= 0.3) else { return x.to_vec() };
     let (n, kernel) = (x.len(), half_kernel(sigma));
     let before = |i: usize, k: usize| if k <= i { x[i - k] } else { 2.0 * first - x[(k - i).min(n - 1)] };

@@ -29,6 +29,7 @@ use std::ops::Range;
 use crate::math::{Homography, Similarity2};
 use crate::optim::qp::QpError;
 
+pub(crate) use lowpass::lowpass;
 pub use plan::plan;
 pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
 

@@ -30,6 +30,52 @@ pub fn expand(patterns: &[String], base: Option<&Path>) -> Result<Vec<PathBuf>, 
     Ok(out)
 }
 
+/// Extensions of pictures: what an image sequence is made of.
+pub const PICTURE_EXTENSIONS: [&str; 12] =
+    ["bmp", "dpx", "exr", "jp2", "jpeg", "jpg", "pgm", "png", "ppm", "tif", "tiff", "webp"];
+
+/// True for a name that ends like a picture's.
+pub fn is_picture(path: &Path) -> bool {
+    has_extension(path, &PICTURE_EXTENSIONS)
+}
+
+/// The pictures of an image sequence named by its folder or by a glob, in the order of their names, numbers in them by value.
+/// `None` where the text is neither, or names anything but pictures.
+pub fn pictures(text: &str) -> Option<Vec<PathBuf>> {
+    let path = Path::new(text);
+    let mut found = if path.is_dir() {
+        files_in(path, &PICTURE_EXTENSIONS)
+    } else if is_glob(text) && !path.exists() {
+        expand_one(path).ok()?
+    } else {
+        return None;
+    };
+    if found.is_empty() || !found.iter().all(|p| is_picture(p)) {
+        return None;
+    }
+    found.sort_by_cached_key(|p| natural(&p.to_string_lossy()));
+    Some(found)
+}
+
+/// Text cut into runs of other characters and numbers, which compare by value: `f9` before `f10`.
+fn natural(text: &str) -> Vec<(String, u128)> {
+    let mut out = vec![(String::new(), 0_u128)];
+    let mut digits = false;
+    for c in text.chars() {
+        if digits && !c.is_ascii_digit() {
+            out.push((String::new(), 0));
+        }
+        digits = c.is_ascii_digit();
+        if let Some((run, number)) = out.last_mut() {
+            match c.to_digit(10).filter(|_| digits) {
+                Some(d) => *number = number.saturating_mul(10).saturating_add(u128::from(d)),
+                None => run.push(c),
+            }
+        }
+    }
+    out
+}
+
 /// True where the text may mean more than one name.
 pub fn is_glob(pattern: &str) -> bool {
     let choice = pattern
@@ -42,7 +88,7 @@ pub fn is_glob(pattern: &str) -> bool {
 fn expand_one(pattern: &Path) -> Result<Vec<PathBuf>, String> {
     let text = pattern.to_string_lossy();
     if pattern.is_dir() {
-        return Ok(clips_in(pattern));
+        return Ok(files_in(pattern, &CLIP_EXTENSIONS));
     }
     if pattern.exists() || !is_glob(&text) {
         return Ok(vec![pattern.to_owned()]);
@@ -58,13 +104,14 @@ fn expand_one(pattern: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(found)
 }
 
-fn clips_in(folder: &Path) -> Vec<PathBuf> {
+fn has_extension(path: &Path, known: &[&str]) -> bool {
+    path.extension().is_some_and(|e| known.contains(&e.to_string_lossy().to_ascii_lowercase().as_str()))
+}
+
+fn files_in(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
-    let is_clip = |path: &PathBuf| {
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        path.is_file() && CLIP_EXTENSIONS.contains(&extension.as_str())
-    };
-    let mut found: Vec<PathBuf> = entries.map(|e| e.path()).filter(is_clip).collect();
+    let wanted = |path: &PathBuf| path.is_file() && has_extension(path, extensions);
+    let mut found: Vec<PathBuf> = entries.map(|e| e.path()).filter(wanted).collect();
     found.sort();
     found
 }
@@ -107,6 +154,25 @@ mod tests {
 
     fn names(found: &[PathBuf], root: &Path) -> Vec<String> {
         found.iter().map(|p| p.strip_prefix(root).unwrap_or(p).display().to_string()).collect()
+    }
+
+    #[test]
+    fn pictures_are_ordered_by_the_numbers_in_their_names() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let all = ["f10.png", "f9.png", "f9a.png", "g1.png", "f009.png"];
+        for name in all.iter().chain(&["notes.txt"]) {
+            std::fs::write(folder.path().join(name), "").expect("a small file");
+        }
+        let text = folder.path().to_string_lossy().into_owned();
+        let found = |text: &str| pictures(text).map(|found| names(&found, folder.path()));
+        let expected: Vec<String> = ["f009.png", "f9.png", "f9a.png", "f10.png", "g1.png"].map(str::to_owned).into();
+        let mut listed = found(&text).expect("a folder of pictures");
+        listed[..2].sort();
+        assert_eq!(listed, expected);
+        assert_eq!(found(&format!("{text}/g*.png")), Some(vec!["g1.png".to_owned()]));
+        assert_eq!(found(&format!("{text}/*")), None, "not all are pictures");
+        assert_eq!(found(&format!("{text}/h*.png")), None, "nothing");
+        assert_eq!(found(&format!("{text}/f9.png")), None, "one picture is no sequence");
     }
 
     #[test]

@@ -50,5 +50,5 @@ pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::schema;
 pub use settings::number_for;
-pub use summary::{SegmentSummary, Summary};
+pub use summary::{InputSummary, SegmentSummary, Shake, ShakeSummary, Summary};
 pub use syntax::Source;

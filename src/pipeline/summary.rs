@@ -6,8 +6,53 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::media::{Input, VideoInfo};
+
+/// What was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InputSummary {
+    /// As the user named it.
+    pub name: String,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// Mean frame rate, 1/s, where it is known.
+    pub fps: Option<f64>,
+    /// The rate was not given: pictures have none of their own.
+    pub fps_assumed: bool,
+}
+
+impl InputSummary {
+    /// Of a clip and what its decoder tells.
+    pub fn of(input: &Input, video: &VideoInfo) -> Self {
+        Self {
+            name: input.name().to_owned(),
+            size: (video.width as u32, video.height as u32),
+            fps: video.frame_rate.map(crate::media::Ratio::value),
+            fps_assumed: input.assumed_rate().is_some(),
+        }
+    }
+}
+
+/// How far the picture strays from its course, RMS: the sum of its motions against their Gaussian mean over 0.5 s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Shake {
+    /// Of its center, px of the source.
+    pub px: f64,
+    /// Of its angle, degrees.
+    pub deg: f64,
+}
+
+/// Shake of the clip as measured, and of what is shown of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShakeSummary {
+    /// As the camera held it.
+    pub before: Shake,
+    /// As the virtual camera shows it.
+    pub after: Shake,
+}
+
 /// The warp of one stretch of frames.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SegmentSummary {
     /// Frames, from 0.
     pub frames: Range<u64>,
@@ -15,19 +60,29 @@ pub struct SegmentSummary {
     pub mode: String,
     /// Why this mode.
     pub reason: String,
+    /// Part of the picture's width and height that was kept, mean over its frames.
+    pub crop: Option<f64>,
+    /// Shake before and after.
+    pub shake: Option<ShakeSummary>,
 }
 
 /// What was done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
+    /// The clip that was read.
+    pub input: Option<InputSummary>,
     /// Files written.
     pub outputs: Vec<PathBuf>,
     /// Frames written.
     pub frames: u64,
     /// Width and height of the output, px.
     pub size: Option<(u32, u32)>,
+    /// FFmpeg's name of the encoder.
+    pub encoder: Option<String>,
     /// Mode per segment.
     pub segments: Vec<SegmentSummary>,
+    /// Shake before and after, over the whole clip.
+    pub shake: Option<ShakeSummary>,
     /// Part of the picture's width and height that was kept, mean over the frames; 1 = all.
     pub crop: Option<f64>,
     /// Least part kept in any frame.
@@ -49,27 +104,67 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(input) = &self.input {
+            writeln!(f, "  read      {input}")?;
+        }
         let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
         writeln!(f, "  wrote     {}", outputs.join(", "))?;
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
-        writeln!(f, "  frames    {}{size}, in {:.1} s ({:.1} fps)", self.frames, self.seconds, self.fps())?;
+        let encoder = self.encoder.as_ref().map(|e| format!(", {e}")).unwrap_or_default();
+        writeln!(f, "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)", self.frames, self.seconds, self.fps())?;
+        if let Some(ShakeSummary { before, after }) = self.shake {
+            writeln!(f, "  shake     before {before}, after {after} (RMS, against the mean over 0.5 s)")?;
+        }
         if let Some(crop) = self.crop {
             let least = self.least_crop.map(|c| format!(", least {:.1} %", 100.0 * c)).unwrap_or_default();
             writeln!(f, "  crop      {:.1} % of width and height kept{least}", 100.0 * crop)?;
         }
         for segment in &self.segments {
-            let Range { start, end } = segment.frames;
-            writeln!(
-                f,
-                "  {:<9} frames {start} to {}: {}",
-                segment.mode,
-                end.saturating_sub(1).max(start),
-                segment.reason
-            )?;
+            write!(f, "  {segment}")?;
+            // One segment alone has the figures of the whole.
+            match segment.figures().filter(|_| self.segments.len() > 1) {
+                Some(figures) => writeln!(f, " ({figures})")?,
+                None => writeln!(f)?,
+            }
         }
         if let Some(readout) = self.readout_s {
             writeln!(f, "  rolling shutter corrected, readout {:.1} ms", 1e3 * readout)?;
         }
         self.warnings.iter().try_for_each(|w| writeln!(f, "  warning   {w}"))
+    }
+}
+
+impl fmt::Display for InputSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (width, height) = self.size;
+        write!(f, "{}, {width}×{height}", self.name)?;
+        if let Some(fps) = self.fps {
+            let text = format!("{fps:.3}");
+            write!(f, ", {} fps", text.trim_end_matches('0').trim_end_matches('.'))?;
+        }
+        if self.fps_assumed { f.write_str(" (assumed; --fps sets another)") } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for Shake {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} px and {:.2}°", self.px, self.deg)
+    }
+}
+
+impl fmt::Display for SegmentSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Range { start, end } = self.frames;
+        write!(f, "{:<9} frames {start} to {}: {}", self.mode, end.saturating_sub(1).max(start), self.reason)
+    }
+}
+
+impl SegmentSummary {
+    /// Its crop and shake in short.
+    fn figures(&self) -> Option<String> {
+        let crop = self.crop.map(|c| format!("crop {:.1} %", 100.0 * c));
+        let shake = self.shake.map(|s| format!("shake {:.2} to {:.2} px", s.before.px, s.after.px));
+        let figures: Vec<String> = crop.into_iter().chain(shake).collect();
+        (!figures.is_empty()).then(|| figures.join(", "))
     }
 }

@@ -1,4 +1,4 @@
-//! Values with a unit: positions in a clip, sizes in bytes, bit rates. Each reads what people write and prints what it reads.
+//! Values with a unit: positions in a clip, sizes in bytes, bit rates, frame rates. Each reads what people write and prints what it reads.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,6 +6,8 @@ use std::str::FromStr;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
+
+use crate::media::Ratio;
 
 /// A position in a clip: seconds from its start, ≥ 0. Written `12.5`, `"1:02.5"` or `"00:00:12.5"`.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -58,6 +60,77 @@ pub struct ByteSize(pub u64);
 /// A bit rate in bits per second, > 0. Written `6000000`, `"6M"`, `"800k"`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BitRate(pub u64);
+
+/// Frames per second, above 0 up to 1000. Written `24`, `"23.976"` or `"30000/1001"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRate(Ratio);
+
+impl FrameRate {
+    /// Largest rate, 1/s.
+    const MAX: f64 = 1000.0;
+
+    /// The rate as a fraction, 1/s.
+    pub fn ratio(self) -> Ratio {
+        self.0
+    }
+
+    /// Rates such as 23.976 and 59.94 mean `1000 n / 1001`; others are taken to the thousandth.
+    fn from_decimal(rate: f64) -> Option<Ratio> {
+        let nominal = (rate * 1.001).round();
+        let broadcast = (nominal / 1.001 - rate).abs() < 5e-4 && rate.fract() != 0.0;
+        let thousandths = (rate * 1e3).round();
+        match broadcast {
+            true => Ratio::new(nominal as i32 * 1000, 1001),
+            false if thousandths % 1e3 == 0.0 => Ratio::new(rate as i32, 1),
+            false => Ratio::new(thousandths as i32, 1000),
+        }
+    }
+}
+
+impl FromStr for FrameRate {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let ratio = match text.split_once('/') {
+            Some((num, den)) => num.parse().ok().zip(den.parse().ok()).and_then(|(num, den)| Ratio::new(num, den)),
+            None => text.parse().ok().filter(|r| *r > 0.0 && *r <= Self::MAX).and_then(Self::from_decimal),
+        };
+        let wrong =
+            || format!("`{text}` is no frame rate (expected frames per second above 0 up to 1000, or a fraction)");
+        ratio.filter(|r| r.value() <= Self::MAX).map(Self).ok_or_else(wrong)
+    }
+}
+
+impl fmt::Display for FrameRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.den == 1 { write!(f, "{}", self.0.num) } else { write!(f, "{}", self.0) }
+    }
+}
+
+impl<'de> Deserialize<'de> for FrameRate {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        number_or_text(d, "frames per second such as 24 or \"30000/1001\"")
+    }
+}
+
+impl Serialize for FrameRate {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        if self.0.den == 1 { s.serialize_i32(self.0.num) } else { s.collect_str(self) }
+    }
+}
+
+impl JsonSchema for FrameRate {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "FrameRate".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"anyOf": [
+            {"type": "number", "exclusiveMinimum": 0, "maximum": 1000},
+            {"type": "string", "pattern": "^[0-9.]+(/[0-9]+)?$"}
+        ]})
+    }
+}
 
 const BYTE_UNITS: [(&str, f64); 7] = [
     ("KiB", 1024.0),
@@ -226,6 +299,28 @@ mod tests {
         }
         for text in ["", "-1", "nan", "inf", "1e3", "1:2:3:4", "1:75", "a:10", "1::2"] {
             assert!(text.parse::<ClipTime>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn frame_rates_read_what_people_call_them() {
+        for (text, num, den) in [
+            ("24", 24, 1),
+            ("25.0", 25, 1),
+            ("23.976", 24000, 1001),
+            ("23.98", 2398, 100),
+            ("29.97", 30000, 1001),
+            ("59.94", 60000, 1001),
+            ("12.5", 12500, 1000),
+            ("30000/1001", 30000, 1001),
+            ("1/2", 1, 2),
+        ] {
+            let rate: FrameRate = text.parse().expect(text);
+            assert!((rate.ratio().value() - f64::from(num) / f64::from(den)).abs() < 1e-9, "{text}: {rate}");
+            assert_eq!(rate.to_string().parse(), Ok(rate));
+        }
+        for text in ["", "0", "-1", "nan", "inf", "1001", "1/0", "0/1", "2000/1", "a/b"] {
+            assert!(text.parse::<FrameRate>().is_err(), "{text}");
         }
     }
 

@@ -3,13 +3,16 @@
 mod allocations;
 mod bad_input_cli;
 mod cli;
+mod companions;
 mod energy;
+mod fuzz;
 mod house;
 mod layers;
 mod media_bad_input;
 mod media_roundtrip;
 mod motion;
 mod path;
+mod pictures;
 mod pipeline;
 mod pipeline_laws;
 mod pipeline_run;

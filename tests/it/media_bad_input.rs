@@ -45,7 +45,7 @@ fn inputs_that_are_no_video_are_refused_by_name() {
         ("noise.mp4", "noise.mp4: not a video that FFmpeg can read, or cut short: Invalid data found", Fault::Input),
         ("cut.mp4", "cut.mp4: not a video that FFmpeg can read, or cut short: Invalid data found", Fault::Input),
         ("sound.mp4", "sound.mp4: has no video stream (only audio)", Fault::Input),
-        ("photo.mp4", "photo.mp4: is a still picture (png), not a video; a numbered sequence", Fault::Input),
+        ("photo.mp4", "photo.mp4: is a still picture (png), not a video; a sequence is given", Fault::Input),
     ] {
         let error = open_error(&folder.join(name));
         assert!(words(&error, folder).starts_with(expected), "{error}");

@@ -26,17 +26,20 @@ fn text() -> impl Strategy<Value = String> {
 
 fn encode() -> impl Strategy<Value = EncodeSettings> {
     let codec = prop_oneof![Just(Codec::H264), Just(Codec::Hevc), Just(Codec::Av1)];
+    let wishes = ["software", "auto", "hardware", "libaom-av1"].map(|w| w.parse().expect("a wish"));
     (
         text(),
         codec,
+        proptest::sample::select(wishes.to_vec()),
         proptest::option::of(0.0..51.0f64),
         proptest::option::of(text()),
         any::<bool>(),
         1u64..1_000_000_000,
     )
-        .prop_map(|(path, codec, crf, preset, strict, rate)| EncodeSettings {
+        .prop_map(|(path, codec, encoder, crf, preset, strict, rate)| EncodeSettings {
             path: escape(&path),
             codec,
+            encoder,
             crf,
             preset: preset.map(|p| escape(&p)),
             bitrate: crf.is_none().then_some(BitRate(rate)),

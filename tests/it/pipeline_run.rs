@@ -6,7 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use plumbline::pipeline::execute::{Report, execute};
 use plumbline::pipeline::progress::{Event, Progress, Silent};
-use plumbline::pipeline::{Backend, Exit, Job, Pass, Probed, RunError, Source, Summary, Values, read};
+use plumbline::pipeline::{
+    Backend, Exit, InputSummary, Job, Pass, Probed, RunError, SegmentSummary, Shake, ShakeSummary, Source, Summary,
+    Values, read,
+};
 
 use crate::pipeline::GOOD;
 
@@ -249,13 +252,19 @@ fn events_tell_the_run_in_order() {
 
 #[test]
 fn a_summary_reads_well() {
-    let segment = |frames, mode: &str, reason: &str| plumbline::pipeline::SegmentSummary {
+    let shake = ShakeSummary { before: Shake { px: 12.34, deg: 0.45 }, after: Shake { px: 1.2, deg: 0.04 } };
+    let segment = |frames, mode: &str, reason: &str| SegmentSummary {
         frames,
         mode: mode.into(),
         reason: reason.into(),
+        crop: Some(0.925),
+        shake: Some(shake),
     };
     let summary = Summary {
+        input: Some(InputSummary { name: "tour.mov".into(), size: (1920, 1080), fps: Some(29.97), fps_assumed: false }),
         outputs: vec![Path::new("steady/tour.mp4").to_owned()],
+        encoder: Some("libx264".into()),
+        shake: Some(shake),
         frames: 300,
         size: Some((1920, 1080)),
         segments: vec![

@@ -36,7 +36,8 @@ unsafe extern "C" fn forward(class: *mut c_void, level: c_int, format: *const c_
     if level > ffi::AV_LOG_WARNING {
         return;
     }
-    let (mut line, mut prefix) = ([0; 1024], 1);
+    // Without the prefix, which is an address.
+    let (mut line, mut prefix) = ([0; 1024], 0);
     // SAFETY: FFmpeg hands over its own class, format and arguments, valid for this call; the line is writable for its
     // length and ends with zero afterwards.
     let text = unsafe {

@@ -7,15 +7,19 @@ use serde::{Deserialize, Serialize};
 use crate::pipeline::kind::{Conflict, StageSettings};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::units::ClipTime;
+use crate::pipeline::units::{ClipTime, FrameRate};
 
 /// What happens to interlaced pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Deinterlace {
-    /// Interlaced pictures are detected and deinterlaced by field; others are left alone
+    /// Pictures flagged as interlaced are deinterlaced by field; others are left alone
     #[default]
     Auto,
+    /// All pictures are deinterlaced, the top field being earlier
+    Top,
+    /// All pictures are deinterlaced, the bottom field being earlier
+    Bottom,
     /// Pictures are taken as they are
     Off,
     /// Interlaced input is an error
@@ -26,13 +30,15 @@ pub enum Deinterlace {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DecodeSettings {
-    /// The clip: a file, an image sequence such as `frames/%05d.png`, or `-` for standard input
+    /// The clip: a file, an image sequence (`frames/%05d.png`, a folder or a glob of pictures), or `-` for standard input
     #[schemars(extend("format" = "path"))]
     pub path: String,
     /// First position to read; the clip's start if left out
     pub start: Option<ClipTime>,
     /// Position to stop before; the clip's end if left out
     pub end: Option<ClipTime>,
+    /// Frames per second of an image sequence, such as 24 or "30000/1001"; 25 if left out
+    pub fps: Option<FrameRate>,
     /// What happens to interlaced pictures
     pub deinterlace: Deinterlace,
 }

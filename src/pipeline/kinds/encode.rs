@@ -1,54 +1,13 @@
 //! `video.encode`: writes a clip.
 
-use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::media::{Codec, EncoderWish};
 use crate::pipeline::kind::{Conflict, StageSettings};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::units::BitRate;
-
-/// How the pictures are coded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Codec {
-    /// H.264: plays everywhere
-    #[default]
-    H264,
-    /// H.265: smaller, slower
-    #[serde(alias = "h265")]
-    #[value(alias = "h265")]
-    Hevc,
-    /// AV1: smallest, slowest
-    Av1,
-    /// Apple ProRes 422: large, for editing
-    Prores,
-    /// FFV1: lossless
-    Ffv1,
-}
-
-impl Codec {
-    /// The range of `crf`, if the codec has that setting.
-    pub const fn crf_max(self) -> Option<f64> {
-        match self {
-            Self::H264 | Self::Hevc => Some(51.0),
-            Self::Av1 => Some(63.0),
-            Self::Prores | Self::Ffv1 => None,
-        }
-    }
-
-    /// The name in files and options.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::H264 => "h264",
-            Self::Hevc => "hevc",
-            Self::Av1 => "av1",
-            Self::Prores => "prores",
-            Self::Ffv1 => "ffv1",
-        }
-    }
-}
 
 /// Settings of `video.encode`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,6 +18,8 @@ pub struct EncodeSettings {
     pub path: String,
     /// How the pictures are coded
     pub codec: Codec,
+    /// Which encoder: `software`, `auto` (a device where one works, else software), `hardware`, or FFmpeg's name of one
+    pub encoder: EncoderWish,
     /// Constant quality, 0 = best; the encoder's own default if left out
     #[schemars(range(min = 0.0, max = 63.0))]
     pub crf: Option<f64>,

@@ -8,8 +8,9 @@ mod smooth;
 mod track;
 mod warp;
 
+pub use crate::media::{Codec, EncoderWish};
 pub use decode::{DecodeSettings, Deinterlace};
-pub use encode::{Codec, EncodeSettings};
+pub use encode::EncodeSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use smooth::{PathMethod, SmoothSettings, Zoom};

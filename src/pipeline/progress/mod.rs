@@ -119,7 +119,6 @@ pub(super) fn clock(seconds: f64) -> String {
 pub struct TaskProgress<'a> {
     sink: &'a dyn Progress,
     task: &'a str,
-    started: Instant,
     state: Mutex<State>,
 }
 
@@ -137,7 +136,7 @@ impl<'a> TaskProgress<'a> {
     pub fn new(sink: &'a dyn Progress, task: &'a str, passes: usize) -> Self {
         let tick = Tick { pass: 1, passes, label: String::new(), done: 0, total: None, fps: 0.0, eta_s: None };
         let state = State { tick, pass_started: Instant::now(), told: None };
-        Self { sink, task, started: Instant::now(), state: Mutex::new(state) }
+        Self { sink, task, state: Mutex::new(state) }
     }
 
     /// A pass begins: `label` is a verb (`analyze`, `warp`), `total` its number of frames if known.
@@ -158,21 +157,23 @@ impl<'a> TaskProgress<'a> {
             return;
         }
         state.told = Some(now);
-        let (in_pass, in_task) = ((now - state.pass_started).as_secs_f64(), (now - self.started).as_secs_f64());
-        state.tick.update(done, in_pass, in_task);
+        let in_pass = (now - state.pass_started).as_secs_f64();
+        state.tick.update(done, in_pass);
         self.sink.event(&Event::TaskProgress { task: self.task, tick: &state.tick });
     }
 }
 
 impl Tick {
     /// Sets rate and time to go from the seconds spent in the pass and in the task.
-    fn update(&mut self, done: u64, in_pass_s: f64, in_task_s: f64) {
+    ///
+    /// The rest of the pass goes on at the pass's own pace; each pass after it takes as long as this one does as a whole.
+    fn update(&mut self, done: u64, in_pass_s: f64) {
         self.done = done;
         self.fps = if in_pass_s > 0.0 { done as f64 / in_pass_s } else { 0.0 };
         let part = self.total.filter(|t| *t > 0).map(|t| (done as f64 / t as f64).min(1.0));
-        let whole = part.map(|p| ((self.pass - 1) as f64 + p) / self.passes.max(1) as f64);
+        let later = self.passes.saturating_sub(self.pass) as f64;
         // The first half second and the first hundredth tell nothing of the rest.
-        self.eta_s = whole.filter(|w| *w > 0.01 && in_task_s > 0.5).map(|w| in_task_s * (1.0 - w) / w);
+        self.eta_s = part.filter(|p| *p > 0.01 && in_pass_s > 0.5).map(|p| in_pass_s / p * (1.0 - p + later));
     }
 }
 
@@ -181,16 +182,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_to_go_is_what_the_rest_takes_at_the_same_pace() {
+    fn time_to_go_is_what_the_rest_takes_at_the_pace_of_the_pass() {
         let mut tick =
             Tick { pass: 2, passes: 2, label: "warp".into(), done: 0, total: Some(100), fps: 0.0, eta_s: None };
-        tick.update(50, 10.0, 30.0);
-        assert_eq!(tick.fps, 5.0);
-        assert_eq!(tick.eta_s, Some(10.0), "three quarters took 30 s");
-        tick.update(50, 0.0, 0.1);
-        assert_eq!((tick.fps, tick.eta_s), (0.0, None), "too early to tell");
+        tick.update(25, 10.0);
+        assert_eq!((tick.fps, tick.eta_s), (2.5, Some(30.0)), "however quick the first pass was");
+        tick.pass = 1;
+        tick.update(25, 10.0);
+        assert_eq!(tick.eta_s, Some(70.0), "30 s of this pass and 40 s of the next");
+        tick.update(50, 0.1);
+        assert_eq!(tick.eta_s, None, "too early to tell");
         tick.total = None;
-        tick.update(50, 10.0, 30.0);
+        tick.update(50, 10.0);
         assert_eq!(tick.eta_s, None, "a clip of unknown length has no end in sight");
     }
 

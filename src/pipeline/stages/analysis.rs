@@ -83,7 +83,7 @@ fn hand_on_motion(
             motion.cameras = Some(cameras::recover(tracks, &motion, motion.readout_s.is_some())?);
         }
         if let Some(path) = &settings.export {
-            export::write(&motion, Path::new(path), context.job.overwrite)?;
+            export::write(&motion, Path::new(path))?;
             context.summary.outputs.push(path.into());
         }
     }

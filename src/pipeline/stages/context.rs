@@ -2,14 +2,15 @@
 
 use std::time::SystemTime;
 
-use crate::media::{Deinterlace, Fault, Input, MediaError, ReadOptions, ReadReport, VideoReader};
+use crate::media::{Deinterlace, Fault, FieldOrder, Input, MediaError, ReadOptions, ReadReport, VideoReader};
 use crate::pipeline::graph::{Edge, Stage};
+use crate::pipeline::items::pictures;
 use crate::pipeline::job::{Job, Values};
 use crate::pipeline::kinds::{self, DecodeSettings};
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::summary::Summary;
-use crate::pipeline::units::ClipTime;
+use crate::pipeline::summary::{InputSummary, Summary};
+use crate::pipeline::units::{ClipTime, FrameRate};
 
 /// One pass at work.
 pub(super) struct Context<'c, 'j> {
@@ -44,7 +45,11 @@ impl Context<'_, '_> {
         }
         let settings = self.decode_settings(decode)?;
         let (start, end) = (settings.start.map(ClipTime::seconds), settings.end.map(ClipTime::seconds));
-        let input = Input::parse(&settings.path).and_then(|i| i.trimmed(start, end)).map_err(media_error)?;
+        let rate = settings.fps.map(FrameRate::ratio);
+        let input = open_input(&settings.path)
+            .and_then(|i| if let Some(rate) = rate { i.at_rate(rate) } else { Ok(i) })
+            .and_then(|i| i.trimmed(start, end));
+        let input = input.map_err(media_error)?;
         let seen = Seen::of(&input);
         self.values.put(decode, "input", Source { input: input.clone(), seen });
         Ok(input)
@@ -55,11 +60,14 @@ impl Context<'_, '_> {
         let input = self.input(decode)?;
         let deinterlace = match self.decode_settings(decode)?.deinterlace {
             kinds::Deinterlace::Auto => Deinterlace::Auto,
+            kinds::Deinterlace::Top => Deinterlace::Top,
+            kinds::Deinterlace::Bottom => Deinterlace::Bottom,
             kinds::Deinterlace::Off => Deinterlace::Off,
             kinds::Deinterlace::Refuse => Deinterlace::Refuse,
         };
         let options = ReadOptions { threads: self.job.threads, deinterlace };
         let reader = VideoReader::open(&input, &options).map_err(media_error)?;
+        self.summary.input.get_or_insert_with(|| InputSummary::of(&input, reader.info()));
         Ok((input, reader))
     }
 
@@ -78,19 +86,34 @@ impl Context<'_, '_> {
     /// Tells of damage that was found while reading.
     pub(super) fn tell_damage(&mut self, report: &ReadReport) {
         let found = [
-            (report.bad_packets, "damaged packets were skipped"),
-            (report.corrupt, "frames hold concealed errors"),
-            (report.concealed, "frames could not be decoded and repeat the one before"),
-            (report.lost, "frames at the end could not be decoded and are missing"),
-            (report.retimed, "frames had no usable time and were given one between their neighbors"),
-            (report.deinterlaced, "frames were deinterlaced"),
+            (report.bad_packets, "damaged packets", "skipped"),
+            (report.corrupt, "frames with damage", "concealed"),
+            (report.concealed, "frames that could not be decoded", "replaced by the next one that could"),
+            (report.lost, "frames at the end that could not be decoded", "left out"),
+            (report.retimed, "frames without a usable time", "given one between their neighbors"),
+            (report.deinterlaced, "interlaced frames", "deinterlaced"),
         ];
-        for (count, text) in found.into_iter().filter(|(count, _)| *count > 0) {
-            self.warn(format!("{count} {text}"));
+        for (count, what, done) in found.into_iter().filter(|(count, ..)| *count > 0) {
+            self.warn(format!("{what}: {count}, {done}"));
+        }
+        if let Some(order) = report.unflagged_fields {
+            let word = if order == FieldOrder::BottomFirst { "bottom" } else { "top" };
+            self.warn(format!(
+                "the pictures look interlaced, the {word} field first, though the file does not say so; if they show combs, \
+                 give --deinterlace {word} (`deinterlace = \"{word}\"`)"
+            ));
         }
         if report.truncated {
             self.warn("the input ends before its own index says".to_owned());
         }
+    }
+}
+
+/// A clip by its name: a file, a pattern, standard input, or a folder or glob of pictures.
+pub(super) fn open_input(text: &str) -> Result<Input, MediaError> {
+    match pictures(text) {
+        Some(files) => Input::pictures(text, files),
+        None => Input::parse(text),
     }
 }
 

@@ -17,7 +17,7 @@ use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
 use super::telling::{PathTold, tell_file};
 use crate::image::Frame;
-use crate::media::{ReadReport, VideoReader};
+use crate::media::{Companions, Input, ReadReport, VideoInfo, VideoReader};
 use crate::pipeline::job::Job;
 use crate::pipeline::kinds::{EncodeSettings, RenderSettings};
 use crate::pipeline::run_error::RunError;
@@ -49,7 +49,8 @@ fn encodes_of(context: &Context<'_, '_>, pictures: usize) -> Vec<usize> {
 fn copied(context: &mut Context<'_, '_>, stages: &[usize], source: usize) -> Result<(), RunError> {
     let (input, reader) = context.open(source)?;
     context.job.progress.begin(context.pass.index, "encode", reader.info().frames_estimate);
-    let sinks = sinks(context, stages, &input, reader.info())?;
+    let others = other_inputs(context, stages, source)?;
+    let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
     let (read, sinks) = Stream { job: context.job, reader, sampler: None }.run(sinks)?;
     finish(context, sinks)?;
     context.tell_damage(&read);
@@ -65,6 +66,7 @@ fn rendered(
 ) -> Result<(), RunError> {
     let source = context.required(render, "frames")?.from;
     let (input, reader) = context.open(source)?;
+    let others = other_inputs(context, stages, source)?;
     let feed = Feed::of(context, render)?;
     feed.check(input.name(), reader.info())?;
     let frames = feed.tracks.store.frames() as u64;
@@ -72,7 +74,7 @@ fn rendered(
 
     let tiers = feed.tiers();
     let sampler = Sampler::new(feed, &tiers, settings, reader.info())?;
-    let sinks = sinks(context, stages, &input, reader.info())?;
+    let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
     let (read, sinks) = Stream { job: context.job, reader, sampler: Some(sampler) }.run(sinks)?;
     if read.frames != frames {
         return Err(changed(input.name(), &format!("{frames} frames, then {}", read.frames)));
@@ -84,17 +86,38 @@ fn rendered(
     Ok(())
 }
 
-/// Starts the files of `stages`.
+/// The clips other than that of decode stage `source` from which `stages` take their sound.
+fn other_inputs(
+    context: &mut Context<'_, '_>,
+    stages: &[usize],
+    source: usize,
+) -> Result<Vec<(usize, Input)>, RunError> {
+    let donors = stages.iter().filter_map(|&s| context.edge(s, "audio")).map(|e| e.from).filter(|&s| s != source);
+    let donors: Vec<usize> = donors.collect();
+    donors.into_iter().map(|stage| Ok((stage, context.input(stage)?))).collect()
+}
+
+/// Starts the files of `stages`, whose pictures come from the decode stage `source`.
 fn sinks(
     context: &Context<'_, '_>,
     stages: &[usize],
-    input: &crate::media::Input,
-    video: &crate::media::VideoInfo,
+    source: usize,
+    input: &Input,
+    video: &VideoInfo,
+    others: &[(usize, Input)],
 ) -> Result<Vec<Sink>, RunError> {
     let sink = |&stage: &usize| {
         let no_encode = || RunError::Internal(format!("`{}` writes no file", context.stage(stage).name));
         let settings = context.stage(stage).settings.get::<EncodeSettings>().ok_or_else(no_encode)?;
-        Sink::create(settings, context.job, input, video, context.edge(stage, "beside").is_some())
+        let companions = match context.edge(stage, "audio").map(|e| e.from) {
+            None => Companions::None,
+            Some(from) if from == source => Companions::OfSource,
+            Some(from) => match others.iter().find(|(at, _)| *at == from) {
+                Some((_, other)) => Companions::Of(other.clone()),
+                None => return Err(RunError::Internal(format!("`{}` is not open", context.stage(from).name))),
+            },
+        };
+        Sink::create(settings, context.job, input, video, companions, context.edge(stage, "beside").is_some())
     };
     stages.iter().map(sink).collect()
 }

@@ -14,6 +14,7 @@ mod filling;
 mod maps;
 mod probe;
 mod sampling;
+mod shake;
 mod sink;
 mod smoothing;
 mod stream;
@@ -28,7 +29,7 @@ use super::kinds::{EncodeSettings, MotionSettings, SmoothSettings, TrackSettings
 use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
-use crate::media::Output;
+use crate::media::{Output, check_encoder};
 use context::{Context, media_error};
 
 /// The bodies that this program has.
@@ -42,7 +43,11 @@ impl Backend for Bodies {
     fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
         for stage in &instance.graph.stages {
             if let Some(settings) = stage.settings.get::<EncodeSettings>() {
-                Output::parse(&settings.path).rehearse().map_err(media_error)?;
+                let output = Output::parse(&settings.path);
+                output.rehearse().map_err(media_error)?;
+                if !output.is_sequence() {
+                    check_encoder(settings.codec, &settings.encoder).map_err(media_error)?;
+                }
             }
             if let Some(path) = stage.settings.get::<MotionSettings>().and_then(|s| s.export.as_deref()) {
                 export::begin(Path::new(path))?;

@@ -1,6 +1,6 @@
 //! What a file holds, for `plumbline probe` and for the memory estimates of a plan.
 
-use super::context::media_error;
+use super::context::{media_error, open_input};
 use crate::media::{self, Input, ReadOptions, VideoReader};
 use crate::pipeline::job::Probed;
 use crate::pipeline::memory::ClipShape;
@@ -8,7 +8,7 @@ use crate::pipeline::run_error::RunError;
 
 /// Looks into `input`.
 pub(super) fn probe(input: &str) -> Result<Probed, RunError> {
-    let input = Input::parse(input).map_err(media_error)?;
+    let input = open_input(input).map_err(media_error)?;
     let info = media::probe(&input).map_err(media_error)?;
     let shape = info.video.is_some().then(|| shape(&input)).transpose()?;
     let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;

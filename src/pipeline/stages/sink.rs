@@ -7,9 +7,9 @@ use super::context::media_error;
 use super::sampling::Sampled;
 use super::stream::hand_on;
 use crate::image::Frame;
-use crate::media::{Codec, FramePool, Input, Output, VideoInfo, VideoWriter, WriteOptions, WriteReport};
+use crate::media::{Companions, FramePool, Input, Output, VideoInfo, VideoWriter, WriteOptions, WriteReport};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{self, EncodeSettings};
+use crate::pipeline::kinds::EncodeSettings;
 use crate::pipeline::run_error::RunError;
 
 /// A file being written.
@@ -29,18 +29,20 @@ pub(super) struct Branch {
 }
 
 impl Sink {
-    /// Starts the file that `settings` ask for; `beside`: with the original at the result's side.
+    /// Starts the file that `settings` ask for, with `companions` beside the pictures; `beside`: with the original at the
+    /// result's side.
     pub(super) fn create(
         settings: &EncodeSettings,
         job: &Job<'_>,
         source: &Input,
         video: &VideoInfo,
+        companions: Companions,
         beside: bool,
     ) -> Result<Self, RunError> {
         let output = Output::parse(&settings.path);
         let beside = beside.then(|| Beside::of(video));
         let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
-        let options = write_options(settings, job);
+        let options = WriteOptions { companions, ..write_options(settings, job) };
         let writer = VideoWriter::create(&output, source, &video, &options).map_err(media_error)?;
         Ok(Self { output, size: (video.width, video.height), beside, writer })
     }
@@ -96,19 +98,14 @@ pub(super) fn distribute(sampled: Sampled, branches: &[Branch]) -> Result<(), Ru
 
 fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
     WriteOptions {
-        codec: match settings.codec {
-            kinds::Codec::H264 => Codec::H264,
-            kinds::Codec::Hevc => Codec::Hevc,
-            kinds::Codec::Av1 => Codec::Av1,
-            kinds::Codec::Prores => Codec::Prores,
-            kinds::Codec::Ffv1 => Codec::Ffv1,
-        },
-        encoder: None,
+        codec: settings.codec,
+        encoder: settings.encoder.clone(),
         crf: settings.crf,
         preset: settings.preset.clone(),
         bitrate: settings.bitrate.map(|b| b.0),
         threads: job.threads,
         overwrite: job.overwrite,
         strict: settings.strict,
+        companions: Companions::None,
     }
 }

@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use super::sampling::Feed;
+use super::shake::Strays;
 use super::tiers::Tiers;
 use crate::media::{Output, WriteReport};
-use crate::motion::Tier;
-use crate::pipeline::summary::{SegmentSummary, Summary};
+use crate::motion::{SegmentVerdict, Tier};
+use crate::pipeline::summary::{SegmentSummary, ShakeSummary, Summary};
 
 /// Tells of a file. Frames and size are those of the first.
 pub(super) fn tell_file(summary: &mut Summary, output: &Output, size: (usize, usize), written: WriteReport) {
     summary.outputs.push(PathBuf::from(output.path()));
+    summary.encoder.get_or_insert(written.encoder);
     if summary.size.is_none() {
         summary.frames = written.frames;
         summary.size = Some((size.0 as u32, size.1 as u32));
@@ -26,19 +28,25 @@ pub(super) fn tell_file(summary: &mut Summary, output: &Output, size: (usize, us
 pub(super) struct PathTold {
     mean_crop: f64,
     least_crop: f64,
+    shake: Option<ShakeSummary>,
     segments: Vec<SegmentSummary>,
 }
 
 impl PathTold {
     pub(super) fn of(feed: &Feed<'_>, tiers: &Tiers) -> Self {
         let crop = &feed.path.crop;
-        let segment = |s: &crate::motion::SegmentVerdict| SegmentSummary {
+        let mean = |crop: &[f64]| crop.iter().sum::<f64>() / crop.len().max(1) as f64;
+        let strays = feed.motion.map(|m| Strays::of(m, &feed.path.out_from_src));
+        let segment = |s: &SegmentVerdict| SegmentSummary {
             frames: s.frames.start as u64..s.frames.end as u64,
             mode: tier_name(s.tier).to_owned(),
             reason: s.reason.clone(),
+            crop: crop.get(s.frames.clone()).map(mean),
+            shake: strays.as_ref().and_then(|strays| strays.over(s.frames.clone())),
         };
         Self {
-            mean_crop: crop.iter().sum::<f64>() / crop.len().max(1) as f64,
+            mean_crop: mean(crop),
+            shake: strays.as_ref().and_then(Strays::whole),
             least_crop: crop.iter().copied().fold(1.0, f64::min),
             segments: tiers.segments.iter().map(segment).collect(),
         }
@@ -47,6 +55,7 @@ impl PathTold {
     pub(super) fn tell(self, summary: &mut Summary) {
         summary.crop = Some(self.mean_crop);
         summary.least_crop = Some(self.least_crop);
+        summary.shake = self.shake;
         summary.segments.extend(self.segments);
     }
 }
