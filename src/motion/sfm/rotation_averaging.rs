@@ -212,7 +212,7 @@ impl<'a> Solver<'a> {
         }
         for _ in 0..count {
             let residuals = self.residuals();
-            let mut lengths: Vec<f64> = residuals.iter().map(|r| r.norm()).collect();
+            let mut lengths: Vec<f64> = residuals.iter().map(Vec3::norm).collect();
             let weights: Vec<f64> = {
                 let mut sorted = lengths.clone();
                 sorted.sort_by(f64::total_cmp);
@@ -273,7 +273,10 @@ mod tests {
         let (mut edges, mut right) = (Vec::new(), Vec::new());
         let ends: Vec<_> = (0..n).flat_map(|i| [1, 2, 3, 5, 8].map(|o| (i, o))).filter(|(i, o)| i + o < n).collect();
         let mut left = vec![0; n];
-        ends.iter().for_each(|(i, o)| [*i, i + o].into_iter().for_each(|c| left[c] += 1));
+        for (i, o) in &ends {
+            left[*i] += 1;
+            left[i + o] += 1;
+        }
         for (i, offset) in ends {
             let is_right = rng.f64() >= wrong || left[i] <= 3 || left[i + offset] <= 3;
             if !is_right {
