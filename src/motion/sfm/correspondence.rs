@@ -21,6 +21,7 @@ impl Correspondence {
     }
 
     /// The same pair in pixels of a camera of focal length `focal` with its center at 0.
+    #[must_use]
     pub fn scaled(&self, focal: f64) -> Self {
         Self::new(self.first.xy() * focal, self.second.xy() * focal)
     }

@@ -120,6 +120,7 @@ fn add_cubic_product(sum: &mut Cubic, a: &Quadratic, b: &[f64; 4]) {
 }
 
 /// The ten cubic equations, one per row.
+#[allow(clippy::needless_range_loop)] // the indices are those of the formula
 fn cubic_equations(basis: &[Matrix3<f64>; 4]) -> Equations {
     let e: [[[f64; 4]; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| entry(basis, i, j)));
     let mut outer = [[[0.0; 10]; 3]; 3]; // E Eᵀ

@@ -8,6 +8,7 @@ mod essential_pose;
 mod five_point;
 mod focal;
 mod fundamental;
+mod golden_section;
 mod gric;
 mod homography_poses;
 mod homography_search;

@@ -49,7 +49,9 @@ mod tests {
     fn the_basis_is_orthonormal_and_perpendicular_to_every_row() {
         let mut rng = fastrand::Rng::with_seed(2);
         let mut rows = [SVector::<f64, 9>::zeros(); 5];
-        rows.iter_mut().for_each(|r| r.iter_mut().for_each(|v| *v = rng.f64() - 0.5));
+        for value in rows.iter_mut().flat_map(|r| r.iter_mut()) {
+            *value = rng.f64() - 0.5;
+        }
         // Two nearly parallel rows are where one pass of Gram–Schmidt would fail.
         rows[1] = rows[0] + 1e-6 * rows[1];
         let basis: [SVector<f64, 9>; 4] = null_space(&rows).expect("independent");

@@ -10,7 +10,8 @@
 //! a weighted graph Laplacian with three right-hand sides. It starts from the spanning tree of the edges that most triangles
 //! confirm: around three right edges the rotations multiply to the identity. The first rounds take `ρ = |·|` (weights `1/‖ω‖`), which finds the majority from a poor start; the last rounds take Geman's and
 //! McClure's `ρ` on the scale of the median residual, which forgets the outliers altogether. One camera stays where the
-//! tree put it.
+//! tree put it. The share of an edge's triangles that close multiplies its weight: the ends of a clip have few edges, and
+//! there a wrong majority would otherwise win.
 //!
 //! Departure from the paper: the ℓ₁ problem is solved by reweighted least squares instead of a linear program. The
 //! Laplacian is factored densely: a window of a clip has tens to a few hundred cameras.
@@ -71,9 +72,10 @@ pub struct AveragedRotations {
 /// Edges to cameras that do not exist, of a camera with itself, or without weight are left out.
 pub fn average_rotations(cameras: usize, edges: &[RotationEdge]) -> AveragedRotations {
     let usable = |e: &RotationEdge| e.first < cameras && e.second < cameras && e.first != e.second && e.weight > 0.0;
-    let mut tree = spanning_tree(cameras, edges, usable);
-    let taking_part: Vec<&RotationEdge> =
-        edges.iter().filter(|e| usable(e) && tree[e.first].is_some() && tree[e.second].is_some()).collect();
+    let confirmed = confirmations(cameras, edges, usable);
+    let mut tree = spanning_tree(cameras, edges, &confirmed, usable);
+    let trusted = |(e, c): (&RotationEdge, &Confirmation)| RotationEdge { weight: e.weight * c.trust(), ..*e };
+    let taking_part: Vec<RotationEdge> = edges.iter().zip(&confirmed).filter(|(e, _)| usable(e)).map(trusted).collect();
     let mut solver = Solver::new(&mut tree, taking_part);
     solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(SMALLEST_RESIDUAL));
     solver.rounds(REDESCENDING_ROUNDS, |sigma, r| {
@@ -93,22 +95,42 @@ fn miss(first: &UnitQuaternion<f64>, second: &UnitQuaternion<f64>, edge: &Rotati
     (second.inverse() * edge.second_from_first * first).scaled_axis()
 }
 
-/// How many triangles of usable edges confirm each edge.
-fn confirmations(cameras: usize, edges: &[RotationEdge], usable: impl Fn(&RotationEdge) -> bool) -> Vec<u32> {
+/// What the triangles of usable edges say about one edge.
+#[derive(Clone, Copy, Debug, Default)]
+struct Confirmation {
+    /// Triangles it is part of.
+    triangles: u32,
+    /// Those around which the rotations multiply to the identity.
+    closing: u32,
+}
+
+impl Confirmation {
+    /// Share of the triangles that close, one more counted in favor, so that an edge without triangles is believed.
+    fn trust(self) -> f64 {
+        f64::from(1 + self.closing) / f64::from(1 + self.triangles)
+    }
+}
+
+fn confirmations(cameras: usize, edges: &[RotationEdge], usable: impl Fn(&RotationEdge) -> bool) -> Vec<Confirmation> {
     let mut leaving: Vec<Vec<(usize, UnitQuaternion<f64>)>> = vec![Vec::new(); cameras];
     for e in edges.iter().filter(|e| usable(e)) {
         leaving[e.first].push((e.second, e.second_from_first));
         leaving[e.second].push((e.first, e.second_from_first.inverse()));
     }
     let confirmed = |e: &RotationEdge| {
+        let mut found = Confirmation::default();
         if !usable(e) {
-            return 0;
+            return found;
         }
         let detours = leaving[e.first].iter().flat_map(|(via, via_from_first)| {
             let onward = leaving[*via].iter().filter(|(to, _)| *to == e.second);
             onward.map(move |(_, second_from_via)| second_from_via * via_from_first)
         });
-        detours.filter(|d| d.angle_to(&e.second_from_first) < TRIANGLE).count() as u32
+        for detour in detours {
+            found.triangles += 1;
+            found.closing += u32::from(detour.angle_to(&e.second_from_first) < TRIANGLE);
+        }
+        found
     };
     edges.iter().map(confirmed).collect()
 }
@@ -117,12 +139,12 @@ fn confirmations(cameras: usize, edges: &[RotationEdge], usable: impl Fn(&Rotati
 fn spanning_tree(
     cameras: usize,
     edges: &[RotationEdge],
+    confirmed: &[Confirmation],
     usable: impl Fn(&RotationEdge) -> bool,
 ) -> Vec<Option<UnitQuaternion<f64>>> {
-    let confirmed = confirmations(cameras, edges, &usable);
     let mut order: Vec<usize> = (0..edges.len()).filter(|&k| usable(&edges[k])).collect();
     let rank = |a: usize, b: usize| edges[b].weight.total_cmp(&edges[a].weight).then(a.cmp(&b));
-    order.sort_by(|&a, &b| confirmed[b].cmp(&confirmed[a]).then_with(|| rank(a, b)));
+    order.sort_by(|&a, &b| confirmed[b].closing.cmp(&confirmed[a].closing).then_with(|| rank(a, b)));
     let mut part: Vec<usize> = (0..cameras).collect();
     let mut neighbors = vec![Vec::new(); cameras];
     for k in order {
@@ -158,14 +180,16 @@ fn spanning_tree(
 
 struct Solver<'a> {
     rotations: &'a mut [Option<UnitQuaternion<f64>>],
-    edges: Vec<&'a RotationEdge>,
+    edges: Vec<RotationEdge>,
     /// Row of each camera; the first known camera has none and stays.
     row: Vec<Option<usize>>,
     unknowns: usize,
 }
 
 impl<'a> Solver<'a> {
-    fn new(rotations: &'a mut [Option<UnitQuaternion<f64>>], edges: Vec<&'a RotationEdge>) -> Self {
+    /// `edges` to cameras whose rotation is not known are left out.
+    fn new(rotations: &'a mut [Option<UnitQuaternion<f64>>], mut edges: Vec<RotationEdge>) -> Self {
+        edges.retain(|e| rotations[e.first].is_some() && rotations[e.second].is_some());
         let mut known = 0;
         let row = rotations.iter().map(|r| {
             r.as_ref()?;
@@ -188,7 +212,7 @@ impl<'a> Solver<'a> {
         }
         for _ in 0..count {
             let residuals = self.residuals();
-            let mut lengths: Vec<f64> = residuals.iter().map(|r| r.norm()).collect();
+            let mut lengths: Vec<f64> = residuals.iter().map(Vec3::norm).collect();
             let weights: Vec<f64> = {
                 let mut sorted = lengths.clone();
                 sorted.sort_by(f64::total_cmp);
@@ -239,15 +263,26 @@ mod tests {
     use super::*;
     use crate::motion::sfm::synthetic_views::{normal, random_unit};
 
-    /// A turning clip and the relative rotations at offsets 1, 2, 3, 5, 8, the given share of them random.
+    /// A turning clip and the relative rotations at offsets 1, 2, 3, 5, 8, the given share of them random, but three edges
+    /// at every camera right: with fewer no majority tells which they are.
     fn clip(n: usize, noise: f64, wrong: f64, seed: u64) -> (Vec<UnitQuaternion<f64>>, Vec<RotationEdge>, Vec<bool>) {
         let mut rng = fastrand::Rng::with_seed(seed);
         let truth: Vec<_> = (0..n)
             .map(|k| UnitQuaternion::from_scaled_axis(Vec3::new(0.02 * k as f64, 0.1 * (k as f64).sin(), 0.05)))
             .collect();
         let (mut edges, mut right) = (Vec::new(), Vec::new());
-        for (i, offset) in (0..n).flat_map(|i| [1, 2, 3, 5, 8].map(|o| (i, o))).filter(|(i, o)| i + o < n) {
-            let is_right = rng.f64() >= wrong;
+        let ends: Vec<_> = (0..n).flat_map(|i| [1, 2, 3, 5, 8].map(|o| (i, o))).filter(|(i, o)| i + o < n).collect();
+        let mut left = vec![0; n];
+        for (i, o) in &ends {
+            left[*i] += 1;
+            left[i + o] += 1;
+        }
+        for (i, offset) in ends {
+            let is_right = rng.f64() >= wrong || left[i] <= 3 || left[i + offset] <= 3;
+            if !is_right {
+                left[i] -= 1;
+                left[i + offset] -= 1;
+            }
             let error = if is_right {
                 Vec3::from_fn(|_, _| normal(&mut rng)) * noise
             } else {

@@ -18,6 +18,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector4};
 
 use super::correspondence::Correspondence;
+use super::golden_section::golden_section;
 use crate::camera::Vec3;
 
 /// Steps of the fit at most.
@@ -54,7 +55,7 @@ pub(super) fn homography_squared_distance(h: &Matrix3<f64>, pair: &Correspondenc
 }
 
 /// `e` and `∂π/∂Y` at `Y = H x₁`.
-fn miss(h: &Matrix3<f64>, pair: &Correspondence) -> Option<(nalgebra::Vector2<f64>, Matrix2x3<f64>)> {
+pub(super) fn miss(h: &Matrix3<f64>, pair: &Correspondence) -> Option<(nalgebra::Vector2<f64>, Matrix2x3<f64>)> {
     let y = h * pair.first;
     if !(y.z > 0.0) {
         return None;
@@ -83,7 +84,10 @@ pub fn conjugate_rotation(h: &Matrix3<f64>, doubt: f64) -> Option<(Turn, f64)> {
     let octaves = 2.0 * doubt.log2();
     let count = (octaves * SCAN_PER_OCTAVE).ceil().max(1.0) as usize;
     let candidates = (0..=count).map(|k| doubt.powf(2.0 * k as f64 / count as f64 - 1.0));
-    let s = candidates.min_by(|a, b| orthogonality(h, *a).total_cmp(&orthogonality(h, *b)))?;
+    let best = candidates.min_by(|a, b| orthogonality(h, *a).total_cmp(&orthogonality(h, *b)))?;
+    let step = doubt.powf(2.0 / count as f64);
+    let (low, high) = ((best / step).max(1.0 / doubt), (best * step).min(doubt));
+    let s = golden_section(|ln| orthogonality(h, ln.exp()), low.ln(), high.ln()).exp().clamp(1.0 / doubt, doubt);
     let m = conjugated(h, s);
     if !m.iter().all(|v| v.is_finite()) {
         return None;
@@ -184,7 +188,7 @@ mod tests {
             let mut rng = fastrand::Rng::with_seed(seed);
             let (truth, pairs) = turning(0.2, ratio, &mut rng);
             let (start, residual) = conjugate_rotation(&truth.homography(), 1.8).expect("regular");
-            assert!(residual < 0.03 && (start.focal_ratio / ratio).ln().abs() < 0.05, "{start:?}");
+            assert!(residual < 1e-6 && (start.focal_ratio / ratio).ln().abs() < 1e-6, "{start:?}");
             let found = fit_turn(start, &pairs, 0.01, 1.8);
             assert!((found.focal_ratio / ratio - 1.0).abs() < 1e-7, "{found:?} against {truth:?}");
             assert!(found.rotation.angle_to(&truth.rotation) < 1e-7);

@@ -18,6 +18,7 @@
 use nalgebra::Matrix3;
 
 use super::essential::left_null_vector;
+use super::golden_section::golden_section;
 use crate::camera::Vec3;
 
 /// `δ` at which a matrix has lost a quarter of its vote: clean pairs stay below 0.02, wrong ones lie anywhere in [0, 1].
@@ -25,9 +26,6 @@ const DEVIATION_SCALE: f64 = 0.05;
 
 /// Focal lengths tried per factor of two before the best one is refined.
 const SCAN_PER_OCTAVE: f64 = 32.0;
-
-/// Halvings of the last interval.
-const REFINEMENTS: usize = 40;
 
 /// The focal length, in the unit of the image coordinates, within `range` for which most of the matrices are essential;
 /// `None` without matrices.
@@ -60,25 +58,6 @@ pub(super) fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
     let minor = |i: usize, j: usize| outer[(i, i)] * outer[(j, j)] - outer[(i, j)] * outer[(j, i)];
     let deviation = 1.0 - 4.0 * (minor(0, 1) + minor(0, 2) + minor(1, 2)) / (trace * trace);
     if deviation.is_finite() { deviation.clamp(0.0, 1.0) } else { 1.0 }
-}
-
-/// Minimum of a unimodal function between `low` and `high`.
-fn golden_section(cost: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut at_a, mut at_b) = (cost(a), cost(b));
-    for _ in 0..REFINEMENTS {
-        if at_a < at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - ratio * (high - low);
-            at_a = cost(a);
-        } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + ratio * (high - low);
-            at_b = cost(b);
-        }
-    }
-    0.5 * (low + high)
 }
 
 /// Bougnoux' closed form for two views of one focal length; `None` where the optical axes meet (the formula is 0/0) or `f²`
