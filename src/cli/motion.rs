@@ -16,7 +16,7 @@ use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
 
 /// Options of `plumbline motion`.
 #[derive(Debug, Args)]
-pub struct MotionArgs {
+pub(super) struct MotionArgs {
     /// The clip
     #[arg(value_name = "INPUT")]
     input: String,
