@@ -31,7 +31,8 @@ pub(super) struct PathTold {
 
 impl PathTold {
     pub(super) fn of(feed: &Feed<'_>, tiers: &Tiers) -> Self {
-        let crop = &feed.path.crop;
+        // A frame turned inside a window of its own size is a trace larger than the window.
+        let crop: Vec<f64> = feed.path.crop.iter().map(|c| c.min(1.0)).collect();
         let segment = |s: &crate::motion::SegmentVerdict| SegmentSummary {
             frames: s.frames.start as u64..s.frames.end as u64,
             mode: tier_name(s.tier).to_owned(),
