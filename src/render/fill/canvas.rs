@@ -13,8 +13,9 @@ use crate::render::{RenderError, Renderer};
 /// Width of a feather, luma px. Narrower shows a line where tone differs within a block; wider shows double contours
 /// where alignment is off by a pixel.
 pub(super) const FEATHER_PX: f32 = 8.0;
-/// Weight of all neighbors together below which the border fades in. Smaller shows where the last neighbor ends.
-const FADE: f32 = 0.25;
+/// Weight of all neighbors together below which the border fades in. Smaller shows where the last neighbor ends, larger
+/// lets the border shine through where neighbors are half trusted.
+const FADE: f32 = 0.6;
 /// Share of a block's samples that both pictures must cover for a mean.
 const ENOUGH: f32 = 0.125;
 /// Trust below which a block is not shown, and says nothing about tone.
@@ -105,9 +106,7 @@ impl Canvas {
     pub(super) fn write(&self, strip: &Strip, dst: &mut Frame) -> Result<(), RenderError> {
         let max = ((1_u32 << dst.format.bits) - 1) as f32;
         for (i, plane) in self.planes.iter().enumerate() {
-            let values: Vec<f32> =
-                (0..plane.sum.len()).into_par_iter().map(|k| plane.value(k).clamp(0.0, max)).collect();
-            plane.patch.write(strip, &values, dst, i)?;
+            plane.patch.write(strip, &plane.finished(strip, max), dst, i)?;
         }
         Ok(())
     }
@@ -152,7 +151,7 @@ impl PlaneCanvas {
         let n = self.patch.len();
         for k in slot * n..(slot + 1) * n {
             if self.rest[k] < COVERED && self.own.margin[k] < FEATHER_PX && self.own.margin[k] > f32::NEG_INFINITY {
-                (self.shown.value[k], self.shown.margin[k]) = (self.value(k), FEATHER_PX);
+                (self.shown.value[k], self.shown.margin[k]) = (self.value(k, 0.0), FEATHER_PX);
             }
         }
         self.overlaps[slot] = covers_any(&self.shown.margin[slot * n..][..n]);
@@ -181,16 +180,51 @@ impl PlaneCanvas {
         Membrane::new(strip, &part.blocks, values, &known)
     }
 
+    /// All samples; where layers end, the border continues their tone.
+    fn finished(&self, strip: &Strip, max: f32) -> Vec<f32> {
+        let (n, patch, tone) = (self.patch.len(), self.patch, self.border_tone(strip));
+        let mut values = vec![0.0; self.sum.len()];
+        values.par_chunks_mut(n).zip(&strip.blocks).enumerate().for_each(|(slot, (values, &block))| {
+            for (k, value) in values.iter_mut().enumerate() {
+                let at = slot * n + k;
+                let tone = if self.rest[at] > 0.0 {
+                    let (u, v) = patch.place(strip, block, k);
+                    tone.at(u, v)
+                } else {
+                    0.0
+                };
+                *value = self.value(at, tone).clamp(0.0, max);
+            }
+        });
+        values
+    }
+
+    /// The difference `shown − own` of blocks that are shown, continued to where only the border is left.
+    fn border_tone(&self, strip: &Strip) -> Membrane {
+        let n = self.patch.len();
+        let (mut values, mut known) = (vec![0.0; strip.cols * strip.rows], vec![false; strip.cols * strip.rows]);
+        for (slot, &block) in strip.blocks.iter().enumerate().filter(|&(slot, _)| self.overlaps[slot]) {
+            let shown = (slot * n..(slot + 1) * n).filter(|&k| self.shown.margin[k] >= FEATHER_PX);
+            let difference = |k: usize| self.shown.value[k] - self.own.value[k];
+            let (sum, count) = shown.fold((0.0, 0.0), |(sum, count), k| (sum + difference(k), count + 1.0));
+            if count >= ENOUGH * n as f32 {
+                (values[block], known[block]) = (sum / count, true);
+            }
+        }
+        Membrane::new(strip, &strip.blocks, values, &known)
+    }
+
     /// Where neighbors contributed: inside the frame, its own color has the weight that they have not taken; outside, where
-    /// that color is only a border, they share all of it.
-    fn value(&self, k: usize) -> f32 {
+    /// that color is only a border, brought to their tone, they share nearly all of it.
+    fn value(&self, k: usize, border_tone: f32) -> f32 {
         let (own, alpha) = (self.own.value[k], feather(self.own.margin[k]));
+        let behind = own + (1.0 - alpha) * border_tone;
         let placed = 1.0 - alpha - self.rest[k];
         if !(placed > 1e-6) {
-            return own;
+            return behind;
         }
-        let fade = if alpha > 0.0 { placed } else { (placed / FADE).min(1.0) };
-        own + fade * (self.sum[k] / placed - own)
+        let fade = (placed / FADE).min(1.0 - alpha);
+        behind + fade * (self.sum[k] / placed - behind)
     }
 }
 
