@@ -57,8 +57,7 @@ def uncovered(frame):
     mask = np.zeros(count, np.uint8)
     mask[edge] = 1
     mask[labels[frame > BLACK]] = 0
-    # Dark scenery at the edge is not flat black.
-    return cv2.morphologyEx(mask[labels], cv2.MORPH_OPEN, np.ones((5, 5)))
+    return mask[labels]
 
 
 def filled_ratio(filled, reference, rate):
@@ -68,8 +67,9 @@ def filled_ratio(filled, reference, rate):
     energies = [energy(f).ravel() for f in reference]
     ours, theirs, seen, total = 0.0, 0.0, 0, 0
     for t, frame in enumerate(filled):
-        # Both neighbors of a difference lie in the filled area.
-        places = np.flatnonzero(cv2.erode(open_at[t], np.ones((3, 3)))[:-1, :-1])
+        # Both samples of a difference lie in the filled area; specks are dark scenery at the edge.
+        area = cv2.morphologyEx(open_at[t], cv2.MORPH_OPEN, np.ones((5, 5)))
+        places = np.flatnonzero(cv2.erode(area, np.ones((3, 3)))[:-1, :-1])
         mine, total = energy(frame).ravel(), total + len(places)
         for away in range(1, round(REACH_S * rate)):
             for n in (t - away, t + away):

@@ -15,7 +15,7 @@ use crate::render::{RenderError, Renderer};
 pub(super) const FEATHER_PX: f32 = 8.0;
 /// Weight of all neighbors together below which the border fades in. Smaller shows where the last neighbor ends, larger
 /// lets the border shine through where neighbors are half trusted.
-const FADE: f32 = 0.6;
+const FADE: f32 = 0.25;
 /// Share of a block's samples that both pictures must cover for a mean.
 const ENOUGH: f32 = 0.125;
 /// Trust below which a block is not shown, and says nothing about tone.
