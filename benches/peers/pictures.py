@@ -6,6 +6,8 @@
     strip.png   frames of the original above the same frames of the result, and below them the mean of some
                 consecutive frames of each: the steadier the clip, the sharper its mean
     grid.png    the same frames with a regular grid carried along by the motion between original and result
+    fill.png    with --black (the same clip rendered with `--border black`): the frames of a result of `--border fill`,
+                and beside each the same with an outline around what its own picture does not cover
     path.png    x, y and angle of the original path and of the result's, in px and degrees; with --motion (as written
                 by `plumbline stabilize --export-motion`) the original's path is taken from that file
 """
@@ -56,6 +58,19 @@ def strip(original, steady, chosen):
         rows.append([labeled(frames[i], f"{name} {i}") for i in chosen])
     for name, frames in (("original", original), ("steady", steady)):
         rows.append([labeled(around(frames, i), f"{name}, mean of {MEAN_OF}") for i in chosen])
+    return sheet(rows)
+
+
+def filled(steady, black, chosen):
+    """Each frame beside itself with what `black` leaves open outlined."""
+    rows = []
+    for i in chosen:
+        _, areas = cv2.connectedComponents((black[i].max(2) < 22).astype(np.uint8))
+        edge = np.unique(np.concatenate([areas[0], areas[-1], areas[:, 0], areas[:, -1]]))
+        open_ = (np.isin(areas, edge[edge > 0])).astype(np.uint8)
+        around, _ = cv2.findContours(open_, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        outlined = cv2.drawContours(steady[i].copy(), around, -1, (0, 0, 255), 1)
+        rows.append([labeled(steady[i], f"steady {i}"), labeled(outlined, "outlined: filled")])
     return sheet(rows)
 
 
@@ -162,6 +177,7 @@ def main():
     p.add_argument("original", type=Path)
     p.add_argument("steady", type=Path)
     p.add_argument("--motion", type=Path)
+    p.add_argument("--black", type=Path)
     p.add_argument("--out", type=Path, default=Path("out/pictures"))
     p.add_argument("--frames", type=int, default=6)
     a = p.parse_args()
@@ -173,7 +189,11 @@ def main():
     cv2.imwrite(str(a.out / "grid.png"), grids(original, steady, chosen))
     path = exported_path(a.motion) if a.motion else measured_path(original)
     plot(path, result_path(path, original, steady), a.out / "path.png")
-    for name in ("strip", "grid", "path"):
+    names = ["strip", "grid", "path"]
+    if a.black:
+        cv2.imwrite(str(a.out / "fill.png"), filled(steady, read(a.black), chosen))
+        names.append("fill")
+    for name in names:
         print(a.out / f"{name}.png")
 
 

@@ -2,8 +2,9 @@
 //!
 //! Positions along a row advance by nearly one pixel, so the taps of eight neighbors lie in a strip of some 16 source
 //! samples in `N` rows, or `N + 1` where the row of positions crosses into the next source row. A row of the strip is
-//! loaded once and *shuffled* into the taps of the eight samples, which costs one load and two shuffles where a gather
-//! costs eight loads. Blocks that reach over the border take the strip from a small copy with the border resolved; blocks
+//! loaded once per pair of taps, two samples further each time, and *shuffled* by the same offsets into that pair of all eight
+//! samples; one `pmaddwd` weights it. That is one load and one shuffle where a gather costs eight loads, and the sums of the
+//! pairs stand in the order of the samples, so that plain additions finish the row. Blocks that reach over the border take the strip from a small copy with the border resolved; blocks
 //! that do not fit a strip (minification beyond 1.5, rotation beyond 7°, mirrored) fall back to the scalar code.
 //!
 //! The arithmetic is that of [`Source::sample`]: rows in `i32`, columns in `f32` in the order of the rows. In blocks of
@@ -21,32 +22,12 @@ use crate::warp::Lattice;
 
 /// Samples per block.
 const LANES: usize = 8;
-/// Samples of a strip row that a kernel may load: 16 for the offsets of the taps, and a vector's overhang.
+/// Samples of a strip row that a kernel may load: 12 or 14 for the offsets of the taps, and a vector's overhang.
 const STRIP: usize = 24;
+/// Pairs of taps of the largest kernel.
+const PAIRS: usize = 3;
 /// Rows of the largest strip: six taps and one row more.
 const STRIP_ROWS: usize = 7;
-
-/// The shuffles and weights that turn a strip row into eight weighted sums.
-trait Taps<S, const N: usize>: Sized {
-    /// Prepares for samples whose taps start `offsets` samples behind the start of the strip and whose positions are
-    /// `xs`; `None` where the offsets reach too far.
-    ///
-    /// # Safety
-    /// AVX2.
-    unsafe fn new(table: &Table<N>, xs: &[i32; LANES], offsets: __m256i, bias: i32) -> Option<Self>;
-
-    /// Weighted sums of one row, in the order of the samples.
-    ///
-    /// # Safety
-    /// AVX2, and `row` valid for reads of [`STRIP`] samples.
-    unsafe fn row(&self, row: *const S) -> __m256i;
-
-    /// Weights of the rows, one lane per sample.
-    ///
-    /// # Safety
-    /// AVX2.
-    unsafe fn columns(table: &Table<N>, ys: &[i32; LANES]) -> [__m256; 6];
-}
 
 /// All lanes of `v` are at most `limit`, as unsigned numbers.
 #[target_feature(enable = "avx2")]
@@ -68,230 +49,105 @@ fn split(pairs: __m256i) -> [__m256; 2] {
     [_mm256_cvtepi32_ps(low), _mm256_cvtepi32_ps(_mm256_srai_epi32::<16>(pairs))]
 }
 
-/// The four weights at a position, in the low half.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn four(table: &Table<4>, position: i32) -> __m128i {
-    // SAFETY: a row of the table is 8 bytes long, and so is the load.
-    unsafe { _mm_loadl_epi64(table[phase(position)].as_ptr().cast()) }
+/// Weights of eight samples, a pair of taps per lane: taps 0 and 1, 2 and 3, 4 and 5.
+trait Weights: Sized {
+    /// # Safety
+    /// AVX2.
+    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS];
 }
 
-/// The six weights at a position, and two zeros.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn six(table: &Table<8>, position: i32) -> __m128i {
-    // SAFETY: a row of the table is 16 bytes long, and so is the load.
-    unsafe { _mm_loadu_si128(table[phase(position)].as_ptr().cast()) }
-}
-
-/// Weights of two samples for each half: samples `j, j + 1` below, `j + 4, j + 5` above.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn four_weights(table: &Table<4>, at: &[i32; LANES], j: usize) -> __m256i {
-    let (low, high) = (_mm_unpacklo_epi64(four(table, at[j]), four(table, at[j + 1])), j + 4);
-    _mm256_set_m128i(_mm_unpacklo_epi64(four(table, at[high]), four(table, at[high + 1])), low)
-}
-
-/// Weights of sample `j` below and of `j + 4` above.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn six_weights(table: &Table<8>, at: &[i32; LANES], j: usize) -> __m256i {
-    _mm256_set_m128i(six(table, at[j + 4]), six(table, at[j]))
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn six_by_four(table: &Table<8>, at: &[i32; LANES]) -> [__m256i; 4] {
-    [six_weights(table, at, 0), six_weights(table, at, 1), six_weights(table, at, 2), six_weights(table, at, 3)]
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn four_columns(table: &Table<4>, ys: &[i32; LANES]) -> [__m256; 6] {
-    let a = _mm256_castsi256_ps(four_weights(table, ys, 0));
-    let b = _mm256_castsi256_ps(four_weights(table, ys, 2));
-    let [w0, w1] = split(_mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(a, b)));
-    let [w2, w3] = split(_mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(a, b)));
-    [w0, w1, w2, w3, _mm256_setzero_ps(), _mm256_setzero_ps()]
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn six_columns(table: &Table<8>, ys: &[i32; LANES]) -> [__m256; 6] {
-    let [a, b, c, d] = six_by_four(table, ys);
-    let (low0, low1) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
-    let (high0, high1) = (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
-    let [w0, w1] = split(_mm256_unpacklo_epi64(low0, low1));
-    let [w2, w3] = split(_mm256_unpackhi_epi64(low0, low1));
-    let [w4, w5] = split(_mm256_unpacklo_epi64(high0, high1));
-    [w0, w1, w2, w3, w4, w5]
-}
-
-/// Four taps of bytes: two shuffles of one 16-byte row spread the taps of four samples each to 16 bits.
-struct Bytes4 {
-    shuffles: [__m256i; 2],
-    weights: [__m256i; 2],
-}
-
-impl Taps<u8, 4> for Bytes4 {
+impl Weights for Table<4> {
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn new(table: &Table<4>, xs: &[i32; LANES], offsets: __m256i, _: i32) -> Option<Self> {
-        if !at_most(offsets, 12) {
-            return None;
-        }
-        let tap = i64::from_le_bytes([0, 0x80, 1, 0x80, 2, 0x80, 3, 0x80]);
-        let spread = |j: i8| {
-            let from = |j: i8| i64::from_le_bytes([4 * j, -1, 4 * j, -1, 4 * j, -1, 4 * j, -1].map(|b| b as u8));
-            _mm256_setr_epi64x(from(j), from(j + 1), from(j), from(j + 1))
-        };
-        let shuffle = |j| _mm256_add_epi8(_mm256_shuffle_epi8(offsets, spread(j)), _mm256_set1_epi64x(tap));
-        Some(Self {
-            shuffles: [shuffle(0), shuffle(2)],
-            weights: [four_weights(table, xs, 0), four_weights(table, xs, 2)],
-        })
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn row(&self, row: *const u8) -> __m256i {
-        // SAFETY: 16 of the STRIP samples.
-        let strip = unsafe { _mm256_broadcastsi128_si256(_mm_loadu_si128(row.cast())) };
-        let sum = |k: usize| _mm256_madd_epi16(_mm256_shuffle_epi8(strip, self.shuffles[k]), self.weights[k]);
-        _mm256_hadd_epi32(sum(0), sum(1))
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn columns(table: &Table<4>, ys: &[i32; LANES]) -> [__m256; 6] {
-        four_columns(table, ys)
+    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS] {
+        // SAFETY: a row of the table is 8 bytes long, and so is the load.
+        let row = |j: usize| unsafe { _mm_loadl_epi64(self[phase(at[j])].as_ptr().cast()) };
+        let two = |j: usize| _mm_unpacklo_epi64(row(j), row(j + 1));
+        let four = |j: usize| _mm256_castsi256_ps(_mm256_set_m128i(two(j + 4), two(j)));
+        let (a, b) = (four(0), four(2));
+        [
+            _mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(a, b)),
+            _mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(a, b)),
+            _mm256_setzero_si256(),
+        ]
     }
 }
 
-/// Six taps of bytes: four shuffles, one sample per half each.
-struct Bytes6 {
-    shuffles: [__m256i; 4],
-    weights: [__m256i; 4],
-}
-
-impl Taps<u8, 8> for Bytes6 {
+impl Weights for Table<8> {
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn new(table: &Table<8>, xs: &[i32; LANES], offsets: __m256i, _: i32) -> Option<Self> {
-        if !at_most(offsets, 10) {
-            return None;
-        }
-        #[rustfmt::skip]
-        let tap = _mm256_setr_epi8(
-            0, -128, 1, -128, 2, -128, 3, -128, 4, -128, 5, -128, 6, -128, 7, -128,
-            0, -128, 1, -128, 2, -128, 3, -128, 4, -128, 5, -128, 6, -128, 7, -128,
-        );
-        // The last two taps may wrap around the strip; their weights are zero.
-        let even = |j: i16| _mm256_set1_epi16((4 * j) | -256);
-        let shuffle = |j| _mm256_add_epi8(_mm256_shuffle_epi8(offsets, even(j)), tap);
-        let shuffles = [shuffle(0), shuffle(1), shuffle(2), shuffle(3)];
-        Some(Self { shuffles, weights: six_by_four(table, xs) })
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn row(&self, row: *const u8) -> __m256i {
-        // SAFETY: 16 of the STRIP samples.
-        let strip = unsafe { _mm256_broadcastsi128_si256(_mm_loadu_si128(row.cast())) };
-        let sum = |k: usize| _mm256_madd_epi16(_mm256_shuffle_epi8(strip, self.shuffles[k]), self.weights[k]);
-        _mm256_hadd_epi32(_mm256_hadd_epi32(sum(0), sum(1)), _mm256_hadd_epi32(sum(2), sum(3)))
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn columns(table: &Table<8>, ys: &[i32; LANES]) -> [__m256; 6] {
-        six_columns(table, ys)
+    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS] {
+        // SAFETY: a row of the table is 16 bytes long, and so is the load.
+        let row = |j: usize| unsafe { _mm_loadu_si128(self[phase(at[j])].as_ptr().cast()) };
+        let two = |j: usize| _mm256_set_m128i(row(j + 4), row(j));
+        let (a, b, c, d) = (two(0), two(1), two(2), two(3));
+        let (low0, low1) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
+        let (high0, high1) = (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
+        [_mm256_unpacklo_epi64(low0, low1), _mm256_unpackhi_epi64(low0, low1), _mm256_unpacklo_epi64(high0, high1)]
     }
 }
 
-/// Four taps of words: each half holds the eight words that its four samples need.
-struct Words4 {
+/// How pairs of neighboring samples are taken from a strip row.
+struct Shuffle {
+    /// Bytes of each lane's pair within its half.
+    bytes: __m256i,
+    /// First sample of the upper half.
     upper: usize,
     bias: __m256i,
-    shuffles: [__m256i; 2],
-    weights: [__m256i; 2],
 }
 
-impl Taps<u16, 4> for Words4 {
+/// Loads pairs of samples as pairs of 16-bit numbers.
+trait Pairs: Sample {
+    /// For samples whose taps start `offsets` behind the start of the strip; `None` where these reach too far.
+    ///
+    /// # Safety
+    /// AVX2.
+    unsafe fn shuffle(offsets: __m256i, bias: i32) -> Option<Shuffle>;
+
+    /// The pair of each sample, from its offset behind `row` on.
+    ///
+    /// # Safety
+    /// AVX2, and `row` valid for reads of `STRIP − 4` samples.
+    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i;
+}
+
+impl Pairs for u8 {
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn new(table: &Table<4>, xs: &[i32; LANES], offsets: __m256i, bias: i32) -> Option<Self> {
+    unsafe fn shuffle(offsets: __m256i, _: i32) -> Option<Shuffle> {
+        let first = _mm256_mullo_epi32(offsets, _mm256_set1_epi32(0x0001_0001));
+        let bytes = _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 0x80, 1, 0x80])));
+        at_most(offsets, 14).then_some(Shuffle { bytes, upper: 0, bias: _mm256_setzero_si256() })
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i {
+        // SAFETY: 16 samples, of which offsets up to 14 use all.
+        let strip = unsafe { _mm256_broadcastsi128_si256(_mm_loadu_si128(row.cast())) };
+        _mm256_shuffle_epi8(strip, shuffle.bytes)
+    }
+}
+
+impl Pairs for u16 {
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn shuffle(offsets: __m256i, bias: i32) -> Option<Shuffle> {
+        // Each half holds the eight words from its first lane's on.
         let within = _mm256_sub_epi32(offsets, _mm256_shuffle_epi32::<0>(offsets));
-        if !(at_most(offsets, 12) && at_most(within, 4)) {
-            return None;
-        }
-        let tap = i64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7]);
-        let spread = |j: i64| {
-            let from = |j: i64| 0x0101_0101_0101_0101 * (4 * j);
-            _mm256_setr_epi64x(from(j), from(j + 1), from(j), from(j + 1))
-        };
-        let bytes = _mm256_slli_epi32::<1>(within);
-        let shuffle = |j| _mm256_add_epi8(_mm256_shuffle_epi8(bytes, spread(j)), _mm256_set1_epi64x(tap));
-        Some(Self {
-            upper: _mm256_extract_epi32::<4>(offsets) as usize,
-            bias: _mm256_set1_epi16(bias as i16),
-            shuffles: [shuffle(0), shuffle(2)],
-            weights: [four_weights(table, xs, 0), four_weights(table, xs, 2)],
-        })
+        let first = _mm256_mullo_epi32(within, _mm256_set1_epi32(0x0202_0202));
+        let bytes = _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 1, 2, 3])));
+        let upper = _mm256_extract_epi32::<4>(offsets) as usize;
+        let bias = _mm256_set1_epi16(bias as i16);
+        (at_most(offsets, 12) && at_most(within, 6)).then_some(Shuffle { bytes, upper, bias })
     }
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn row(&self, row: *const u16) -> __m256i {
-        // SAFETY: 8 samples from offset 0 and 8 from `upper` ≤ 12: 20 of the STRIP samples.
-        let (low, high) = unsafe { (_mm_loadu_si128(row.cast()), _mm_loadu_si128(row.add(self.upper).cast())) };
-        let strip = _mm256_xor_si256(_mm256_set_m128i(high, low), self.bias);
-        let sum = |k: usize| _mm256_madd_epi16(_mm256_shuffle_epi8(strip, self.shuffles[k]), self.weights[k]);
-        _mm256_hadd_epi32(sum(0), sum(1))
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn columns(table: &Table<4>, ys: &[i32; LANES]) -> [__m256; 6] {
-        four_columns(table, ys)
-    }
-}
-
-/// Six taps of words: they fill a half by themselves, so that no shuffle is needed.
-struct Words6 {
-    offsets: [i32; LANES],
-    bias: __m256i,
-    weights: [__m256i; 4],
-}
-
-impl Taps<u16, 8> for Words6 {
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn new(table: &Table<8>, xs: &[i32; LANES], offsets: __m256i, bias: i32) -> Option<Self> {
-        if !at_most(offsets, 10) {
-            return None;
-        }
-        let mut lanes = [0; LANES];
-        // SAFETY: 32 bytes into an array of 32 bytes.
-        unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), offsets) };
-        let weights = six_by_four(table, xs);
-        Some(Self { offsets: lanes, bias: _mm256_set1_epi16(bias as i16), weights })
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn row(&self, row: *const u16) -> __m256i {
-        // SAFETY: 8 samples from an offset ≤ 10: 18 of the STRIP samples.
-        let load = |j: usize| unsafe { _mm_loadu_si128(row.add(self.offsets[j] as usize).cast()) };
-        let taps = |j: usize| _mm256_xor_si256(_mm256_set_m128i(load(j + 4), load(j)), self.bias);
-        let sum = |j: usize| _mm256_madd_epi16(taps(j), self.weights[j]);
-        _mm256_hadd_epi32(_mm256_hadd_epi32(sum(0), sum(1)), _mm256_hadd_epi32(sum(2), sum(3)))
-    }
-
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    unsafe fn columns(table: &Table<8>, ys: &[i32; LANES]) -> [__m256; 6] {
-        six_columns(table, ys)
+    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i {
+        // SAFETY: 8 samples from offset 0 and 8 from `upper` ≤ 12, which is `STRIP − 4` in all.
+        let (low, high) = unsafe { (_mm_loadu_si128(row.cast()), _mm_loadu_si128(row.add(shuffle.upper).cast())) };
+        _mm256_shuffle_epi8(_mm256_xor_si256(_mm256_set_m128i(high, low), shuffle.bias), shuffle.bytes)
     }
 }
 
@@ -326,6 +182,19 @@ impl Strip {
     }
 }
 
+/// Weighted sums of eight samples along a row, in their order.
+///
+/// # Safety
+/// `row` valid for reads of [`STRIP`] samples.
+#[target_feature(enable = "avx2")]
+#[inline]
+unsafe fn row<S: Pairs, const N: usize>(shuffle: &Shuffle, weights: &[__m256i; PAIRS], row: *const S) -> __m256i {
+    // SAFETY: `p` ≤ 2, so that `STRIP − 4` samples are left behind `row + 2p`.
+    let sum = |p: usize| unsafe { _mm256_madd_epi16(S::pair(shuffle, row.add(2 * p)), weights[p]) };
+    let four = _mm256_add_epi32(sum(0), sum(1));
+    if taps(N) == 4 { four } else { _mm256_add_epi32(four, sum(2)) }
+}
+
 /// Sums down the columns: values of eight samples, bias not yet added.
 ///
 /// # Safety
@@ -333,15 +202,16 @@ impl Strip {
 /// of `rows` is 1.
 #[target_feature(enable = "avx2")]
 #[inline]
-unsafe fn columns<S, T: Taps<S, N>, const N: usize>(
-    taps_of: &T,
-    weights: &[__m256; 6],
+unsafe fn columns<S: Pairs, const N: usize>(
+    shuffle: &Shuffle,
+    [along, down]: [&[__m256i; PAIRS]; 2],
     rows: __m256i,
-    strip: *const S,
-    stride: usize,
+    (strip, stride): (*const S, usize),
 ) -> __m256i {
     // SAFETY: rows 0 to `taps(N)` only, as the caller promises.
-    let row = |r: usize| unsafe { _mm256_cvtepi32_ps(taps_of.row(strip.add(r * stride))) };
+    let row = |r: usize| unsafe { _mm256_cvtepi32_ps(row::<S, N>(shuffle, along, strip.add(r * stride))) };
+    let ([w0, w1], [w2, w3], [w4, w5]) = (split(down[0]), split(down[1]), split(down[2]));
+    let weights = [w0, w1, w2, w3, w4, w5];
     let mut sum = _mm256_setzero_ps();
     let level = _mm256_castsi256_ps(_mm256_cmpgt_epi32(rows, _mm256_setzero_si256()));
     if _mm256_movemask_ps(level) == 0 {
@@ -362,41 +232,47 @@ unsafe fn columns<S, T: Taps<S, N>, const N: usize>(
 /// One block; `None` where it does not fit a strip.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn block<S: Sample, T: Taps<S, N>, const N: usize>(
+fn block<S: Pairs, const N: usize>(
     source: &Source<'_, S>,
     table: &Table<N>,
     xs: &[i32; LANES],
     ys: &[i32; LANES],
-) -> Option<__m256i> {
+) -> Option<__m256i>
+where
+    Table<N>: Weights,
+{
     let strip = Strip::of::<N>(xs, ys)?;
     // SAFETY: AVX2 by this function's own feature.
-    let (taps_of, weights) = unsafe { (T::new(table, xs, strip.offsets, source.bias)?, T::columns(table, ys)) };
-    let plane = source.plane;
+    let (shuffle, along, down) = unsafe { (S::shuffle(strip.offsets, source.bias)?, table.pairs(xs), table.pairs(ys)) };
+    let (plane, weights) = (source.plane, [&along, &down]);
     let sums = if strip.inside(plane.width(), plane.height()) {
         let start = &plane.data()[strip.y as usize * plane.stride() + strip.x as usize..];
         // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads.
-        unsafe { columns(&taps_of, &weights, strip.rows, start.as_ptr(), plane.stride()) }
+        unsafe { columns::<S, N>(&shuffle, weights, strip.rows, (start.as_ptr(), plane.stride())) }
     } else {
         let mut patch = [[S::default(); STRIP]; STRIP_ROWS];
         source.copy_patch(strip.x, strip.y, &mut patch);
         // SAFETY: the patch has STRIP samples in STRIP_ROWS rows.
-        unsafe { columns(&taps_of, &weights, strip.rows, patch.as_flattened().as_ptr(), STRIP) }
+        unsafe { columns::<S, N>(&shuffle, weights, strip.rows, (patch.as_flattened().as_ptr(), STRIP)) }
     };
     let value = _mm256_add_epi32(sums, _mm256_set1_epi32(source.bias));
     Some(_mm256_min_epi32(_mm256_max_epi32(value, _mm256_setzero_si256()), _mm256_set1_epi32(source.max)))
 }
 
 #[target_feature(enable = "avx2")]
-fn sample_row<S: Sample, T: Taps<S, N>, const N: usize>(
+#[inline]
+fn sample_row<S: Pairs, const N: usize>(
     source: &Source<'_, S>,
     table: &Table<N>,
     (xs, ys): (&[i32], &[i32]),
     out: &mut [S],
     store: impl Fn(__m256i, &mut [S; LANES]),
-) {
+) where
+    Table<N>: Weights,
+{
     let blocks = xs.as_chunks::<LANES>().0.iter().zip(ys.as_chunks::<LANES>().0);
     for ((xs, ys), out) in blocks.zip(out.as_chunks_mut::<LANES>().0) {
-        match block::<S, T, N>(source, table, xs, ys) {
+        match block::<S, N>(source, table, xs, ys) {
             Some(values) => store(values, out),
             None => source.sample_row(table, xs, ys, out),
         }
@@ -446,24 +322,24 @@ pub(super) trait Kernels: Sample {
 impl Kernels for u8 {
     #[target_feature(enable = "avx2")]
     unsafe fn row4(source: &Source<'_, Self>, table: &Table<4>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, Bytes4, 4>(source, table, at, out, |v, out| store_bytes(v, out));
+        sample_row::<Self, 4>(source, table, at, out, |v, out| store_bytes(v, out));
     }
 
     #[target_feature(enable = "avx2")]
     unsafe fn row6(source: &Source<'_, Self>, table: &Table<8>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, Bytes6, 8>(source, table, at, out, |v, out| store_bytes(v, out));
+        sample_row::<Self, 8>(source, table, at, out, |v, out| store_bytes(v, out));
     }
 }
 
 impl Kernels for u16 {
     #[target_feature(enable = "avx2")]
     unsafe fn row4(source: &Source<'_, Self>, table: &Table<4>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, Words4, 4>(source, table, at, out, |v, out| store_words(v, out));
+        sample_row::<Self, 4>(source, table, at, out, |v, out| store_words(v, out));
     }
 
     #[target_feature(enable = "avx2")]
     unsafe fn row6(source: &Source<'_, Self>, table: &Table<8>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, Words6, 8>(source, table, at, out, |v, out| store_words(v, out));
+        sample_row::<Self, 8>(source, table, at, out, |v, out| store_words(v, out));
     }
 }
 

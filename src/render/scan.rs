@@ -107,7 +107,10 @@ impl Line {
         let advance = self.advance.wrapping_add(own << FRACTION_BITS);
         let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));
         // Eight at a time: the inner loop is one vector addition, one shift and one store.
-        let lanes: [i32; 8] = std::array::from_fn(|k| advance.wrapping_mul(k as i32));
+        let mut lanes = [0_i32; 8];
+        for k in 1..8 {
+            lanes[k] = lanes[k - 1].wrapping_add(advance);
+        }
         let (eights, rest) = out.as_chunks_mut::<8>();
         for eight in eights {
             for (position, lane) in eight.iter_mut().zip(lanes) {

@@ -96,14 +96,15 @@ impl<'a, S: Sample> Source<'a, S> {
 
     /// Copies rows of `W` samples from index `(x0, y0)` on, the border resolved.
     pub(super) fn copy_patch<const W: usize>(&self, x0: i32, y0: i32, patch: &mut [[S; W]]) {
-        let columns: [Option<usize>; W] =
-            std::array::from_fn(|k| self.border.resolve(x0 + k as i32, self.plane.width()));
+        let within = x0 >= 0 && x0 as usize + W <= self.plane.width();
+        let column = |k: usize| self.border.resolve(x0 + k as i32, self.plane.width());
+        let columns: [Option<usize>; W] = if within { [None; W] } else { std::array::from_fn(column) };
         for (y, row) in (y0..).zip(patch) {
-            let source = self.border.resolve(y, self.plane.height()).map(|y| self.plane.row(y));
-            *row = match source {
-                Some(source) => columns.map(|column| column.map_or(self.black, |x| source[x])),
-                None => [self.black; W],
-            };
+            match self.border.resolve(y, self.plane.height()).map(|y| self.plane.row(y)) {
+                Some(source) if within => row.copy_from_slice(&source[x0 as usize..][..W]),
+                Some(source) => *row = columns.map(|column| column.map_or(self.black, |x| source[x])),
+                None => *row = [self.black; W],
+            }
         }
     }
 }

@@ -321,7 +321,12 @@ fn a_brighter_neighbor_is_toned_down_to_the_frame() {
 
 #[test]
 fn a_neighbor_of_another_scene_is_left_out() {
-    let (filled, report) = fill_with(view((256, 160), 3000.0, 500.0, 0.0), (0.0, 0.0));
+    // Waves of other lengths and directions: those of `view` itself would be found again a few pixels away.
+    let other = frame(PixelFormat::opaque(Layout::Yuv420, 8), (256, 160), |_, x, y| {
+        let (x, y) = (x as f64, y as f64);
+        (110.0 + 35.0 * ((0.33 * x - 0.24 * y).sin() + (0.41 * y + 0.02 * x * y / 9.0).cos())) as i32
+    });
+    let (filled, report) = fill_with(other, (0.0, 0.0));
     assert_eq!((report.used, report.left), (0, report.uncovered));
     let renderer = Renderer::new(RenderOptions { interpolation: Interpolation::Bicubic, border: Border::Mirror });
     assert_same(&filled, &rendered(&renderer, &view((256, 160), 0.0, 0.0, 0.0), &shift(24.0, 0.0)), "untouched");
@@ -351,7 +356,8 @@ fn a_neighbor_is_not_shown_where_it_disagrees() {
     let border = rendered(&renderer, &view((256, 160), 0.0, 0.0, 0.0), &shift(24.0, 0.0));
     for x in 0..12 {
         assert!((get(&filled, 0, x, 40) - get(&truth, 0, x, 40)).abs() <= 4, "shown where it agrees");
-        assert_eq!(get(&filled, 0, x, 120), get(&border, 0, x, 120), "the border where it does not");
+        let (shown, border) = (get(&filled, 0, x, 120), get(&border, 0, x, 120));
+        assert!((shown - border).abs() <= 8, "the border, at the tone beside it, where it does not: {shown} {border}");
     }
 }
 

@@ -105,7 +105,7 @@ mod tests {
 
     use super::*;
     use crate::camera::{CameraPose, Vec3};
-    use crate::motion::sfm::synthetic::TwoViews;
+    use crate::motion::sfm::synthetic_views::TwoViews;
     use crate::optim::ransac::{MsacOptions, msac};
 
     #[test]

@@ -285,7 +285,7 @@ impl<'a> Mapper<'a> {
 
 fn fit(max_iterations: usize, tolerance: f64) -> RobustFit {
     RobustFit {
-        damping: DampingOptions { max_iterations, tolerance, ..DampingOptions::default() },
+        damping: DampingOptions { tolerance, max_iterations, ..DampingOptions::default() },
         ..RobustFit::default()
     }
 }

@@ -34,7 +34,8 @@ pub(super) struct PathTold {
 
 impl PathTold {
     pub(super) fn of(feed: &Feed<'_>, tiers: &Tiers) -> Self {
-        let crop = &feed.path.crop;
+        // A frame turned inside a window of its own size is a trace larger than the window.
+        let crop: Vec<f64> = feed.path.crop.iter().map(|c| c.min(1.0)).collect();
         let mean = |crop: &[f64]| crop.iter().sum::<f64>() / crop.len().max(1) as f64;
         let strays = feed.motion.map(|m| Strays::of(m, &feed.path.out_from_src));
         let segment = |s: &SegmentVerdict| SegmentSummary {
@@ -45,7 +46,7 @@ impl PathTold {
             shake: strays.as_ref().and_then(|strays| strays.over(s.frames.clone())),
         };
         Self {
-            mean_crop: mean(crop),
+            mean_crop: mean(&crop),
             shake: strays.as_ref().and_then(Strays::whole),
             least_crop: crop.iter().copied().fold(1.0, f64::min),
             segments: tiers.segments.iter().map(segment).collect(),

@@ -47,18 +47,17 @@ impl<'a> AnySource<'a> {
     }
 }
 
-/// Values on the blocks of a strip, and the distance of each sample's source position to the edge of its source, luma px;
+/// The smaller of two numbers; unlike `f32::min` one instruction, for NaN does not occur.
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Values on some blocks of a strip, and the distance of each sample's source position to the edge of its source, luma px;
 /// −∞ beyond the frame and where the map is not defined.
+#[derive(Clone)]
 pub(super) struct Rendered {
     pub(super) value: Vec<f32>,
     pub(super) margin: Vec<f32>,
-}
-
-impl Rendered {
-    /// Counts the margin from `rim` px inside the edge.
-    pub(super) fn keep_inside(&mut self, rim: f32) {
-        self.margin.iter_mut().for_each(|m| *m -= rim);
-    }
 }
 
 /// The shape of a block in one plane.
@@ -85,11 +84,6 @@ impl Patch {
         self.cols * self.rows
     }
 
-    /// Samples in a row of a block.
-    pub(super) fn row_len(&self) -> usize {
-        self.cols
-    }
-
     /// Where sample `k` of a block lies, in blocks.
     pub(super) fn place(&self, strip: &Strip, block: usize, k: usize) -> (f32, f32) {
         let along = |at: usize, k: usize, n: usize| at as f32 + (k as f32 + 0.5) / n as f32;
@@ -108,17 +102,18 @@ impl Patch {
         (x < self.width && y < self.height).then(|| (x, y, self.cols.min(self.width - x)))
     }
 
-    /// Samples `source` with the given offsets of each block's corners, where its pixels reach; 0 elsewhere.
+    /// Samples `source` in `blocks` with the given offsets of their corners, where its pixels reach; 0 elsewhere.
     pub(super) fn render(
         &self,
         renderer: &Renderer,
         source: &AnySource<'_>,
         strip: &Strip,
-        corners: &[Option<Corners>],
+        (blocks, corners): (&[usize], &[Option<Corners>]),
     ) -> Rendered {
-        self.each_row(strip, corners, |_, margins, (xs, ys), out| {
-            if margins.iter().any(|&m| m > 0.0) {
-                source.sample(renderer, xs, ys, out);
+        self.each_row(strip, (blocks, corners), |_, margins, (xs, ys), out| {
+            let inside = |&m: &f32| m > 0.0;
+            if let (Some(first), Some(last)) = (margins.iter().position(inside), margins.iter().rposition(inside)) {
+                source.sample(renderer, &xs[first..], &ys[first..], &mut out[first..=last]);
             }
         })
     }
@@ -134,12 +129,12 @@ impl Patch {
         let unreadable = RenderError::Plane { plane: i, role: "destination" };
         if frame.format.bytes_per_sample() == 1 {
             let plane = frame.plane8(i).ok_or(unreadable)?;
-            Ok(self.each_row(strip, corners, |(x, y), _, _, out| {
+            Ok(self.each_row(strip, (&strip.blocks, corners), |(x, y), _, _, out| {
                 out.iter_mut().zip(&plane.row(y)[x..]).for_each(|(out, &v)| *out = f32::from(v));
             }))
         } else {
             let plane = frame.plane16(i).ok_or(unreadable)?;
-            Ok(self.each_row(strip, corners, |(x, y), _, _, out| {
+            Ok(self.each_row(strip, (&strip.blocks, corners), |(x, y), _, _, out| {
                 out.iter_mut().zip(&plane.row(y)[x..]).for_each(|(out, &v)| *out = f32::from(v));
             }))
         }
@@ -149,14 +144,14 @@ impl Patch {
     fn each_row(
         &self,
         strip: &Strip,
-        corners: &[Option<Corners>],
+        (blocks, corners): (&[usize], &[Option<Corners>]),
         fill: impl Fn((usize, usize), &[f32], (&[i32], &[i32]), &mut [f32]) + Sync,
     ) -> Rendered {
         let n = self.len();
-        let mut rendered = Rendered { value: vec![0.0; n * strip.blocks.len()], margin: Vec::new() };
+        let mut rendered = Rendered { value: vec![0.0; n * blocks.len()], margin: Vec::new() };
         rendered.margin = vec![f32::NEG_INFINITY; rendered.value.len()];
-        let blocks = rendered.value.par_chunks_mut(n).zip(rendered.margin.par_chunks_mut(n));
-        blocks.zip(&strip.blocks).zip(corners).for_each(|(((value, margin), &block), corners)| {
+        let samples = rendered.value.par_chunks_mut(n).zip(rendered.margin.par_chunks_mut(n));
+        samples.zip(blocks).zip(corners).for_each(|(((value, margin), &block), corners)| {
             let (mut xs, mut ys) = ([NOWHERE; BLOCK], [NOWHERE; BLOCK]);
             for (r, (value, margin)) in value.chunks_mut(self.cols).zip(margin.chunks_mut(self.cols)).enumerate() {
                 let Some((x, y, len)) = self.row(strip, block, r) else { continue };
@@ -186,7 +181,7 @@ impl Patch {
         let scale = self.siting.luma_px();
         for ((margin, &x), &y) in margins.iter_mut().zip(xs).zip(ys) {
             let (x, y) = (x as f32 / 256.0, y as f32 / 256.0);
-            *margin = (x.min(right - x) * scale.0).min(y.min(bottom - y) * scale.1);
+            *margin = least(least(x, right - x) * scale.0, least(y, bottom - y) * scale.1);
         }
     }
 

@@ -25,12 +25,12 @@ pub(super) struct Membrane {
 }
 
 impl Membrane {
-    /// Continues `values`, one per block of the grid, from where they are known over the blocks of the strip; 0 everywhere
-    /// where nothing is known.
-    pub(super) fn new(strip: &Strip, values: Vec<f32>, known: &[bool]) -> Self {
+    /// Continues `values`, one per block of the grid, from where they are known over `blocks`; 0 everywhere where nothing
+    /// is known.
+    pub(super) fn new(strip: &Strip, blocks: &[usize], values: Vec<f32>, known: &[bool]) -> Self {
         let mut membrane = Self { cols: strip.cols, rows: strip.rows, values };
         membrane.spread(known);
-        let unknown: Vec<usize> = strip.blocks.iter().copied().filter(|&b| !known[b]).collect();
+        let unknown: Vec<usize> = blocks.iter().copied().filter(|&b| !known[b]).collect();
         for _ in 0..SWEEPS {
             for &k in &unknown {
                 membrane.relax(k);
@@ -113,7 +113,8 @@ mod tests {
             (values[j * 10], values[j * 10 + 9]) = (-3.0, 6.0);
             (known[j * 10], known[j * 10 + 9]) = (true, true);
         }
-        let membrane = Membrane::new(&everything(), values, &known);
+        let strip = everything();
+        let membrane = Membrane::new(&strip, &strip.blocks, values, &known);
         assert_eq!((membrane.of_block(20), membrane.of_block(29)), (-3.0, 6.0));
         let along: Vec<f32> = (0..10).map(|i| membrane.at(i as f32 + 0.5, 4.0)).collect();
         assert!(along.is_sorted(), "{along:?}");
@@ -122,7 +123,8 @@ mod tests {
 
     #[test]
     fn where_nothing_is_known_it_vanishes() {
-        let membrane = Membrane::new(&everything(), vec![7.0; 80], &[false; 80]);
+        let strip = everything();
+        let membrane = Membrane::new(&strip, &strip.blocks, vec![7.0; 80], &[false; 80]);
         assert_eq!(membrane.at(3.2, 4.7), 0.0);
     }
 }

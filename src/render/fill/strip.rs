@@ -41,6 +41,15 @@ pub(super) struct Strip {
     own: Vec<Option<Point2>>,
 }
 
+/// Some blocks of a strip: those that a neighbor is asked for, and what lies along them.
+#[derive(Debug)]
+pub(super) struct Part {
+    /// Positions among the strip's blocks, ascending.
+    pub(super) slots: Vec<usize>,
+    /// Indices in the grid.
+    pub(super) blocks: Vec<usize>,
+}
+
 /// Offsets `src − out` at the corners of a block, luma px: top left, top right, bottom left, bottom right.
 pub(super) type Corners = [[f32; 2]; 4];
 
@@ -58,6 +67,15 @@ impl Strip {
         strip.blocks = (0..cols * rows).filter(|&block| strip.near(block, &missing)).collect();
         strip.probes = strip.blocks.iter().enumerate().flat_map(|(slot, &b)| strip.probes_of(slot, b, own)).collect();
         Some(strip)
+    }
+
+    /// The blocks of the strip that are `open`, one flag per block of the strip, and the band along them.
+    pub(super) fn part(&self, open: &[bool]) -> Part {
+        let mut missing = vec![false; self.cols * self.rows];
+        self.blocks.iter().zip(open).for_each(|(&block, &open)| missing[block] = open);
+        let near = |&slot: &usize| self.near(self.blocks[slot], &missing);
+        let slots: Vec<usize> = (0..self.blocks.len()).filter(near).collect();
+        Part { blocks: slots.iter().map(|&slot| self.blocks[slot]).collect(), slots }
     }
 
     /// A missing block lies within the band around `block`.
@@ -101,13 +119,18 @@ impl Strip {
 
     /// Offsets of the frame itself for each block of the strip; `None` where undefined.
     pub(super) fn own_corners(&self) -> Vec<Option<Corners>> {
-        self.corners(&self.own)
+        self.corners(&self.own, &self.blocks)
     }
 
-    /// Offsets of a neighbor for each block of the strip. `shift`, px, is added at each block's center before the map.
-    pub(super) fn neighbor_corners(&self, field: &WarpField, shift: &[[f32; 2]]) -> Vec<Option<Corners>> {
+    /// Offsets of a neighbor for each of `blocks`. `shift`, px, is added at each block's center before the map.
+    pub(super) fn neighbor_corners(
+        &self,
+        field: &WarpField,
+        shift: &[[f32; 2]],
+        blocks: &[usize],
+    ) -> Vec<Option<Corners>> {
         let mut sums = vec![[0.0_f64; 3]; self.own.len()];
-        for &block in &self.blocks {
+        for &block in blocks {
             for k in self.corner_indices(block) {
                 sums[k][0] += f64::from(shift[block][0]);
                 sums[k][1] += f64::from(shift[block][1]);
@@ -118,15 +141,15 @@ impl Strip {
             if n > 0.0 { field.map((*own)? + Vec2::new(x, y) / n) } else { None }
         };
         let positions: Vec<_> = self.own.iter().zip(sums).map(position).collect();
-        self.corners(&positions)
+        self.corners(&positions, blocks)
     }
 
-    fn corners(&self, positions: &[Option<Point2>]) -> Vec<Option<Corners>> {
+    fn corners(&self, positions: &[Option<Point2>], blocks: &[usize]) -> Vec<Option<Corners>> {
         let offset = |k: usize| positions[k].map(|p| p - self.corner(k)).map(|d| [d.x as f32, d.y as f32]);
         let of = |&block: &usize| {
             let [a, b, c, d] = self.corner_indices(block);
             Some([offset(a)?, offset(b)?, offset(c)?, offset(d)?])
         };
-        self.blocks.iter().map(of).collect()
+        blocks.iter().map(of).collect()
     }
 }

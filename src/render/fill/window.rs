@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::quarter::Quarter;
 use crate::image::Frame;
 
 /// How many frames to hold.
@@ -19,17 +20,26 @@ pub struct FillOptions {
 }
 
 impl Default for FillOptions {
-    /// 256 MB: 82 frames of 1080p in 8 bit. Two seconds at 30 frames/s to either side: shake swings back within one.
+    /// 256 MB: 74 frames of 1080p in 8 bit. Two seconds at 30 frames/s to either side: shake swings back within one.
     fn default() -> Self {
         Self { memory_bytes: 256 << 20, reach_frames: 60 }
     }
 }
 
-/// Frames in order of time, each with its number.
+/// A frame held.
+#[derive(Debug)]
+pub(super) struct Held {
+    /// Its number.
+    pub(super) number: usize,
+    pub(super) frame: Arc<Frame>,
+    pub(super) quarter: Quarter,
+}
+
+/// Frames in order of time.
 #[derive(Debug)]
 pub(super) struct Window {
     options: FillOptions,
-    held: VecDeque<(usize, Arc<Frame>)>,
+    held: VecDeque<Held>,
     pushed: usize,
     popped: usize,
 }
@@ -40,7 +50,7 @@ impl Window {
     }
 
     pub(super) fn push(&mut self, frame: Arc<Frame>) {
-        self.held.push_back((self.pushed, frame));
+        self.held.push_back(Held { number: self.pushed, quarter: Quarter::of(&frame), frame });
         self.pushed += 1;
         self.evict();
     }
@@ -57,19 +67,18 @@ impl Window {
         }
         self.popped += 1;
         self.evict();
-        self.held.iter().find(|(n, _)| *n == next).cloned()
+        self.held.iter().find(|held| held.number == next).map(|held| (next, Arc::clone(&held.frame)))
     }
 
     /// Frames held other than `now` that fit, in order of time.
-    pub(super) fn neighbors(&self, now: usize, fits: impl Fn(&Frame) -> bool) -> impl Iterator<Item = (usize, &Frame)> {
-        let reach = self.options.reach_frames;
-        let near = self.held.iter().map(|(n, frame)| (*n, &**frame));
-        near.filter(move |(n, frame)| *n != now && n.abs_diff(now) <= reach && fits(frame))
+    pub(super) fn neighbors(&self, now: usize, fits: impl Fn(&Frame) -> bool) -> impl Iterator<Item = &Held> {
+        let near = move |n: usize| n != now && n.abs_diff(now) <= self.options.reach_frames;
+        self.held.iter().filter(move |held| near(held.number) && fits(&held.frame))
     }
 
     /// Frames that fit into the budget.
     fn capacity(&self) -> usize {
-        let bytes = self.held.back().map_or(1, |(_, frame)| bytes(frame));
+        let bytes = self.held.back().map_or(1, |held| bytes(&held.frame));
         (self.options.memory_bytes / bytes.max(1)).max(3)
     }
 
@@ -81,7 +90,7 @@ impl Window {
     /// Lets go of frames out of reach, then of the most crowded ones.
     fn evict(&mut self) {
         let now = self.now();
-        while self.held.front().is_some_and(|(n, _)| n + self.options.reach_frames < now) {
+        while self.held.front().is_some_and(|held| held.number + self.options.reach_frames < now) {
             self.held.pop_front();
         }
         while self.held.len() > self.capacity() {
@@ -92,8 +101,8 @@ impl Window {
 
     /// The earlier frame whose gap is the smallest relative to its distance from `now`.
     fn most_crowded(&self, now: usize) -> Option<usize> {
-        let at = |k: usize| self.held[k].0;
-        let earlier = self.held.iter().take_while(|(n, _)| *n < now).count();
+        let at = |k: usize| self.held[k].number;
+        let earlier = self.held.iter().take_while(|held| held.number < now).count();
         let crowding = |k: usize| {
             let before = if k == 0 { now.saturating_sub(self.options.reach_frames) } else { at(k - 1) };
             (at(k + 1) - before) as f64 / (now - at(k)) as f64
@@ -102,13 +111,13 @@ impl Window {
     }
 }
 
-/// Memory of a frame's samples.
+/// Memory of a frame's samples, and of its luma at a quarter of the size.
 fn bytes(frame: &Frame) -> usize {
     let samples = |i: usize| {
         let (w, h) = frame.format.plane_size(i, frame.width, frame.height);
         w * h
     };
-    (0..frame.format.planes()).map(samples).sum::<usize>() * frame.format.bytes_per_sample()
+    (0..frame.format.planes()).map(samples).sum::<usize>() * frame.format.bytes_per_sample() + Quarter::bytes(frame)
 }
 
 #[cfg(test)]
@@ -116,16 +125,16 @@ mod tests {
     use super::*;
     use crate::image::{Layout, PixelFormat};
 
-    /// Runs `frames` frames of 1024 bytes through a window; what it held when each was popped.
+    /// Runs `frames` frames of 1024 bytes (32 × 26, and 8 × 6 numbers of 4) through a window; what it held when each was popped.
     fn run(options: FillOptions, frames: usize) -> Vec<(usize, Vec<usize>)> {
         let mut window = Window::new(options);
         let mut seen = Vec::new();
         for n in 0..=frames {
             if n < frames {
-                window.push(Arc::new(Frame::new(PixelFormat::opaque(Layout::Gray, 8), 32, 32)));
+                window.push(Arc::new(Frame::new(PixelFormat::opaque(Layout::Gray, 8), 32, 26)));
             }
             while let Some((index, _)) = window.pop(n == frames) {
-                seen.push((index, window.held.iter().map(|(n, _)| *n).collect()));
+                seen.push((index, window.held.iter().map(|held| held.number).collect()));
             }
         }
         seen
