@@ -185,7 +185,8 @@ mod tests {
                 unreachable!("nothing is proposed")
             }
         }
-        let report = minimize(&mut Unsolvable, 5.0, &DampingOptions { max_iterations: 200, ..DampingOptions::default() });
+        let report =
+            minimize(&mut Unsolvable, 5.0, &DampingOptions { max_iterations: 200, ..DampingOptions::default() });
         assert!(!report.converged && report.cost == 5.0 && report.iterations < 20);
     }
 }

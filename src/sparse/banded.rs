@@ -322,7 +322,9 @@ mod tests {
             (j..=(j + 70).min(199)).for_each(|i| assert!((banded.column_mut(j)[i - j] - dense[(i, j)]).abs() < 1e-13));
             (0..3).for_each(|k| assert!((banded.border_mut(j)[k] - dense[(200 + k, j)]).abs() < 1e-13));
         }
-        (0..3).for_each(|j| (j..3).for_each(|i| assert!((*banded.corner_mut(i, j) - dense[(200 + i, 200 + j)]).abs() < 1e-13)));
+        (0..3).for_each(|j| {
+            (j..3).for_each(|i| assert!((*banded.corner_mut(i, j) - dense[(200 + i, 200 + j)]).abs() < 1e-13))
+        });
     }
 
     #[test]
@@ -348,7 +350,10 @@ mod tests {
         let (mut banded, _) = sample(200, 70, 3, 1);
         *banded.diagonal_mut(90) = -1.0;
         let error = banded.factor().expect_err("indefinite");
-        assert_eq!(error.to_string(), "elimination met no positive pivot at unknown 90; damp the system or fix the unknown");
+        assert_eq!(
+            error.to_string(),
+            "elimination met no positive pivot at unknown 90; damp the system or fix the unknown"
+        );
         let (mut banded, _) = sample(200, 70, 3, 1);
         *banded.diagonal_mut(202) = f64::NAN;
         assert_eq!(banded.factor(), Err(SparseError::Pivot { unknown: 202 }));

@@ -1,8 +1,8 @@
 //! Which observations are used, which unknowns they move, and where each unknown stands in the system.
 
+use super::BundleError;
 use super::parameters::{Parameters, Ray, SHARED};
 use super::shutter::neighbors;
-use super::BundleError;
 use crate::camera::{CameraPose, Vec3};
 use crate::math::Point2;
 use crate::motion::sfm::{Observation, Scene};

@@ -10,10 +10,10 @@
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SMatrixView, Vector3, Vector6};
 
+use super::cameras::Cameras;
 use super::judgment::Judgment;
 use super::layout::{Layout, POSE, Track};
 use super::parameters::{Parameters, SHARED};
-use super::cameras::Cameras;
 use super::residual::{Anchored, Linearized};
 use crate::camera::Vec3;
 use crate::camera::rotation::skew;

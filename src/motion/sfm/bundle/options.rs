@@ -39,11 +39,7 @@ pub struct RobustFit {
 impl Default for RobustFit {
     /// Observations good to half a pixel; Huber's loss, then Cauchy's, both bent at two standard deviations.
     fn default() -> Self {
-        Self {
-            sigma_px: 0.5,
-            losses: vec![Loss::Huber(2.0), Loss::Cauchy(2.0)],
-            damping: DampingOptions::default(),
-        }
+        Self { sigma_px: 0.5, losses: vec![Loss::Huber(2.0), Loss::Cauchy(2.0)], damping: DampingOptions::default() }
     }
 }
 

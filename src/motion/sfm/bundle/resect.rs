@@ -3,9 +3,9 @@
 use nalgebra::{Cholesky, Matrix6, Vector6};
 
 use super::judgment::Judgment;
+use super::parameters::Ray;
 use super::residual::{Anchored, Eye, Linearized, View};
 use super::shutter::{Stencil, neighbors};
-use super::parameters::Ray;
 use super::{BundleError, RobustFit};
 use crate::camera::{CameraPose, Vec3};
 use crate::math::Point2;
