@@ -154,8 +154,11 @@ fn a_pose_is_found_from_points_in_spite_of_outliers() {
         let truth = scene.poses[20].take().expect("known");
         let start = truth.perturbed(&Vec3::new(0.02, -0.01, 0.01), &Vec3::new(0.05, 0.02, -0.06));
         let found = resect(&scene, 20, start, &shot.observations, &RobustFit::default()).expect("enough points");
-        let limit = if readout == 0.0 { 1e-6 } else { 2e-3 };
-        assert!(found.converged && (found.pose.center() - truth.center()).norm() < limit, "{found:?}");
+        // Cauchy's loss lets an outlier of r pull like c²/r: 30 of 150, at random, move a picture by some hundredth of a pixel,
+        // which is half a millimeter at 30 m. A row's motion is interpolated to a few hundredths of a pixel.
+        let limit = if readout == 0.0 { 1e-3 } else { 2e-3 };
+        let apart = (found.pose.center() - truth.center()).norm();
+        assert!(found.converged && apart < limit, "readout {readout}: {apart} {}", found.converged);
         let flagged = found.residuals_px.iter().filter(|(i, r)| (*r > 2.0) != shot.is_outlier[*i]).count();
         assert!(flagged * 20 < found.residuals_px.len(), "{flagged} of {}", found.residuals_px.len());
     }
