@@ -64,7 +64,11 @@ impl Layout {
             groups.sights[sights.clone()].iter().for_each(|s| used[s.frame] = true);
         }
         let mut is_free = used.clone();
-        held_frames.iter().for_each(|&f| is_free.get_mut(f as usize).into_iter().for_each(|free| *free = false));
+        for &frame in held_frames {
+            if let Some(free) = is_free.get_mut(frame as usize) {
+                *free = false;
+            }
+        }
         let gauge = Gauge::choose(scene, &used, &mut is_free);
         let slot: Vec<_> = is_free
             .iter()

@@ -154,7 +154,7 @@ impl Reduced {
             }
         }
         let first = POSE * batch.slots.start;
-        self.system.subtract_outer(first, rows, &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
+        self.system.subtract_outer(first, (rows, rank), &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
     }
 
     /// Entry of `D` of an unknown of the reduced system.
