@@ -128,7 +128,7 @@ mod tests {
     fn verdict(top: f64, bottom: f64, speed: f64) -> Option<FieldOrder> {
         let mut detector = FieldDetector::default();
         for k in 0..40 {
-            let time = |y: usize| speed * (f64::from(k) + if y % 2 == 0 { top } else { bottom });
+            let time = |y: usize| speed * (f64::from(k) + if y.is_multiple_of(2) { top } else { bottom });
             let plane: Vec<u8> =
                 (0..SIZE.0 * SIZE.1).map(|i| texture(i % SIZE.0, i / SIZE.0, time(i / SIZE.0))).collect();
             detector.push((&plane, SIZE.0), SIZE, 1);

@@ -162,9 +162,9 @@ mod tests {
     #[test]
     fn a_minimum_is_recognized_and_the_iteration_limit_holds() {
         let (mut valley, cost) = valley();
-        let options = DampingOptions { max_iterations: 3, ..DampingOptions::default() };
+        let options = DampingOptions { max_iterations: 1, ..DampingOptions::default() };
         let report = minimize(&mut valley, cost, &options);
-        assert!(!report.converged && report.iterations == 3 && report.cost < cost);
+        assert!(!report.converged && report.iterations == 1 && report.cost <= cost);
         (valley.at, valley.trial) = (Vector2::new(1.0, 1.0), Vector2::zeros());
         let report = minimize(&mut valley, 0.0, &DampingOptions::default());
         assert!(report.converged && report.iterations == 1 && valley.at == Vector2::new(1.0, 1.0));

@@ -192,8 +192,8 @@ pub enum PathError {
         /// Frames covered by shots that follow each other.
         covered: usize,
     },
-    /// The optimisation failed.
-    #[error("the path of frames {} to {} could not be optimised", frames.start, frames.end)]
+    /// The optimization failed.
+    #[error("the path of frames {} to {} could not be optimized: {source}", frames.start, frames.end)]
     Numerics {
         /// Frames of the window that failed.
         frames: Range<usize>,

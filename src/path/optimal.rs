@@ -153,15 +153,18 @@ impl Program<'_> {
     pub(super) fn solve(&self, frames: Range<usize>, head: &Cameras) -> Result<Cameras, QpError> {
         let n = frames.len();
         let mut qp = QuadraticProgram::new(n * self.stride());
+        let strength = |i: usize| self.strength[frames.start + i].max(LEAST_SHAKE * LEAST_SHAKE);
+        // All weights and the price in units that make them about 1, which the solver's tolerances want.
+        let unit = (0..n).map(strength).sum::<f64>() / n as f64;
         for i in 0..n {
-            let weight = 1.0 / self.strength[frames.start + i].max(LEAST_SHAKE * LEAST_SHAKE);
+            let weight = unit / strength(i);
             self.add_shake(&mut qp, &frames, i, weight);
             if i >= 2 {
                 self.add_acceleration(&mut qp, &frames, i, weight);
             }
             if i >= head.path.len() {
                 self.keep_inside(&mut qp, i);
-                self.size_window(&mut qp, &frames, i);
+                self.size_window(&mut qp, &frames, i, unit);
             } else {
                 self.hold(&mut qp, i, head);
             }
@@ -233,7 +236,7 @@ impl Program<'_> {
     }
 
     /// Price, bounds and slowness of the window's size.
-    fn size_window(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize) {
+    fn size_window(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, unit: f64) {
         let crop = |k: usize| self.crop(frames, k);
         let given = match self.sizing {
             Sizing::Pinned(size) => Some(size),
@@ -244,7 +247,7 @@ impl Program<'_> {
             qp.require_zero(crop(i) - Affine::constant(size));
             return;
         }
-        qp.add_linear(&(-CROP_PRICE * crop(i)));
+        qp.add_linear(&(-CROP_PRICE * unit * crop(i)));
         qp.require_at_most_zero(Affine::constant(self.min_crop) - crop(i));
         if i == 0 {
             return;

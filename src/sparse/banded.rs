@@ -120,10 +120,9 @@ impl BandedMatrix {
 
     /// `M ← M − V Vᵀ` for a `V` whose rows are zero but for `first..first + v.nrows` of the band and those of the border.
     ///
-    /// `v` holds the columns of the band's part, `rows` entries each; `v_border` those of the border's part.
-    pub fn subtract_outer(&mut self, first: usize, rows: usize, v: &[f64], v_border: &[f64]) {
+    /// `v` holds the `rank` columns of the band's part, `rows` entries each; `v_border` those of the border's part.
+    pub fn subtract_outer(&mut self, first: usize, (rows, rank): (usize, usize), v: &[f64], v_border: &[f64]) {
         assert!(rows <= self.bandwidth + 1 && first + rows <= self.n, "rows {first}+{rows} leave the band");
-        let rank = if rows > 0 { v.len() / rows } else { v_border.len() / self.border.max(1) };
         let v = MatRef::from_column_major_slice(&v[..rows * rank], rows, rank);
         if rows > 0 {
             let block = strided(&mut self.band[first * self.pitch..], rows, rows, self.pitch - 1);
@@ -146,7 +145,7 @@ impl BandedMatrix {
     pub fn factor(&mut self) -> Result<(), SparseError> {
         let scratch = cholesky_in_place_scratch::<f64>(BLOCK.max(self.border), Par::Seq, faer::Spec::default());
         let mut memory = MemBuffer::new(scratch);
-        let mut diagonal = [0.0; BLOCK * BLOCK];
+        let mut diagonal = vec![0.0; BLOCK * BLOCK];
         for start in (0..self.n).step_by(BLOCK) {
             self.eliminate(start, &mut diagonal, MemStack::new(&mut memory))?;
         }
@@ -158,12 +157,7 @@ impl BandedMatrix {
     }
 
     /// Eliminates the block of columns from `start`: its own factor, the panel below, then what the panel takes from the rest.
-    fn eliminate(
-        &mut self,
-        start: usize,
-        diagonal: &mut [f64; BLOCK * BLOCK],
-        stack: &mut MemStack,
-    ) -> Result<(), SparseError> {
+    fn eliminate(&mut self, start: usize, diagonal: &mut [f64], stack: &mut MemStack) -> Result<(), SparseError> {
         let width = BLOCK.min(self.n - start);
         let below = (self.bandwidth + width).min(self.n - start) - width;
         let stride = self.pitch - 1;
@@ -174,7 +168,7 @@ impl BandedMatrix {
                 diagonal[i + j * BLOCK] = head[i + j * stride];
             }
         }
-        let l = MatRef::from_column_major_slice_with_stride(&diagonal[..], width, width, BLOCK);
+        let l = MatRef::from_column_major_slice_with_stride(diagonal, width, width, BLOCK);
         let border = &mut self.rows[start * self.border..];
         let (own_border, rest_border) = border.split_at_mut(width * self.border);
         let mut b = MatMut::from_column_major_slice_mut(own_border, self.border, width);
@@ -317,13 +311,13 @@ mod tests {
             (0..3).for_each(|i| full[(200 + i, q)] = w[q * 3 + i]);
         }
         dense -= &full * full.transpose();
-        banded.subtract_outer(first, rows, &v, &w);
+        banded.subtract_outer(first, (rows, rank), &v, &w);
         for j in 0..200 {
             (j..=(j + 70).min(199)).for_each(|i| assert!((banded.column_mut(j)[i - j] - dense[(i, j)]).abs() < 1e-13));
             (0..3).for_each(|k| assert!((banded.border_mut(j)[k] - dense[(200 + k, j)]).abs() < 1e-13));
         }
         (0..3).for_each(|j| {
-            (j..3).for_each(|i| assert!((*banded.corner_mut(i, j) - dense[(200 + i, 200 + j)]).abs() < 1e-13))
+            (j..3).for_each(|i| assert!((*banded.corner_mut(i, j) - dense[(200 + i, 200 + j)]).abs() < 1e-13));
         });
     }
 

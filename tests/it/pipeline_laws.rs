@@ -67,7 +67,7 @@ fn analysis() -> impl Strategy<Value = (DecodeSettings, TrackSettings, MotionSet
             (
                 DecodeSettings { path: escape(&path), start, ..DecodeSettings::default() },
                 TrackSettings { points, mask: mask.map(|m| escape(&m)) },
-                MotionSettings { rolling_shutter, export: None },
+                MotionSettings { rolling_shutter, ..MotionSettings::default() },
                 SmoothSettings { smoothness, min_crop, ..SmoothSettings::default() },
             )
         })

@@ -47,6 +47,10 @@ impl Cameras {
         }
     }
 
+    pub(super) fn lens(&self) -> &Intrinsics {
+        &self.lens
+    }
+
     pub(super) fn view(&self, frame: usize) -> &View {
         &self.views[frame]
     }

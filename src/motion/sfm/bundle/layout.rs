@@ -1,7 +1,7 @@
 //! Which observations are used, which unknowns they move, and where each unknown stands in the system.
 
 use super::BundleError;
-use super::parameters::{Parameters, Ray, SHARED};
+use super::parameters::{K1, LN_FOCAL, Parameters, READOUT, Ray, SHARED};
 use super::shutter::neighbors;
 use crate::camera::{CameraPose, Vec3};
 use crate::math::Point2;
@@ -64,7 +64,11 @@ impl Layout {
             groups.sights[sights.clone()].iter().for_each(|s| used[s.frame] = true);
         }
         let mut is_free = used.clone();
-        held_frames.iter().for_each(|&f| is_free.get_mut(f as usize).into_iter().for_each(|free| *free = false));
+        for &frame in held_frames {
+            if let Some(free) = is_free.get_mut(frame as usize) {
+                *free = false;
+            }
+        }
         let gauge = Gauge::choose(scene, &used, &mut is_free);
         let slot: Vec<_> = is_free
             .iter()
@@ -130,9 +134,11 @@ impl Layout {
                 (point.ray, point.inverse_depth) = (ray.xy, ray.w);
             }
         }
-        scene.intrinsics.focal = parameters.shared[0].exp();
-        scene.intrinsics.k1 = parameters.shared[1];
-        scene.readout = parameters.shared[2];
+        let is_free = |k: usize| !self.held.contains(&(POSE * self.free + k));
+        if is_free(LN_FOCAL) {
+            scene.intrinsics.focal = parameters.shared[LN_FOCAL].exp();
+        }
+        (scene.intrinsics.k1, scene.readout) = (parameters.shared[K1], parameters.shared[READOUT]);
     }
 }
 

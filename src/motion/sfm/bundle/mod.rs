@@ -25,6 +25,7 @@ mod normal;
 mod options;
 mod parameters;
 mod problem;
+mod rescue;
 mod resect;
 mod residual;
 mod schur;
@@ -50,7 +51,7 @@ pub struct BundleReport {
     pub iterations: usize,
     /// `E` at the start, under the first loss.
     pub initial_cost: f64,
-    /// `E` at the end, under the last loss.
+    /// `E` at the end of the search, under the last loss.
     pub cost: f64,
     /// Whether the last loss was minimized to the tolerance.
     pub converged: bool,
@@ -91,6 +92,7 @@ pub fn adjust(
         let run = minimize(&mut problem, cost, &damping);
         let (before, initial_cost) = report.map_or((0, run.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
         report = Some((before + run.iterations, initial_cost, run));
+        problem.rescue();
     }
     let (iterations, initial_cost, last) = report.expect("there is a loss: it was checked");
     layout.store(&problem.present, scene);
@@ -129,3 +131,6 @@ impl Residuals {
         Self { rms_px: options.fit.sigma_px * mean.sqrt(), median_px: options.fit.sigma_px * median.sqrt(), noise }
     }
 }
+
+#[cfg(test)]
+mod tests;

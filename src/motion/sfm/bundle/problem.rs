@@ -6,14 +6,15 @@ use super::layout::{Layout, POSE, Track};
 use super::normal::Normal;
 use super::options::{BundleOptions, Freedom};
 use super::parameters::{LN_FOCAL, Parameters, SHARED};
+use super::rescue::{self, is_suspicious};
 use super::schur::Reduced;
 use super::structure::PointProblem;
 use crate::camera::{CameraPose, Vec3};
 use crate::energy::Loss;
 use crate::optim::levenberg_marquardt::{DampedProblem, DampingOptions};
 
-/// Steps for a point on its own: a few bring it near enough for the next joint one.
-const SETTLING: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-2, floor: 0.0, max_iterations: 6 };
+/// Search for a point on its own: to its minimum, or else it promises the next joint step a gain that does not come.
+const SETTLING: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-4, floor: 0.0, max_iterations: 30 };
 
 /// `½ ((x − mean)/σ)²`.
 #[derive(Clone, Copy, Debug)]
@@ -114,6 +115,27 @@ impl<'a> Adjustment<'a> {
         let (ray, cost) = problem(start).search(&SETTLING);
         self.trial.points[index] = ray;
         cost
+    }
+
+    /// Searches anew the points whose observations are met by no means, cameras as they are.
+    pub(super) fn rescue(&mut self) {
+        self.cost();
+        let mut depths: Vec<f64> = self.present.points.iter().map(|ray| ray.w).collect();
+        depths.sort_by(f64::total_cmp);
+        let typical = depths[depths.len() / 2].max(0.0);
+        for (index, track) in self.layout.tracks.iter().enumerate() {
+            let sights = &self.layout.sights[track.sights.clone()];
+            if !is_suspicious(self.costs[index], sights.len(), &self.judgment) {
+                continue;
+            }
+            let own = sights.iter().find(|s| s.frame == track.anchor);
+            let Some(own_ray) = own.and_then(|s| self.cameras.lens().undistorted(s.pixel)) else { continue };
+            let judged = (self.judgment, self.beyond[index]);
+            let problem = |start| PointProblem::new(&self.cameras, (track.anchor, sights), judged, start);
+            if let Some((ray, _)) = rescue::search(problem, own_ray, typical, self.costs[index]) {
+                self.present.points[index] = ray;
+            }
+        }
     }
 
     fn prior_cost(&self) -> f64 {

@@ -205,3 +205,146 @@ fn stacked(turn: &Matrix2x3<f64>, shift: &Matrix2x3<f64>) -> PoseJacobian {
     both.fixed_columns_mut::<3>(3).copy_from(shift);
     both
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::shutter::neighbors;
+    use super::*;
+    use crate::camera::rotation::skew;
+
+    /// Five cameras in a generic motion, lens and readout, and a point.
+    #[derive(Clone)]
+    struct Setting {
+        poses: Vec<CameraPose>,
+        lens: Intrinsics,
+        readout: f64,
+        ray: Ray,
+        anchor: usize,
+        rolling: bool,
+    }
+
+    const FRAME: usize = 2;
+    const SIGMA: f64 = 0.7;
+
+    fn setting(anchor: usize, rolling: bool) -> Setting {
+        let pose = |k: usize| {
+            let t = k as f64;
+            let turn = Vec3::new(0.1 * t - 0.02 * t * t, -0.06 * t, 0.03 * t * t);
+            let shift = Vec3::new(0.2 * t, -0.1 + 0.05 * t * t, 0.3 - 0.1 * t);
+            CameraPose { rotation: UnitQuaternion::from_scaled_axis(turn), translation: shift }
+        };
+        Setting {
+            poses: (0..5).map(pose).collect(),
+            lens: Intrinsics { k1: -0.07, ..Intrinsics::centered(500.0, 640, 360) },
+            readout: 0.7,
+            ray: Ray { xy: Vec2::new(0.21, -0.16), w: 0.35 },
+            anchor,
+            rolling,
+        }
+    }
+
+    impl Setting {
+        fn with_eye<T>(&self, f: impl Fn(&Eye<'_>, &Anchored, &View) -> T) -> T {
+            let view = View::of(&self.poses[FRAME]);
+            let around = neighbors(FRAME, |k| k < 5).map(|k| (k, self.poses[k]));
+            let stencil = Stencil::of(FRAME, &self.poses[FRAME], around);
+            let stencil = self.rolling.then_some(&stencil);
+            let anchor = View::of(&self.poses[self.anchor]);
+            let eye = Eye { lens: &self.lens, readout: self.readout, view: &view, stencil };
+            f(&eye, &Anchored::new(&self.ray, &anchor), &anchor)
+        }
+
+        fn residual(&self) -> Vec2 {
+            let seen = Point2::new(410.0, 320.0);
+            self.with_eye(|eye, point, _| eye.residual(point, seen, SIGMA)).expect("in front")
+        }
+
+        fn linearized(&self, weight: f64) -> (Linearized, Anchored) {
+            let at = (FRAME, Point2::new(410.0, 320.0));
+            self.with_eye(|eye, point, anchor| {
+                let mut out = Linearized::zero();
+                assert!(eye.linearize((point, anchor), at, SIGMA, |_| weight, &mut out), "in front");
+                (out, *point)
+            })
+        }
+
+        /// Central difference of the residual along a change of the setting.
+        fn slope(&self, change: impl Fn(&mut Self, f64)) -> Vec2 {
+            let h = 1e-6;
+            let at = |step: f64| {
+                let mut moved = self.clone();
+                change(&mut moved, step);
+                moved.residual()
+            };
+            (at(h) - at(-h)) / (2.0 * h)
+        }
+    }
+
+    fn settings() -> impl Iterator<Item = Setting> {
+        (0..5).flat_map(|anchor| [setting(anchor, true), setting(anchor, false)])
+    }
+
+    fn close(found: &Vector2<f64>, slope: &Vec2) -> bool {
+        (found - slope).norm() < 1e-6 * (100.0 + slope.norm())
+    }
+
+    #[test]
+    fn the_jacobians_to_point_lens_and_readout_agree_with_central_differences() {
+        for s in settings() {
+            let (j, _) = s.linearized(1.0);
+            assert!(close(&j.point.column(0).into(), &s.slope(|s, h| s.ray.xy.x += h)));
+            assert!(close(&j.point.column(1).into(), &s.slope(|s, h| s.ray.xy.y += h)));
+            assert!(close(&j.point.column(2).into(), &s.slope(|s, h| s.ray.w += h)));
+            assert!(close(&j.shared.column(LN_FOCAL).into(), &s.slope(|s, h| s.lens.focal *= h.exp())));
+            assert!(close(&j.shared.column(K1).into(), &s.slope(|s, h| s.lens.k1 += h)));
+            assert!(close(&j.shared.column(READOUT).into(), &s.slope(|s, h| s.readout += h)), "anchor {}", s.anchor);
+            assert!((j.residual - s.residual()).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_jacobians_to_every_pose_agree_with_central_differences() {
+        for s in settings() {
+            let (j, point) = s.linearized(1.0);
+            let mut of_anchor = SMatrix::<f64, 3, 6>::zeros();
+            of_anchor.fixed_columns_mut::<3>(0).copy_from(&skew(&point.p));
+            of_anchor.fixed_columns_mut::<3>(3).copy_from(&Matrix3::from_diagonal_element(-point.w));
+            for frame in 0..5 {
+                let own = j.poses().iter().filter(|(f, _)| *f == frame).map(|(_, j)| *j).sum::<PoseJacobian>();
+                let total = own + if frame == s.anchor { j.ray * of_anchor } else { PoseJacobian::zeros() };
+                for k in 0..6 {
+                    let slope = s.slope(|s, h| {
+                        let step = |first: usize| Vec3::from_fn(|i, _| if first + i == k { h } else { 0.0 });
+                        s.poses[frame] = s.poses[frame].perturbed(&step(0), &step(3));
+                    });
+                    let found = total.column(k).into();
+                    assert!(close(&found, &slope), "pose {frame}, unknown {k}, anchor {}: {found} {slope}", s.anchor);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_robust_weight_scales_residual_and_jacobians_by_its_root() {
+        let (full, _) = setting(0, true).linearized(1.0);
+        let (quarter, _) = setting(0, true).linearized(0.25);
+        assert!((quarter.residual - 0.5 * full.residual).norm() < 1e-12);
+        assert!((quarter.point - 0.5 * full.point).norm() < 1e-12 * full.point.norm());
+        assert!((quarter.shared - 0.5 * full.shared).norm() < 1e-12 * full.shared.norm());
+        assert!((quarter.poses()[1].1 - 0.5 * full.poses()[1].1).norm() < 1e-12 * full.poses()[1].1.norm());
+    }
+
+    #[test]
+    fn points_at_infinity_and_a_little_beyond_are_seen_and_points_behind_are_not() {
+        for w in [0.0, -1e-3] {
+            let mut s = setting(0, true);
+            s.ray.w = w;
+            assert!(s.residual().norm().is_finite());
+            assert!(s.linearized(1.0).0.point.iter().all(|v| v.is_finite()));
+        }
+        let mut s = setting(0, false);
+        s.ray.w = 30.0;
+        s.poses[FRAME].translation.z = -3.0;
+        assert!(s.with_eye(|eye, point, _| eye.residual(point, Point2::new(1.0, 1.0), 1.0)).is_none());
+    }
+}

@@ -154,7 +154,7 @@ impl Reduced {
             }
         }
         let first = POSE * batch.slots.start;
-        self.system.subtract_outer(first, rows, &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
+        self.system.subtract_outer(first, (rows, rank), &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
     }
 
     /// Entry of `D` of an unknown of the reduced system.
@@ -174,12 +174,14 @@ impl Reduced {
 
 impl Floors {
     fn of(layout: &Layout, normal: &Normal) -> Self {
-        let largest = |kind: usize| {
+        // Where nothing at all is observed of a kind, any positive number holds it.
+        let floor = |largest: f64| if largest > 0.0 { LEAST_DIAGONAL * largest } else { 1.0 };
+        let pose = |kind: usize| {
             let all = (0..layout.free).flat_map(|slot| (0..3).map(move |k| POSE * slot + kind + k));
-            LEAST_DIAGONAL * all.map(|k| normal.a.diagonal(k)).fold(0.0, f64::max)
+            floor(all.map(|k| normal.a.diagonal(k)).fold(0.0, f64::max))
         };
-        let point = |k: usize| LEAST_DIAGONAL * normal.points.iter().map(|p| p.c[(k, k)]).fold(0.0, f64::max);
-        Self { turn: largest(0), shift: largest(3), ray: point(0).max(point(1)), depth: point(2) }
+        let point = |k: usize| floor(normal.points.iter().map(|p| p.c[(k, k)]).fold(0.0, f64::max));
+        Self { turn: pose(0), shift: pose(3), ray: point(0).max(point(1)), depth: point(2) }
     }
 }
 

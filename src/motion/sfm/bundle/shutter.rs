@@ -18,7 +18,7 @@ use crate::camera::rotation::left_jacobian_inverse;
 use crate::camera::{CameraPose, Vec3};
 
 /// Neighbors on either side.
-const REACH: i64 = 2;
+const REACH: isize = 2;
 /// Most neighbors of a frame.
 pub(super) const NEIGHBORS: usize = 2 * REACH as usize;
 
@@ -95,8 +95,8 @@ impl Stencil {
 
 /// Frames within reach of `frame`, no unknown one between.
 pub(super) fn neighbors(frame: usize, known: impl Fn(usize) -> bool + Copy) -> impl Iterator<Item = usize> {
-    let at = move |o: i64| usize::try_from(frame as i64 + o).ok();
+    let at = move |o: isize| frame.checked_add_signed(o);
     let is_known = move |f: Option<usize>| f.is_some_and(known);
-    let reached = move |o: i64| (1..=o.abs()).all(|step| is_known(at(step * o.signum())));
+    let reached = move |o: isize| (1..=o.abs()).all(|step| is_known(at(step * o.signum())));
     (-REACH..=REACH).filter(move |&o| o != 0 && reached(o)).filter_map(at)
 }

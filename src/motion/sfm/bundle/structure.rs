@@ -74,7 +74,8 @@ impl DampedProblem for PointProblem<'_> {
     }
 
     fn propose(&mut self, lambda: f64) -> Option<f64> {
-        let damping = lambda * self.c.diagonal();
+        // A point seen without any baseline has a depth that nothing moves and nothing holds.
+        let damping = lambda * self.c.diagonal().map(|d| if d > 0.0 { d } else { 1.0 });
         let step = -Cholesky::new(self.c + Matrix3::from_diagonal(&damping))?.solve(&self.g);
         self.trial = self.present.moved(&step);
         Some(0.5 * step.dot(&(damping.component_mul(&step) - self.g)))
