@@ -192,8 +192,8 @@ mod tests {
         choose(codec, &EncoderWish::Software, format).expect("an encoder")[0]
     }
 
-    fn refusal(codec: Codec, wish: EncoderWish) -> Option<String> {
-        choose(codec, &wish, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
+    fn refusal(codec: Codec, wish: &EncoderWish) -> Option<String> {
+        choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
     }
 
     #[test]
@@ -241,15 +241,15 @@ mod tests {
 
     #[test]
     fn an_encoder_that_does_not_exist_is_named_with_those_that_do() {
-        let text = refusal(Codec::H264, EncoderWish::Named("h264_magic".into())).expect("refused");
+        let text = refusal(Codec::H264, &EncoderWish::Named("h264_magic".into())).expect("refused");
         let expected = "no encoder for h264_magic: this FFmpeg was built without it; available: libx264";
         assert!(text.starts_with(expected), "{text}");
-        let text = refusal(Codec::H264, EncoderWish::Named("ffv1".into())).expect("refused");
+        let text = refusal(Codec::H264, &EncoderWish::Named("ffv1".into())).expect("refused");
         assert!(
             text.starts_with("no encoder for ffv1: it is none of the encoders known for h264; available: "),
             "{text}"
         );
-        let text = refusal(Codec::Ffv1, EncoderWish::Hardware).expect("refused");
+        let text = refusal(Codec::Ffv1, &EncoderWish::Hardware).expect("refused");
         assert!(text.ends_with("(tried none: there is none for this codec); available: ffv1"), "{text}");
     }
 
@@ -263,11 +263,11 @@ mod tests {
             if !devices.is_empty() {
                 continue;
             }
-            let text = refusal(codec, EncoderWish::Hardware).expect("refused");
+            let text = refusal(codec, &EncoderWish::Hardware).expect("refused");
             assert!(text.contains("on a device: no device for it works on this machine (tried "), "{text}");
             assert!(text.contains(&format!("available: {}", encoders(codec)[0].name)), "{text}");
             for name in hardware(codec).iter().filter(|n| find_encoder(n).is_some()) {
-                let text = refusal(codec, EncoderWish::Named((*name).to_owned())).expect("refused");
+                let text = refusal(codec, &EncoderWish::Named((*name).to_owned())).expect("refused");
                 assert!(text.contains("the device for it is missing on this machine; available: "), "{text}");
             }
         }

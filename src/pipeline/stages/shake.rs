@@ -105,20 +105,20 @@ mod tests {
     /// A clip of 640×360 px at 30/s whose center moves along `x(t)` and whose picture turns along `turn(t)`.
     fn clip(x: impl Fn(f64) -> f64, turn: impl Fn(f64) -> f64) -> ClipMotion {
         let center = Point2::new(320.0, 180.0);
-        let frame = |k: usize| {
+        let frame = |k: u32| {
             if k == 0 {
                 return FrameMotion::still(Timestamp(0), MotionQuality::ShotStart);
             }
-            let (now, then) = (k as f64, k as f64 - 1.0);
+            let (now, then) = (f64::from(k), f64::from(k) - 1.0);
             let shift = Vec2::new(x(now) - x(then), 0.0);
             let step = Similarity2::about(center, turn(now) - turn(then), 1.0, shift);
             FrameMotion {
                 similarity: step,
                 homography: step.to_homography(),
-                ..FrameMotion::still(Timestamp(k as i64), MotionQuality::Measured)
+                ..FrameMotion::still(Timestamp(k.into()), MotionQuality::Measured)
             }
         };
-        ClipMotion::new(640, 360, Timebase { num: 1, den: 30 }, (0..FRAMES).map(frame).collect())
+        ClipMotion::new(640, 360, Timebase { num: 1, den: 30 }, (0..FRAMES as u32).map(frame).collect())
     }
 
     fn identity() -> Vec<Homography> {
