@@ -3,10 +3,12 @@
 //! Axes of a camera: +x right, +y down, +z forward. A pose is `cam_from_world`; pixels are as everywhere in this library,
 //! centers at integer + 0.5.
 
+mod alignment;
 mod intrinsics;
 mod pose;
 pub mod rotation;
 
+pub use alignment::{Similarity3, align};
 pub use intrinsics::Intrinsics;
 pub use pose::CameraPose;
 

@@ -55,6 +55,9 @@ pub struct StabilizeArgs {
     /// How the virtual camera moves
     #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
     path: PathMethod,
+    /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
+    #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
+    path_file: Option<PathBuf>,
     /// Time over which motion is evened out, 0.05 to 30
     #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
@@ -213,10 +216,11 @@ impl StabilizeArgs {
             deinterlace: self.deinterlace,
         };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
+        let in_space = self.mode == WarpMode::ThreeD || self.path_file.is_some();
         let motion = MotionSettings {
             rolling_shutter: self.rolling_shutter,
+            cameras: in_space,
             export: self.export_motion.as_ref().map(path),
-            ..MotionSettings::default()
         };
         let smooth = SmoothSettings {
             method: self.path,
@@ -224,13 +228,15 @@ impl StabilizeArgs {
             min_crop: self.min_crop,
             zoom: self.zoom,
             keep_inside: self.border == Border::Crop,
+            path_file: self.path_file.as_ref().map(path),
             ..SmoothSettings::default()
         };
+        let planned = StageEntry::built("path", &smooth).input("motion", "motion");
         vec![
             StageEntry::built("source", &decode),
             StageEntry::built("tracks", &track).input("frames", "source"),
             StageEntry::built("motion", &motion).input("tracks", "tracks"),
-            StageEntry::built("path", &smooth).input("motion", "motion"),
+            if in_space { planned.input("tracks", "tracks") } else { planned },
         ]
     }
 

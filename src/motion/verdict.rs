@@ -17,6 +17,8 @@ pub enum Tier {
     Homography,
     /// The homography with local motion on a grid.
     Mesh,
+    /// Cameras and points in space.
+    ThreeD,
 }
 
 /// A stretch of one shot with the family it supports.

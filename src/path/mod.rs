@@ -23,6 +23,7 @@ mod optimal;
 mod plan;
 mod pose;
 mod trajectory;
+mod virtual_camera;
 
 use std::ops::Range;
 
@@ -30,8 +31,9 @@ use crate::math::{Homography, Similarity2};
 use crate::optim::qp::QpError;
 
 pub(crate) use lowpass::lowpass;
-pub use plan::plan;
+pub use plan::{plan, plan_along};
 pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
+pub use virtual_camera::{VirtualCamera, smoothed_poses};
 
 /// Motion of one frame's content since the previous frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,6 +149,8 @@ pub struct VirtualPath {
     pub out_from_src: Vec<Homography>,
     /// Per frame, width of the window as a share of the frame's width; 1 shows the whole frame.
     pub crop: Vec<f64>,
+    /// Per frame the virtual camera in space, where there is one; empty where none was asked for.
+    pub cameras: Vec<Option<VirtualCamera>>,
     /// All frames in order.
     pub segments: Vec<Segment>,
 }

@@ -6,7 +6,7 @@ use super::chain::Chain;
 use super::optimal::{Cameras, Program, Sizing};
 use super::pose::{C64, Pose, Stage, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
-use crate::math::Homography;
+use crate::math::{Homography, Similarity2};
 
 /// Length (s) of the windows of time; half of each is look-ahead. Decisions reach as far as the zoom takes to change,
 /// a few seconds, so half a window ahead leaves no trace of where it ends.
@@ -21,6 +21,9 @@ const STEADY: f64 = 1e-4;
 /// Below this share of reliable steps the motion of a shot is guesswork.
 const LEAST_RELIABLE: f64 = 0.3;
 
+/// Share of the output that counts as its middle.
+const MIDDLE: f64 = 1e-3;
+
 /// The virtual path of a clip.
 ///
 /// # Errors
@@ -29,13 +32,45 @@ const LEAST_RELIABLE: f64 = 0.3;
 pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     let stage = Stage::new(clip.width, clip.height);
-    let window = options.window();
-    let mut plan = VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), segments: Vec::new() };
+    plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot))
+}
+
+/// The virtual path that shows `wanted` (`out_from_src` per frame): exactly where the border may show, else held inside the
+/// frame with as large a window as allowed.
+///
+/// # Errors
+/// As for [`plan`]; [`PathError::Lengths`] also for another number of wanted maps.
+pub fn plan_along(clip: &Clip<'_>, options: &PathOptions, wanted: &[Similarity2]) -> Result<VirtualPath, PathError> {
+    validate(clip, options)?;
+    if wanted.len() != clip.times_s.len() {
+        let covered = wanted.len();
+        return Err(PathError::Lengths { times: clip.times_s.len(), motions: clip.motion.len(), covered });
+    }
+    let stage = Stage::new(clip.width, clip.height);
+    // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
+    let window = if options.border_allows_outside { MIDDLE } else { options.window() };
+    plan_shots(clip, &stage, window, |shot| {
+        let chain = Chain::of_shot(clip, &stage, shot.clone());
+        let src_from_out = |w: &Similarity2| w.inverse().map_or(Pose::IDENTITY, |s| stage.pose(s));
+        let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(src_from_out).collect();
+        let path = if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal) };
+        Ok(Ok((path.map_err(|e| shifted(e, shot.start))?, "the path that was given".to_owned())))
+    })
+}
+
+fn plan_shots(
+    clip: &Clip<'_>,
+    stage: &Stage,
+    window: f64,
+    shot_path: impl Fn(Range<usize>) -> Result<ShotPath, PathError>,
+) -> Result<VirtualPath, PathError> {
+    let mut plan =
+        VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
     for shot in clip.shots {
-        let segment = match shot_path(clip, options, &stage, shot.clone())? {
+        let segment = match shot_path(shot.clone())? {
             Ok((path, reason)) => {
                 for pose in path {
-                    let (pose, out_from_src) = settle(&stage, pose, window);
+                    let (pose, out_from_src) = settle(stage, pose, window);
                     plan.out_from_src.push(out_from_src);
                     plan.crop.push(pose.z.norm());
                 }
@@ -227,7 +262,7 @@ fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Similarity2, Vec2};
+    use crate::math::Vec2;
     use crate::path::InterFrame;
 
     /// A minute and a half of walking: drift, steps, tremor.

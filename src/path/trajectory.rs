@@ -55,6 +55,8 @@ pub struct TrackedPoint {
     pub src: Point2,
     /// Where it was at the frame's own time, source px: differs from `src` where a rolling shutter captured it earlier or later.
     pub at_frame_time: Point2,
+    /// Where a virtual camera in space shows it, output px, where one is known.
+    pub in_space: Option<Point2>,
 }
 
 /// A point of the source frame and where it belongs in the output frame.
@@ -66,6 +68,8 @@ pub struct Anchor {
     pub dst: Point2,
     /// Temporal fade in [0, 1], dimensionless.
     pub weight: f64,
+    /// Where the virtual camera in space shows it, output px, where one is known.
+    pub in_space: Option<Point2>,
 }
 
 /// A point as it was seen in one frame.
@@ -74,6 +78,7 @@ struct Sight {
     time_s: f64,
     src: Point2,
     out: Point2,
+    in_space: Option<Point2>,
 }
 
 /// Anchors of successive frames, each a window after its frame was pushed.
@@ -105,7 +110,12 @@ impl TrajectorySmoother {
         let mut ids = Vec::new();
         for point in points {
             if let Some(out) = out_from_src.apply(point.at_frame_time) {
-                self.tracks.entry(point.id).or_default().push_back(Sight { time_s, src: point.src, out });
+                self.tracks.entry(point.id).or_default().push_back(Sight {
+                    time_s,
+                    src: point.src,
+                    out,
+                    in_space: point.in_space,
+                });
                 ids.push(point.id);
             }
         }
@@ -152,7 +162,8 @@ impl TrajectorySmoother {
         let here = sights.iter().find(|s| s.time_s == time_s)?;
         let (first, last) = (sights.front()?.time_s, sights.back()?.time_s);
         let weight = self.fade(time_s - first) * self.fade(last - time_s);
-        (weight > 0.0).then(|| Anchor { src: here.src, dst: self.regress(sights, time_s), weight })
+        let (src, in_space) = (here.src, here.in_space);
+        (weight > 0.0).then(|| Anchor { src, dst: self.regress(sights, time_s), weight, in_space })
     }
 
     /// Ramp from 0 at an end of the track to 1, `ramp` seconds inside it.
@@ -187,7 +198,7 @@ mod tests {
     const FRAME_S: f64 = 1.0 / 30.0;
 
     fn point(id: u32, p: Point2) -> TrackedPoint {
-        TrackedPoint { id, src: p, at_frame_time: p }
+        TrackedPoint { id, src: p, at_frame_time: p, in_space: None }
     }
 
     /// Pushes `n` frames in which point 7 stands at `at(t)` and returns its anchors (`None` where it has none).

@@ -284,7 +284,7 @@ fn assemble(file: &PipelineFile, mut prepared: Vec<Prepared>, links: &[Vec<Link>
 }
 
 fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
-    let writes = |s: &Stage| s.kind.outputs.iter().any(|o| o.data == PortType::File);
+    let writes = |s: &Stage| s.kind.outputs.iter().any(|o| o.data == PortType::File) || !s.settings.writes().is_empty();
     if !graph.stages.is_empty() && !graph.stages.iter().any(writes) && problems.is_empty() {
         let help = "add a stage such as `use = \"video.encode\"`";
         problems.push(Problem::new("no-output", "the pipeline writes no file").help(help));

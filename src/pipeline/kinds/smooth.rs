@@ -51,6 +51,9 @@ pub struct SmoothSettings {
     /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
     #[schemars(range(min = 0.0, max = 0.1))]
     pub reserve: f64,
+    /// Wanted cameras, and the input's to align them by: this file says the path, not the method
+    #[schemars(extend("format" = "path"))]
+    pub path_file: Option<String>,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
     pub keep_inside: bool,
 }
@@ -58,14 +61,17 @@ pub struct SmoothSettings {
 impl Default for SmoothSettings {
     fn default() -> Self {
         let (method, zoom) = (PathMethod::default(), Zoom::default());
-        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, reserve: 0.01, keep_inside: true }
+        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, reserve: 0.01, path_file: None, keep_inside: true }
     }
 }
 
 impl StageSettings for SmoothSettings {
     const KIND: &'static str = "video.smooth";
     const SUMMARY: &'static str = "plans the path of the virtual camera under a crop budget";
-    const INPUTS: &'static [Port] = &[Port::one("motion", PortType::Motion, "motion of the real camera")];
+    const INPUTS: &'static [Port] = &[
+        Port::one("motion", PortType::Motion, "motion of the real camera"),
+        Port::optional("tracks", PortType::Tracks, "points of the clip, for virtual cameras in space"),
+    ];
     const OUTPUTS: &'static [Port] = &[Port::one("path", PortType::Path, "path of the virtual camera")];
 
     fn over_time(&self) -> OverTime {

@@ -15,6 +15,10 @@ pub enum WarpMode {
     /// The freest model that each segment bears
     #[default]
     Auto,
+    /// What a camera in space would have seen, where the cameras can be recovered; a mesh elsewhere
+    #[serde(rename = "3d")]
+    #[value(name = "3d")]
+    ThreeD,
     /// A content-preserving mesh
     Mesh,
     /// One homography per frame

@@ -6,14 +6,16 @@ use super::cameras;
 use super::context::Context;
 use super::export;
 use super::stream::for_each_frame;
+use super::telling::verdict_name;
 use crate::feature::Mask;
 use crate::media::VideoInfo;
 use crate::motion::{
     ClipMotion, FrameFlags, FrameInput, FrameMotion, MotionEstimator, MotionOptions, MotionQuality, ReadoutEstimator,
-    TrackPoint,
+    ShotCameras, TrackPoint,
 };
-use crate::pipeline::kinds::{MotionSettings, RollingShutter, TrackSettings};
+use crate::pipeline::kinds::{MotionSettings, RollingShutter, SmoothSettings, TrackSettings};
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::SegmentSummary;
 use crate::time::Timebase;
 use crate::track::{FrameTracks, StoreError, TrackOptions, TrackStore, Tracker};
 
@@ -80,7 +82,12 @@ fn hand_on_motion(
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
         }
         if settings.cameras {
-            motion.cameras = Some(cameras::recover(tracks, &motion, motion.readout_s.is_some())?);
+            let found = cameras::recover(tracks, &motion, motion.readout_s.is_some())?;
+            let smoothed = context.job.graph().stages.iter().any(|s| s.settings.get::<SmoothSettings>().is_some());
+            if !smoothed {
+                context.summary.segments.extend(found.shots.iter().map(told));
+            }
+            motion.cameras = Some(found);
         }
         if let Some(path) = &settings.export {
             export::write(&motion, Path::new(path))?;
@@ -90,6 +97,18 @@ fn hand_on_motion(
     context.summary.readout_s = motion.readout_s;
     context.values.put(stage, "motion", motion);
     Ok(())
+}
+
+/// The cameras of a shot, for the summary.
+fn told(shot: &ShotCameras) -> SegmentSummary {
+    let frames = shot.frames.start as u64..shot.frames.end as u64;
+    SegmentSummary {
+        frames,
+        mode: verdict_name(shot.verdict).to_owned(),
+        reason: shot.reason.clone(),
+        crop: None,
+        shake: None,
+    }
 }
 
 fn takes_points_of(context: &Context<'_, '_>, motion: usize, tracks: usize) -> bool {

@@ -5,9 +5,10 @@
 
 use super::analysis::{Tracks, store_error};
 use super::sampling::Feed;
+use super::space::Places;
 use super::tiers::Tiers;
 use crate::image::{Frame, Plane, analysis_luma};
-use crate::math::{Homography, Point2};
+use crate::math::{Homography, Point2, Vec2};
 use crate::mesh::{Grid, GridMesh};
 use crate::motion::{self, ClipMotion, FrameScale, Pair, Tier};
 use crate::path::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother, VirtualPath};
@@ -33,6 +34,8 @@ pub(super) struct Maps<'a> {
     path: &'a VirtualPath,
     motion: Option<&'a ClipMotion>,
     tiers: &'a Tiers,
+    /// Where the points are, for virtual cameras in space.
+    places: Option<Places<'a>>,
     grid: Grid,
     bender: Bender,
     /// Frames handed to the smoother, and maps asked for.
@@ -60,7 +63,10 @@ impl<'a> Maps<'a> {
         let (width, height) = (feed.tracks.clip.width as f64, feed.tracks.clip.height as f64);
         let grid = Grid { cols, rows, width, height };
         let bender = Bender::new(&grid, feed.warp.alpha, covered)?;
-        Ok(Self { tracks: feed.tracks, path: feed.path, motion: feed.motion, tiers, grid, bender, pushed: 0, next: 0 })
+        let cameras = feed.motion.and_then(|m| Some((m.cameras.as_ref()?, m)));
+        let places = cameras.filter(|_| !feed.path.cameras.is_empty()).map(|(c, m)| Places::new(c, m));
+        let (tracks, path, motion) = (feed.tracks, feed.path, feed.motion);
+        Ok(Self { tracks, path, motion, tiers, places, grid, bender, pushed: 0, next: 0 })
     }
 
     /// The map of the next frame, sampled for rendering.
@@ -69,7 +75,11 @@ impl<'a> Maps<'a> {
         self.next += 1;
         let ahead = || RunError::Input("the clip holds more frames than its analysis saw".to_owned());
         let camera = *self.path.out_from_src.get(index).ok_or_else(ahead)?;
-        let anchors = self.anchors(index)?;
+        let mut anchors = self.anchors(index)?;
+        let in_space = self.tiers.strength(index, Tier::ThreeD);
+        for anchor in &mut anchors {
+            anchor.dst += anchor.in_space.map_or_else(Vec2::zeros, |place| (place - anchor.dst) * in_space);
+        }
         let (plane, mesh) = (self.tiers.strength(index, Tier::Homography), self.tiers.strength(index, Tier::Mesh));
         let field = if plane > 0.0 || mesh > 0.0 {
             let mesh = self.bender.bend(frame, &camera, &anchors, plane, mesh)?;
@@ -106,9 +116,12 @@ impl<'a> Maps<'a> {
         }
         let rows = self.motion.and_then(|m| m.row_motion(index));
         let still = frame.observations.iter().filter(|o| o.background);
+        let virtual_camera = self.path.cameras.get(index).copied().flatten();
+        let in_space = |o| virtual_camera.zip(self.places.as_ref()).and_then(|(c, p)| c.show(&p.of(index, o)?));
         let points = still.map(|o| {
             let src = Point2::new(f64::from(o.x), f64::from(o.y));
-            TrackedPoint { id: o.id, src, at_frame_time: rows.as_ref().map_or(src, |r| r.center_time(src)) }
+            let at_frame_time = rows.as_ref().map_or(src, |r| r.center_time(src));
+            TrackedPoint { id: o.id, src, at_frame_time, in_space: in_space(o) }
         });
         let camera = self.path.out_from_src.get(index).copied().unwrap_or_else(Homography::identity);
         self.bender.smoother.push(self.tracks.clip.timebase.seconds(frame.pts), &camera, points);

@@ -6,6 +6,7 @@ use super::sampling::Feed;
 use super::shake::Strays;
 use super::tiers::Tiers;
 use crate::media::{Output, WriteReport};
+use crate::motion::sfm::SfmVerdict;
 use crate::motion::{SegmentVerdict, Tier};
 use crate::pipeline::summary::{SegmentSummary, ShakeSummary, Summary};
 
@@ -67,5 +68,17 @@ fn tier_name(tier: Tier) -> &'static str {
         Tier::Similarity => "similarity",
         Tier::Homography => "homography",
         Tier::Mesh => "mesh",
+        Tier::ThreeD => "3d",
+    }
+}
+
+/// What the cameras of a shot turned out to be.
+pub(super) fn verdict_name(verdict: SfmVerdict) -> &'static str {
+    match verdict {
+        SfmVerdict::ThreeD => "3d",
+        SfmVerdict::Planar => "planar",
+        SfmVerdict::RotationOnly => "rotation",
+        SfmVerdict::TooFewPoints => "few points",
+        SfmVerdict::Failed => "no cameras",
     }
 }

@@ -25,7 +25,7 @@ impl Tiers {
                 let (frames, reason) = (part.frames.clone(), part.reason.clone());
                 segments.push(SegmentVerdict { frames, tier: Tier::Untouched, reason });
             } else {
-                segments.extend(forced(mode, &verdicts, part));
+                segments.extend(in_space(path, motion, forced(mode, &verdicts, part)));
             }
         }
         Self { segments }
@@ -50,11 +50,33 @@ impl Tiers {
     }
 }
 
+/// The segments, parted where virtual cameras in space begin and end; what the cameras are worth is told.
+fn in_space(path: &VirtualPath, motion: Option<&ClipMotion>, segments: Vec<SegmentVerdict>) -> Vec<SegmentVerdict> {
+    let Some(cameras) = motion.and_then(|m| m.cameras.as_ref()).filter(|_| !path.cameras.is_empty()) else {
+        return segments;
+    };
+    let known = |frame: usize| path.cameras.get(frame).is_some_and(Option::is_some);
+    let mut parted = Vec::new();
+    for segment in segments {
+        let mut start = segment.frames.start;
+        while start < segment.frames.end {
+            let here = known(start);
+            let end = (start..segment.frames.end).find(|&f| known(f) != here).unwrap_or(segment.frames.end);
+            let shot = cameras.shots.iter().find(|s| s.frames.contains(&start));
+            let worth = shot.map_or_else(String::new, |s| format!("{}; ", s.reason));
+            let tier = if here { Tier::ThreeD } else { segment.tier };
+            parted.push(SegmentVerdict { frames: start..end, tier, reason: format!("{worth}{}", segment.reason) });
+            start = end;
+        }
+    }
+    parted
+}
+
 /// The segments of one part of the path.
 fn forced(mode: WarpMode, verdicts: &[SegmentVerdict], part: &path::Segment) -> Vec<SegmentVerdict> {
     let tier = match mode {
         WarpMode::Auto => None,
-        WarpMode::Mesh => Some(Tier::Mesh),
+        WarpMode::ThreeD | WarpMode::Mesh => Some(Tier::Mesh),
         WarpMode::Homography => Some(Tier::Homography),
         WarpMode::Similarity => Some(Tier::Similarity),
     };

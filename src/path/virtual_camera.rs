@@ -1,0 +1,148 @@
+//! Virtual cameras in space: where the camera would have stood, and looked, had it been held steady.
+//!
+//! Pose `t` of a run of cameras is smoothed by local linear regression over time, as trajectories of points are
+//! ([`super::trajectory`]), in coordinates of its own: centers as they are, rotations by their logarithms,
+//!
+//! ```text
+//! l_k = Log(R_k R_tᵀ),      R̄_t = Exp(l̄(t)) R_t,      c̄_t = c̄(t),      weights e^{−(τ_k − τ_t)²/2σ²}
+//! ```
+//!
+//! so that even motion stays exactly itself, to the ends of the run.
+//!
+//! # Reference
+//! F. Liu, M. Gleicher, H. Jin, A. Agarwala: *Content-preserving warps for 3D video stabilization*, SIGGRAPH 2009, section 4
+//! (low-pass filtering of the camera's path).
+
+use crate::camera::{CameraPose, Intrinsics, Point3, Vec3};
+use crate::math::{Point2, Similarity2};
+
+/// Beyond so many σ the kernel has lost all but a ten-thousandth of its weight.
+const REACH: f64 = 4.0;
+
+/// A virtual camera and how its picture is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VirtualCamera {
+    /// `cam_from_world`.
+    pub pose: CameraPose,
+    /// The lens: that of the real camera.
+    pub intrinsics: Intrinsics,
+    /// `out_from_view`: crop, zoom and what moves the picture inside the source's frame.
+    pub correction: Similarity2,
+}
+
+impl VirtualCamera {
+    /// Where the output shows a point of the scene, px; `None` behind the camera.
+    pub fn show(&self, place: &Point3) -> Option<Point2> {
+        self.intrinsics.project(&self.pose.apply(place)).map(|p| self.correction.apply(p))
+    }
+}
+
+/// The smoothed poses of a shot's cameras; `None` where there is no camera. Runs of known cameras are smoothed by themselves.
+pub fn smoothed_poses(times_s: &[f64], poses: &[Option<CameraPose>], sigma_s: f64) -> Vec<Option<CameraPose>> {
+    let mut smooth = vec![None; poses.len()];
+    let mut start = 0;
+    while start < poses.len() {
+        let run: Vec<CameraPose> = poses[start..].iter().map_while(|p| *p).collect();
+        for t in 0..run.len() {
+            smooth[start + t] = Some(smoothed(&times_s[start..start + run.len()], &run, t, sigma_s));
+        }
+        start += run.len().max(1);
+    }
+    smooth
+}
+
+fn smoothed(times_s: &[f64], run: &[CameraPose], t: usize, sigma_s: f64) -> CameraPose {
+    let here = run[t];
+    let (mut turn, mut center) = (Regression::default(), Regression::default());
+    for (pose, time) in run.iter().zip(times_s) {
+        let u = (time - times_s[t]) / sigma_s;
+        if u.abs() <= REACH {
+            turn.add(u, (pose.rotation * here.rotation.inverse()).scaled_axis());
+            center.add(u, pose.center() - here.center());
+        }
+    }
+    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn.value()) * here.rotation;
+    CameraPose::looking_from(here.center() + center.value(), rotation)
+}
+
+/// Weighted linear regression of vectors over time, read at 0.
+#[derive(Clone, Copy, Debug, Default)]
+struct Regression {
+    s: [f64; 3],
+    y: [Vec3; 2],
+}
+
+impl Regression {
+    fn add(&mut self, u: f64, y: Vec3) {
+        let g = (-0.5 * u * u).exp();
+        self.s = [self.s[0] + g, self.s[1] + g * u, self.s[2] + g * u * u];
+        self.y = [self.y[0] + g * y, self.y[1] + g * u * y];
+    }
+
+    fn value(&self) -> Vec3 {
+        let [s0, s1, s2] = self.s;
+        let det = s0 * s2 - s1 * s1;
+        if det > 1e-12 * s0 * s0 { (s2 * self.y[0] - s1 * self.y[1]) / det } else { self.y[0] / s0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    fn times(n: usize) -> Vec<f64> {
+        (0..n).map(|t| t as f64 / 30.0).collect()
+    }
+
+    fn apart(a: &CameraPose, b: &CameraPose) -> f64 {
+        a.rotation.angle_to(&b.rotation) + (a.center() - b.center()).norm()
+    }
+
+    #[test]
+    fn even_motion_stays_itself_to_its_ends() {
+        let even = |t: f64| {
+            let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.01, 0.02, -0.01) * t);
+            Some(CameraPose::looking_from(Point3::new(0.1 * t, 0.02 * t, -0.03 * t), turn))
+        };
+        let poses: Vec<_> = (0..60).map(|t| even(f64::from(t))).collect();
+        for (a, b) in smoothed_poses(&times(60), &poses, 0.3).iter().zip(&poses) {
+            assert!(apart(&a.expect("known"), &b.expect("known")) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn shake_is_removed_and_a_gap_parts_two_runs() {
+        let mut random = fastrand::Rng::with_seed(2);
+        let mut vector = || Vec3::from_fn(|_, _| random.f64() - 0.5);
+        let mut pose = || {
+            let turn = UnitQuaternion::from_scaled_axis(0.02 * vector());
+            CameraPose::looking_from(Point3::from(0.1 * vector()), turn)
+        };
+        let poses: Vec<_> = (0..80).map(|t| (t != 40).then(&mut pose)).collect();
+        let smooth = smoothed_poses(&times(80), &poses, 0.3);
+        assert!(smooth[40].is_none());
+        let roughness =
+            |p: &[Option<CameraPose>]| p.windows(2).filter_map(|w| Some(apart(&w[0]?, &w[1]?))).sum::<f64>();
+        assert!(roughness(&smooth) < 0.15 * roughness(&poses));
+        let alone = smoothed_poses(&times(40), &poses[..40], 0.3);
+        assert!(
+            alone.iter().zip(&smooth).all(|(a, b)| a == b),
+            "the run before the gap does not know of the one after"
+        );
+    }
+
+    #[test]
+    fn a_point_is_shown_where_the_corrected_picture_has_it() {
+        let correction = Similarity2 { a: 1.1, b: 0.0, t: crate::math::Vec2::new(-32.0, -18.0) };
+        let camera = VirtualCamera {
+            pose: CameraPose::identity(),
+            intrinsics: Intrinsics::centered(500.0, 640, 360),
+            correction,
+        };
+        let shown = camera.show(&Point3::new(0.4, 0.0, 2.0)).expect("in front");
+        assert!((shown - Point2::new(1.1 * 420.0 - 32.0, 1.1 * 180.0 - 18.0)).norm() < 1e-12);
+        assert!(camera.show(&Point3::new(0.0, 0.0, -1.0)).is_none());
+    }
+}
