@@ -86,6 +86,8 @@ fn hand_on_motion(
             let smoothed = context.job.graph().stages.iter().any(|s| s.settings.get::<SmoothSettings>().is_some());
             if !smoothed {
                 context.summary.segments.extend(found.shots.iter().map(told));
+                context.summary.frames = motion.frames.len() as u64;
+                context.summary.size = Some((motion.width, motion.height));
             }
             motion.cameras = Some(found);
         }
