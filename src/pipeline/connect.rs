@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::file::{Input, Name, PipelineFile, StageEntry};
 use super::graph::{Edge, Graph, Stage};
 use super::kind::{Settings, StageKind};
+use super::kinds::MotionSettings;
 use super::port::{Arity, Port, PortType};
 use super::problem::Problem;
 use super::suggest::did_you_mean;
@@ -284,7 +285,10 @@ fn assemble(file: &PipelineFile, mut prepared: Vec<Prepared>, links: &[Vec<Link>
 }
 
 fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
-    let writes = |s: &Stage| s.kind.outputs.iter().any(|o| o.data == PortType::File);
+    let writes = |s: &Stage| {
+        s.kind.outputs.iter().any(|o| o.data == PortType::File)
+            || s.settings.get::<MotionSettings>().is_some_and(|m| m.export.is_some())
+    };
     if !graph.stages.is_empty() && !graph.stages.iter().any(writes) && problems.is_empty() {
         let help = "add a stage such as `use = \"video.encode\"`";
         problems.push(Problem::new("no-output", "the pipeline writes no file").help(help));

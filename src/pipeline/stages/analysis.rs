@@ -80,7 +80,7 @@ fn hand_on_motion(
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
         }
         if settings.cameras {
-            motion.cameras = Some(cameras::recover(tracks, &motion, motion.readout_s.is_some())?);
+            motion.cameras = Some(cameras::recover(tracks, &motion, settings.rolling_shutter != RollingShutter::Off)?);
         }
         if let Some(path) = &settings.export {
             export::write(&motion, Path::new(path))?;
