@@ -55,9 +55,9 @@ pub(super) struct Last {
 
 impl Last {
     /// Enough to tell wrong points from right ones.
-    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, iterations: 15, tolerance: 1e-3 };
-    /// To the end: a share of the cost that moves no camera by a thousandth of a degree.
-    pub(super) const FINE: Self = Self { rolling: false, turning: false, iterations: 40, tolerance: 1e-6 };
+    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, iterations: 8, tolerance: 1e-3 };
+    /// To the end: a step that gains less stays within the uncertainty of what it moves.
+    pub(super) const FINE: Self = Self { rolling: false, turning: false, iterations: 40, tolerance: 1e-5 };
 }
 
 /// A map that grows.

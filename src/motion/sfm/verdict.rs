@@ -5,8 +5,12 @@
 
 use super::figures::SfmFigures;
 
-/// Triangulation angle, rad, median over points, from which on depth is believed.
+/// Triangulation angle, rad, median over points, from which on two frames carry a map.
 pub(super) const LEAST_ANGLE: f64 = 0.017;
+/// Parallax, in RMS residuals, median over points, from which on depth is believed: a tenth of its depth is then known of a
+/// point seen twice. Shots of a far scene have points under half a degree that are tracked to 0.3 px, which is 20 times that;
+/// what a turning camera makes up is within a few.
+const LEAST_PARALLAX: f64 = 10.0;
 /// Share of frames that must have a camera.
 const LEAST_REGISTERED: f64 = 0.7;
 /// RMS reprojection, px at 640 px across, beyond which cameras are not believed.
@@ -48,8 +52,8 @@ pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px
         failed(format!("points lie {:.1} px beside where the cameras see them", f.rms_px))
     } else if !(f.coverage >= LEAST_COVERAGE) {
         failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
-    } else if verdict == SfmVerdict::ThreeD && !(f.angle >= LEAST_ANGLE) {
-        failed(format!("points are seen under {:.1} degrees only", f.angle.to_degrees()))
+    } else if verdict == SfmVerdict::ThreeD && !(f.angle * f.focal >= LEAST_PARALLAX * f.rms_px && f.angle > 0.0) {
+        failed(format!("points are seen under {:.2} degrees only, to {:.2} px", f.angle.to_degrees(), f.rms_px))
     } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MOST_SIGMA_LN_FOCAL) {
         failed("the focal length cannot be told".to_owned())
     } else if !(k1.abs() <= MOST_K1) {
