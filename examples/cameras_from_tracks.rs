@@ -1,7 +1,7 @@
 //! Reads tracks as text and prints the cameras that saw them, as JSON.
 //!
 //! Input as for `motion_from_tracks`: a line `width height fps frames`, then per frame a line `F n` and `n` lines `id x y`
-//! (px, pixel centers at integer + 0.5), ids ascending. Arguments: `--rolling` also looks for the readout time. Output: the
+//! (px, pixel centers at integer + 0.5), ids ascending. Argument: `--global` takes all rows to be captured at once. Output: the
 //! verdict, its figures, the lens, per frame `{"q": [w, x, y, z], "t": [x, y, z]}` (`cam_from_world`) or `null`.
 
 use plumbline::math::Point2;
@@ -21,7 +21,7 @@ fn main() {
     }
     let started = std::time::Instant::now();
     let table = TrackTable::new(header[0] as u32, header[1] as u32, frames);
-    let options = SfmOptions { focal: None, rolling_shutter: std::env::args().any(|a| a == "--rolling") };
+    let options = SfmOptions { focal: None, rolling_shutter: !std::env::args().any(|a| a == "--global") };
     let found = reconstruct(&table, &options);
     let seconds = started.elapsed().as_secs_f64();
     let pose = |p: &plumbline::camera::CameraPose| {

@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
 """Cameras recovered from synthetic clips, held against the true ones.
 
-    cameras.py --tool BIN FOLDER... [--noise PX] [--outliers SHARE] [--rolling] [--out DIR]
+    cameras.py FOLDER... --tool BIN [--noise PX] [--outliers SHARE] [--global-shutter] [--out DIR]
+    cameras.py FOLDER... --plumbline BIN [--global-shutter] [--out DIR]
 
-Each FOLDER is one of the clip generator (`make_synthetic_shake.py`): `truth.json` and `observations.json`. --tool is the
-built example `cameras_from_tracks`, which gets the exact tracks, with Gaussian noise and gross outliers where asked.
+Each FOLDER is one of the clip generator (`make_synthetic_shake.py`): `truth.json`, `observations.json`, `shaky.mp4`.
+--tool is the built example `cameras_from_tracks`, which gets the exact tracks, with Gaussian noise and gross outliers where
+asked. --plumbline is the program itself: it tracks the pictures (`plumbline motion`), and the blocks of its motion file
+are judged; its seconds are those of the whole run, decoding and tracking included.
 
 Printed per clip: the verdict; frames with a camera; ATE, the RMS distance of camera centers after the best similarity,
 in mm and in percent of the true path's length; RMS of the rotations after the best common rotation, degrees; the same
@@ -16,15 +19,11 @@ import argparse
 import json
 import subprocess
 import sys
+import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
-
-
-def read(folder):
-    truth = json.loads((folder / "truth.json").read_text())
-    frames = json.loads((folder / "observations.json").read_text())["frames"]
-    return truth, [[(int(i), x + 0.5, y + 0.5) for i, x, y in f] for f in frames]
 
 
 def disturbed(frames, truth, noise, outliers, seed=7):
@@ -45,6 +44,41 @@ def as_text(truth, frames):
         lines.append(f"F {len(f)}")
         lines += [f"{i} {x:.6f} {y:.6f}" for i, x, y in sorted(f)]
     return "\n".join(lines)
+
+
+def from_tracks(a, folder, truth):
+    """What the example makes of the exact tracks."""
+    frames = [[(int(i), x + 0.5, y + 0.5) for i, x, y in f]
+              for f in json.loads((folder / "observations.json").read_text())["frames"]]
+    text = as_text(truth, disturbed(frames, truth, a.noise, a.outliers))
+    return json.loads(output([a.tool, *(["--global"] if a.global_shutter else [])], text))
+
+
+def from_pictures(a, folder):
+    """What the program makes of the pictures, in the shape of the example's answer."""
+    with tempfile.TemporaryDirectory() as scratch:
+        target = Path(scratch) / "motion.json"
+        started = time.perf_counter()
+        rolling = "off" if a.global_shutter else "auto"
+        output([a.plumbline, "motion", folder / "shaky.mp4", "-o", target, "--rolling-shutter", rolling])
+        seconds = time.perf_counter() - started
+        motion = json.loads(target.read_text())
+    shots = motion["reconstruction"]
+    if len(shots) != 1:
+        print(f"{folder.name}: cut into {len(shots)} shots, the longest is judged", file=sys.stderr)
+    shot = max(shots, key=lambda s: s["frames"][1] - s["frames"][0])
+    first, end = shot["frames"]
+    inside = [c if first <= k < end else None for k, c in enumerate(motion["cameras"])]
+    lens = next((c for c in inside if c), {"focal": float("nan"), "k1": float("nan")})
+    return {"verdict": shot["verdict"], "reason": shot["reason"], "figures": shot["figures"], "seconds": seconds,
+            "focal": lens["focal"], "k1": lens["k1"], "readout": float("nan"), "poses": inside}
+
+
+def output(command, text=None):
+    run = subprocess.run([str(c) for c in command], input=text, capture_output=True, text=True)
+    if run.returncode != 0:
+        sys.exit(f"{command[0]} failed:\n{run.stderr[-1500:]}")
+    return run.stdout
 
 
 def matrix(q):
@@ -112,21 +146,19 @@ def draw(paths, target):
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("folders", nargs="+", type=Path)
-    p.add_argument("--tool", type=Path, required=True)
+    source = p.add_mutually_exclusive_group(required=True)
+    source.add_argument("--tool", type=Path, help="example cameras_from_tracks: exact tracks")
+    source.add_argument("--plumbline", type=Path, help="the program: its own tracks of shaky.mp4")
     p.add_argument("--noise", type=float, default=0.0, help="standard deviation per coordinate, px")
     p.add_argument("--outliers", type=float, default=0.0, help="share of sightings that are nowhere near")
-    p.add_argument("--rolling", action="store_true", help="let the tool look for a readout time")
+    p.add_argument("--global-shutter", action="store_true", help="look for no readout time")
     p.add_argument("--out", type=Path)
     a = p.parse_args()
     print(f"{'':14}{'verdict':>14}{'frames':>9}{'ATE mm':>9}{'ATE %':>9}{'rot':>8}{'rpe':>9}{'f %':>8}{'k1':>8}"
           f"{'readout':>8}{'px':>7}{'s/frame':>9}  reason")
     for folder in a.folders:
-        truth, frames = read(folder)
-        text = as_text(truth, disturbed(frames, truth, a.noise, a.outliers))
-        run = subprocess.run([a.tool, *(["--rolling"] if a.rolling else [])], input=text, capture_output=True, text=True)
-        if run.returncode != 0:
-            sys.exit(f"{a.tool} failed on {folder}:\n{run.stderr[-1500:]}")
-        found = json.loads(run.stdout)
+        truth = json.loads((folder / "truth.json").read_text())
+        found = from_tracks(a, folder, truth) if a.tool else from_pictures(a, folder)
         f = found["figures"]
         line = f"{folder.name:14}{found['verdict']:>14}{f['registered']:>5}/{f['frames']:<3}"
         if f["registered"]:

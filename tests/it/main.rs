@@ -19,6 +19,7 @@ mod pipeline_run;
 mod render;
 mod render_oracle;
 mod render_sharpness;
+mod sfm;
 mod sparse;
 mod stabilize;
 mod support;

@@ -6,7 +6,7 @@
 //! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
 
 use super::absolute_pose::absolute_pose;
-use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust};
+use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, residuals};
 use super::three_point::Sighting;
 use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
@@ -40,6 +40,24 @@ pub(super) struct LensPrior {
     pub(super) sigma_ln_focal: f64,
     /// Standard deviation of `k₁` about 0.
     pub(super) sigma_k1: f64,
+}
+
+/// What a last adjustment is free to change, and how long it searches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Last {
+    /// The readout is unknown too.
+    pub(super) rolling: bool,
+    /// Cameras turn only.
+    pub(super) turning: bool,
+    pub(super) iterations: usize,
+    pub(super) tolerance: f64,
+}
+
+impl Last {
+    /// Enough to tell wrong points from right ones.
+    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, iterations: 8, tolerance: 1e-3 };
+    /// To the end: a step that gains less stays within the uncertainty of what it moves.
+    pub(super) const FINE: Self = Self { rolling: false, turning: false, iterations: 40, tolerance: 1e-5 };
 }
 
 /// A map that grows.
@@ -131,6 +149,11 @@ impl<'a> Mapper<'a> {
     /// Frames with a pose, ascending.
     pub(super) fn registered(&self) -> Vec<usize> {
         self.frames.iter().copied().filter(|&f| self.scene.poses[f].is_some()).collect()
+    }
+
+    /// Whether a point was found not to be still.
+    pub(super) fn is_banned(&self, point: usize) -> bool {
+        self.banned[point]
     }
 
     fn known_points(&self) -> usize {
@@ -249,13 +272,14 @@ impl<'a> Mapper<'a> {
         adjust(&mut self.scene, &self.observations, &options).ok()
     }
 
-    /// The last adjustment, of a complete map: to convergence, with the readout where `rolling`.
-    pub(super) fn finish(&mut self, rolling: bool) -> Option<BundleReport> {
+    /// Adjusts a complete map, lens included, from near its best: to convergence.
+    pub(super) fn finish(&mut self, last: Last) -> Option<BundleReport> {
         let options = BundleOptions {
-            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..fit(60, 1e-7) },
+            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..fit(last.iterations, last.tolerance) },
+            turning: last.turning,
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
-            readout: if rolling { Freedom::Free } else { Freedom::Fixed },
+            readout: if last.rolling { Freedom::Free } else { Freedom::Fixed },
             ..BundleOptions::default()
         };
         adjust(&mut self.scene, &self.observations, &options).ok()
@@ -264,18 +288,11 @@ impl<'a> Mapper<'a> {
     /// Leaves out the points that too few of their sightings confirm.
     pub(super) fn discard_wrong(&mut self) {
         let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
-        for point in 0..self.table.points() {
-            if self.scene.points[point].is_none() {
-                continue;
-            }
-            let (mut seen, mut wrong) = (0, 0);
-            for o in self.table.of_point(point).filter(|o| self.scene.poses[o.frame as usize].is_some()) {
-                seen += 1;
-                let place = self.scene.project(o.frame, o.point);
-                let near = place.is_some_and(|p| (p - o.pixel).norm() <= WRONG_PX * unit);
-                wrong += usize::from(!near);
-            }
-            if wrong as f64 > MOST_WRONG * f64::from(seen) {
+        let misses = residuals(&self.scene, &self.observations);
+        for of_point in misses.chunk_by(|a, b| a.point == b.point) {
+            let wrong = of_point.iter().filter(|m| !(m.px <= WRONG_PX * unit)).count();
+            if wrong as f64 > MOST_WRONG * of_point.len() as f64 {
+                let point = of_point[0].point as usize;
                 self.scene.points[point] = None;
                 self.banned[point] = true;
             }

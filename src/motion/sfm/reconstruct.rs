@@ -5,16 +5,18 @@
 //! - depth between them: a map grown from the best pair ([`super::mapper`]), completed with all frames;
 //! - one plane: the same, from the poses that the plane allows, the better of them kept;
 //! - no parallax: rotations only, points at infinity, no translation made up.
-//!
-//! Low residuals do not prove cameras, so a map counts as 3D only where its points are seen under an angle, in enough of
-//! the frames and of the picture.
 
-use super::keyframes::{keyframes, rotation_between};
-use super::mapper::{LEAST_INLIERS, LensPrior, Mapper, WRONG_PX};
+use super::bundle::BundleReport;
+use super::figures::{SfmFigures, figures, median};
+use super::keyframes::keyframes;
+use super::mapper::{LEAST_INLIERS, Last, LensPrior, Mapper};
+use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
+use super::verdict::{LEAST_ANGLE, SfmVerdict, judged};
 use super::view_graph::{Edge, shared_focal, view_graph};
-use super::{Scene, ScenePoint, TrackTable};
-use crate::camera::{CameraPose, Intrinsics, Vec3};
+use super::zoom::zoom_between;
+use super::{Scene, TrackTable};
+use crate::camera::Intrinsics;
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
@@ -24,72 +26,27 @@ const USUAL_DOUBT: f64 = 2.2;
 const VOTED_SIGMA: f64 = 0.1;
 /// Standard deviation of `k₁` in clips of unknown lenses.
 const SIGMA_K1: f64 = 0.1;
+/// Standard deviation of `ln f` after the turns have told it: they tell it well or not at all.
+const TURNED_SIGMA: f64 = 0.3;
+/// Share of the cost that a readout must leave at most to be believed.
+const CLEAR_GAIN: f64 = 0.97;
+/// Readouts that are believed, frame periods: one below bends less than tracks are accurate; none is longer than a frame, a
+/// little allowed for noise.
+const LEAST_READOUT: f64 = 0.05;
+/// See [`LEAST_READOUT`].
+const MOST_READOUT: f64 = 1.2;
 /// Points per frame (median) below which nothing is tried.
 const FEWEST_POINTS: usize = 40;
 /// Seeds tried before a map is given up.
 const SEEDS: usize = 3;
-/// Triangulation angle, rad, median over points, from which on depth is believed.
-const LEAST_ANGLE: f64 = 0.017;
-/// Share of frames that must have a camera.
-const LEAST_REGISTERED: f64 = 0.7;
-/// RMS reprojection, px at 640 px across, beyond which cameras are not believed.
-const MOST_RMS_PX: f64 = 1.5;
-/// Uncertainty of `ln f` beyond which the focal length is not believed.
-const MOST_SIGMA_LN_FOCAL: f64 = 0.3;
-/// Columns and rows of the cells in which coverage is counted.
-const CELLS: (usize, usize) = (8, 6);
-/// Share of the cells that must hold points, mean over frames.
-const LEAST_COVERAGE: f64 = 0.35;
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SfmOptions {
     /// Focal length, px, and the standard deviation of its logarithm: from the container's metadata, say.
     pub focal: Option<(f64, f64)>,
-    /// Look for the readout time of a rolling shutter.
+    /// Look for the readout time of a rolling shutter; it is kept where it explains clearly more.
     pub rolling_shutter: bool,
-}
-
-/// What a shot's tracks allow to say about its cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SfmVerdict {
-    /// Cameras with places, points with depths.
-    #[serde(rename = "3d")]
-    ThreeD,
-    /// The scene is one plane; places are in units of its distance.
-    Planar,
-    /// The camera only turned.
-    RotationOnly,
-    /// Too few still points.
-    TooFewPoints,
-    /// No cameras were found that explain the tracks.
-    Failed,
-}
-
-/// How good a reconstruction is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-pub struct SfmFigures {
-    /// Frames with a camera.
-    pub registered: usize,
-    /// Frames of the shot.
-    pub frames: usize,
-    /// Points with a place.
-    pub points: usize,
-    /// Sightings of them within 3 px (at 640 px across).
-    pub observations: usize,
-    /// Mean distance of those from where the cameras see them, px.
-    pub reprojection_px: f64,
-    /// Root of the mean squared distance, px.
-    pub rms_px: f64,
-    /// Median over the points of the widest angle under which they are seen, rad.
-    pub angle: f64,
-    /// Share of the picture's cells that hold such a sighting, mean over the frames.
-    pub coverage: f64,
-    /// Focal length, px.
-    pub focal: f64,
-    /// Standard deviation of its logarithm; `None` where it was not determined.
-    pub sigma_ln_focal: Option<f64>,
 }
 
 /// A reconstruction and what it is worth.
@@ -116,11 +73,23 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
     }
     let keys = keyframes(table, &guess);
     let edges = view_graph(table, &keys, &guess, sigma.exp());
-    match Kind::of(&edges) {
+    let found = match Kind::of(&edges) {
         Kind::General => general(table, options, &keys, &edges, guess),
         Kind::Planar => planar(table, options, &keys, &edges, guess),
         Kind::Rotation => rotation_only(table, options, &keys, &edges, guess),
         Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
+    };
+    if found.verdict != SfmVerdict::Failed {
+        return found;
+    }
+    match zoom_between(&edges, &guess) {
+        Some(factor) => nothing(
+            table,
+            guess,
+            SfmVerdict::Zoom,
+            format!("the focal length changes, by {factor:.2} in a second or so"),
+        ),
+        None => found,
     }
 }
 
@@ -243,40 +212,8 @@ fn finished(table: &TrackTable, mut mapper: Mapper<'_>, options: &SfmOptions, ve
         mapper.register(frame);
     }
     mapper.triangulate_new();
-    let mut report = mapper.finish(false);
-    mapper.discard_wrong();
-    mapper.triangulate_new();
-    if options.rolling_shutter {
-        report = mapper.finish(true);
-    } else {
-        report = mapper.finish(false).or(report);
-    }
-    mapper.discard_wrong();
-    let sigma = report.and_then(|r| r.sigma_ln_focal);
-    let figures = figures(table, &mapper.scene, sigma);
-    let (verdict, reason) = judged(&figures, verdict, f64::from(table.width.max(table.height)) / 640.0);
-    Reconstruction { scene: mapper.scene, verdict, reason, figures }
-}
-
-/// Whether the figures bear the verdict.
-fn judged(figures: &SfmFigures, verdict: SfmVerdict, unit_px: f64) -> (SfmVerdict, String) {
-    let f = figures;
-    let registered = f.registered as f64 / f.frames.max(1) as f64;
-    let failed = |why: String| (SfmVerdict::Failed, why);
-    if !(registered >= LEAST_REGISTERED) {
-        failed(format!("cameras for {} of {} frames only", f.registered, f.frames))
-    } else if !(f.rms_px <= MOST_RMS_PX * unit_px) {
-        failed(format!("points lie {:.1} px beside where the cameras see them", f.rms_px))
-    } else if !(f.coverage >= LEAST_COVERAGE) {
-        failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
-    } else if verdict == SfmVerdict::ThreeD && !(f.angle >= LEAST_ANGLE) {
-        failed(format!("points are seen under {:.1} degrees only", f.angle.to_degrees()))
-    } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MOST_SIGMA_LN_FOCAL) {
-        failed("the focal length cannot be told".to_owned())
-    } else {
-        let angle = f.angle.to_degrees();
-        (verdict, format!("{} points seen under {angle:.1} degrees, to {:.2} px", f.points, f.reprojection_px))
-    }
+    let (mapper, report) = settled(mapper, options, false);
+    concluded(table, mapper, report, verdict)
 }
 
 /// The cameras of a shot that shows no parallax.
@@ -287,59 +224,51 @@ fn rotation_only(
     edges: &[Edge],
     guess: Intrinsics,
 ) -> Reconstruction {
-    let camera = Intrinsics { focal: guess.focal * turned_focal(edges, options), ..guess };
-    let sigma = options.focal.map_or(VOTED_SIGMA, |(_, sigma)| sigma);
-    let mut mapper = Mapper::new(table, keys, camera, LensPrior { sigma_ln_focal: sigma, sigma_k1: SIGMA_K1 });
-    let all: Vec<usize> = (0..table.frames()).collect();
-    mapper.admit(&all);
-    let mut pose = CameraPose::identity();
-    let mut before: Option<usize> = None;
-    for frame in all {
-        if let Some(before) = before {
-            let shared = table.shared(before, frame);
-            if shared.len() < LEAST_INLIERS {
-                continue;
-            }
-            let ray = |p| camera.ray(p).map(|r: Vec3| r.normalize());
-            let rays: Vec<(Vec3, Vec3)> = shared.iter().filter_map(|m| Some((ray(m.first)?, ray(m.second)?))).collect();
-            let step = CameraPose { rotation: rotation_between(&rays).into(), translation: Vec3::zeros() };
-            pose = step * pose;
+    let focal = if options.focal.is_some() { None } else { focal_of_turns(edges, &guess) };
+    let camera = Intrinsics { focal: focal.unwrap_or(guess.focal), ..guess };
+    let sigma_ln_focal = options.focal.map_or(TURNED_SIGMA, |(_, sigma)| sigma);
+    let mut mapper = Mapper::new(table, keys, camera, LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 });
+    mapper.admit(&(0..table.frames()).collect::<Vec<_>>());
+    turn_cameras(table, &mut mapper, keys, edges);
+    let (mapper, report) = settled(mapper, options, true);
+    concluded(table, mapper, report, SfmVerdict::RotationOnly)
+}
+
+/// Adjusts a complete map; with a readout where one is allowed and the residuals show it.
+fn settled<'a>(mut mapper: Mapper<'a>, options: &SfmOptions, turning: bool) -> (Mapper<'a>, Option<BundleReport>) {
+    let rough = Last { turning, ..Last::ROUGH };
+    let still = mapper.finish(rough);
+    let mut rolling = false;
+    if let Some(still) = still.filter(|_| options.rolling_shutter) {
+        let before = mapper.scene.clone();
+        let found = mapper.finish(Last { rolling: true, ..rough });
+        let readout = mapper.scene.readout;
+        rolling =
+            found.is_some_and(|r| r.cost < CLEAR_GAIN * still.cost) && (LEAST_READOUT..MOST_READOUT).contains(&readout);
+        if !rolling {
+            mapper.scene = before;
         }
-        mapper.scene.poses[frame] = Some(pose);
-        before = Some(frame);
     }
-    place_at_infinity(table, &mut mapper.scene);
-    // Translations and inverse depths of zero have no gradient: the adjustment turns cameras and rays only.
-    let report = mapper.finish(false);
     mapper.discard_wrong();
-    let sigma = report.and_then(|r| r.sigma_ln_focal);
-    let figures = figures(table, &mapper.scene, sigma);
+    if !turning {
+        mapper.triangulate_new();
+    }
+    let report = mapper.finish(Last { rolling, turning, ..Last::FINE });
+    mapper.discard_wrong();
+    (mapper, report)
+}
+
+/// Measures and judges a finished map.
+fn concluded(
+    table: &TrackTable,
+    mapper: Mapper<'_>,
+    report: Option<BundleReport>,
+    verdict: SfmVerdict,
+) -> Reconstruction {
+    let figures = figures(table, &mapper.scene, report.and_then(|r| r.sigma_ln_focal));
     let (verdict, reason) =
-        judged(&figures, SfmVerdict::RotationOnly, f64::from(table.width.max(table.height)) / 640.0);
+        judged(&figures, mapper.scene.intrinsics.k1, verdict, f64::from(table.width.max(table.height)) / 640.0);
     Reconstruction { scene: mapper.scene, verdict, reason, figures }
-}
-
-/// The focal length of turning cameras in units of the assumed one: that of the pairs that turned most.
-fn turned_focal(edges: &[Edge], options: &SfmOptions) -> f64 {
-    if options.focal.is_some() {
-        return 1.0;
-    }
-    let mut turns: Vec<(f64, f64)> =
-        edges.iter().filter_map(|e| e.view.turn).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
-    turns.sort_by(|a, b| b.0.total_cmp(&a.0));
-    turns.truncate(turns.len().div_ceil(3).max(1));
-    let mut ratios: Vec<f64> = turns.into_iter().map(|t| t.1).collect();
-    if ratios.is_empty() { 1.0 } else { median(&mut ratios) }
-}
-
-fn place_at_infinity(table: &TrackTable, scene: &mut Scene) {
-    for point in 0..table.points() {
-        let first = table.of_point(point).find(|o| scene.poses[o.frame as usize].is_some());
-        scene.points[point] = first.and_then(|o| {
-            let ray = scene.intrinsics.undistorted(o.pixel)?;
-            Some(ScenePoint { anchor: o.frame, ray, inverse_depth: 0.0 })
-        });
-    }
 }
 
 fn nothing(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: String) -> Reconstruction {
@@ -351,61 +280,4 @@ fn nothing(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: 
     };
     let figures = SfmFigures { frames: table.frames(), ..SfmFigures::default() };
     Reconstruction { scene, verdict, reason, figures }
-}
-
-/// Measures a scene against its tracks.
-fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<f64>) -> SfmFigures {
-    let unit = f64::from(table.width.max(table.height)) / 640.0;
-    let (mut sum, mut squares, mut observations, mut covered) = (0.0, 0.0, 0, 0.0);
-    for frame in (0..table.frames()).filter(|&f| scene.poses[f].is_some()) {
-        let mut cells = vec![false; CELLS.0 * CELLS.1];
-        for o in table.in_frame(frame) {
-            let Some(miss) = scene.project(o.frame, o.point).map(|p| (p - o.pixel).norm()) else { continue };
-            if miss <= WRONG_PX * unit {
-                (sum, squares, observations) = (sum + miss, squares + miss * miss, observations + 1);
-                cells[cell(table, o.pixel.x, o.pixel.y)] = true;
-            }
-        }
-        covered += cells.iter().filter(|c| **c).count() as f64 / cells.len() as f64;
-    }
-    let registered = scene.poses.iter().flatten().count();
-    let mut angles: Vec<f64> = (0..table.points()).filter_map(|p| widest_angle(table, scene, p)).collect();
-    SfmFigures {
-        registered,
-        frames: table.frames(),
-        points: angles.len(),
-        observations,
-        reprojection_px: sum / f64::from(observations.max(1) as u32),
-        rms_px: (squares / f64::from(observations.max(1) as u32)).sqrt(),
-        angle: median(&mut angles),
-        coverage: covered / registered.max(1) as f64,
-        focal: scene.intrinsics.focal,
-        sigma_ln_focal,
-    }
-}
-
-fn cell(table: &TrackTable, x: f64, y: f64) -> usize {
-    let along = |v: f64, size: u32, n: usize| ((v / f64::from(size) * n as f64).max(0.0) as usize).min(n - 1);
-    along(y, table.height, CELLS.1) * CELLS.0 + along(x, table.width, CELLS.0)
-}
-
-/// Widest angle, rad, between the anchor's ray of a point and those of the other frames that see it.
-fn widest_angle(table: &TrackTable, scene: &Scene, point: usize) -> Option<f64> {
-    let place = scene.points[point]?;
-    let anchor = scene.poses[place.anchor as usize]?;
-    let ray = place.direction();
-    let angle = |pose: CameraPose| {
-        let from_anchor = pose * anchor.inverse();
-        (from_anchor.rotation * ray).angle(&place.scaled_in(&pose, &anchor))
-    };
-    let poses = table.of_point(point).filter_map(|o| scene.poses[o.frame as usize]);
-    Some(poses.map(angle).fold(0.0, f64::max))
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -82,7 +82,7 @@ fn hand_on_motion(
             RollingShutter::Readout(seconds) => motion.readout_s = Some(seconds),
         }
         if settings.cameras {
-            let found = cameras::recover(tracks, &motion, motion.readout_s.is_some())?;
+            let found = cameras::recover(tracks, &motion, settings.rolling_shutter != RollingShutter::Off)?;
             let smoothed = context.job.graph().stages.iter().any(|s| s.settings.get::<SmoothSettings>().is_some());
             if !smoothed {
                 context.summary.segments.extend(found.shots.iter().map(told));

@@ -7,10 +7,10 @@ use crate::motion::{ClipCameras, ClipMotion};
 use crate::pipeline::run_error::RunError;
 use crate::track::TrackStore;
 
-/// Recovers the cameras of every shot.
-pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling: bool) -> Result<ClipCameras, RunError> {
+/// Recovers the cameras of every shot; `rolling_shutter`: with the readout time, where the shot shows one.
+pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling_shutter: bool) -> Result<ClipCameras, RunError> {
     let mut cameras = ClipCameras::default();
-    let options = SfmOptions { focal: None, rolling_shutter: rolling };
+    let options = SfmOptions { focal: None, rolling_shutter };
     for shot in &motion.shots {
         let frames = shot.clone().map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, _>>()?;
         let table = TrackTable::new(motion.width, motion.height, frames);

@@ -78,6 +78,7 @@ pub(super) fn verdict_name(verdict: SfmVerdict) -> &'static str {
         SfmVerdict::ThreeD => "3d",
         SfmVerdict::Planar => "planar",
         SfmVerdict::RotationOnly => "rotation",
+        SfmVerdict::Zoom => "zoom",
         SfmVerdict::TooFewPoints => "few points",
         SfmVerdict::Failed => "no cameras",
     }

@@ -95,6 +95,13 @@ impl Layout {
         Track { point, anchor, sights, slots: first.min(end)..end }
     }
 
+    /// Leaves the poses their rotations only.
+    pub(super) fn hold_translations(&mut self) {
+        self.held.extend((0..self.free).flat_map(|slot| (3..POSE).map(move |k| POSE * slot + k)));
+        self.held.sort_unstable();
+        self.held.dedup();
+    }
+
     /// Whether the camera of a frame takes part.
     pub(super) fn uses(&self, frame: usize) -> bool {
         self.used.get(frame).copied().unwrap_or(false)

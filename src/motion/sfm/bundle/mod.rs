@@ -28,6 +28,7 @@ mod problem;
 mod rescue;
 mod resect;
 mod residual;
+mod residuals;
 mod schur;
 mod shutter;
 mod structure;
@@ -35,6 +36,7 @@ mod structure;
 pub use error::BundleError;
 pub use options::{BundleOptions, Freedom, RobustFit};
 pub use resect::{Resection, resect};
+pub use residuals::{Miss, residuals};
 pub use structure::refine_points;
 
 use super::{Observation, Scene};
@@ -81,7 +83,10 @@ pub fn adjust(
     options.check()?;
     let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
     let rolling = scene.readout != 0.0 || options.readout != Freedom::Fixed;
-    let layout = Layout::new(scene, observations, &options.held, shared_free, rolling)?;
+    let mut layout = Layout::new(scene, observations, &options.held, shared_free, rolling)?;
+    if options.turning {
+        layout.hold_translations();
+    }
     let cameras = Cameras::new(&layout, scene.intrinsics.center);
     let mut problem = Adjustment::new(&layout, layout.parameters(scene), cameras, options);
     let mut report = None;

@@ -69,6 +69,9 @@ pub struct BundleOptions {
     pub fit: RobustFit,
     /// Frames whose poses are held. Where none is, the first one is, and the scale with it.
     pub held: Vec<u32>,
+    /// Cameras turn and do not move: all translations are held. Where they are equal, no observation tells a depth, and the
+    /// points stay at the inverse depths they have.
+    pub turning: bool,
     /// The focal length, by its logarithm.
     pub focal: Freedom,
     /// The radial term `k₁`.
@@ -83,6 +86,7 @@ impl Default for BundleOptions {
         Self {
             fit: RobustFit::default(),
             held: Vec::new(),
+            turning: false,
             focal: Freedom::Fixed,
             k1: Freedom::Fixed,
             readout: Freedom::Fixed,

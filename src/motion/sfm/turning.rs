@@ -1,0 +1,87 @@
+//! The cameras of a shot that shows no parallax: rotations, and points at infinity.
+//!
+//! Between keyframes `i`, `j` the rays `m = K⁻¹ x` of a turning camera obey `m_j ∝ R_ij m_i`. The focal length is the one
+//! under which the pairs that turned most are turns ([`super::fit_turn`]); the relative rotations of all pairs at that
+//! focal length are averaged ([`super::average_rotations`]), which forgets pairs that a mover misled; every other frame is
+//! turned against the keyframe before it. The adjustment then moves rotations, rays and lens, and no translation: what
+//! moves in the picture besides is noise, and a translation would only make a story of it.
+
+use super::keyframes::rotation_between;
+use super::mapper::{LEAST_INLIERS, Mapper};
+use super::rotation_averaging::{RotationEdge, average_rotations};
+use super::view_graph::Edge;
+use super::{Match, ScenePoint, TrackTable};
+use crate::camera::{CameraPose, Intrinsics, Vec3};
+
+/// Share of the pairs, those that turned most, that are asked for the focal length.
+const ASKED: usize = 3;
+
+/// The focal length of a turning camera, px; `None` where no pair turned.
+pub(super) fn focal_of_turns(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
+    let mut turns: Vec<(f64, f64)> =
+        edges.iter().filter_map(|e| e.view.turn).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
+    turns.sort_by(|a, b| b.0.total_cmp(&a.0));
+    turns.truncate(turns.len().div_ceil(ASKED));
+    let mut ratios: Vec<f64> = turns.into_iter().map(|t| t.1).collect();
+    let middle = ratios.len() / 2;
+    (!ratios.is_empty()).then(|| camera.focal * *ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.
+pub(super) fn turn_cameras(table: &TrackTable, mapper: &mut Mapper<'_>, keys: &[usize], edges: &[Edge]) {
+    let camera = mapper.scene.intrinsics;
+    let row = |frame: usize| keys.binary_search(&frame).ok();
+    let measured = edges.iter().filter_map(|e| {
+        let second_from_first = turn_between(&e.matches, &camera)?.rotation;
+        Some(RotationEdge {
+            first: row(e.first)?,
+            second: row(e.second)?,
+            second_from_first,
+            weight: e.inliers() as f64,
+        })
+    });
+    let averaged = average_rotations(keys.len(), &measured.collect::<Vec<_>>());
+    for (&frame, rotation) in keys.iter().zip(&averaged.rotations) {
+        mapper.scene.poses[frame] = rotation.map(|rotation| CameraPose { rotation, translation: Vec3::zeros() });
+    }
+    let unknown: Vec<usize> = (0..table.frames()).filter(|&f| mapper.scene.poses[f].is_none()).collect();
+    for frame in unknown {
+        mapper.scene.poses[frame] = turned_from_known(table, &mapper.scene.poses, frame, keys, &camera);
+    }
+    place_at_infinity(table, mapper);
+}
+
+/// The pose of a frame by the nearest keyframe, or else neighbor, before it that shares enough points.
+fn turned_from_known(
+    table: &TrackTable,
+    poses: &[Option<CameraPose>],
+    frame: usize,
+    keys: &[usize],
+    camera: &Intrinsics,
+) -> Option<CameraPose> {
+    let key = keys.iter().rev().copied().find(|&k| k < frame && poses[k].is_some());
+    let neighbor = (0..frame).rev().find(|&f| poses[f].is_some());
+    key.into_iter().chain(neighbor).find_map(|from| {
+        let shared = table.shared(from, frame);
+        (shared.len() >= LEAST_INLIERS).then(|| Some(turn_between(&shared, camera)? * poses[from]?)).flatten()
+    })
+}
+
+fn turn_between(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
+    let ray = |p| camera.ray(p).map(|r: Vec3| r.normalize());
+    let rays: Vec<(Vec3, Vec3)> = matches.iter().filter_map(|m| Some((ray(m.first)?, ray(m.second)?))).collect();
+    (rays.len() >= LEAST_INLIERS)
+        .then(|| CameraPose { rotation: rotation_between(&rays).into(), translation: Vec3::zeros() })
+}
+
+/// Gives every point the ray on which the first known frame sees it.
+pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
+    for point in 0..table.points() {
+        let first = table.of_point(point).find(|o| mapper.scene.poses[o.frame as usize].is_some());
+        let place = first.and_then(|o| {
+            let ray = mapper.scene.intrinsics.undistorted(o.pixel)?;
+            Some(ScenePoint { anchor: o.frame, ray, inverse_depth: 0.0 })
+        });
+        mapper.scene.points[point] = place.filter(|_| !mapper.is_banned(point));
+    }
+}

@@ -1,0 +1,54 @@
+//! Whether the focal length changed during a shot.
+//!
+//! A pair of views of focal lengths `f` and `s f` obeys the constraints of one camera once the second picture is shrunk by
+//! `s`. Each pair is therefore judged again with its second view divided by factors about 1: the one under which the
+//! essential matrix, or the turn, explains it best is its vote. Zoom is called where most pairs vote for a factor other than
+//! 1, in one direction, and explain clearly more under it. A camera that moves towards a plane looks the same and is not
+//! told apart; towards a scene with depth it is.
+
+use rayon::prelude::*;
+
+use super::correspondence::Correspondence;
+use super::two_view::{TwoViewOptions, two_view};
+use super::view_graph::Edge;
+use crate::camera::Intrinsics;
+
+/// `ln s` of the factors tried: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
+const LN_FACTORS: [f64; 7] = [-0.36, -0.2, -0.08, 0.0, 0.08, 0.2, 0.36];
+/// Pairs that are asked: the most distant ones.
+const ASKED: usize = 9;
+/// Gain of the score, per point, that counts: noise and a wrong lens give a few hundredths.
+const CLEAR_GAIN: f64 = 0.15;
+/// Share of the pairs that must agree.
+const MAJORITY: f64 = 0.6;
+
+/// Whether most distant pairs of keyframes say that the focal length changed, and by which factor in the median.
+pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
+    let mut asked: Vec<&Edge> = edges.iter().collect();
+    asked.sort_by_key(|e| (std::cmp::Reverse(e.second - e.first), e.first));
+    asked.truncate(ASKED);
+    let mut votes: Vec<f64> = asked.par_iter().map(|edge| vote(edge, camera)).collect();
+    let count = |sign: f64| votes.iter().filter(|v| sign * **v > 0.0).count() as f64;
+    let agreed = MAJORITY * votes.len() as f64;
+    if votes.is_empty() || count(1.0).max(count(-1.0)) < agreed {
+        return None;
+    }
+    let middle = votes.len() / 2;
+    Some(votes.select_nth_unstable_by(middle, f64::total_cmp).1.exp())
+}
+
+/// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.
+fn vote(edge: &Edge, camera: &Intrinsics) -> f64 {
+    let options = TwoViewOptions { focal_doubt: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
+    let scores = LN_FACTORS.map(|ln| {
+        let rays = edge.matches.iter().filter_map(|m| {
+            let (a, b) = (camera.undistorted(m.first)?, camera.undistorted(m.second)?);
+            Some(Correspondence::new(a, b / ln.exp()))
+        });
+        let scores = two_view(&rays.collect::<Vec<_>>(), &options).scores;
+        scores.essential.min(scores.turn)
+    });
+    let best = (0..scores.len()).fold(LN_FACTORS.len() / 2, |b, k| if scores[k] < scores[b] { k } else { b });
+    let gain = scores[LN_FACTORS.len() / 2] - scores[best];
+    if gain > CLEAR_GAIN * edge.matches.len() as f64 { LN_FACTORS[best] } else { 0.0 }
+}

@@ -1,0 +1,169 @@
+//! Laws of structure from motion as a whole, on shots made up.
+
+use plumbline::math::Point2;
+use plumbline::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
+use plumbline::motion::sfm::{Reconstruction, SfmOptions, SfmVerdict, TrackTable, reconstruct};
+
+type Frames = Vec<Vec<(u32, Point2)>>;
+
+const ROLLING: SfmOptions = SfmOptions { focal: None, rolling_shutter: true };
+
+fn frames_of(shot: &Shot) -> Frames {
+    let mut frames = vec![Vec::new(); shot.truth.poses.len()];
+    shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
+    frames.iter_mut().for_each(|f: &mut Vec<(u32, Point2)>| f.sort_by_key(|p| p.0));
+    frames
+}
+
+fn solved(frames: Frames) -> Reconstruction {
+    reconstruct(&TrackTable::new(640, 360, frames), &ROLLING)
+}
+
+fn noisy(seed: u64, course: Course) -> Shot {
+    Shot::new(&ShotOptions { seed, course, frames: 40, noise_px: 0.2, outliers: 0.03, ..ShotOptions::default() })
+}
+
+fn error(found: &Reconstruction, shot: &Shot) -> PathError {
+    path_error(&found.scene.poses, &shot.truth.poses)
+}
+
+#[test]
+fn exact_tracks_of_a_walk_give_every_camera_exactly_focal_length_unknown() {
+    let shot = Shot::new(&ShotOptions { seed: 21, frames: 40, ..ShotOptions::default() });
+    let found = solved(frames_of(&shot));
+    assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 40), "{}", found.reason);
+    let error = error(&found, &shot);
+    assert!(error.position < 1e-4, "{error:?}");
+    assert!((found.scene.intrinsics.focal / 576.0 - 1.0).abs() < 1e-3, "{}", found.scene.intrinsics.focal);
+}
+
+#[test]
+fn noise_and_outliers_leave_a_walk_within_the_bars() {
+    for seed in [22, 23] {
+        let shot = noisy(seed, Course::Walk);
+        let found = solved(frames_of(&shot));
+        assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 40), "{}", found.reason);
+        let error = error(&found, &shot);
+        assert!(error.position < 0.005 && error.frame_to_frame < 2e-4, "seed {seed}: {error:?}");
+        assert_eq!(found.scene.readout, 0.0, "a global shutter has no readout");
+    }
+}
+
+#[test]
+fn a_rolling_shutter_is_found_without_being_told_of() {
+    let shot = Shot::new(&ShotOptions { seed: 24, frames: 40, readout: 0.6, noise_px: 0.1, ..ShotOptions::default() });
+    let found = solved(frames_of(&shot));
+    assert!((found.scene.readout - 0.6).abs() < 0.06, "{}", found.scene.readout);
+    assert!(error(&found, &shot).frame_to_frame < 2e-4, "{:?}", error(&found, &shot));
+}
+
+#[test]
+fn a_turning_camera_gets_rotations_and_no_invented_translation() {
+    for seed in [25, 26] {
+        let shot = noisy(seed, Course::Rotation);
+        let found = solved(frames_of(&shot));
+        assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::RotationOnly, 40), "{}", found.reason);
+        assert!(found.scene.poses.iter().flatten().all(|p| p.translation.norm() == 0.0));
+        let error = error(&found, &shot);
+        assert!(error.rotation < 0.1_f64.to_radians(), "seed {seed}: {error:?}");
+        assert!((found.scene.intrinsics.focal / 576.0 - 1.0).abs() < 0.02, "{}", found.scene.intrinsics.focal);
+    }
+}
+
+#[test]
+fn a_standing_camera_has_no_path() {
+    let still: Vec<(u32, Point2)> =
+        (0..200).map(|i| (i, Point2::new(f64::from(i % 20) * 31.0 + 10.0, f64::from(i / 20) * 34.0 + 12.0))).collect();
+    let found = solved(vec![still; 30]);
+    assert_eq!(found.verdict, SfmVerdict::RotationOnly, "{}", found.reason);
+    let first = found.scene.poses[0].expect("known");
+    assert!(found.scene.poses.iter().flatten().all(|p| p.rotation.angle_to(&first.rotation) < 1e-6));
+}
+
+#[test]
+fn points_that_all_wander_by_themselves_give_no_cameras() {
+    let mut random = fastrand::Rng::with_seed(27);
+    let mut at: Vec<Point2> = (0..200).map(|_| Point2::new(640.0 * random.f64(), 360.0 * random.f64())).collect();
+    let frames = (0..40).map(|_| {
+        for p in &mut at {
+            *p += plumbline::math::Vec2::new(random.f64() - 0.5, random.f64() - 0.5) * 16.0;
+        }
+        (0..).zip(at.iter().copied()).collect()
+    });
+    let found = solved(frames.collect());
+    assert_eq!(found.verdict, SfmVerdict::Failed, "{}", found.reason);
+}
+
+#[test]
+fn no_frames_one_frame_two_frames_and_empty_frames_are_called_too_few_points() {
+    let shot = noisy(28, Course::Walk);
+    let frames = frames_of(&shot);
+    for few in [Vec::new(), frames[..1].to_vec(), frames[..2].to_vec(), vec![Vec::new(); 20]] {
+        let count = few.len();
+        let found = solved(few);
+        assert_eq!(found.verdict, SfmVerdict::TooFewPoints, "{count} frames: {}", found.reason);
+        assert_eq!(found.scene.poses, vec![None; count]);
+    }
+}
+
+#[test]
+fn a_focal_length_that_grows_is_not_taken_for_one_camera() {
+    // Walking into the zoom, two views cannot tell it from more walking: no camera is believed, the reason stays open.
+    for (course, verdicts) in
+        [(Course::Side, &[SfmVerdict::Zoom][..]), (Course::Walk, &[SfmVerdict::Zoom, SfmVerdict::Failed][..])]
+    {
+        let shot = Shot::new(&ShotOptions { seed: 29, course, frames: 40, noise_px: 0.1, ..ShotOptions::default() });
+        let mut frames = frames_of(&shot);
+        for (k, frame) in frames.iter_mut().enumerate() {
+            let factor = 1.0 + 0.4 * k as f64 / 40.0;
+            let center = Point2::new(320.0, 180.0);
+            frame.iter_mut().for_each(|(_, p)| *p = center + (*p - center) * factor);
+        }
+        let found = solved(frames);
+        assert!(verdicts.contains(&found.verdict), "{course:?}: {:?} {}", found.verdict, found.reason);
+    }
+}
+
+#[test]
+fn frames_without_points_in_the_middle_have_no_camera_and_the_others_do() {
+    let shot = noisy(30, Course::Walk);
+    let mut frames = frames_of(&shot);
+    frames[18..21].iter_mut().for_each(Vec::clear);
+    let found = solved(frames);
+    assert_eq!(found.verdict, SfmVerdict::ThreeD, "{}", found.reason);
+    assert!((18..21).all(|f| found.scene.poses[f].is_none()));
+    assert_eq!(found.figures.registered, 37);
+    assert!(error(&found, &shot).position < 0.01, "{:?}", error(&found, &shot));
+}
+
+#[test]
+fn every_third_frame_alone_is_enough() {
+    let shot = Shot::new(&ShotOptions { seed: 31, frames: 90, noise_px: 0.2, ..ShotOptions::default() });
+    let frames: Frames = frames_of(&shot).into_iter().step_by(3).collect();
+    let truth: Vec<_> = shot.truth.poses.iter().copied().step_by(3).collect();
+    let found = solved(frames);
+    assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 30), "{}", found.reason);
+    assert!(path_error(&found.scene.poses, &truth).position < 0.005);
+}
+
+#[test]
+fn of_two_halves_that_share_no_track_one_is_solved_and_the_verdict_says_so() {
+    let shot = noisy(32, Course::Walk);
+    let mut frames = frames_of(&shot);
+    frames[25..].iter_mut().flatten().for_each(|p| p.0 += 1_000_000);
+    let found = solved(frames);
+    assert_eq!(found.verdict, SfmVerdict::Failed, "25 of 40 frames are not the shot: {}", found.reason);
+    assert!(found.scene.poses[25..].iter().all(Option::is_none), "the halves have no common coordinates");
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let shot = noisy(33, Course::Walk);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| solved(frames_of(&shot)))
+    };
+    let (one, three) = (on(1), on(3));
+    assert_eq!(one.scene, three.scene);
+    assert_eq!(one.figures, three.figures);
+}
