@@ -65,7 +65,7 @@ pub(super) enum Sizing {
 }
 
 /// The program's data that all its windows of time share.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Program<'a> {
     pub(super) chain: &'a Chain,
     pub(super) stage: &'a Stage,

@@ -19,6 +19,9 @@ const WINDOW_FRAMES: (f64, f64) = (240.0, 960.0);
 /// Longest time constant (s) of the smooth path from which the solver starts: beyond, pans lead it far outside the frame.
 const LONGEST_REFERENCE_S: f64 = 0.5;
 
+/// Time constant (s) at which a program that stalls is given up.
+const SHORTEST_S: f64 = 0.05;
+
 /// RMS shake (units of half the diagonal) below which a shot stands still: 0.1 px at 1080p.
 const STEADY: f64 = 1e-4;
 
@@ -173,8 +176,20 @@ fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
     Pose { z: turned(inside) * size, d: ideal.d / ideal.d.norm().max(1.0) }
 }
 
-/// Solves the shot window by window: of each the first half is kept, its last two frames start the next.
+/// Solves the shot. Where the solver stalls, with half the time constant: the weights of the accelerations, the largest
+/// numbers by far, fall to a sixteenth.
 fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
+    let mut program = *program;
+    loop {
+        match window_by_window(&program) {
+            Err(QpError::Stalled { .. }) if program.smoothness_s > SHORTEST_S => program.smoothness_s /= 2.0,
+            done => return done,
+        }
+    }
+}
+
+/// Of each window the first half is kept, its last two frames start the next.
+fn window_by_window(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
     let mut done = Cameras::default();
     for frames in windows(program.chain) {
         let decided = done.path.len() - frames.start;
@@ -278,6 +293,31 @@ mod tests {
         let whole = program.solve(0..900, &Cameras::default()).expect("solvable").path;
         let apart = pieces.iter().zip(&whole).map(|(p, q)| (p.d - q.d).norm() + (p.z - q.z).norm()).fold(0.0, f64::max);
         assert!(apart < 1e-3, "{apart} of half the diagonal");
+    }
+
+    #[test]
+    fn every_kind_of_path_is_found_at_every_setting_however_far_the_camera_goes() {
+        let motion = long_walk(300);
+        let times_s: Vec<f64> = (0..300).map(|t| f64::from(t) / 30.0).collect();
+        let shot = 0..300;
+        let clip =
+            Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
+        for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod] {
+            for (smoothness_s, min_crop, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
+                let border_allows_outside = outside;
+                let options =
+                    PathOptions { kind, smoothness_s, min_crop, border_allows_outside, ..PathOptions::default() };
+                let path = plan(&clip, &options).expect("valid input");
+                let reason = &path.segments[0].reason;
+                assert!(!reason.contains("no path"), "{options:?}: {reason}");
+            }
+        }
+    }
+
+    /// Every smoothness with every crop, once inside the frame and once beyond it.
+    fn settings(smoothness: [f64; 3], crops: [f64; 3]) -> Vec<(f64, f64, bool)> {
+        let with = |s: f64| crops.into_iter().flat_map(move |c| [(s, c, false), (s, c, true)]);
+        smoothness.into_iter().flat_map(with).collect()
     }
 
     #[test]
