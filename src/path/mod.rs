@@ -28,7 +28,6 @@ mod virtual_camera;
 use std::ops::Range;
 
 use crate::math::{Homography, Similarity2};
-use crate::optim::qp::QpError;
 
 pub(crate) use lowpass::lowpass;
 pub use plan::{plan, plan_along};
@@ -106,6 +105,11 @@ impl PathOptions {
     /// Size of the rectangle that the frame must cover, relative to the output.
     fn window(&self) -> f64 {
         if self.border_allows_outside { self.min_crop } else { (1.0 + self.reserve).min(1.0 / self.min_crop) }
+    }
+
+    /// The least part of the frame's width that the rectangle takes up.
+    fn smallest_window(&self) -> f64 {
+        self.window() * if self.border_allows_outside { 1.0 } else { self.min_crop }
     }
 }
 
@@ -195,13 +199,5 @@ pub enum PathError {
         motions: usize,
         /// Frames covered by shots that follow each other.
         covered: usize,
-    },
-    /// The optimization failed.
-    #[error("the path of frames {} to {} could not be optimized: {source}", frames.start, frames.end)]
-    Numerics {
-        /// Frames of the window that failed.
-        frames: Range<usize>,
-        /// The solver's reason.
-        source: QpError,
     },
 }

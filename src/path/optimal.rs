@@ -59,12 +59,13 @@ pub(super) enum Sizing {
     Shared,
     /// Given.
     Pinned(f64),
-    /// The ideal path's own.
+    /// At least the ideal path's own. More is never better, since it leaves less room; an equation would leave the
+    /// feasible points without an inside, where the solver stalls.
     Followed,
 }
 
 /// The program's data that all its windows of time share.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Program<'a> {
     pub(super) chain: &'a Chain,
     pub(super) stage: &'a Stage,
@@ -72,6 +73,9 @@ pub(super) struct Program<'a> {
     pub(super) strength: &'a [f64],
     /// The ideal path where it is not an unknown.
     pub(super) ideal: Option<&'a [Pose]>,
+    /// A smooth path near the ideal one, from which the unknowns are counted: seen from the input itself the objective
+    /// is the difference of numbers a thousand times as large, and the solver stalls on what rounding leaves of it.
+    pub(super) about: &'a [Pose],
     pub(super) smoothness_s: f64,
     pub(super) min_crop: f64,
     pub(super) sizing: Sizing,
@@ -133,6 +137,10 @@ impl PoseExpr {
         Self { z: Complex::constant(p.z), d: Complex::constant(p.d) }
     }
 
+    fn plus(self, o: Pose) -> Self {
+        Self { z: self.z.plus(Complex::constant(o.z)), d: self.d.plus(Complex::constant(o.d)) }
+    }
+
     fn minus(self, o: Self) -> Self {
         Self { z: self.z.minus(o.z), d: self.d.minus(o.d) }
     }
@@ -163,18 +171,20 @@ impl Program<'_> {
                 self.add_acceleration(&mut qp, &frames, i, weight);
             }
             if i >= head.path.len() {
-                self.keep_inside(&mut qp, i);
+                self.keep_inside(&mut qp, &frames, i);
                 self.size_window(&mut qp, &frames, i, unit);
             } else {
-                self.hold(&mut qp, i, head);
+                self.hold(&mut qp, &frames, i, head);
             }
         }
         let x = qp.solve()?;
-        let pose = |k: usize| Pose { d: C64::new(x[k], x[k + 1]), z: C64::new(x[k + 2], x[k + 3]) };
-        let path = (0..n).map(|i| pose(i * self.stride())).collect();
+        let about = &self.about[frames.clone()];
+        let pose =
+            |k: usize, o: &Pose| Pose { d: o.d + C64::new(x[k], x[k + 1]), z: o.z + C64::new(x[k + 2], x[k + 3]) };
+        let path = about.iter().enumerate().map(|(i, o)| pose(i * self.stride(), o)).collect();
         let ideal = match self.ideal {
             Some(given) => given[frames].to_vec(),
-            None => (0..n).map(|i| pose(i * self.stride() + 4)).collect(),
+            None => about.iter().enumerate().map(|(i, o)| pose(i * self.stride() + 4, o)).collect(),
         };
         Ok(Cameras { path, ideal })
     }
@@ -184,26 +194,26 @@ impl Program<'_> {
         if self.ideal.is_some() { 4 } else { 8 }
     }
 
-    fn path(&self, i: usize) -> PoseExpr {
-        PoseExpr::vars(i * self.stride())
+    fn path(&self, frames: &Range<usize>, i: usize) -> PoseExpr {
+        PoseExpr::vars(i * self.stride()).plus(self.about[frames.start + i])
     }
 
     fn ideal(&self, frames: &Range<usize>, i: usize) -> PoseExpr {
         match self.ideal {
             Some(given) => PoseExpr::constant(given[frames.start + i]),
-            None => PoseExpr::vars(i * self.stride() + 4),
+            None => PoseExpr::vars(i * self.stride() + 4).plus(self.about[frames.start + i]),
         }
     }
 
     /// Linear crop of the path: its scale along the window's expected direction.
     fn crop(&self, frames: &Range<usize>, i: usize) -> Affine {
         let along = self.ideal.map_or(C64::new(1.0, 0.0), |given| given[frames.start + i].z);
-        self.path(i).z.times(along.conj() / along.norm()).re
+        self.path(frames, i).z.times(along.conj() / along.norm()).re
     }
 
     /// `|P − L|²`.
     fn add_shake(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, weight: f64) {
-        add_displacement(qp, weight, self.path(i).minus(self.ideal(frames, i)));
+        add_displacement(qp, weight, self.path(frames, i).minus(self.ideal(frames, i)));
     }
 
     /// `λ |a(L)|² + μ |a(P)|²`.
@@ -213,9 +223,10 @@ impl Program<'_> {
             before.moved_by(self.chain.step[t]).minus(at).scaled(self.chain.rate[t])
         };
         let acceleration = |[b2, b1, b0]: [PoseExpr; 3]| velocity(b0, b1.clone(), t).minus(velocity(b1, b2, t - 1));
-        let time = self.chain.frames(self.smoothness_s);
+        // A shot has nothing slower than itself; larger numbers would only cost the solver its digits.
+        let time = self.chain.frames(self.smoothness_s).min(self.chain.len() as f64);
         let mu = weight * (ACCELERATION_SHARE * time).powi(4) / 4.0;
-        add_displacement(qp, mu, acceleration([i - 2, i - 1, i].map(|k| self.path(k))));
+        add_displacement(qp, mu, acceleration([i - 2, i - 1, i].map(|k| self.path(frames, k))));
         if self.ideal.is_none() {
             let lambda = weight * time.powi(4) / 4.0;
             add_displacement(qp, lambda, acceleration([i - 2, i - 1, i].map(|k| self.ideal(frames, k))));
@@ -223,10 +234,10 @@ impl Program<'_> {
     }
 
     /// The window's corners inside the frame.
-    fn keep_inside(&self, qp: &mut QuadraticProgram, i: usize) {
+    fn keep_inside(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize) {
         let (w, h) = self.stage.half;
         for q in self.stage.corners() {
-            let PoseExpr { z, d } = self.path(i);
+            let PoseExpr { z, d } = self.path(frames, i);
             let corner = z.times(q * self.window).plus(d);
             for (x, half) in [(corner.re, w), (corner.im, h)] {
                 qp.require_at_most_zero(x.clone() - Affine::constant(half));
@@ -238,14 +249,12 @@ impl Program<'_> {
     /// Price, bounds and slowness of the window's size.
     fn size_window(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, unit: f64) {
         let crop = |k: usize| self.crop(frames, k);
-        let given = match self.sizing {
-            Sizing::Pinned(size) => Some(size),
-            Sizing::Followed => self.ideal.map(|given| given[frames.start + i].z.norm()),
-            Sizing::Adaptive | Sizing::Shared => None,
-        };
-        if let Some(size) = given {
-            qp.require_zero(crop(i) - Affine::constant(size));
-            return;
+        match (self.sizing, self.ideal) {
+            (Sizing::Pinned(size), _) => return qp.require_zero(crop(i) - Affine::constant(size)),
+            (Sizing::Followed, Some(given)) => {
+                return qp.require_at_most_zero(Affine::constant(given[frames.start + i].z.norm()) - crop(i));
+            }
+            _ => {}
         }
         qp.add_linear(&(-CROP_PRICE * unit * crop(i)));
         qp.require_at_most_zero(Affine::constant(self.min_crop) - crop(i));
@@ -262,15 +271,15 @@ impl Program<'_> {
     }
 
     /// What was decided in the previous window of time stays.
-    fn hold(&self, qp: &mut QuadraticProgram, i: usize, head: &Cameras) {
+    fn hold(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, head: &Cameras) {
         let fix = |qp: &mut QuadraticProgram, e: PoseExpr| {
             for x in [e.d.re, e.d.im, e.z.re, e.z.im] {
                 qp.require_zero(x);
             }
         };
-        fix(qp, self.path(i).minus(PoseExpr::constant(head.path[i])));
+        fix(qp, self.path(frames, i).minus(PoseExpr::constant(head.path[i])));
         if self.ideal.is_none() {
-            fix(qp, PoseExpr::vars(i * self.stride() + 4).minus(PoseExpr::constant(head.ideal[i])));
+            fix(qp, self.ideal(frames, i).minus(PoseExpr::constant(head.ideal[i])));
         }
     }
 }

@@ -7,6 +7,7 @@ use super::optimal::{Cameras, Program, Sizing};
 use super::pose::{C64, Pose, Stage, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
 use crate::math::{Homography, Similarity2};
+use crate::optim::qp::QpError;
 
 /// Length (s) of the windows of time; half of each is look-ahead. Decisions reach as far as the zoom takes to change,
 /// a few seconds, so half a window ahead leaves no trace of where it ends.
@@ -15,8 +16,18 @@ const WINDOW_S: f64 = 16.0;
 /// Bounds of the same in frames, so that memory stays bounded at any frame rate.
 const WINDOW_FRAMES: (f64, f64) = (240.0, 960.0);
 
+/// Longest time constant (s) of the smooth path from which the solver starts: beyond, pans lead it far outside the frame.
+const LONGEST_REFERENCE_S: f64 = 0.5;
+
+/// Time constant (s) at which a program that stalls is given up.
+const SHORTEST_S: f64 = 0.05;
+
 /// RMS shake (units of half the diagonal) below which a shot stands still: 0.1 px at 1080p.
 const STEADY: f64 = 1e-4;
+
+/// Least room that the smallest window must leave in the frame, as a share of it. With less there is nothing to decide, and
+/// the program's feasible points are so few that no interior-point method finds them.
+const ROOM: f64 = 2e-3;
 
 /// Below this share of reliable steps the motion of a shot is guesswork.
 const LEAST_RELIABLE: f64 = 0.3;
@@ -27,12 +38,12 @@ const MIDDLE: f64 = 1e-3;
 /// The virtual path of a clip.
 ///
 /// # Errors
-/// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input;
-/// [`PathError::Numerics`] where the solver fails.
+/// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input. A shot
+/// whose program the solver does not solve is left as it is, and its segment says so.
 pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     let stage = Stage::new(clip.width, clip.height);
-    plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot))
+    Ok(plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot)))
 }
 
 /// The virtual path that shows `wanted` (`out_from_src` per frame): exactly where the border may show, else held inside the
@@ -49,25 +60,26 @@ pub fn plan_along(clip: &Clip<'_>, options: &PathOptions, wanted: &[Similarity2]
     let stage = Stage::new(clip.width, clip.height);
     // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
     let window = if options.border_allows_outside { MIDDLE } else { options.window() };
-    plan_shots(clip, &stage, window, |shot| {
+    Ok(plan_shots(clip, &stage, window, |shot| {
         let chain = Chain::of_shot(clip, &stage, shot.clone());
         let src_from_out = |w: &Similarity2| w.inverse().map_or(Pose::IDENTITY, |s| stage.pose(s));
         let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(src_from_out).collect();
         let path = if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal) };
-        Ok(Ok((path.map_err(|e| shifted(e, shot.start))?, "the path that was given".to_owned())))
-    })
+        let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
+        Ok((path, "the path that was given".to_owned()))
+    }))
 }
 
 fn plan_shots(
     clip: &Clip<'_>,
     stage: &Stage,
     window: f64,
-    shot_path: impl Fn(Range<usize>) -> Result<ShotPath, PathError>,
-) -> Result<VirtualPath, PathError> {
+    shot_path: impl Fn(Range<usize>) -> ShotPath,
+) -> VirtualPath {
     let mut plan =
         VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
     for shot in clip.shots {
-        let segment = match shot_path(shot.clone())? {
+        let segment = match shot_path(shot.clone()) {
             Ok((path, reason)) => {
                 for pose in path {
                     let (pose, out_from_src) = settle(stage, pose, window);
@@ -84,47 +96,52 @@ fn plan_shots(
         };
         plan.segments.push(segment);
     }
-    Ok(plan)
+    plan
 }
 
 /// The smoothed poses of a shot and what to say of them, or why it is left as it is.
 type ShotPath = Result<(Vec<Pose>, String), String>;
 
-fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> Result<ShotPath, PathError> {
+fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> ShotPath {
     if shot.len() < 3 {
-        return Ok(Err(format!("shot of {} frames, too short to smooth", shot.len())));
+        return Err(format!("shot of {} frames, too short to smooth", shot.len()));
     }
     let steps = shot.len() - 1;
     let reliable = clip.motion[shot.start + 1..shot.end].iter().filter(|m| m.reliable).count();
     if (reliable as f64) < LEAST_RELIABLE * steps as f64 {
-        return Ok(Err(format!("motion could be followed in only {reliable} of {steps} frames")));
+        return Err(format!("motion could be followed in only {reliable} of {steps} frames"));
     }
     let chain = Chain::of_shot(clip, stage, shot.clone());
     let before = mean(&chain.shake());
     if before < STEADY * STEADY && options.kind != PathKind::Tripod {
-        return Ok(Err("already steady".to_owned()));
+        return Err("already steady".to_owned());
+    }
+    if options.smallest_window() > 1.0 - ROOM {
+        return Err("the least crop leaves no room to move".to_owned());
     }
     let path = match options.kind {
         PathKind::Optimal => optimal(&chain, stage, options),
         PathKind::Gaussian => follow(&chain, stage, options, &ideal::gaussian(&chain, options.smoothness_s)),
         PathKind::Tripod => follow(&chain, stage, options, &ideal::tripod(&chain)),
     }
-    .map_err(|e| shifted(e, shot.start))?;
+    .map_err(|e| format!("no path was found: {e}"))?;
     let after = mean(&chain.seen_through(&path).shake());
     if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
-        return Ok(Err("smoothing would not have made it steadier".to_owned()));
+        return Err("smoothing would not have made it steadier".to_owned());
     }
-    Ok(Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt()))))
+    Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt())))
 }
 
 /// The path that balances shake, acceleration and crop.
-fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, PathError> {
+fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
+    let about = ideal::gaussian(chain, options.smoothness_s.min(LONGEST_REFERENCE_S));
     let mut program = Program {
         chain,
         stage,
         strength: &strength,
         ideal: None,
+        about: &about,
         smoothness_s: options.smoothness_s,
         min_crop: options.min_crop,
         sizing: sizing(options),
@@ -150,7 +167,7 @@ fn sizing(options: &PathOptions) -> Sizing {
 }
 
 /// The given path at the largest window that fits all of it, or held inside the frame at the smallest allowed.
-fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -> Result<Vec<Pose>, PathError> {
+fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
     let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
@@ -165,6 +182,7 @@ fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -
         stage,
         strength: &strength,
         ideal: Some(&ideal),
+        about: &ideal,
         smoothness_s: options.smoothness_s,
         min_crop: options.min_crop,
         sizing: if options.border_allows_outside { Sizing::Pinned(size) } else { Sizing::Followed },
@@ -173,13 +191,15 @@ fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -
     in_windows(&program)
 }
 
-/// The pose nearest to `ideal` whose window is no smaller than allowed and would fit the frame if it stood in its middle:
-/// with the size held, the angle gives way.
+/// The pose nearest to `ideal` whose window is no smaller than allowed and would fit the frame with [`ROOM`] around it if it
+/// stood in its middle: with the size held, the angle gives way. It stands no further off than half a diagonal: beyond,
+/// only the direction matters, and numbers of many sizes of frames would be all that the solver sees.
 fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
     const HALVINGS: usize = 40;
     let size = ideal.z.norm().clamp(min_crop, 1.0 / window);
     let turned = |share: f64| C64::from_polar(1.0, share * ideal.z.arg());
-    let fits = |share: f64| stage.widest(Pose { z: turned(share), d: C64::new(0.0, 0.0) }) >= size * window;
+    let needed = size * window / (1.0 - ROOM);
+    let fits = |share: f64| stage.widest(Pose { z: turned(share), d: C64::new(0.0, 0.0) }) >= needed;
     let (mut inside, mut outside) = (0.0, 1.0);
     if fits(1.0) {
         inside = 1.0;
@@ -189,18 +209,28 @@ fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
             *if fits(middle) { &mut inside } else { &mut outside } = middle;
         }
     }
-    Pose { z: turned(inside) * size, d: ideal.d }
+    Pose { z: turned(inside) * size, d: ideal.d / ideal.d.norm().max(1.0) }
 }
 
-/// Solves the shot window by window: of each the first half is kept, its last two frames start the next.
-fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, PathError> {
+/// Solves the shot. Where the solver stalls, with half the time constant: the weights of the accelerations, the largest
+/// numbers by far, fall to a sixteenth.
+fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
+    let mut program = *program;
+    loop {
+        match window_by_window(&program) {
+            Err(QpError::Stalled { .. }) if program.smoothness_s > SHORTEST_S => program.smoothness_s /= 2.0,
+            done => return done,
+        }
+    }
+}
+
+/// Of each window the first half is kept, its last two frames start the next.
+fn window_by_window(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
     let mut done = Cameras::default();
     for frames in windows(program.chain) {
         let decided = done.path.len() - frames.start;
         let head = Cameras { path: done.path[frames.start..].to_vec(), ideal: done.ideal[frames.start..].to_vec() };
-        let part = program
-            .solve(frames.clone(), &head)
-            .map_err(|source| PathError::Numerics { frames: frames.clone(), source })?;
+        let part = program.solve(frames.clone(), &head)?;
         let keep = if frames.end == program.chain.len() { frames.len() } else { frames.len() / 2 };
         done.path.extend(&part.path[decided..keep]);
         done.ideal.extend(&part.ideal[decided..keep]);
@@ -224,15 +254,6 @@ fn windows(chain: &Chain) -> Vec<Range<usize>> {
 
 fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
-}
-
-fn shifted(e: PathError, by: usize) -> PathError {
-    match e {
-        PathError::Numerics { frames, source } => {
-            PathError::Numerics { frames: frames.start + by..frames.end + by, source }
-        }
-        other => other,
-    }
 }
 
 fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
@@ -298,6 +319,7 @@ mod tests {
             stage: &stage,
             strength: &strength,
             ideal: None,
+            about: &ideal::gaussian(&chain, 0.5),
             smoothness_s: 0.5,
             min_crop: 0.8,
             sizing: Sizing::Adaptive,
@@ -307,6 +329,31 @@ mod tests {
         let whole = program.solve(0..900, &Cameras::default()).expect("solvable").path;
         let apart = pieces.iter().zip(&whole).map(|(p, q)| (p.d - q.d).norm() + (p.z - q.z).norm()).fold(0.0, f64::max);
         assert!(apart < 1e-3, "{apart} of half the diagonal");
+    }
+
+    #[test]
+    fn every_kind_of_path_is_found_at_every_setting_however_far_the_camera_goes() {
+        let motion = long_walk(300);
+        let times_s: Vec<f64> = (0..300).map(|t| f64::from(t) / 30.0).collect();
+        let shot = 0..300;
+        let clip =
+            Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
+        for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod] {
+            for (smoothness_s, min_crop, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
+                let border_allows_outside = outside;
+                let options =
+                    PathOptions { kind, smoothness_s, min_crop, border_allows_outside, ..PathOptions::default() };
+                let path = plan(&clip, &options).expect("valid input");
+                let reason = &path.segments[0].reason;
+                assert!(!reason.contains("no path"), "{options:?}: {reason}");
+            }
+        }
+    }
+
+    /// Every smoothness with every crop, once inside the frame and once beyond it.
+    fn settings(smoothness: [f64; 3], crops: [f64; 3]) -> Vec<(f64, f64, bool)> {
+        let with = |s: f64| crops.into_iter().flat_map(move |c| [(s, c, false), (s, c, true)]);
+        smoothness.into_iter().flat_map(with).collect()
     }
 
     #[test]
