@@ -253,7 +253,7 @@ fn settled<'a>(mut mapper: Mapper<'a>, options: &SfmOptions, turning: bool) -> (
     if !turning {
         mapper.triangulate_new();
     }
-    let report = mapper.finish(Last { turning, rolling, ..Last::FINE });
+    let report = mapper.finish(Last { rolling, turning, ..Last::FINE });
     mapper.discard_wrong();
     (mapper, report)
 }
