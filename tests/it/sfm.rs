@@ -11,7 +11,9 @@ const ROLLING: SfmOptions = SfmOptions { focal: None, rolling_shutter: true };
 fn frames_of(shot: &Shot) -> Frames {
     let mut frames = vec![Vec::new(); shot.truth.poses.len()];
     shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-    frames.iter_mut().for_each(|f: &mut Vec<(u32, Point2)>| f.sort_by_key(|p| p.0));
+    for frame in &mut frames {
+        frame.sort_by_key(|p: &(u32, Point2)| p.0);
+    }
     frames
 }
 
@@ -117,7 +119,9 @@ fn a_focal_length_that_grows_is_not_taken_for_one_camera() {
         for (k, frame) in frames.iter_mut().enumerate() {
             let factor = 1.0 + 0.4 * k as f64 / 40.0;
             let center = Point2::new(320.0, 180.0);
-            frame.iter_mut().for_each(|(_, p)| *p = center + (*p - center) * factor);
+            for (_, p) in frame {
+                *p = center + (*p - center) * factor;
+            }
         }
         let found = solved(frames);
         assert!(verdicts.contains(&found.verdict), "{course:?}: {:?} {}", found.verdict, found.reason);

@@ -14,7 +14,9 @@ use super::view_graph::Edge;
 use crate::camera::Intrinsics;
 
 /// `ln s` of the factors tried: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
-const LN_FACTORS: [f64; 7] = [-0.36, -0.2, -0.08, 0.0, 0.08, 0.2, 0.36];
+const LN_FACTORS: [f64; 9] = [-0.34, -0.23, -0.14, -0.06, 0.0, 0.06, 0.14, 0.23, 0.34];
+/// Noise that is assumed, px: a factor between two of those tried leaves a few pixels, and is still to be recognized.
+const BLUR_PX: f64 = 2.0;
 /// Pairs that are asked: the most distant ones.
 const ASKED: usize = 9;
 /// Gain of the score, per point, that counts: noise and a wrong lens give a few hundredths.
@@ -39,7 +41,9 @@ pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
 
 /// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.
 fn vote(edge: &Edge, camera: &Intrinsics) -> f64 {
-    let options = TwoViewOptions { focal_doubt: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
+    let (threshold, least_noise) = (4.0 * BLUR_PX / camera.focal, BLUR_PX / camera.focal);
+    let options =
+        TwoViewOptions { threshold, least_noise, focal_doubt: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
     let scores = LN_FACTORS.map(|ln| {
         let rays = edge.matches.iter().filter_map(|m| {
             let (a, b) = (camera.undistorted(m.first)?, camera.undistorted(m.second)?);
