@@ -28,7 +28,7 @@ const OTHER_TIME: f64 = 0.7;
 /// Frames of two fields that make a verdict, and by what factor they must outnumber whole ones. A shake that turns round
 /// within a frame makes single frames err about the order, not about the fields: the order is what more of them say.
 const VOTES: u32 = 8;
-const MAJORITY: u32 = 4;
+const MAJORITY: u32 = 2;
 
 /// Judges frames as they pass.
 #[derive(Debug, Default)]

@@ -335,7 +335,7 @@ fn sample_clip() -> ClipMotion {
     clip.rotation = 90;
     clip.pixel_aspect = (4, 3);
     clip.readout_s = Some(0.02);
-    clip.other_blocks.insert("cameras".into(), serde_json::json!([{ "q": [1, 0, 0, 0], "t": [0, 0, 0] }]));
+    clip.other_blocks.insert("gyroscope".into(), serde_json::json!([{ "rad_s": [0.1, 0.0, -0.2] }]));
     clip
 }
 
