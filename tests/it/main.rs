@@ -7,6 +7,7 @@ mod companions;
 mod energy;
 mod fuzz;
 mod house;
+mod in_space;
 mod layers;
 mod media_bad_input;
 mod media_roundtrip;
