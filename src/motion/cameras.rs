@@ -50,6 +50,13 @@ pub struct ShotCameras {
 }
 
 impl ClipCameras {
+    /// Adds the next shot, `frames` of the clip, of which nothing is known and why.
+    pub fn push_unknown(&mut self, frames: Range<usize>, reason: String) {
+        self.frames.resize(self.frames.len() + frames.len(), None);
+        let figures = SfmFigures { frames: frames.len(), ..SfmFigures::default() };
+        self.shots.push(ShotCameras { frames, verdict: SfmVerdict::Failed, reason, figures });
+    }
+
     /// Adds the next shot: `frames` of the clip, reconstructed from `table`.
     pub fn push(&mut self, frames: Range<usize>, table: &TrackTable, found: Reconstruction) {
         let shot = self.shots.len() as u32;
@@ -64,5 +71,19 @@ impl ClipCameras {
         self.points.extend((0..table.points() as u32).filter_map(world));
         let Reconstruction { verdict, reason, figures, .. } = found;
         self.shots.push(ShotCameras { frames, verdict, reason, figures });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shot_of_which_nothing_is_known_keeps_its_place() {
+        let mut cameras = ClipCameras::default();
+        cameras.push_unknown(0..3, "too long".to_owned());
+        cameras.push_unknown(3..5, "too long".to_owned());
+        assert_eq!((cameras.frames.len(), cameras.frames.iter().flatten().count()), (5, 0));
+        assert_eq!((cameras.shots[1].frames.clone(), cameras.shots[1].figures.frames), (3..5, 2));
     }
 }
