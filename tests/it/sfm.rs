@@ -52,6 +52,18 @@ fn noise_and_outliers_leave_a_walk_within_the_bars() {
 }
 
 #[test]
+fn the_resolution_changes_nothing_but_the_focal_length() {
+    let shot = noisy(22, Course::Walk);
+    let larger = frames_of(&shot).into_iter().map(|f| f.into_iter().map(|(id, p)| (id, p * 3.0)).collect());
+    let larger = reconstruct(&TrackTable::new(1920, 1080, larger.collect::<Frames>()), &ROLLING);
+    let found = solved(frames_of(&shot));
+    assert_eq!((larger.verdict, larger.figures.registered), (SfmVerdict::ThreeD, 40), "{}", larger.reason);
+    let apart = path_error(&larger.scene.poses, &found.scene.poses);
+    assert!(apart.position < 1e-4 && apart.rotation < 1e-5, "{apart:?}");
+    assert!((larger.scene.intrinsics.focal / found.scene.intrinsics.focal - 3.0).abs() < 1e-4);
+}
+
+#[test]
 fn a_rolling_shutter_is_found_without_being_told_of() {
     let shot = Shot::new(&ShotOptions { seed: 24, frames: 40, readout: 0.6, noise_px: 0.1, ..ShotOptions::default() });
     let found = solved(frames_of(&shot));

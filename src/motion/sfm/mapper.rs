@@ -28,6 +28,8 @@ pub(super) const LEAST_INLIERS: usize = 20;
 const LEAST_SUPPORT: f64 = 0.4;
 /// Reprojection error of a wrong sighting, px at 640 px across.
 pub(super) const WRONG_PX: f64 = 3.0;
+/// Standard deviation of a sighting in x and in y, px at 640 px across.
+const SIGMA_PX: f64 = 0.5;
 /// Share of wrong sightings from which on a point is not taken to be still.
 const MOST_WRONG: f64 = 0.3;
 /// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
@@ -166,7 +168,7 @@ impl<'a> Mapper<'a> {
         if sightings.len() < LEAST_INLIERS {
             return false;
         }
-        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        let unit = self.unit_px();
         let threshold = 2.0 * WRONG_PX * unit / self.scene.intrinsics.focal;
         let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
         let mut rng = fastrand::Rng::with_seed(frame as u64);
@@ -236,7 +238,7 @@ impl<'a> Mapper<'a> {
         let views: Vec<View> =
             rest.iter().map(|(_, pose, ray)| View { view_from_anchor: *pose * from_anchor, ray: *ray }).collect();
         let found = triangulate(anchor.2, &views)?;
-        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        let unit = self.unit_px();
         let wrong = WRONG_PX * unit / self.scene.intrinsics.focal;
         (found.residual < wrong).then(|| ScenePoint {
             anchor: anchor.0,
@@ -256,14 +258,14 @@ impl<'a> Mapper<'a> {
         }
         let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
         let held = rest.iter().map(|&f| f as u32).collect();
-        let options = BundleOptions { held, fit: fit(10, 1e-4), ..BundleOptions::default() };
+        let options = BundleOptions { held, fit: self.fit(10, 1e-4), ..BundleOptions::default() };
         // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
         let _ = adjust(&mut self.scene, &near, &options);
     }
 
     /// Adjusts everything; with `lens` also focal length and distortion.
     pub(super) fn adjust_all(&mut self, lens: bool) -> Option<BundleReport> {
-        let mut options = BundleOptions { fit: fit(30, 1e-5), ..BundleOptions::default() };
+        let mut options = BundleOptions { fit: self.fit(30, 1e-5), ..BundleOptions::default() };
         if lens {
             let (value, sigma) = (self.start.focal, self.lens.sigma_ln_focal);
             options.focal = Freedom::Near { value, sigma };
@@ -275,7 +277,7 @@ impl<'a> Mapper<'a> {
     /// Adjusts a complete map, lens included, from near its best: to convergence.
     pub(super) fn finish(&mut self, last: Last) -> Option<BundleReport> {
         let options = BundleOptions {
-            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..fit(last.iterations, last.tolerance) },
+            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
             turning: last.turning,
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
@@ -285,9 +287,19 @@ impl<'a> Mapper<'a> {
         adjust(&mut self.scene, &self.observations, &options).ok()
     }
 
+    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    fn unit_px(&self) -> f64 {
+        f64::from(self.table.width.max(self.table.height)) / 640.0
+    }
+
+    fn fit(&self, max_iterations: usize, tolerance: f64) -> RobustFit {
+        let damping = DampingOptions { tolerance, max_iterations, ..DampingOptions::default() };
+        RobustFit { sigma_px: SIGMA_PX * self.unit_px(), damping, ..RobustFit::default() }
+    }
+
     /// Leaves out the points that too few of their sightings confirm.
     pub(super) fn discard_wrong(&mut self) {
-        let unit = f64::from(self.table.width.max(self.table.height)) / 640.0;
+        let unit = self.unit_px();
         let misses = residuals(&self.scene, &self.observations);
         for of_point in misses.chunk_by(|a, b| a.point == b.point) {
             let wrong = of_point.iter().filter(|m| !(m.px <= WRONG_PX * unit)).count();
@@ -297,13 +309,6 @@ impl<'a> Mapper<'a> {
                 self.banned[point] = true;
             }
         }
-    }
-}
-
-fn fit(max_iterations: usize, tolerance: f64) -> RobustFit {
-    RobustFit {
-        damping: DampingOptions { tolerance, max_iterations, ..DampingOptions::default() },
-        ..RobustFit::default()
     }
 }
 

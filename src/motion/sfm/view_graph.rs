@@ -45,7 +45,9 @@ impl Edge {
 pub(super) fn view_graph(table: &TrackTable, keys: &[usize], camera: &Intrinsics, doubt: f64) -> Vec<Edge> {
     let pairs = STRIDES.iter().flat_map(|&s| (s..keys.len()).map(move |k| (keys[k - s], keys[k])));
     let pairs: Vec<(usize, usize)> = pairs.collect();
-    let options = TwoViewOptions { focal_doubt: doubt, ..TwoViewOptions::for_focal(camera.focal) };
+    // Tolerances in px hold at 640 px across.
+    let unit = f64::from(table.width.max(table.height)) / 640.0;
+    let options = TwoViewOptions { focal_doubt: doubt, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
         if matches.len() < LEAST_SHARED {
