@@ -10,8 +10,9 @@
 //! # Reference
 //! S. Umeyama, IEEE TPAMI 13(4), 1991 (scale and translation; with the rotation given they are linear).
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::UnitQuaternion;
 
+use super::rotation::nearest_rotation;
 use super::{CameraPose, Point3, Vec3};
 
 /// `x ↦ s R x + t`.
@@ -44,7 +45,7 @@ pub fn align(pairs: &[(CameraPose, CameraPose)]) -> Option<(Similarity3, f64)> {
         return None;
     }
     let turned = |(a, b): &(CameraPose, CameraPose)| *(b.rotation.inverse() * a.rotation).to_rotation_matrix().matrix();
-    let rotation = nearest_rotation(&pairs.iter().map(turned).sum())?;
+    let rotation = UnitQuaternion::from_rotation_matrix(&nearest_rotation(&pairs.iter().map(turned).sum())?);
     let n = pairs.len() as f64;
     let mean = |of: &dyn Fn(&(CameraPose, CameraPose)) -> Vec3| pairs.iter().map(of).sum::<Vec3>() / n;
     let (from, to) = (mean(&|p| p.0.center().coords), mean(&|p| p.1.center().coords));
@@ -59,14 +60,6 @@ pub fn align(pairs: &[(CameraPose, CameraPose)]) -> Option<(Similarity3, f64)> {
     let misses = pairs.iter().map(|(a, b)| (found.apply(&a.center()) - b.center()).norm_squared());
     let rms = (misses.sum::<f64>() / n).sqrt();
     rms.is_finite().then_some((found, rms))
-}
-
-fn nearest_rotation(sum: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
-    let svd = sum.try_svd(true, true, 1e-15, 100)?;
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let upright = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = Rotation3::from_matrix_unchecked(u * upright * v_t);
-    rotation.matrix().iter().all(|v| v.is_finite()).then(|| UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
 #[cfg(test)]

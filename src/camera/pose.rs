@@ -41,6 +41,14 @@ impl CameraPose {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
+    /// The pose at `share` of the way to `other`, in even motion; also before 0 and beyond 1.
+    #[must_use]
+    pub fn toward(&self, other: &Self, share: f64) -> Self {
+        let turn = (other.rotation * self.rotation.inverse()).scaled_axis() * share;
+        let center = self.center() + (other.center() - self.center()) * share;
+        Self::looking_from(center, UnitQuaternion::from_scaled_axis(turn) * self.rotation)
+    }
+
     /// `R ← Exp(ω) R`, `t ← t + δ`: the step of every optimization over poses.
     #[must_use]
     pub fn perturbed(&self, omega: &Vec3, delta: &Vec3) -> Self {
@@ -82,6 +90,15 @@ mod tests {
         let p = Point3::new(0.4, 5.0, -1.0);
         assert!(((sample() * g).apply(&p) - sample().apply(&g.apply(&p))).norm() < 1e-13);
         assert!(((sample().inverse() * sample()).apply(&p) - p).norm() < 1e-13);
+    }
+
+    #[test]
+    fn halfway_twice_is_the_whole_way() {
+        let other = CameraPose { translation: Vec3::new(0.1, 0.2, 0.9), ..sample().inverse() };
+        let middle = sample().toward(&other, 0.5);
+        let there = sample().toward(&middle, 2.0);
+        assert!(there.rotation.angle_to(&other.rotation) < 1e-13 && (there.center() - other.center()).norm() < 1e-13);
+        assert!((sample().toward(&other, 0.0).translation - sample().translation).norm() < 1e-14);
     }
 
     #[test]

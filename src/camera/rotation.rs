@@ -1,4 +1,4 @@
-//! Derivatives of the rotations' exponential map.
+//! Rotations: the derivatives of their exponential map, and the one nearest to a matrix.
 //!
 //! ```text
 //! Exp(θ + δ) ≈ Exp(J(θ) δ) Exp(θ),      Log(Exp(δ) R) ≈ Log R + J(Log R)⁻¹ δ,
@@ -10,12 +10,22 @@
 //! # Reference
 //! J. Solà, J. Deray, D. Atchuthan, *A micro Lie theory for state estimation in robotics*, arXiv:1812.01537, eq. 143–146.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Rotation3};
 
 use super::Vec3;
 
 /// Angle, rad, below which the closed forms lose digits and the series to fourth order is exact to rounding.
 const SMALL: f64 = 1e-2;
+
+/// `argmax tr(Rᵀ M)` over rotations (W. Kabsch, Acta Cryst. A32, 1976): the rotation nearest to `M`. `None` where `M` is not
+/// finite.
+pub fn nearest_rotation(m: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    let svd = m.try_svd(true, true, 1e-15, 100)?;
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let upright = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let rotation = u * upright * v_t;
+    rotation.iter().all(|x| x.is_finite()).then(|| Rotation3::from_matrix_unchecked(rotation))
+}
 
 /// `[v]×`, so that `[v]× x = v × x`.
 pub fn skew(v: &Vec3) -> Matrix3<f64> {

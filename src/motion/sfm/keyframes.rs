@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Rotation3};
 
 use super::{Match, TrackTable};
+use crate::camera::rotation::nearest_rotation;
 use crate::camera::{Intrinsics, Vec3};
 
 /// Median parallax, share of the picture's width, at which a keyframe starts.
@@ -78,15 +79,6 @@ pub(super) fn rotation_between(rays: &[(Vec3, Vec3)]) -> Rotation3<f64> {
         }
     }
     rotation
-}
-
-/// `argmax tr(Rᵀ M)` over rotations (Kabsch 1976).
-fn nearest_rotation(moment: &Matrix3<f64>) -> Option<Rotation3<f64>> {
-    let svd = moment.try_svd(true, true, 1e-15, 100)?;
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let mirror = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = u * mirror * v_t;
-    rotation.iter().all(|x| x.is_finite()).then(|| Rotation3::from_matrix_unchecked(rotation))
 }
 
 fn median(values: &[f64]) -> f64 {

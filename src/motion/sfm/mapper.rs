@@ -215,7 +215,7 @@ impl<'a> Mapper<'a> {
         };
         let (pose_a, pose_b) = (self.scene.poses[a]?, self.scene.poses[b]?);
         let share = (frame as f64 - a as f64) / (b as f64 - a as f64);
-        Some(between(&pose_a, &pose_b, share))
+        Some(pose_a.toward(&pose_b, share))
     }
 
     /// Gives a place to every point that enough known frames see.
@@ -318,12 +318,4 @@ fn nearer(below: Option<usize>, above: Option<usize>, low: usize, high: usize) -
         (Some(b), Some(a)) => Some(if low - b < a - high { b } else { a }),
         (b, a) => b.or(a),
     }
-}
-
-/// The pose at `share` of the way from `a` (0) to `b` (1), of even motion; also outside.
-pub(super) fn between(a: &CameraPose, b: &CameraPose, share: f64) -> CameraPose {
-    let turn = (b.rotation * a.rotation.inverse()).scaled_axis() * share;
-    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn) * a.rotation;
-    let center = a.center() + (b.center() - a.center()) * share;
-    CameraPose::looking_from(center, rotation)
 }

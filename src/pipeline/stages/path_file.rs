@@ -15,7 +15,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use serde::Deserialize;
 
-use crate::camera::{CameraPose, Point3, Vec3, align};
+use crate::camera::{CameraPose, Vec3, align};
 use crate::motion::ClipCameras;
 use crate::pipeline::run_error::RunError;
 
@@ -91,15 +91,9 @@ fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result
             return poses[0];
         }
         let share = ((time - times[after - 1]) / (times[after] - times[after - 1])).clamp(0.0, 1.0);
-        between(&poses[after - 1], &poses[after], share)
+        poses[after - 1].toward(&poses[after], share)
     };
     Ok(times_s.iter().map(at).collect())
-}
-
-fn between(a: &CameraPose, b: &CameraPose, share: f64) -> CameraPose {
-    let center = a.center() + (b.center() - a.center()) * share;
-    let turn = (b.rotation * a.rotation.inverse()).scaled_axis() * share;
-    CameraPose::looking_from(Point3::from(center.coords), UnitQuaternion::from_scaled_axis(turn) * a.rotation)
 }
 
 impl Entry {
