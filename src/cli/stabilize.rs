@@ -10,8 +10,8 @@ use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, Interpolation, MotionSettings, PathMethod,
-    RenderSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
+    Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionSettings,
+    PathMethod, RenderSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
@@ -216,10 +216,15 @@ impl StabilizeArgs {
             deinterlace: self.deinterlace,
         };
         let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
-        let in_space = self.mode == WarpMode::ThreeD || self.path_file.is_some();
+        let in_space = match self.mode {
+            WarpMode::Auto => Some(InSpace::Auto),
+            WarpMode::ThreeD => Some(InSpace::Always),
+            WarpMode::Rotation => Some(InSpace::Turn),
+            _ => self.path_file.is_some().then_some(InSpace::Always),
+        };
         let motion = MotionSettings {
             rolling_shutter: self.rolling_shutter,
-            cameras: in_space,
+            cameras: in_space.is_some(),
             export: self.export_motion.as_ref().map(path),
         };
         let smooth = SmoothSettings {
@@ -228,6 +233,7 @@ impl StabilizeArgs {
             min_crop: self.min_crop,
             zoom: self.zoom,
             keep_inside: self.border == Border::Crop,
+            in_space: in_space.unwrap_or_default(),
             path_file: self.path_file.as_ref().map(path),
             ..SmoothSettings::default()
         };
@@ -236,7 +242,7 @@ impl StabilizeArgs {
             StageEntry::built("source", &decode),
             StageEntry::built("tracks", &track).input("frames", "source"),
             StageEntry::built("motion", &motion).input("tracks", "tracks"),
-            if in_space { planned.input("tracks", "tracks") } else { planned },
+            if in_space.is_some() { planned.input("tracks", "tracks") } else { planned },
         ]
     }
 

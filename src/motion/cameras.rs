@@ -50,6 +50,12 @@ pub struct ShotCameras {
 }
 
 impl ClipCameras {
+    /// Whether the camera of a frame was found to have only turned.
+    pub fn turns(&self, frame: usize) -> bool {
+        let shot = self.shots.partition_point(|s| s.frames.end <= frame);
+        self.shots.get(shot).is_some_and(|s| s.verdict == SfmVerdict::RotationOnly)
+    }
+
     /// Adds the next shot, `frames` of the clip, of which nothing is known and why.
     pub fn push_unknown(&mut self, frames: Range<usize>, reason: String) {
         self.frames.resize(self.frames.len() + frames.len(), None);

@@ -17,6 +17,10 @@ pub enum Tier {
     Homography,
     /// The homography with local motion on a grid.
     Mesh,
+    /// A camera that turns about its center.
+    Rotation,
+    /// The mesh, drawn by trajectories that share a few modes.
+    Subspace,
     /// Cameras and points in space.
     ThreeD,
 }

@@ -22,6 +22,7 @@ mod lowpass;
 mod optimal;
 mod plan;
 mod pose;
+mod subspace;
 mod trajectory;
 mod virtual_camera;
 
@@ -32,7 +33,7 @@ use crate::math::{Homography, Similarity2};
 pub(crate) use lowpass::lowpass;
 pub use plan::{plan, plan_along};
 pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
-pub use virtual_camera::{VirtualCamera, smoothed_poses};
+pub use virtual_camera::{SteadyView, VirtualCamera, smoothed_poses};
 
 /// Motion of one frame's content since the previous frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +59,17 @@ pub struct Clip<'a> {
     pub motion: &'a [InterFrame],
     /// Frame ranges without a cut inside: in order, not empty, together all frames.
     pub shots: &'a [Range<usize>],
+}
+
+impl Clip<'_> {
+    /// Mean time from frame to frame in a range of them, s; 1 where there are fewer than two.
+    pub fn period_s(&self, frames: &Range<usize>) -> f64 {
+        let times = &self.times_s[frames.clone()];
+        match times {
+            [first, .., last] if last > first => (last - first) / (times.len() - 1) as f64,
+            _ => 1.0,
+        }
+    }
 }
 
 /// How the virtual camera moves.

@@ -20,6 +20,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
+use super::subspace::Subspace;
 use crate::math::{Homography, Point2, Vec2};
 
 /// How trajectories are smoothed, all in seconds.
@@ -31,11 +32,13 @@ pub struct TrajectoryOptions {
     /// Length of the fade at both ends of a track, s. Too short and the mesh jumps when points come and go, too long
     /// and short tracks never count.
     pub ramp_s: f64,
+    /// Also smooth the modes that the trajectories share.
+    pub subspace: bool,
 }
 
 impl Default for TrajectoryOptions {
     fn default() -> Self {
-        Self { sigma_s: 0.25, ramp_s: 0.5 }
+        Self { sigma_s: 0.25, ramp_s: 0.5, subspace: false }
     }
 }
 
@@ -70,6 +73,9 @@ pub struct Anchor {
     pub weight: f64,
     /// Where the virtual camera in space shows it, output px, where one is known.
     pub in_space: Option<Point2>,
+    /// Where it belongs by the modes that all trajectories share ([`super::subspace`]), output px, where they were asked for and
+    /// can be told.
+    pub in_subspace: Option<Point2>,
 }
 
 /// A point as it was seen in one frame.
@@ -88,6 +94,8 @@ pub struct TrajectorySmoother {
     /// this map never shows in a result.
     tracks: HashMap<u32, VecDeque<Sight>>,
     waiting: VecDeque<PendingFrame>,
+    /// Times of finished frames that the window still reaches.
+    past: VecDeque<f64>,
     ready: VecDeque<Vec<Anchor>>,
     newest_s: f64,
 }
@@ -97,11 +105,33 @@ struct PendingFrame {
     ids: Vec<u32>,
 }
 
+/// Modes of a window, and the times of its frames.
+struct Modes {
+    times: Vec<f64>,
+    subspace: Subspace,
+}
+
+impl Modes {
+    fn smoothed(&self, sights: &VecDeque<Sight>) -> Option<Point2> {
+        let at = |s: &Sight| {
+            let frame = self.times.binary_search_by(|t| t.total_cmp(&s.time_s)).ok()?;
+            Some((frame, [s.out.x, s.out.y]))
+        };
+        self.subspace.smoothed(&sights.iter().filter_map(at).collect::<Vec<_>>()).map(Point2::from)
+    }
+}
+
 impl TrajectorySmoother {
     /// A smoother that has seen nothing.
     pub fn new(options: TrajectoryOptions) -> Self {
-        let (tracks, waiting, ready) = (HashMap::new(), VecDeque::new(), VecDeque::new());
-        Self { options, tracks, waiting, ready, newest_s: f64::NEG_INFINITY }
+        Self {
+            options,
+            tracks: HashMap::new(),
+            waiting: VecDeque::new(),
+            past: VecDeque::new(),
+            ready: VecDeque::new(),
+            newest_s: f64::NEG_INFINITY,
+        }
     }
 
     /// Adds the next frame: its time, its virtual camera, and the points seen in it. Times must not decrease. Points that
@@ -128,6 +158,7 @@ impl TrajectorySmoother {
     pub fn cut(&mut self) {
         self.settle(f64::INFINITY);
         self.tracks.clear();
+        self.past.clear();
         self.newest_s = f64::NEG_INFINITY;
     }
 
@@ -141,14 +172,19 @@ impl TrajectorySmoother {
     fn settle(&mut self, until_s: f64) {
         while self.waiting.front().is_some_and(|f| f.time_s <= until_s) {
             let frame = self.waiting.pop_front().expect("the front was just seen");
-            let anchors = frame.ids.iter().filter_map(|id| self.anchor(*id, frame.time_s)).collect();
+            let modes = if self.options.subspace { self.modes(&frame) } else { None };
+            let anchors = frame.ids.iter().filter_map(|id| self.anchor(*id, frame.time_s, modes.as_ref())).collect();
             self.ready.push_back(anchors);
+            self.past.push_back(frame.time_s);
             self.forget(frame.time_s - self.options.half_window_s());
         }
     }
 
     /// Drops sights that no waiting frame can reach.
     fn forget(&mut self, before_s: f64) {
+        while self.past.front().is_some_and(|time| *time < before_s) {
+            self.past.pop_front();
+        }
         self.tracks.retain(|_, sights| {
             while sights.front().is_some_and(|s| s.time_s < before_s) {
                 sights.pop_front();
@@ -157,13 +193,44 @@ impl TrajectorySmoother {
         });
     }
 
-    fn anchor(&self, id: u32, time_s: f64) -> Option<Anchor> {
+    /// The modes of the trajectories around a frame.
+    fn modes(&self, frame: &PendingFrame) -> Option<Modes> {
+        let reach = self.options.half_window_s();
+        let near = |time: &f64| (time - frame.time_s).abs() <= reach;
+        let later = self.waiting.iter().map(|f| f.time_s);
+        let times: Vec<f64> = self.past.iter().copied().chain([frame.time_s]).chain(later).filter(near).collect();
+        let spanning: Vec<[Vec<f64>; 2]> = (frame.ids.iter())
+            .filter_map(|id| {
+                let sights = self.tracks.get(id)?;
+                let own: Vec<&Sight> = sights.iter().filter(|s| near(&s.time_s)).collect();
+                let whole = own.len() == times.len();
+                whole.then(|| [own.iter().map(|s| s.out.x).collect(), own.iter().map(|s| s.out.y).collect()])
+            })
+            .collect();
+        let subspace = Subspace::of(&spanning, &self.kernel(&times, frame.time_s))?;
+        Some(Modes { times, subspace })
+    }
+
+    /// Weights of samples at `times` in the value at `time_s` of the local linear regression through them.
+    fn kernel(&self, times: &[f64], time_s: f64) -> Vec<f64> {
+        let offset = |time: &f64| (time - time_s) / self.options.sigma_s;
+        let g = |u: f64| (-0.5 * u * u).exp();
+        let moment = |n: i32| times.iter().map(|t| g(offset(t)) * offset(t).powi(n)).sum::<f64>();
+        let (s0, s1, s2) = (moment(0), moment(1), moment(2));
+        let det = s0 * s2 - s1 * s1;
+        let weight = |u: f64| if det > 1e-12 * s0 * s0 { g(u) * (s2 - s1 * u) / det } else { g(u) / s0 };
+        times.iter().map(|t| weight(offset(t))).collect()
+    }
+
+    fn anchor(&self, id: u32, time_s: f64, modes: Option<&Modes>) -> Option<Anchor> {
         let sights = self.tracks.get(&id)?;
         let here = sights.iter().find(|s| s.time_s == time_s)?;
         let (first, last) = (sights.front()?.time_s, sights.back()?.time_s);
         let weight = self.fade(time_s - first) * self.fade(last - time_s);
         let (src, in_space) = (here.src, here.in_space);
-        (weight > 0.0).then(|| Anchor { src, dst: self.regress(sights, time_s), weight, in_space })
+        let in_subspace = || modes.and_then(|m| m.smoothed(sights));
+        let dst = || self.regress(sights, time_s);
+        (weight > 0.0).then(|| Anchor { src, dst: dst(), weight, in_space, in_subspace: in_subspace() })
     }
 
     /// Ramp from 0 at an end of the track to 1, `ramp` seconds inside it.

@@ -13,11 +13,16 @@
 //! F. Liu, M. Gleicher, H. Jin, A. Agarwala: *Content-preserving warps for 3D video stabilization*, SIGGRAPH 2009, section 4
 //! (low-pass filtering of the camera's path).
 
+use std::ops::Range;
+
 use crate::camera::{CameraPose, Intrinsics, Point3, Vec3};
-use crate::math::{Point2, Similarity2};
+use crate::math::{Point2, Similarity2, Vec2};
 
 /// Beyond so many σ the kernel has lost all but a ten-thousandth of its weight.
 const REACH: f64 = 4.0;
+
+/// The same for what a viewer sees: beyond 2.5 σ a kernel has lost 96 % of its weight.
+const VIEW_REACH: f64 = 2.5;
 
 /// A virtual camera and how its picture is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,12 +33,55 @@ pub struct VirtualCamera {
     pub intrinsics: Intrinsics,
     /// `out_from_view`: crop, zoom and what moves the picture inside the source's frame.
     pub correction: Similarity2,
+    /// It stands where the real camera stood and only turns: depth plays no part in what it shows.
+    pub turns: bool,
 }
 
 impl VirtualCamera {
     /// Where the output shows a point of the scene, px; `None` behind the camera.
     pub fn show(&self, place: &Point3) -> Option<Point2> {
         self.intrinsics.project(&self.pose.apply(place)).map(|p| self.correction.apply(p))
+    }
+}
+
+/// What a viewer would see at a moment if everything moved on evenly: the mean, by local linear regression over time, of what
+/// a run of virtual cameras shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SteadyView {
+    cameras: Vec<(VirtualCamera, f64)>,
+}
+
+impl SteadyView {
+    /// The view at frame `t` of `cameras` that are shown at `times_s`, with a kernel of standard deviation `sigma_s` over the
+    /// run of known cameras about `t` inside `shot`; `None` without a camera at `t`.
+    pub fn new(
+        cameras: &[Option<VirtualCamera>],
+        times_s: &[f64],
+        shot: &Range<usize>,
+        t: usize,
+        sigma_s: f64,
+    ) -> Option<Self> {
+        let near = |k: &usize| (times_s[*k] - times_s[t]).abs() <= VIEW_REACH * sigma_s;
+        let known = |k: usize| cameras.get(k).copied().flatten().map(|c| (c, (times_s[k] - times_s[t]) / sigma_s));
+        known(t)?;
+        let before = (shot.start..t).rev().take_while(near).map_while(known);
+        let from_here = (t..shot.end).take_while(near).map_while(known);
+        let run: Vec<(VirtualCamera, f64)> = before.chain(from_here).collect();
+        let moment = |n: i32| run.iter().map(|(_, u)| (-0.5 * u * u).exp() * u.powi(n)).sum::<f64>();
+        let (s0, s1, s2) = (moment(0), moment(1), moment(2));
+        let det = s0 * s2 - s1 * s1;
+        let weight = |u: f64| {
+            let g = (-0.5 * u * u).exp();
+            if det > 1e-12 * s0 * s0 { g * (s2 - s1 * u) / det } else { g / s0 }
+        };
+        Some(Self { cameras: run.into_iter().map(|(camera, u)| (camera, weight(u))).collect() })
+    }
+
+    /// Where the viewer sees a point of the scene, px; `None` where a camera has it behind itself.
+    pub fn show(&self, place: &Point3) -> Option<Point2> {
+        let shown =
+            |sum: Vec2, (camera, weight): &(VirtualCamera, f64)| Some(sum + camera.show(place)?.coords * *weight);
+        self.cameras.iter().try_fold(Vec2::zeros(), shown).map(Point2::from)
     }
 }
 
@@ -140,6 +188,7 @@ mod tests {
             pose: CameraPose::identity(),
             intrinsics: Intrinsics::centered(500.0, 640, 360),
             correction,
+            turns: false,
         };
         let shown = camera.show(&Point3::new(0.4, 0.0, 2.0)).expect("in front");
         assert!((shown - Point2::new(1.1 * 420.0 - 32.0, 1.1 * 180.0 - 18.0)).norm() < 1e-12);

@@ -13,7 +13,7 @@ pub use decode::{DecodeSettings, Deinterlace};
 pub use encode::EncodeSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use render::{Border, Interpolation, RenderSettings};
-pub use smooth::{PathMethod, SmoothSettings, Zoom};
+pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use track::TrackSettings;
 pub use warp::{WarpMode, WarpSettings};
 

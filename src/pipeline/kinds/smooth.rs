@@ -34,6 +34,19 @@ pub enum Zoom {
     None,
 }
 
+/// What is made of cameras in space, where they were recovered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum InSpace {
+    /// Shot by shot, they are smoothed in space where that comes out no worse than in the picture
+    #[default]
+    Auto,
+    /// They are smoothed in space
+    Always,
+    /// Only their turning is smoothed, as if nothing were near
+    Turn,
+}
+
 /// Settings of `video.smooth`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -51,6 +64,8 @@ pub struct SmoothSettings {
     /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
     #[schemars(range(min = 0.0, max = 0.1))]
     pub reserve: f64,
+    /// What is made of cameras in space, where video.motion recovered them
+    pub in_space: InSpace,
     /// Wanted cameras, and the input's to align them by: this file says the path, not the method
     #[schemars(extend("format" = "path"))]
     pub path_file: Option<String>,
@@ -61,7 +76,17 @@ pub struct SmoothSettings {
 impl Default for SmoothSettings {
     fn default() -> Self {
         let (method, zoom) = (PathMethod::default(), Zoom::default());
-        Self { method, smoothness: 0.5, min_crop: 0.8, zoom, reserve: 0.01, path_file: None, keep_inside: true }
+        let in_space = InSpace::default();
+        Self {
+            method,
+            smoothness: 0.5,
+            min_crop: 0.8,
+            zoom,
+            reserve: 0.01,
+            in_space,
+            path_file: None,
+            keep_inside: true,
+        }
     }
 }
 

@@ -19,6 +19,10 @@ pub enum WarpMode {
     #[serde(rename = "3d")]
     #[value(name = "3d")]
     ThreeD,
+    /// A mesh drawn by trajectories that share a few modes
+    Subspace,
+    /// What a camera that only turned would have seen
+    Rotation,
     /// A content-preserving mesh
     Mesh,
     /// One homography per frame

@@ -11,6 +11,7 @@
 
 use crossbeam::channel::{self, Receiver};
 
+use super::choice;
 use super::context::{Context, changed, media_error};
 use super::sampling::{Feed, Sampled, Sampler};
 use super::sink::{Branch, Sink, distribute};
@@ -19,7 +20,7 @@ use super::telling::{PathTold, tell_file};
 use crate::image::Frame;
 use crate::media::{Companions, Input, ReadReport, VideoInfo, VideoReader};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{EncodeSettings, RenderSettings};
+use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings};
 use crate::pipeline::run_error::RunError;
 
 /// Writes the files of all encode stages that take the same pictures as `stage`, if it is the first of them.
@@ -72,7 +73,7 @@ fn rendered(
     let frames = feed.tracks.store.frames() as u64;
     context.job.progress.begin(context.pass.index, "render", Some(frames));
 
-    let tiers = feed.tiers();
+    let tiers = choice::tiers(&feed, settings.border == kinds::Border::Crop)?;
     let sampler = Sampler::new(feed, &tiers, settings, reader.info())?;
     let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
     let (read, sinks) = Stream { job: context.job, reader, sampler: Some(sampler) }.run(sinks)?;

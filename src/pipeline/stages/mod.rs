@@ -5,9 +5,12 @@
 //! through them, each on its own thread.
 
 mod analysis;
+mod bender;
 mod beside;
 mod cameras;
+mod choice;
 mod context;
+mod covering;
 mod encoding;
 mod export;
 mod filling;
@@ -22,6 +25,7 @@ mod space;
 mod stream;
 mod telling;
 mod tiers;
+mod trial;
 
 use std::path::Path;
 

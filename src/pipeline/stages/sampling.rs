@@ -42,11 +42,6 @@ impl<'v> Feed<'v> {
         })
     }
 
-    /// The tiers of the frames.
-    pub(super) fn tiers(&self) -> Tiers {
-        Tiers::new(self.warp.mode, self.motion, self.path)
-    }
-
     /// Refuses a clip that is not the one analyzed.
     pub(super) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
         let (before, now) = ((self.tracks.clip.width, self.tracks.clip.height), (video.width, video.height));

@@ -29,7 +29,7 @@ pub(super) struct Strays {
 
 /// How far the picture is from its mean course: px and rad.
 #[derive(Clone, Copy)]
-struct Stray {
+pub(super) struct Stray {
     shift: Vec2,
     turn: f64,
 }
@@ -56,7 +56,7 @@ impl Strays {
     }
 }
 
-fn strays(motion: &ClipMotion, step: impl Fn(usize) -> Option<Homography>) -> Vec<Stray> {
+pub(super) fn strays(motion: &ClipMotion, step: impl Fn(usize) -> Option<Homography>) -> Vec<Stray> {
     let center = Point2::new(f64::from(motion.width) / 2.0, f64::from(motion.height) / 2.0);
     let sigma = motion.frame_period_s().map_or(0.0, |period| SIGMA_S / period);
     let mut out = Vec::with_capacity(motion.frames.len());
@@ -84,7 +84,7 @@ fn moved(m: &Homography, center: Point2) -> Option<[f64; 3]> {
     Some([here.x - center.x, here.y - center.y, turn])
 }
 
-fn shake(strays: &[Stray]) -> Option<Shake> {
+pub(super) fn shake(strays: &[Stray]) -> Option<Shake> {
     if strays.is_empty() {
         return None;
     }

@@ -1,13 +1,15 @@
 //! `video.smooth`: the path of the virtual camera, between the passes.
 
 use super::analysis::Tracks;
+use super::choice;
 use super::context::Context;
 use super::path_file;
-use super::space::{Places, Views};
+use super::space::{Places, Views, Wanted, steadied};
+use crate::camera::{CameraPose, Vec3};
 use crate::motion::sfm::SfmVerdict;
-use crate::motion::{ClipMotion, FrameMotion, MotionQuality};
-use crate::path::{self, Clip, InterFrame, PathKind, PathOptions};
-use crate::pipeline::kinds::{PathMethod, SmoothSettings, Zoom};
+use crate::motion::{ClipCameras, ClipMotion, FrameCamera, FrameMotion, MotionQuality};
+use crate::path::{self, Clip, InterFrame, PathError, PathKind, PathOptions, VirtualPath};
+use crate::pipeline::kinds::{InSpace, PathMethod, SmoothSettings, Zoom};
 use crate::pipeline::run_error::RunError;
 
 /// Smoothing of virtual cameras in space, as a part of the smoothness asked for: what they leave, the planner evens out.
@@ -16,63 +18,124 @@ const SPACE_SHARE: f64 = 0.7;
 /// Plans the path.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SmoothSettings) -> Result<(), RunError> {
     let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
-    let times_s: Vec<f64> = motion.frames.iter().map(|m| motion.timebase.seconds(m.pts)).collect();
-    let mut steps: Vec<InterFrame> = motion.frames.iter().map(inter_frame).collect();
     let tracks: Option<&Tracks> = context.edge(stage, "tracks").map(|edge| context.values.get(edge)).transpose()?;
-    let views = views(motion, tracks, &times_s, settings)?;
-    if let (Some((views, _)), None) = (&views, &settings.path_file) {
-        views.retarget(&mut steps);
-    }
-    let clip =
-        Clip { width: motion.width, height: motion.height, times_s: &times_s, motion: &steps, shots: &motion.shots };
-    let wanted = views.as_ref().filter(|_| settings.path_file.is_some());
-    let planned = match wanted {
-        Some((views, _)) => path::plan_along(&clip, &options(settings), &views.out_from_src()),
-        None => path::plan(&clip, &options(settings)),
-    };
-    let mut path = planned.map_err(|e| RunError::Input(e.to_string()))?;
-    if let Some((views, residual)) = &views {
-        path.cameras = views.cameras(&path);
-        if let Some(residual) = residual {
-            let aligned = format!("; aligned to {:.2} % of the path's length", 100.0 * residual);
-            path.segments.iter_mut().for_each(|s| s.reason.push_str(&aligned));
+    let planner = Planner::new(motion, settings);
+    let path = match (&motion.cameras, tracks, &settings.path_file) {
+        (Some(cameras), Some(tracks), Some(file)) => planner.along(file, cameras, tracks)?,
+        (Some(cameras), Some(tracks), None) => planner.in_space(cameras, tracks)?,
+        (_, _, None) => planner.in_picture()?,
+        (_, _, Some(_)) => {
+            let missing =
+                "a path file needs the cameras of the clip: `cameras = true` on video.motion, and its tracks here";
+            return Err(RunError::Input(missing.to_owned()));
         }
-    }
+    };
     context.values.put(stage, "path", path);
     Ok(())
 }
 
-/// What virtual cameras show, where the cameras of the clip are known, and how well a given path could be aligned to them.
-fn views(
-    motion: &ClipMotion,
-    tracks: Option<&Tracks>,
-    times_s: &[f64],
-    settings: &SmoothSettings,
-) -> Result<Option<(Views, Option<f64>)>, RunError> {
-    let (Some(cameras), Some(tracks)) = (&motion.cameras, tracks) else {
-        let missing =
-            "a path file needs the cameras of the clip: `cameras = true` on video.motion, and its tracks here";
-        return if settings.path_file.is_some() { Err(RunError::Input(missing.to_owned())) } else { Ok(None) };
-    };
-    let places = Places::new(cameras, motion);
-    if let Some(file) = &settings.path_file {
-        let wanted = path_file::read(file, cameras, times_s)?;
-        let views = Views::new(tracks, &places, &wanted.poses)?;
-        if views.known() == 0 {
-            return Err(RunError::Input(format!(
-                "{file}: the wanted cameras see nothing of what the clip's cameras saw"
-            )));
+/// Plans paths for one clip.
+struct Planner<'a> {
+    motion: &'a ClipMotion,
+    settings: &'a SmoothSettings,
+    times_s: Vec<f64>,
+    /// Motion as measured in the picture.
+    steps: Vec<InterFrame>,
+}
+
+impl<'a> Planner<'a> {
+    fn new(motion: &'a ClipMotion, settings: &'a SmoothSettings) -> Self {
+        let times_s = motion.frames.iter().map(|m| motion.timebase.seconds(m.pts)).collect();
+        let steps = motion.frames.iter().map(inter_frame).collect();
+        Self { motion, settings, times_s, steps }
+    }
+
+    fn clip<'s>(&'s self, steps: &'s [InterFrame]) -> Clip<'s> {
+        let ClipMotion { width, height, shots, .. } = self.motion;
+        Clip { width: *width, height: *height, times_s: &self.times_s, motion: steps, shots }
+    }
+
+    /// The path that the motion in the picture allows.
+    fn in_picture(&self) -> Result<VirtualPath, RunError> {
+        path::plan(&self.clip(&self.steps), &options(self.settings)).map_err(not_planned)
+    }
+
+    /// The path of smoothed cameras in space where there are any, else of the picture; of both the better, unless the
+    /// settings say which.
+    fn in_space(&self, cameras: &ClipCameras, tracks: &Tracks) -> Result<VirtualPath, RunError> {
+        let wanted = self.smoothed(cameras);
+        if wanted.iter().all(Option::is_none) {
+            return self.in_picture();
         }
-        return Ok(Some((views, Some(wanted.residual))));
+        let places = Places::new(cameras, self.motion);
+        let views = Views::new(tracks, &places, &wanted, &self.times_s)?;
+        let mut steps = self.steps.clone();
+        views.retarget(&mut steps);
+        let mut in_space = path::plan(&self.clip(&steps), &options(self.settings)).map_err(not_planned)?;
+        let planned = views.cameras(&in_space);
+        let cameras = steadied(&planned, tracks, &places, &self.motion.shots, &self.times_s)?;
+        in_space.cameras = vec![None; cameras.len()];
+        let covering = self.settings.keep_inside.then_some((self.settings.reserve, self.settings.min_crop));
+        for part in in_space.segments.clone() {
+            if part.tier == path::Tier::Smoothed {
+                views.show(&mut in_space, &cameras, &part.frames, &self.clip(&steps), covering);
+            }
+        }
+        match self.settings.in_space {
+            InSpace::Auto => {
+                choice::better(self.motion, tracks, in_space, self.in_picture()?, self.settings.keep_inside)
+            }
+            InSpace::Always | InSpace::Turn => Ok(in_space),
+        }
     }
-    let sigma_s = SPACE_SHARE * settings.smoothness;
-    let mut poses = Vec::with_capacity(times_s.len());
-    for shot in &cameras.shots {
-        let own: Vec<_> = cameras.frames[shot.frames.clone()].iter().map(|c| c.map(|c| c.pose)).collect();
-        let drawn = if shot.verdict == SfmVerdict::ThreeD { own } else { vec![None; own.len()] };
-        poses.extend(path::smoothed_poses(&times_s[shot.frames.clone()], &drawn, sigma_s));
+
+    /// The path that a file asks for.
+    fn along(&self, file: &str, cameras: &ClipCameras, tracks: &Tracks) -> Result<VirtualPath, RunError> {
+        let given = path_file::read(file, cameras, &self.times_s)?;
+        let wanted: Vec<_> = (given.poses.iter().enumerate())
+            .map(|(frame, pose)| pose.map(|pose| wanted(pose, cameras.turns(frame))))
+            .collect();
+        let views = Views::new(tracks, &Places::new(cameras, self.motion), &wanted, &self.times_s)?;
+        if views.known() == 0 {
+            let blind = "the wanted cameras see nothing of what the clip's cameras saw";
+            return Err(RunError::Input(format!("{file}: {blind}")));
+        }
+        let planned = path::plan_along(&self.clip(&self.steps), &options(self.settings), &views.out_from_src());
+        let mut path = planned.map_err(not_planned)?;
+        path.cameras = views.cameras(&path);
+        let aligned = format!("; aligned to {:.2} % of the path's length", 100.0 * given.residual);
+        path.segments.iter_mut().for_each(|s| s.reason.push_str(&aligned));
+        Ok(path)
     }
-    Ok(Some((Views::new(tracks, &places, &poses)?, None)))
+
+    /// The cameras of the clip, smoothed shot by shot, where they bear it.
+    fn smoothed(&self, cameras: &ClipCameras) -> Vec<Option<Wanted>> {
+        let sigma_s = SPACE_SHARE * self.settings.smoothness;
+        let mut smooth = Vec::with_capacity(self.times_s.len());
+        for shot in &cameras.shots {
+            let turns = self.settings.in_space == InSpace::Turn || shot.verdict == SfmVerdict::RotationOnly;
+            let drawn = turns || shot.verdict == SfmVerdict::ThreeD;
+            let pose = |camera: &Option<FrameCamera>| {
+                let pose = camera.filter(|_| drawn)?.pose;
+                Some(wanted(pose, turns).pose)
+            };
+            let own: Vec<_> = cameras.frames[shot.frames.clone()].iter().map(pose).collect();
+            let poses = path::smoothed_poses(&self.times_s[shot.frames.clone()], &own, sigma_s);
+            smooth.extend(poses.into_iter().map(|p| p.map(|pose| Wanted { pose, turns })));
+        }
+        smooth
+    }
+}
+
+/// A wanted camera; one that turns has no place.
+fn wanted(pose: CameraPose, turns: bool) -> Wanted {
+    let translation = if turns { Vec3::zeros() } else { pose.translation };
+    Wanted { pose: CameraPose { translation, ..pose }, turns }
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+fn not_planned(error: PathError) -> RunError {
+    RunError::Input(error.to_string())
 }
 
 fn options(settings: &SmoothSettings) -> PathOptions {

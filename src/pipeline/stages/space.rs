@@ -12,12 +12,14 @@
 //! correction `D_t = W_t G_t⁻¹`: it holds crop and zoom, and is as smooth as the planned path.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use super::analysis::{Tracks, store_error};
+use super::covering::covering_zoom;
 use crate::camera::{CameraPose, Intrinsics, Point3};
-use crate::math::{Homography, Point2, Similarity2};
+use crate::math::{Homography, Point2, Similarity2, Vec2};
 use crate::motion::{self, ClipCameras, ClipMotion, FrameCamera, Pair};
-use crate::path::{InterFrame, VirtualCamera, VirtualPath};
+use crate::path::{Clip, InterFrame, SteadyView, TrajectoryOptions, VirtualCamera, VirtualPath};
 use crate::pipeline::run_error::RunError;
 use crate::track::Observation;
 
@@ -26,6 +28,15 @@ const LEAST_SIGHTINGS: usize = 12;
 
 /// Distance, px at 640 px across, at which a sighting is not one of the point that its track stands for.
 const WRONG_PX: f64 = 3.0;
+
+/// Rounds of reweighting, each at the scale of the median miss: three settle a fit that starts from the mean.
+const ROUNDS: usize = 3;
+
+/// Time, s, over which a track comes to count and ceases to.
+const FADE_S: f64 = 0.5;
+
+/// Weight of a track at its very ends: all of them together still make a fit where there is nothing else.
+const LEAST_FADE: f64 = 1e-3;
 
 /// Points in space by their tracks.
 pub(super) struct Places<'a> {
@@ -40,13 +51,43 @@ impl<'a> Places<'a> {
         Self { cameras, by_track, wrong_px: WRONG_PX * f64::from(motion.width.max(motion.height)) / 640.0 }
     }
 
-    /// Where the point of a sighting is; `None` where that is not known, or the frame's camera sees it elsewhere.
-    pub(super) fn of(&self, frame: usize, seen: &Observation) -> Option<Point3> {
+    /// Where the point of a sighting is; `None` where that is not known, or the frame's camera sees it elsewhere. For a camera
+    /// that only `turns`, a point in the direction of the sighting is as good as any other there.
+    pub(super) fn of(&self, frame: usize, seen: &Observation, turns: bool) -> Option<Point3> {
+        let camera = self.camera(frame)?;
+        let src = Point2::new(f64::from(seen.x), f64::from(seen.y));
+        if turns {
+            return direction(&camera, src);
+        }
         let place = *self.by_track.get(&seen.id)?;
-        let camera = self.cameras.frames.get(frame).copied().flatten()?;
-        let expected = camera.intrinsics.project(&camera.pose.apply(&place))?;
-        let miss = expected - Point2::new(f64::from(seen.x), f64::from(seen.y));
+        let miss = camera.intrinsics.project(&camera.pose.apply(&place))? - src;
         (miss.norm() <= self.wrong_px).then_some(place)
+    }
+
+    /// The real camera of a frame.
+    pub(super) fn camera(&self, frame: usize) -> Option<FrameCamera> {
+        self.cameras.frames.get(frame).copied().flatten()
+    }
+}
+
+/// Where a camera in the world's origin looks at a pixel: the point there at unit depth.
+pub(super) fn direction(camera: &FrameCamera, pixel: Point2) -> Option<Point3> {
+    let ray = camera.intrinsics.ray(pixel)?;
+    Some(Point3::from(camera.pose.rotation.inverse() * ray))
+}
+
+/// Where a virtual camera is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Wanted {
+    /// `cam_from_world`; in the world's origin where it only turns.
+    pub(super) pose: CameraPose,
+    /// It stands where the real one stood.
+    pub(super) turns: bool,
+}
+
+impl Wanted {
+    fn show(&self, lens: &Intrinsics, place: &Point3) -> Option<Point2> {
+        lens.project(&self.pose.apply(place))
     }
 }
 
@@ -57,7 +98,7 @@ pub(super) struct Views {
 
 /// One frame under its virtual camera.
 struct View {
-    pose: CameraPose,
+    wanted: Wanted,
     intrinsics: Intrinsics,
     /// `G_t`.
     shown_from_src: Similarity2,
@@ -66,29 +107,38 @@ struct View {
 }
 
 impl Views {
-    /// The views of `virtual_poses`, one per frame.
+    /// The views of the cameras `wanted`, one per frame of a clip that is shown at `times_s`.
     pub(super) fn new(
         tracks: &Tracks,
         places: &Places<'_>,
-        virtual_poses: &[Option<CameraPose>],
+        wanted: &[Option<Wanted>],
+        times_s: &[f64],
     ) -> Result<Self, RunError> {
-        let mut before: HashMap<u32, Point2> = HashMap::new();
-        let mut frames = Vec::with_capacity(virtual_poses.len());
-        for (frame, pose) in virtual_poses.iter().enumerate() {
-            let camera = places.cameras.frames.get(frame).copied().flatten();
-            let Some((pose, camera)) = pose.zip(camera) else {
-                before.clear();
+        let lives = Lives::of(tracks)?;
+        let mut frames = Vec::with_capacity(wanted.len());
+        let mut before: Option<(Wanted, Intrinsics)> = None;
+        for (frame, wanted) in wanted.iter().enumerate() {
+            let Some((wanted, camera)) = wanted.zip(places.camera(frame)) else {
+                before = None;
                 frames.push(None);
                 continue;
             };
             let seen = tracks.store.read(frame).map_err(store_error)?.observations;
-            let shown = shown(&seen, places, frame, &FrameCamera { pose, ..camera });
-            let steps = shown.iter().filter_map(|(id, _, now)| Some(Pair { previous: *before.get(id)?, this: *now }));
-            let step = fitted(&steps.collect::<Vec<_>>());
-            let pairs: Vec<Pair> = shown.iter().map(|(_, src, now)| Pair { previous: *src, this: *now }).collect();
-            let view = |shown_from_src| View { pose, intrinsics: camera.intrinsics, shown_from_src, step };
-            frames.push(fitted(&pairs).map(view));
-            before = shown.into_iter().map(|(id, _, now)| (id, now)).collect();
+            let intrinsics = camera.intrinsics;
+            let (mut shown, mut moved) = (Fit::default(), Fit::default());
+            for o in &seen {
+                let Some(place) = places.of(frame, o, wanted.turns) else { continue };
+                let Some(now) = wanted.show(&intrinsics, &place) else { continue };
+                let weight = lives.weight(o.id, frame, times_s);
+                shown.add(Point2::new(f64::from(o.x), f64::from(o.y)), now, weight);
+                if let Some(then) = before.and_then(|(camera, lens)| camera.show(&lens, &place)) {
+                    moved.add(then, now, weight);
+                }
+            }
+            let step = moved.similarity();
+            let view = |shown_from_src| View { wanted, intrinsics, shown_from_src, step };
+            frames.push(shown.similarity().map(view));
+            before = Some((wanted, intrinsics));
         }
         Ok(Self { frames })
     }
@@ -119,34 +169,139 @@ impl Views {
         held.collect()
     }
 
+    /// Gives the path of one shot its virtual cameras, and the windows that follow from their corrections: under a slow zoom
+    /// where those leave the frame and `covering` (reserve and smallest crop) forbids it.
+    pub(super) fn show(
+        &self,
+        path: &mut VirtualPath,
+        cameras: &[Option<VirtualCamera>],
+        shot: &Range<usize>,
+        clip: &Clip<'_>,
+        covering: Option<(f64, f64)>,
+    ) {
+        let window = |t: usize| {
+            let drawn = self.frames[t].as_ref().zip(cameras[t].as_ref());
+            drawn.map_or_else(|| similarity_of(&path.out_from_src[t]), |(view, c)| c.correction * view.shown_from_src)
+        };
+        let windows: Vec<Similarity2> = shot.clone().map(window).collect();
+        let size = (f64::from(clip.width), f64::from(clip.height));
+        let zoom = covering.map_or_else(
+            || vec![1.0; windows.len()],
+            |(reserve, min_crop)| {
+                let most: Vec<f64> = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).collect();
+                covering_zoom(&windows, size, reserve, clip.period_s(shot), &most)
+            },
+        );
+        for ((t, window), zoom) in shot.clone().zip(windows).zip(zoom) {
+            let center = Point2::new(size.0 / 2.0, size.1 / 2.0);
+            let zoom = Similarity2::about(center, 0.0, zoom, Vec2::zeros());
+            let zoomed = zoom * window;
+            path.out_from_src[t] = zoomed.to_homography();
+            path.crop[t] = 1.0 / zoomed.scale();
+            path.cameras[t] = cameras[t].map(|c| VirtualCamera { correction: zoom * c.correction, ..c });
+        }
+    }
+
     /// The virtual cameras with what the planned path makes of their pictures.
     pub(super) fn cameras(&self, path: &VirtualPath) -> Vec<Option<VirtualCamera>> {
         let camera = |(view, out_from_src): (&Option<View>, &Homography)| {
             let view = view.as_ref()?;
             let correction = similarity_of(out_from_src) * view.shown_from_src.inverse()?;
-            Some(VirtualCamera { pose: view.pose, intrinsics: view.intrinsics, correction })
+            let Wanted { pose, turns } = view.wanted;
+            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, turns })
         };
         self.frames.iter().zip(&path.out_from_src).map(camera).collect()
     }
 }
 
-/// Tracks with a place: id, where the frame sees it, where the view shows it.
-fn shown(seen: &[Observation], places: &Places<'_>, frame: usize, view: &FrameCamera) -> Vec<(u32, Point2, Point2)> {
-    let shown = |o: &Observation| {
-        let place = places.of(frame, o)?;
-        let now = view.intrinsics.project(&view.pose.apply(&place))?;
-        Some((o.id, Point2::new(f64::from(o.x), f64::from(o.y)), now))
-    };
-    seen.iter().filter_map(shown).collect()
+/// The virtual cameras of a clip with corrections that let the viewer's picture as a whole move on evenly.
+///
+/// The planned windows keep inside the frame by turning corners. A mesh that follows trajectories rounds them off
+/// ([`crate::path::TrajectorySmoother`]); in space the same is done for all points together, by the similarity from what a
+/// camera shows to what a [`SteadyView`] shows, so that each point stays where its depth puts it.
+pub(super) fn steadied(
+    cameras: &[Option<VirtualCamera>],
+    tracks: &Tracks,
+    places: &Places<'_>,
+    shots: &[Range<usize>],
+    times_s: &[f64],
+) -> Result<Vec<Option<VirtualCamera>>, RunError> {
+    let sigma_s = TrajectoryOptions::default().sigma_s;
+    let mut steady = vec![None; cameras.len()];
+    for (shot, frame) in shots.iter().flat_map(|shot| shot.clone().map(move |frame| (shot, frame))) {
+        let Some(camera) = cameras[frame] else { continue };
+        let Some(view) = SteadyView::new(cameras, times_s, shot, frame, sigma_s) else { continue };
+        let mut fit = Fit::default();
+        for o in &tracks.store.read(frame).map_err(store_error)?.observations {
+            let Some(place) = places.of(frame, o, camera.turns) else { continue };
+            if let Some((now, even)) = camera.show(&place).zip(view.show(&place)) {
+                fit.add(now, even, 1.0);
+            }
+        }
+        let correction = fit.robust_similarity().map_or(camera.correction, |even| even * camera.correction);
+        steady[frame] = Some(VirtualCamera { correction, ..camera });
+    }
+    Ok(steady)
 }
 
-fn fitted(pairs: &[Pair]) -> Option<Similarity2> {
-    let enough = pairs.len() >= LEAST_SIGHTINGS;
-    enough.then(|| motion::similarity(pairs, &vec![1.0; pairs.len()])).flatten()
+/// Pairs of points that a similarity is fitted to.
+#[derive(Default)]
+struct Fit {
+    pairs: Vec<Pair>,
+    weights: Vec<f64>,
+}
+
+impl Fit {
+    fn add(&mut self, previous: Point2, this: Point2, weight: f64) {
+        self.pairs.push(Pair { previous, this });
+        self.weights.push(weight);
+    }
+
+    fn similarity(&self) -> Option<Similarity2> {
+        (self.pairs.len() >= LEAST_SIGHTINGS).then(|| motion::similarity(&self.pairs, &self.weights)).flatten()
+    }
+
+    /// The similarity of most points: near ones, which move most and on courses of their own, count less.
+    fn robust_similarity(mut self) -> Option<Similarity2> {
+        let mut found = self.similarity()?;
+        for _ in 0..ROUNDS {
+            let misses: Vec<f64> =
+                self.pairs.iter().map(|p| (found.apply(p.previous) - p.this).norm_squared()).collect();
+            let mut sorted = misses.clone();
+            let middle = sorted.len() / 2;
+            let scale = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1 + f64::MIN_POSITIVE;
+            self.weights = misses.iter().map(|m| 1.0 / (1.0 + m / scale)).collect();
+            found = self.similarity()?;
+        }
+        Some(found)
+    }
+}
+
+/// First and last frame of every track.
+struct Lives(HashMap<u32, (usize, usize)>);
+
+impl Lives {
+    fn of(tracks: &Tracks) -> Result<Self, RunError> {
+        let mut lives = HashMap::new();
+        for frame in 0..tracks.store.frames() {
+            for o in tracks.store.read(frame).map_err(store_error)?.observations {
+                lives.entry(o.id).or_insert((frame, frame)).1 = frame;
+            }
+        }
+        Ok(Self(lives))
+    }
+
+    /// How much a track counts at a frame, in (0, 1]: little where it is born and where it dies. Points that came and went
+    /// with their full weight, near ones above all, would make a fit to them jump.
+    fn weight(&self, id: u32, frame: usize, times_s: &[f64]) -> f64 {
+        let Some(&(first, last)) = self.0.get(&id) else { return LEAST_FADE };
+        let ramp = |from: usize, to: usize| ((times_s[to] - times_s[from]) / FADE_S).clamp(LEAST_FADE, 1.0);
+        ramp(first, frame) * ramp(frame, last)
+    }
 }
 
 /// The map of a planned path, which is a similarity, as one.
 fn similarity_of(h: &Homography) -> Similarity2 {
     let m = h.matrix();
-    Similarity2 { a: m[(0, 0)], b: m[(1, 0)], t: crate::math::Vec2::new(m[(0, 2)], m[(1, 2)]) }
+    Similarity2 { a: m[(0, 0)], b: m[(1, 0)], t: Vec2::new(m[(0, 2)], m[(1, 2)]) }
 }

@@ -62,12 +62,15 @@ impl PathTold {
     }
 }
 
-fn tier_name(tier: Tier) -> &'static str {
+/// The word for a tier.
+pub(super) fn tier_name(tier: Tier) -> &'static str {
     match tier {
         Tier::Untouched => "unchanged",
         Tier::Similarity => "similarity",
         Tier::Homography => "homography",
         Tier::Mesh => "mesh",
+        Tier::Rotation => "rotation",
+        Tier::Subspace => "subspace",
         Tier::ThreeD => "3d",
     }
 }

@@ -10,6 +10,7 @@ use crate::pipeline::kinds::WarpMode;
 const BLEND: usize = 15;
 
 /// The tier of every frame.
+#[derive(Clone)]
 pub(super) struct Tiers {
     /// In order, without gaps.
     pub(super) segments: Vec<SegmentVerdict>,
@@ -31,16 +32,16 @@ impl Tiers {
         Self { segments }
     }
 
-    /// How much of a tier is in force at `frame`: 1 inside segments of at least this tier, 0 far from them.
-    pub(super) fn strength(&self, frame: usize, tier: Tier) -> f64 {
+    /// How much of what the tiers `with` have in common is in force at `frame`: 1 far inside their segments, 0 outside.
+    pub(super) fn strength(&self, frame: usize, with: impl Fn(Tier) -> bool) -> f64 {
         let (Some(here), reach) = (self.segment(frame), BLEND as f64) else { return 0.0 };
-        if here.tier == Tier::Untouched || here.tier < tier {
+        if here.tier == Tier::Untouched || !with(here.tier) {
             return 0.0;
         }
-        let below = |s: &&SegmentVerdict| s.tier < tier && s.tier != Tier::Untouched;
+        let without = |s: &&SegmentVerdict| s.tier != Tier::Untouched && !with(s.tier);
         let distance =
             |r: &Range<usize>| if frame < r.start { r.start - frame } else { (frame + 1).saturating_sub(r.end) };
-        let nearest = self.segments.iter().filter(below).map(|s| distance(&s.frames)).min();
+        let nearest = self.segments.iter().filter(without).map(|s| distance(&s.frames)).min();
         nearest.map_or(1.0, |d| (d as f64 / reach).min(1.0))
     }
 
@@ -55,7 +56,10 @@ fn in_space(path: &VirtualPath, motion: Option<&ClipMotion>, segments: Vec<Segme
     let Some(cameras) = motion.and_then(|m| m.cameras.as_ref()).filter(|_| !path.cameras.is_empty()) else {
         return segments;
     };
-    let known = |frame: usize| path.cameras.get(frame).is_some_and(Option::is_some);
+    let known = |frame: usize| {
+        let camera = path.cameras.get(frame).copied().flatten()?;
+        Some(if camera.turns { Tier::Rotation } else { Tier::ThreeD })
+    };
     let mut parted = Vec::new();
     for segment in segments {
         let mut start = segment.frames.start;
@@ -64,7 +68,7 @@ fn in_space(path: &VirtualPath, motion: Option<&ClipMotion>, segments: Vec<Segme
             let end = (start..segment.frames.end).find(|&f| known(f) != here).unwrap_or(segment.frames.end);
             let shot = cameras.shots.iter().find(|s| s.frames.contains(&start));
             let worth = shot.map_or_else(String::new, |s| format!("{}; ", s.reason));
-            let tier = if here { Tier::ThreeD } else { segment.tier };
+            let tier = here.unwrap_or(segment.tier);
             parted.push(SegmentVerdict { frames: start..end, tier, reason: format!("{worth}{}", segment.reason) });
             start = end;
         }
@@ -76,7 +80,9 @@ fn in_space(path: &VirtualPath, motion: Option<&ClipMotion>, segments: Vec<Segme
 fn forced(mode: WarpMode, verdicts: &[SegmentVerdict], part: &path::Segment) -> Vec<SegmentVerdict> {
     let tier = match mode {
         WarpMode::Auto => None,
-        WarpMode::ThreeD | WarpMode::Mesh => Some(Tier::Mesh),
+        // Where there are cameras in space, they are drawn; a mesh elsewhere.
+        WarpMode::ThreeD | WarpMode::Rotation | WarpMode::Mesh => Some(Tier::Mesh),
+        WarpMode::Subspace => Some(Tier::Subspace),
         WarpMode::Homography => Some(Tier::Homography),
         WarpMode::Similarity => Some(Tier::Similarity),
     };

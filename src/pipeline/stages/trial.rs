@@ -1,0 +1,193 @@
+//! What a tier would make of a clip, measured before a picture is drawn: tracks are carried through the maps of the tier.
+//!
+//! With `q_k(t)` where the map of frame `t` shows track `k`, and `d_k = q_k(t+1) − 2 q_k(t) + q_k(t−1)`:
+//!
+//! ```text
+//! a_t = median_k d_k                              acceleration of the whole picture
+//! w_t² = mean over cells c of |median_{k ∈ c} d_k − a_t|²      wobble beside it: what neighbors do together, not their noise
+//! A_t                                 affine map nearest to the grid's: anisotropy σ₂/σ₁
+//! shake                               of the similarities from frame to frame of the q_k, as [`super::shake`] has it
+//! ```
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use super::analysis::store_error;
+use super::maps::{Forward, Maps};
+use super::sampling::Feed;
+use super::shake::{Stray, shake, strays};
+use super::tiers::Tiers;
+use crate::math::{Homography, Point2, Vec2};
+use crate::mesh::Grid;
+use crate::motion::{self, ClipMotion, Pair};
+use crate::pipeline::kinds::WarpSettings;
+use crate::pipeline::run_error::RunError;
+
+/// Cells of the grid on which tiers are tried: half as fine as the one that is drawn, for an eighth of its time.
+const CELLS: (u32, u32) = (32, 18);
+/// Columns and rows of the cells of the picture in which tracks are neighbors, and tracks that a cell needs.
+const NEIGHBORHOODS: (usize, usize, usize) = (8, 6, 3);
+/// Tracks by which a frame is judged, at least.
+const LEAST_TRACKS: usize = 20;
+/// Quantile of the anisotropy that is told.
+const LOW: f64 = 0.05;
+
+/// The clip as a tier would show it.
+pub(super) struct Trial {
+    frames: Vec<FrameTrial>,
+    strays: Vec<Stray>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct FrameTrial {
+    crop: f64,
+    anisotropy: f64,
+    folds: usize,
+    /// Acceleration and wobble, px.
+    second: Option<(f64, f64)>,
+}
+
+/// A range of frames as a tier would show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TrialFigures {
+    /// Mean part of the picture's width that stays.
+    pub(super) crop: f64,
+    /// Shake, px.
+    pub(super) shake_px: f64,
+    /// RMS acceleration of the picture, px per frame².
+    pub(super) acceleration_px: f64,
+    /// RMS of what single tracks do beside it, px per frame².
+    pub(super) wobble_px: f64,
+    /// 5th percentile over the frames; 1 keeps angles.
+    pub(super) anisotropy: f64,
+    /// Cells that fold.
+    pub(super) folds: usize,
+}
+
+impl Trial {
+    /// Carries the tracks of `feed` through the maps that `tiers` mean.
+    pub(super) fn run(feed: &Feed<'_>, tiers: &Tiers, motion: &ClipMotion, covered: bool) -> Result<Self, RunError> {
+        let warp = WarpSettings { columns: CELLS.0, rows: CELLS.1, ..feed.warp.clone() };
+        let mut maps = Maps::new(&Feed { warp: &warp, ..*feed }, tiers, covered)?;
+        let grid = maps.grid();
+        let mut seen = Seen::new(grid);
+        let (mut frames, mut steps) = (Vec::new(), Vec::new());
+        for index in 0..feed.tracks.store.frames() {
+            if motion.shots.iter().any(|s| s.start == index) {
+                seen = Seen::new(grid);
+            }
+            let map = maps.forward(None)?;
+            let still = feed.tracks.store.read(index).map_err(store_error)?.observations;
+            let still = still.iter().filter(|o| o.background);
+            let shown = still.filter_map(|o| {
+                let src = Point2::new(f64::from(o.x), f64::from(o.y));
+                Some((o.id, map.apply(&grid, src)?))
+            });
+            let (step, second) = seen.push(shown.collect());
+            steps.push(step);
+            if let (Some(last), Some(second)) = (frames.last_mut(), second) {
+                let last: &mut FrameTrial = last;
+                last.second = Some(second);
+            }
+            let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
+            let folds = if let Forward::Mesh(mesh) = &map { mesh.folded_cells() } else { 0 };
+            frames.push(FrameTrial { crop, anisotropy: anisotropy(&map, &grid), folds, second: None });
+        }
+        let strays = strays(motion, |t| steps.get(t).copied().flatten());
+        Ok(Self { frames, strays })
+    }
+
+    /// The figures of a range of frames; `None` where nothing could be measured in it.
+    pub(super) fn over(&self, range: Range<usize>) -> Option<TrialFigures> {
+        let frames = self.frames.get(range.clone())?;
+        let second: Vec<(f64, f64)> = frames.iter().filter_map(|f| f.second).collect();
+        let rms = |of: fn(&(f64, f64)) -> f64| {
+            let sum: f64 = second.iter().map(|s| of(s).powi(2)).sum();
+            (!second.is_empty()).then(|| (sum / second.len() as f64).sqrt())
+        };
+        let mut anisotropy: Vec<f64> = frames.iter().map(|f| f.anisotropy).collect();
+        anisotropy.sort_by(f64::total_cmp);
+        Some(TrialFigures {
+            crop: frames.iter().map(|f| f.crop).sum::<f64>() / frames.len().max(1) as f64,
+            shake_px: shake(self.strays.get(range)?)?.px,
+            acceleration_px: rms(|s| s.0)?,
+            wobble_px: rms(|s| s.1)?,
+            anisotropy: *anisotropy.get((LOW * anisotropy.len() as f64) as usize)?,
+            folds: frames.iter().map(|f| f.folds).sum(),
+        })
+    }
+}
+
+/// Tracks as the last two frames showed them.
+struct Seen {
+    cells: Grid,
+    before: HashMap<u32, Point2>,
+    last: HashMap<u32, Point2>,
+}
+
+impl Seen {
+    fn new(picture: Grid) -> Self {
+        let cells = Grid { cols: NEIGHBORHOODS.0, rows: NEIGHBORHOODS.1, ..picture };
+        Self { cells, before: HashMap::new(), last: HashMap::new() }
+    }
+
+    /// Takes the next frame; returns the similarity that leads to it, and acceleration and wobble at the frame before it.
+    fn push(&mut self, shown: Vec<(u32, Point2)>) -> (Option<Homography>, Option<(f64, f64)>) {
+        let pair = |&(id, this): &(u32, Point2)| Some(Pair { previous: *self.last.get(&id)?, this });
+        let pairs: Vec<Pair> = shown.iter().filter_map(pair).collect();
+        let enough = pairs.len() >= LEAST_TRACKS;
+        let step = enough.then(|| motion::similarity(&pairs, &vec![1.0; pairs.len()])).flatten();
+        let second = self.second(&shown);
+        self.before = std::mem::replace(&mut self.last, shown.into_iter().collect());
+        (step.map(|s| s.to_homography()), second)
+    }
+
+    fn second(&self, shown: &[(u32, Point2)]) -> Option<(f64, f64)> {
+        let mut all = Vec::new();
+        let mut by_cell = vec![Vec::new(); self.cells.cell_count()];
+        for (id, now) in shown {
+            let Some((last, before)) = self.last.get(id).zip(self.before.get(id)) else { continue };
+            let d = (now - last) - (last - before);
+            all.push(d);
+            if let Some(at) = self.cells.locate(*last) {
+                by_cell[at.cell].push(d);
+            }
+        }
+        let whole = (all.len() >= LEAST_TRACKS).then(|| median(&all))?;
+        let local: Vec<f64> = (by_cell.iter())
+            .filter(|vectors| vectors.len() >= NEIGHBORHOODS.2)
+            .map(|vectors| (median(vectors) - whole).norm_squared())
+            .collect();
+        let mean = local.iter().sum::<f64>() / local.len() as f64;
+        (!local.is_empty()).then(|| (whole.norm(), mean.sqrt()))
+    }
+}
+
+/// The vector of the medians.
+fn median(vectors: &[Vec2]) -> Vec2 {
+    let of = |axis: usize| {
+        let mut values: Vec<f64> = vectors.iter().map(|v| v[axis]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    Vec2::new(of(0), of(1))
+}
+
+/// Ratio of the singular values of the affine map nearest to a frame's.
+fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
+    let center = Point2::new(grid.width / 2.0, grid.height / 2.0);
+    let (mut x, mut y) = (Vec2::zeros(), Vec2::zeros());
+    for i in 0..grid.vertex_count() {
+        let v = grid.vertex(i);
+        let Some(q) = map.apply(grid, v) else { return 0.0 };
+        // On a regular grid the regression over x and y falls apart into two.
+        x += q.coords * ((v.x - center.x) / grid.width.powi(2));
+        y += q.coords * ((v.y - center.y) / grid.height.powi(2));
+    }
+    let (cols, rows) = (grid.cols as f64, grid.rows as f64);
+    // Sums of ((v − c) / extent)² over the vertices of a row and of a column.
+    let (square_x, square_y) = ((cols + 2.0) / (12.0 * cols), (rows + 2.0) / (12.0 * rows));
+    let a = nalgebra::Matrix2::from_columns(&[x / square_x, y / square_y]);
+    let singular = a.singular_values();
+    if singular[0] > 0.0 { singular[1] / singular[0] } else { 0.0 }
+}
