@@ -18,7 +18,7 @@ pub(super) fn section(out: &mut String, cameras: &Cameras, line: &Timeline<'_>) 
     out.push_str("<section aria-labelledby=\"space\"><h2 id=\"space\">Cameras in space</h2>\n");
     if !cameras.path.is_empty() {
         out.push_str(
-            "<p>Place and direction of the real camera and of the virtual one, from the first camera of each shot: x to the \
+            "<p class=\"note\">Place and direction of the real camera and of the virtual one, from the first camera of each shot: x to the \
              right, y down, z ahead; yaw to the right, pitch up, roll clockwise. Lengths are in units of the scene, whose \
              true scale no camera can tell.</p>\n<div class=\"plots\">",
         );

@@ -50,6 +50,20 @@ pub struct Clip {
     pub fps: Option<f64>,
 }
 
+impl Clip {
+    /// Its name without the folder.
+    pub(super) fn short_name(&self) -> &str {
+        let whole = self.name.trim_end_matches('/');
+        whole.rsplit_once('/').map_or(whole, |(_, name)| name)
+    }
+
+    /// Width and height as they are shown, px; pixels count as square.
+    pub(super) fn shown_size(&self) -> (u32, u32) {
+        let (width, height) = self.size;
+        if self.rotation % 180 == 90 { (height, width) } else { (width, height) }
+    }
+}
+
 /// The results.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {

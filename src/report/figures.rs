@@ -24,8 +24,9 @@ pub(super) fn glance(out: &mut String, report: &Report) {
         let _ = write!(out, "<div><dt>{name}</dt><dd>{value}</dd><dd class=\"note\">{note}</dd></div>");
     };
     if let Some(Change { before, after }) = report.shake {
-        card("Shake", &format!("{} px", number(after.px, 2)), &left(before.px, after.px, " px"));
-        card("Shake, angle", &format!("{}°", number(after.deg, 2)), &left(before.deg, after.deg, "°"));
+        card("Shake", &shift(before.px, after.px), &left(before.px, after.px));
+        let angle = format!("{}° → {}°", number(before.deg, 2), number(after.deg, 2));
+        card("Shake, angle", &angle, &left(before.deg, after.deg));
     }
     if let Some(crop) = report.crop {
         let least = crop.least.map(|l| format!("; least {}", percent(l))).unwrap_or_default();
@@ -38,9 +39,8 @@ pub(super) fn glance(out: &mut String, report: &Report) {
 }
 
 /// What is left of a shake.
-fn left(before: f64, after: f64, unit: &str) -> String {
-    let share = if before > 0.0 { format!(": {} % is left", number(100.0 * after / before, 0)) } else { String::new() };
-    format!("of {}{unit}{share}", number(before, 2))
+fn left(before: f64, after: f64) -> String {
+    if before > 0.0 { format!("{} % is left", number(100.0 * after / before, 0)) } else { "there was none".to_owned() }
 }
 
 /// The mode of most frames, and their share.
@@ -130,6 +130,6 @@ mod tests {
         let steady = Change { before: Shake::default(), after: Shake::default() };
         let mut out = String::new();
         glance(&mut out, &Report { shake: Some(steady), ..Report::default() });
-        assert!(out.contains("<dd>0.00 px</dd><dd class=\"note\">of 0.00 px</dd>"), "{out}");
+        assert!(out.contains("<dd>0.00 → 0.00 px</dd><dd class=\"note\">there was none</dd>"), "{out}");
     }
 }

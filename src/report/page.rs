@@ -36,7 +36,7 @@ pub fn page(report: &Report) -> String {
 }
 
 fn head(out: &mut String, report: &Report) {
-    let name = Text(&report.clip.name);
+    let name = Text(report.clip.short_name());
     let _ = write!(
         out,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
@@ -52,8 +52,8 @@ fn head(out: &mut String, report: &Report) {
 
 /// Size, length and shots in one line.
 fn subtitle(report: &Report) -> String {
-    let (clip, frames) = (&report.clip, report.times_s.len());
-    let mut parts = vec![format!("{}×{} px", clip.size.0, clip.size.1), format!("{frames} frames")];
+    let ((width, height), frames) = (report.clip.shown_size(), report.times_s.len());
+    let mut parts = vec![format!("{width}×{height} px"), format!("{frames} frames")];
     let (Some(first), Some(last)) = (report.times_s.first(), report.times_s.last()) else { return parts.join(" · ") };
     if frames > 1 {
         // The last frame is shown as long as the others.
@@ -82,26 +82,30 @@ fn moments(out: &mut String, report: &Report, line: &Timeline<'_>) {
         return;
     }
     out.push_str(
-        "<section aria-labelledby=\"frames\"><h2 id=\"frames\">Frames</h2>\n<p>Of each part of the clip the frame that was moved \
-         most: the original first, then the result.</p>\n<div class=\"moments\">\n",
+        "<section aria-labelledby=\"frames\"><h2 id=\"frames\">Frames</h2>\n<p class=\"note\">Of each part of the clip the frame that was moved \
+         most: the original, then the result.</p>\n<div class=\"moments\">\n",
     );
     for Moment { frame, what, pictures: Change { before, after } } in &report.moments {
         let tall = if before.height > before.width { " tall" } else { "" };
         let _ = write!(out, "<figure class=\"moment{tall}\"><div>");
-        picture(out, before, &format!("Frame {frame} of the original"));
-        picture(out, after, &format!("Frame {frame} of the result"));
+        picture(out, before, "original", *frame);
+        picture(out, after, "result", *frame);
         let time = line.times_s.get(*frame).map_or_else(String::new, |t| format!(", {t:.2} s"));
         let _ = writeln!(out, "</div><figcaption><b>Frame {frame}{time}</b> {}</figcaption></figure>", Text(what));
     }
     out.push_str("</div></section>\n");
 }
 
-fn picture(out: &mut String, picture: &Picture, alt: &str) {
+fn picture(out: &mut String, picture: &Picture, label: &str, frame: usize) {
+    let alt = format!("Frame {frame} of the {label}");
     let (width, height) = (picture.width, picture.height);
-    let _ =
-        write!(out, "<img alt=\"{}\" width=\"{width}\" height=\"{height}\" src=\"data:image/jpeg;base64,", Text(alt));
+    let _ = write!(
+        out,
+        "<span><img alt=\"{}\" width=\"{width}\" height=\"{height}\" src=\"data:image/jpeg;base64,",
+        Text(alt)
+    );
     base64::encode(&picture.jpeg, out);
-    out.push_str("\"/>");
+    let _ = write!(out, "\"/><small>{label}</small></span>");
 }
 
 fn path(out: &mut String, report: &Report, line: &Timeline<'_>) {
@@ -109,7 +113,7 @@ fn path(out: &mut String, report: &Report, line: &Timeline<'_>) {
         return;
     }
     out.push_str("<section aria-labelledby=\"path\"><h2 id=\"path\">Path of the camera</h2>\n");
-    let _ = write!(out, "<p>{}</p>\n<div class=\"plots\">", Text(&report.path_note));
+    let _ = write!(out, "<p class=\"note\">{}</p>\n<div class=\"plots\">", Text(&report.path_note));
     report.path.iter().chain(&report.crop_over_time).for_each(|c| chart(out, c, line));
     out.push_str("</div></section>\n");
 }
@@ -188,6 +192,19 @@ mod tests {
         for target in page.split("src=\"").skip(1).chain(page.split("href=\"").skip(1)) {
             assert!(target.starts_with("data:"), "{}", &target[..40.min(target.len())]);
         }
+    }
+
+    #[test]
+    fn a_page_is_named_after_the_file_and_tells_its_size_as_shown() {
+        let page = |name: &str, rotation| {
+            let clip = Clip { name: name.to_owned(), size: (640, 360), rotation, fps: None };
+            page(&Report { clip, times_s: vec![0.0, 0.5], ..Report::default() })
+        };
+        let turned = page("a/b c.mp4", 270);
+        assert!(turned.contains("<h1>b c.mp4</h1>\n<p>360×640 px · 2 frames · 1.0 s</p>"));
+        assert!(turned.contains("<td>a/b c.mp4</td>") && turned.contains("640×360 px, shown turned by 270°"));
+        assert!(page("frames/", 180).contains("<h1>frames</h1>\n<p>640×360 px"));
+        assert!(page("-", 0).contains("<h1>-</h1>"));
     }
 
     #[test]

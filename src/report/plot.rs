@@ -25,7 +25,7 @@ const COLUMNS: f64 = 1500.0;
 const FEW: usize = 6000;
 
 /// Ticks of the vertical axis, about.
-const TICKS: usize = 4;
+const TICKS: usize = 6;
 
 /// Appends the figure of a chart.
 pub(super) fn chart(out: &mut String, chart: &Chart, line: &Timeline<'_>) {
