@@ -13,7 +13,7 @@ pub(super) fn percent(share: f64) -> String {
 
 /// Shake before and after, px.
 pub(super) fn shift(before: f64, after: f64) -> String {
-    format!("{} → {} px", number(before, 2), number(after, 2))
+    format!("{} → {}\u{a0}px", number(before, 2), number(after, 2))
 }
 
 /// Appends the figures at a glance.
@@ -55,7 +55,7 @@ fn main_mode(report: &Report) -> Option<(&str, f64)> {
 /// Appends the table of all figures, before and after.
 pub(super) fn table(out: &mut String, report: &Report) {
     out.push_str(
-        "<section aria-labelledby=\"figures\"><h2 id=\"figures\">Before and after</h2>\n<table><thead><tr><td></td>\
+        "<section aria-labelledby=\"figures\"><h2 id=\"figures\">Before and after</h2>\n<table class=\"files\"><thead><tr><td></td>\
          <th scope=\"col\">Original</th><th scope=\"col\">Result</th></tr></thead><tbody>\n",
     );
     for (name, before, after) in rows(report) {
@@ -130,6 +130,6 @@ mod tests {
         let steady = Change { before: Shake::default(), after: Shake::default() };
         let mut out = String::new();
         glance(&mut out, &Report { shake: Some(steady), ..Report::default() });
-        assert!(out.contains("<dd>0.00 → 0.00 px</dd><dd class=\"note\">there was none</dd>"), "{out}");
+        assert!(out.contains("<dd>0.00 → 0.00\u{a0}px</dd><dd class=\"note\">there was none</dd>"), "{out}");
     }
 }
