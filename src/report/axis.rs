@@ -27,7 +27,7 @@ impl Axis {
         }
         // Numbers so near to each other that doubles hardly tell them apart are one.
         let least = least.max(1e-9 * low.abs().max(high.abs())).max(1e-9);
-        let (center, half) = ((low + high) / 2.0, ((high - low) * (0.5 + MARGIN)).max(least / 2.0));
+        let (center, half) = (f64::midpoint(low, high), ((high - low) * (0.5 + MARGIN)).max(least / 2.0));
         Self::exact(center - half, center + half, ticks)
     }
 

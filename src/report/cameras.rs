@@ -26,9 +26,9 @@ pub(super) fn section(out: &mut String, cameras: &Cameras, line: &Timeline<'_>) 
         out.push_str("</div>\n");
     }
     out.push_str("<table class=\"stacked\"><caption>Reconstruction of each shot</caption><thead><tr>");
-    COLUMNS.iter().for_each(|name| {
+    for name in COLUMNS {
         let _ = write!(out, "<th scope=\"col\">{name}</th>");
-    });
+    }
     out.push_str("</tr></thead><tbody>\n");
     cameras.shots.iter().for_each(|shot| row(out, shot, line));
     out.push_str(

@@ -96,7 +96,7 @@ fn covers(luma: usize, out: usize, shift: u32, offset: f64, samples: usize) -> V
         let (start, end) = (edge(k), edge(k + 1));
         let cells = start.floor() as i64..end.ceil() as i64;
         let share = |j: i64| (end.min((j + 1) as f64) - start.max(j as f64)) / (end - start);
-        cells.map(|j| (j.clamp(0, samples as i64 - 1) as usize, share(j) as f32)).collect()
+        cells.map(|j| ((j.max(0) as usize).min(samples - 1), share(j) as f32)).collect()
     };
     (0..out).map(cover).collect()
 }
