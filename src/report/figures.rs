@@ -79,7 +79,7 @@ fn rows(report: &Report) -> Vec<Row> {
     let mut rows = vec![
         ("File", clip.name.clone(), if outcome.files.is_empty() { none() } else { outcome.files.join(", ") }),
         ("Picture", of_size(clip.size), outcome.size.map_or_else(none, of_size)),
-        ("Frames", report.times_s.len().to_string(), outcome.frames.to_string()),
+        ("Frames", report.times_s.len().to_string(), outcome.size.map_or_else(none, |_| outcome.frames.to_string())),
     ];
     if let Some(fps) = clip.fps {
         let text = number(fps, 3);

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Oracle: the page of `--report` in a real browser, with the network off. Exits 1 on failure, 77 where there is no browser.
 
-A clip with a cut and a name full of markup is stabilized with `--report`. Python's XML parser reads the page; Chromium then opens
-it at the width of a phone, a tablet and a desk, in light and in dark: nothing is asked of any host, nothing is complained of, every
-picture is there, every plot has room and its labels lie inside the page, nothing reaches over the edge, and texts stand out from
-what is behind them. Colors of the pictures are held against FFmpeg's conversion of the same frames.
+A clip with a cut and a name full of markup is stabilized with `--report`. Python's XML parser reads the page; Chromium then
+opens it at the width of a phone, a tablet and a desk, in light and in dark: nothing is asked of any host, nothing is complained
+of, every picture is there, every plot has room and its labels lie inside the page, nothing reaches over the edge, and texts
+stand out from what is behind them. Colors of the pictures are held against FFmpeg's conversion of the same frames.
 
 PLUMBLINE_BIN names the command. `tests/oracle/report.py SCREENSHOTS FILE.html...` looks at pages that are there and leaves
 screenshots in a folder.
@@ -19,6 +19,7 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 SKIPPED = 77
@@ -62,8 +63,12 @@ LOOK = """() => {
     }
     return [255, 255, 255];
   };
-  const contrast = (a, b) => { const [x, y] = [luminance(a), luminance(b)].sort((p, q) => q - p); return (x + 0.05) / (y + 0.05); };
-  for (const element of document.querySelectorAll('p, dt, dd, th, td, li, h1, h2, h3, h3 span, figcaption, caption, svg text')) {
+  const contrast = (a, b) => {
+    const [x, y] = [luminance(a), luminance(b)].sort((p, q) => q - p);
+    return (x + 0.05) / (y + 0.05);
+  };
+  const texts = 'p, dt, dd, th, td, li, h1, h2, h3, h3 span, figcaption, caption, svg text';
+  for (const element of document.querySelectorAll(texts)) {
     const style = getComputedStyle(element), on = element.closest('svg.mode');
     const back = on ? numbers(getComputedStyle(on.querySelector('rect')).fill) : behind(element);
     const front = numbers(element instanceof SVGElement ? style.fill : style.color).slice(0, 3);
@@ -83,34 +88,38 @@ def ffmpeg(*args):
 
 
 def shaky_clip(path):
-    """Two shots of 30 shaky frames, 10 bit, shown turned by a quarter; colors that tell the matrix."""
-    texture = ("nullsrc=s=460x320:r=25:d=0.04,geq=lum='random(1)*255':cb='128+70*sin(X/{0})':cr='128+70*cos(Y/{1})',gblur=sigma=3,"
-               "lutyuv=y='clip((val-128)*8+128,16,235)',loop=loop=-1:size=1,setpts=N/25/TB,"
-               "crop=w=320:h=180:x='70+n*0.6+6*sin(n*1.9)+5*sin(n*0.77)':y='70+5*sin(n*2.3)+6*cos(n*0.61)':exact=1,trim=end_frame=30")
+    """Two shots of 30 shaky frames, 10 bit, shown turned by a quarter. Colors tell the matrix; RGB holds all of them."""
+    texture = ("nullsrc=s=460x320:r=25:d=0.04,format=yuv420p,"
+               "geq=lum='random(1)*255':cb='128+35*sin(X/{0})':cr='128+35*cos(Y/{1})',gblur=sigma=3,"
+               "lutyuv=y='clip((val-128)*8+128,70,190)',loop=loop=-1:size=1,setpts=N/25/TB,"
+               "crop=w=320:h=180:x='70+n*0.6+6*sin(n*1.9)+5*sin(n*0.77)':y='70+5*sin(n*2.3)+6*cos(n*0.61)':exact=1,"
+               "trim=end_frame=30")
     join = f"{texture.format(40, 30)}[a];{texture.format(17, 55)}[b];[a][b]concat=n=2:v=1,format=yuv420p10le"
     plain = path.with_name("plain.mp4")
     ffmpeg("-filter_complex", join, "-c:v", "libx264", "-crf", 10, "-preset", "ultrafast", "-colorspace", "bt709", plain)
-    ffmpeg("-display_rotation", 90, "-i", plain, "-c", "copy", path)
+    try:
+        ffmpeg("-display_rotation", 90, "-i", plain, "-c", "copy", path)
+    except subprocess.CalledProcessError:  # before FFmpeg 6
+        ffmpeg("-i", plain, "-c", "copy", "-metadata:s:v:0", "rotate=90", path)
 
 
-def pixels(data, size):
-    """Red, green and blue of a picture, as FFmpeg decodes it."""
-    raw = subprocess.run(["ffmpeg", "-v", "error", "-i", "-", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], input=data,
-                         check=True, capture_output=True).stdout
-    return np.frombuffer(raw, np.uint8).reshape(size[1], size[0], 3).astype(float)
+def pixels(data):
+    """Red, green and blue of a picture, as OpenCV decodes it."""
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1].astype(float)
 
 
 def check_colors(page, clip):
     """The originals on the page are the frames of the clip, turned, in the colors of FFmpeg."""
     faults = []
-    found = re.findall(r'alt="Frame (\d+) of the original" width="(\d+)" height="(\d+)" src="data:image/jpeg;base64,([^"]+)"', page)
+    original = r'alt="Frame (\d+) of the original" width="(\d+)" height="(\d+)" src="data:image/jpeg;base64,([^"]+)"'
+    found = re.findall(original, page)
     for frame, width, height, data in found:
         size = int(width), int(height)
         # FFmpeg turns the frames by itself.
         scale = f"select=eq(n\\,{frame}),scale={width}:{height}:flags=area+accurate_rnd+full_chroma_int:in_color_matrix=bt709"
         raw = ffmpeg("-i", clip, "-vf", scale, "-frames:v", 1, "-f", "rawvideo", "-pix_fmt", "rgb24", "-")
         wanted = np.frombuffer(raw, np.uint8).reshape(size[1], size[0], 3).astype(float)
-        drawn = pixels(base64.b64decode(data), size)
+        drawn = pixels(base64.b64decode(data))
         off, bias = np.abs(drawn - wanted).mean(), np.abs((drawn - wanted).mean(axis=(0, 1))).max()
         # JPEG with halved chroma costs a few code values of noise, and no color of the whole.
         if not (off < 8 and bias < 1):
@@ -177,8 +186,9 @@ def main():
         for page in pages:
             text = page.read_text()
             faults += [f"{page.name}: {fault}" for fault in check_text(text) + look(playwright, page, shots)]
-            print(f"{page.name}: {len(text) / 1e3:.0f} kB, {text.count('<img ')} pictures, {text.count('<figure class=')} figures")
-    print(*faults, sep="\n")
+            print(f"{page.name}: {len(text) / 1e3:.0f} kB, {text.count('<img ')} pictures, {text.count('<svg class=')} plots")
+    for fault in faults:
+        print(fault)
     return 1 if faults else 0
 
 

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Encode and report stages that take the same pictures share one stream: a frame is decoded and rendered once, however many
-//! files it goes to. Order is kept, since each queue has one reader and one writer; whichever thread fails, the others run dry and
-//! stop. A file gets its name only after every thread has reached the end without a fault.
+//! files it goes to. Order is kept, since each queue has one reader and one writer; whichever thread fails, the others run
+//! dry and stop. A file gets its name only after every thread has reached the end without a fault.
 
 use crossbeam::channel::{self, Receiver};
 

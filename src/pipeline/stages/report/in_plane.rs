@@ -130,7 +130,7 @@ mod tests {
         let frame = |(i, step): (usize, &Option<Similarity2>)| {
             let quality = if step.is_some() { MotionQuality::Measured } else { MotionQuality::ShotStart };
             let similarity = step.unwrap_or(Similarity2::IDENTITY);
-            FrameMotion { pts: Timestamp(i as i64), quality, similarity, ..FrameMotion::default() }
+            FrameMotion { similarity, ..FrameMotion::still(Timestamp(i as i64), quality) }
         };
         ClipMotion::new(640, 360, Timebase { num: 1, den: 25 }, steps.iter().enumerate().map(frame).collect())
     }
