@@ -100,6 +100,11 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_less_than_nothing() {
+        assert_eq!([-0.004, -0.0, -0.006, 1.005].map(|v| number(v, 2)), ["0.00", "0.00", "−0.01", "1.00"]);
+    }
+
+    #[test]
     fn ticks_are_round_numbers_inside_the_axis() {
         assert_eq!(labels(&Axis::exact(0.0, 10.0, 5)), ["0", "2", "4", "6", "8", "10"]);
         assert_eq!(labels(&Axis::exact(-0.31, 0.29, 6)), ["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2"]);

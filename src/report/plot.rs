@@ -170,7 +170,9 @@ mod tests {
         let line = Timeline::of(&report);
         let values = [1.0, 2.0, f64::NAN, f64::INFINITY, 1.0, 2.0, 3.0, 4.0];
         let axis = Axis::around(values.into_iter(), 0.0, 4);
-        let lengths: Vec<usize> = strokes(&outline(&values, &axis, &line)).iter().map(Vec::len).collect();
+        let drawn = strokes(&outline(&values, &axis, &line));
+        let lengths: Vec<usize> = drawn.iter().map(Vec::len).collect();
+        assert!(drawn.iter().flatten().all(|(x, y)| x.is_finite() && y.is_finite()), "{drawn:?}");
         assert_eq!(lengths, [2, 2, 3], "two, a dot of two equal points, and the shot after the cut");
         assert_eq!(outline(&[f64::NAN; 8], &axis, &line), "");
         assert_eq!(outline(&[], &axis, &line), "");
