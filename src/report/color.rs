@@ -160,7 +160,7 @@ mod tests {
     }
 
     fn tagged(matrix: u8, full_range: Option<bool>) -> ColorDescription {
-        ColorDescription { matrix, full_range, ..ColorDescription::default() }
+        ColorDescription { full_range, matrix, ..ColorDescription::default() }
     }
 
     #[test]

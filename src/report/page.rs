@@ -53,7 +53,8 @@ fn head(out: &mut String, report: &Report) {
 /// Size, length and shots in one line.
 fn subtitle(report: &Report) -> String {
     let ((width, height), frames) = (report.clip.shown_size(), report.times_s.len());
-    let mut parts = vec![format!("{width}×{height} px"), format!("{frames} frames")];
+    let mut parts =
+        vec![format!("{width}×{height} px"), format!("{frames} {}", if frames == 1 { "frame" } else { "frames" })];
     let (Some(first), Some(last)) = (report.times_s.first(), report.times_s.last()) else { return parts.join(" · ") };
     if frames > 1 {
         // The last frame is shown as long as the others.

@@ -127,12 +127,12 @@ mod tests {
 
     /// A clip whose picture moves by `steps`; the first is a shot's start, as is every one without a motion.
     fn clip(steps: &[Option<Similarity2>]) -> ClipMotion {
-        let frame = |(i, step): (usize, &Option<Similarity2>)| {
+        let frame = |(i, step): (i64, &Option<Similarity2>)| {
             let quality = if step.is_some() { MotionQuality::Measured } else { MotionQuality::ShotStart };
             let similarity = step.unwrap_or(Similarity2::IDENTITY);
-            FrameMotion { similarity, ..FrameMotion::still(Timestamp(i as i64), quality) }
+            FrameMotion { similarity, ..FrameMotion::still(Timestamp(i), quality) }
         };
-        ClipMotion::new(640, 360, Timebase { num: 1, den: 25 }, steps.iter().enumerate().map(frame).collect())
+        ClipMotion::new(640, 360, Timebase { num: 1, den: 25 }, (0..).zip(steps).map(frame).collect())
     }
 
     fn about(angle: f64, scale: f64, x: f64, y: f64) -> Similarity2 {
