@@ -23,6 +23,7 @@ pub mod path;
 pub mod pipeline;
 pub mod raster;
 pub mod render;
+pub mod report;
 pub mod sparse;
 pub mod time;
 pub mod track;

@@ -11,7 +11,8 @@ use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
     Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionSettings,
-    PathMethod, RenderSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings, Zoom,
+    PathMethod, RenderSettings, ReportSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings,
+    Zoom,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
@@ -111,6 +112,9 @@ pub struct StabilizeArgs {
     /// Also write the camera's motion, as plumbline.motion JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Extras")]
     export_motion: Option<PathBuf>,
+    /// Also write a page that tells what was done: figures, plots of the path, pictures before and after
+    #[arg(long, value_name = "FILE.html", help_heading = "Extras")]
+    report: Option<PathBuf>,
     /// Print the pipeline that these options mean, and do nothing
     #[arg(long, help_heading = "Extras")]
     print_pipeline: bool,
@@ -182,6 +186,10 @@ impl StabilizeArgs {
         if self.export_motion.is_some() {
             let help = "use --output, or a pipeline file with `export = \"${item.stem}.json\"`";
             return Err(Failure::usage(format!("--export-motion names one file, but --out-dir is for many; {help}")));
+        }
+        if self.report.is_some() {
+            let help = "use --output, or a pipeline file with `path = \"${item.stem}.html\"` in a stage `video.report`";
+            return Err(Failure::usage(format!("--report names one file, but --out-dir is for many; {help}")));
         }
         let kept = |input: &String| {
             let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
@@ -261,6 +269,10 @@ impl StabilizeArgs {
             let encode = self.encode(compare_path(output)?);
             let compare = StageEntry::built("compare", &encode);
             stages.push(compare.input("frames", "steady").input("audio", "source.audio").input("beside", "source"));
+        }
+        if let Some(path) = &self.report {
+            let report = StageEntry::built("report", &ReportSettings { path: literal_path(path) });
+            stages.push(report.input("frames", "steady").input("path", "path").input("motion", "motion"));
         }
         Ok(stages)
     }

@@ -20,6 +20,7 @@ mod pipeline_run;
 mod render;
 mod render_oracle;
 mod render_sharpness;
+mod report;
 mod sfm;
 mod sparse;
 mod stabilize;

@@ -4,6 +4,7 @@ mod decode;
 mod encode;
 mod motion;
 mod render;
+mod report;
 mod smooth;
 mod track;
 mod warp;
@@ -13,6 +14,7 @@ pub use decode::{DecodeSettings, Deinterlace};
 pub use encode::EncodeSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use render::{Border, Interpolation, RenderSettings};
+pub use report::ReportSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use track::TrackSettings;
 pub use warp::{WarpMode, WarpSettings};
@@ -20,7 +22,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 7] = [
+pub static KINDS: [StageKind; 8] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<TrackSettings>(),
     StageKind::of::<MotionSettings>(),
@@ -28,6 +30,7 @@ pub static KINDS: [StageKind; 7] = [
     StageKind::of::<WarpSettings>(),
     StageKind::of::<RenderSettings>(),
     StageKind::of::<EncodeSettings>(),
+    StageKind::of::<ReportSettings>(),
 ];
 
 /// The kind called `name`.

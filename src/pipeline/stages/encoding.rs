@@ -2,17 +2,19 @@
 //!
 //! ```text
 //! decode → map → render ─┬→ encode           each arrow a bounded queue between two threads
-//!                        └→ beside → encode
+//!                        ├→ beside → encode
+//!                        └→ album                      a few pictures for a report
 //! ```
 //!
-//! Encode stages that take the same pictures share one stream: a frame is decoded and rendered once, however many files it
-//! goes to. Order is kept, since each queue has one reader and one writer; whichever thread fails, the others run dry and
-//! stop. A file gets its name only after every thread has reached the end without a fault.
+//! Encode and report stages that take the same pictures share one stream: a frame is decoded and rendered once, however many
+//! files it goes to. Order is kept, since each queue has one reader and one writer; whichever thread fails, the others run
+//! dry and stop. A file gets its name only after every thread has reached the end without a fault.
 
 use crossbeam::channel::{self, Receiver};
 
 use super::choice;
 use super::context::{Context, changed, media_error};
+use super::report::Album;
 use super::sampling::{Feed, Sampled, Sampler};
 use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
@@ -20,13 +22,14 @@ use super::telling::{PathTold, tell_file};
 use crate::image::Frame;
 use crate::media::{Companions, Input, ReadReport, VideoInfo, VideoReader};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings};
+use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings, ReportSettings};
 use crate::pipeline::run_error::RunError;
 
-/// Writes the files of all encode stages that take the same pictures as `stage`, if it is the first of them.
+/// Writes the files of all encode stages that take the same pictures as `stage`, and fills the album of their reports, if
+/// `stage` is the first of them.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
     let pictures = context.required(stage, "frames")?.from;
-    let stages = encodes_of(context, pictures);
+    let stages = takers_of(context, pictures);
     if stages.first() != Some(&stage) {
         return Ok(());
     }
@@ -37,10 +40,11 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), Run
     }
 }
 
-/// Encode stages of this pass that take the pictures of stage `pictures`.
-fn encodes_of(context: &Context<'_, '_>, pictures: usize) -> Vec<usize> {
+/// Encode and report stages of this pass that take the pictures of stage `pictures`.
+fn takers_of(context: &Context<'_, '_>, pictures: usize) -> Vec<usize> {
     let takes = |&s: &usize| {
-        context.stage(s).settings.get::<EncodeSettings>().is_some()
+        let settings = &context.stage(s).settings;
+        (settings.get::<EncodeSettings>().is_some() || settings.get::<ReportSettings>().is_some())
             && context.edge(s, "frames").is_some_and(|e| e.from == pictures)
     };
     context.pass.stages.iter().copied().filter(takes).collect()
@@ -52,9 +56,11 @@ fn copied(context: &mut Context<'_, '_>, stages: &[usize], source: usize) -> Res
     context.job.progress.begin(context.pass.index, "encode", reader.info().frames_estimate);
     let others = other_inputs(context, stages, source)?;
     let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
-    let (read, sinks) = Stream { job: context.job, reader, sampler: None }.run(sinks)?;
+    let mut album = Album::wanted(context, stages, reader.info())?;
+    let (read, sinks) = Stream { job: context.job, reader, sampler: None, album: album.as_mut() }.run(sinks)?;
     finish(context, sinks)?;
     context.tell_damage(&read);
+    context.values.put(source, Album::PORT, album);
     Ok(())
 }
 
@@ -76,7 +82,9 @@ fn rendered(
     let tiers = choice::tiers(&feed, settings.border == kinds::Border::Crop)?;
     let sampler = Sampler::new(feed, &tiers, settings, reader.info())?;
     let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
-    let (read, sinks) = Stream { job: context.job, reader, sampler: Some(sampler) }.run(sinks)?;
+    let mut album = Album::wanted(context, stages, reader.info())?;
+    let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: album.as_mut() };
+    let (read, sinks) = stream.run(sinks)?;
     if read.frames != frames {
         return Err(changed(input.name(), &format!("{frames} frames, then {}", read.frames)));
     }
@@ -84,6 +92,7 @@ fn rendered(
     finish(context, sinks)?;
     context.tell_damage(&read);
     path.tell(context.summary);
+    context.values.put(render, Album::PORT, album);
     Ok(())
 }
 
@@ -98,7 +107,7 @@ fn other_inputs(
     donors.into_iter().map(|stage| Ok((stage, context.input(stage)?))).collect()
 }
 
-/// Starts the files of `stages`, whose pictures come from the decode stage `source`.
+/// Starts the files of the encode stages among `stages`, whose pictures come from the decode stage `source`.
 fn sinks(
     context: &Context<'_, '_>,
     stages: &[usize],
@@ -120,7 +129,8 @@ fn sinks(
         };
         Sink::create(settings, context.job, input, video, companions, context.edge(stage, "beside").is_some())
     };
-    stages.iter().map(sink).collect()
+    let encodes = stages.iter().filter(|s| context.stage(**s).settings.get::<EncodeSettings>().is_some());
+    encodes.map(sink).collect()
 }
 
 /// Gives the files their names and tells of them.
@@ -138,12 +148,13 @@ struct Stream<'v, 'j> {
     job: &'v Job<'j>,
     reader: VideoReader,
     sampler: Option<Sampler<'v>>,
+    album: Option<&'v mut Album>,
 }
 
 impl Stream<'_, '_> {
     /// Runs the threads to their end, and gives back the sinks, whose files are whole but unfinished.
     fn run(self, sinks: Vec<Sink>) -> Result<(ReadReport, Vec<Sink>), RunError> {
-        let Self { job, reader, sampler } = self;
+        let Self { job, reader, sampler, album } = self;
         let (to_work, decoded) = channel::bounded(QUEUE);
         std::thread::scope(|scope| {
             let decoder = scope.spawn(move || decode(reader, &to_work));
@@ -152,7 +163,7 @@ impl Stream<'_, '_> {
                 (sink.branch(queue), scope.spawn(move || sink.encode(job, &pictures)))
             };
             let (branches, encoders): (Vec<Branch>, Vec<_>) = sinks.into_iter().map(start).unzip();
-            let worked = work(job, sampler, decoded, &branches);
+            let worked = work(job, sampler, decoded, &branches, album);
             drop(branches);
             let failed = |name: &str| RunError::Internal(format!("the {name}'s thread failed"));
             let read = decoder.join().map_err(|_| failed("decoder"))?.map_err(media_error)?;
@@ -164,16 +175,20 @@ impl Stream<'_, '_> {
     }
 }
 
-/// Samples the frames and hands them to the branches; tells progress.
+/// Samples the frames and hands them to the album and the branches; tells progress.
 fn work(
     job: &Job<'_>,
     sampler: Option<Sampler<'_>>,
     decoded: Receiver<Frame>,
     branches: &[Branch],
+    mut album: Option<&mut Album>,
 ) -> Result<(), RunError> {
     let mut done = 0;
     let mut hand_out = |sampled: Sampled| {
         job.check_cancel()?;
+        if let Some(album) = &mut album {
+            album.look(&sampled);
+        }
         distribute(sampled, branches)?;
         done += 1;
         job.progress.frames(done);

@@ -17,6 +17,7 @@ mod filling;
 mod maps;
 mod path_file;
 mod probe;
+mod report;
 mod sampling;
 mod shake;
 mod sink;
@@ -31,7 +32,7 @@ use std::path::Path;
 
 use super::batch::Instance;
 use super::job::{Backend, Job, Probed, Values};
-use super::kinds::{EncodeSettings, MotionSettings, SmoothSettings, TrackSettings};
+use super::kinds::{EncodeSettings, MotionSettings, ReportSettings, SmoothSettings, TrackSettings};
 use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
@@ -58,6 +59,9 @@ impl Backend for Bodies {
             if let Some(path) = stage.settings.get::<MotionSettings>().and_then(|s| s.export.as_deref()) {
                 export::begin(Path::new(path))?;
             }
+            if let Some(settings) = stage.settings.get::<ReportSettings>() {
+                report::begin(Path::new(&settings.path))?;
+            }
         }
         Ok(())
     }
@@ -80,6 +84,8 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
         smoothing::run(context, stage, settings)
     } else if settings.get::<EncodeSettings>().is_some() {
         encoding::run(context, stage)
+    } else if let Some(settings) = settings.get::<ReportSettings>() {
+        report::run(context, stage, settings)
     } else {
         Ok(())
     }

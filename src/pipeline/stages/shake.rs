@@ -50,6 +50,11 @@ impl Strays {
         Some(ShakeSummary { before: shake(self.before.get(frames.clone())?)?, after: shake(self.after.get(frames)?)? })
     }
 
+    /// Distance from the course in every frame, px, before and after.
+    pub(super) fn distances_px(&self) -> [Vec<f64>; 2] {
+        [&self.before, &self.after].map(|strays| strays.iter().map(|s| s.shift.norm()).collect())
+    }
+
     /// Over the whole clip.
     pub(super) fn whole(&self) -> Option<ShakeSummary> {
         self.over(0..self.before.len())

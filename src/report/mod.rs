@@ -1,0 +1,27 @@
+//! A run told on one page: figures, plots and pictures in a single HTML file that needs nothing else.
+//!
+//! Data in, bytes out: nothing is measured here, and nothing is fetched by the page: style, plots (SVG) and pictures (JPEG as
+//! `data:` addresses) are inside it, and it forbids the browser to look anywhere else. There is no script. The page is well-formed
+//! XML too, so that programs can read it.
+//!
+//! Plots keep their labels at the size of the text at any width: only the plotted area is stretched, by a nested `svg` whose
+//! lines keep their width; labels are placed by percentages around it.
+
+mod axis;
+mod base64;
+mod cameras;
+mod color;
+mod data;
+mod escape;
+mod figures;
+mod page;
+mod pictures;
+mod plot;
+mod segments;
+mod timeline;
+
+pub use data::{
+    Cameras, Change, Chart, Clip, Crop, Curve, Curves, Moment, Outcome, Report, Segment, Shake, ShotVerdict,
+};
+pub use page::page;
+pub use pictures::{Picture, View};
