@@ -121,3 +121,38 @@ impl std::fmt::Display for TrialFigures {
         if *folds > 0 { write!(f, ", {folds} folds") } else { Ok(()) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOWER: TrialFigures =
+        TrialFigures { crop: 0.9, shake_px: 2.0, acceleration_px: 0.2, wobble_px: 0.2, anisotropy: 0.99, folds: 0 };
+
+    #[test]
+    fn a_freer_tier_passes_where_it_is_as_good_and_where_it_trades_one_for_another() {
+        assert!(LOWER.is_no_worse_than(&LOWER));
+        assert!(TrialFigures { shake_px: 1.5, wobble_px: 0.25, ..LOWER }.is_no_worse_than(&LOWER));
+    }
+
+    #[test]
+    fn a_freer_tier_is_given_up_where_it_is_worse_in_any_way_that_shows() {
+        for worse in [
+            TrialFigures { folds: 1, ..LOWER },
+            TrialFigures { anisotropy: 0.9, ..LOWER },
+            TrialFigures { crop: 0.85, ..LOWER },
+            TrialFigures { shake_px: 3.0, ..LOWER },
+            TrialFigures { acceleration_px: 0.3, ..LOWER },
+            TrialFigures { wobble_px: 0.3, ..LOWER },
+            TrialFigures { wobble_px: f64::NAN, ..LOWER },
+        ] {
+            assert!(!worse.is_no_worse_than(&LOWER), "{worse}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_seen_does_not_decide() {
+        let still = TrialFigures { shake_px: 1e-6, acceleration_px: 1e-6, wobble_px: 1e-6, ..LOWER };
+        assert!(TrialFigures { wobble_px: 1e-4, ..still }.is_no_worse_than(&still));
+    }
+}

@@ -191,3 +191,58 @@ fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
     let singular = a.singular_values();
     if singular[0] > 0.0 { singular[1] / singular[0] } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PICTURE: Grid = Grid { cols: 32, rows: 18, width: 640.0, height: 360.0 };
+
+    /// Points all over the picture, each moved by `by`.
+    fn points(by: impl Fn(Point2) -> Vec2) -> Vec<(u32, Point2)> {
+        let at = |k: u32| Point2::new(20.0 + 30.0 * f64::from(k % 21), 15.0 + 30.0 * f64::from(k / 21));
+        (0..252).map(|k| (k, at(k) + by(at(k)))).collect()
+    }
+
+    /// Acceleration and wobble of three frames in which points move by `by(t, p)`.
+    fn second(by: impl Fn(f64, Point2) -> Vec2) -> (f64, f64) {
+        let mut seen = Seen::new(PICTURE);
+        seen.push(points(|p| by(0.0, p)));
+        seen.push(points(|p| by(1.0, p)));
+        seen.push(points(|p| by(2.0, p))).1.expect("all points seen three times")
+    }
+
+    #[test]
+    fn even_motion_neither_accelerates_nor_wobbles() {
+        let (acceleration, wobble) = second(|t, p| Vec2::new(3.0, -1.0) * t + 0.01 * t * p.coords);
+        assert!(acceleration < 1e-9 && wobble < 1e-9);
+    }
+
+    #[test]
+    fn what_all_points_do_is_acceleration_and_what_a_corner_does_is_wobble() {
+        let (acceleration, wobble) = second(|t, _| Vec2::new(0.5 * t * t, 0.0));
+        assert!((acceleration - 1.0).abs() < 1e-9 && wobble < 1e-9);
+        let corner = |p: Point2| if p.x < 160.0 && p.y < 120.0 { 1.0 } else { 0.0 };
+        let (acceleration, wobble) = second(|t, p| Vec2::new(0.5 * t * t * corner(p), 0.0));
+        assert!(acceleration < 1e-9 && wobble > 0.2, "{wobble}");
+    }
+
+    #[test]
+    fn noise_of_single_tracks_is_no_wobble() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let noise: Vec<f64> = (0..800).map(|_| random.f64() - 0.5).collect();
+        let at = |t: f64, p: Point2| noise[(t * 252.0 + (p.x + 7.0 * p.y)) as usize % noise.len()];
+        let (_, wobble) = second(|t, p| Vec2::new(at(t, p), 0.0));
+        let alone = 6.0_f64.sqrt() / 12.0_f64.sqrt();
+        assert!(wobble < 0.7 * alone, "{wobble} of {alone}");
+    }
+
+    #[test]
+    fn the_anisotropy_of_a_map_is_the_ratio_of_its_singular_values() {
+        let mut squeezed = PICTURE.to_mesh();
+        squeezed.vertices.iter_mut().for_each(|v| v.y *= 0.9);
+        assert!((anisotropy(&Forward::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
+        let turned = crate::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
+        assert!((anisotropy(&Forward::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
+    }
+}
