@@ -6,7 +6,8 @@
 //! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
 
 use super::absolute_pose::absolute_pose;
-use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, residuals};
+use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
+use super::sample::Sample;
 use super::three_point::Sighting;
 use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
@@ -51,15 +52,17 @@ pub(super) struct Last {
     pub(super) rolling: bool,
     /// Cameras turn only.
     pub(super) turning: bool,
+    /// The uncertainty of the focal length is asked for.
+    pub(super) uncertainty: bool,
     pub(super) iterations: usize,
     pub(super) tolerance: f64,
 }
 
 impl Last {
     /// Enough to tell wrong points from right ones.
-    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, iterations: 8, tolerance: 1e-3 };
+    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
     /// To the end: a step that gains less stays within the uncertainty of what it moves.
-    pub(super) const FINE: Self = Self { rolling: false, turning: false, iterations: 40, tolerance: 1e-5 };
+    pub(super) const FINE: Self = Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 1e-5 };
 }
 
 /// A map that grows.
@@ -274,17 +277,31 @@ impl<'a> Mapper<'a> {
         adjust(&mut self.scene, &self.observations, &options).ok()
     }
 
-    /// Adjusts a complete map, lens included, from near its best: to convergence.
-    pub(super) fn finish(&mut self, last: Last) -> Option<BundleReport> {
+    /// Sightings of the map's points, some `per_frame` in each frame, with the scene they belong to.
+    pub(super) fn sample(&self, per_frame: usize) -> Sample {
+        Sample::of(self.table, &self.scene, per_frame)
+    }
+
+    /// Adjusts a sample of a complete map, lens included, from near its best.
+    pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Option<BundleReport> {
         let options = BundleOptions {
             fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
             turning: last.turning,
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
             readout: if last.rolling { Freedom::Free } else { Freedom::Fixed },
+            uncertainty: last.uncertainty,
             ..BundleOptions::default()
         };
-        adjust(&mut self.scene, &self.observations, &options).ok()
+        adjust(&mut sample.scene, &sample.observations, &options).ok()
+    }
+
+    /// Takes the cameras of an adjusted sample and places all points among them.
+    pub(super) fn take_cameras(&mut self, sample: Sample) {
+        self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
+        let fit = RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(8, 1e-3) };
+        // A failure leaves the points where they were: those that no longer fit are discarded by their residuals.
+        let _ = refine_points(&mut self.scene, &self.observations, &fit);
     }
 
     /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.

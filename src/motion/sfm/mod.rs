@@ -20,6 +20,7 @@ mod polynomial;
 mod reconstruct;
 mod rotation_averaging;
 mod rotation_fit;
+mod sample;
 mod sampson;
 mod scene;
 pub mod synthetic;
