@@ -3,6 +3,7 @@
 mod absolute_pose;
 pub mod bundle;
 mod correspondence;
+mod epipolar;
 mod essential;
 mod essential_pose;
 mod figures;
