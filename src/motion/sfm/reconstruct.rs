@@ -9,7 +9,7 @@
 use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures, median};
 use super::keyframes::keyframes;
-use super::mapper::{LEAST_INLIERS, Last, LensPrior, Mapper};
+use super::mapper::{GROWN, LEAST_INLIERS, Last, LensPrior, Mapper};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
 use super::verdict::{LEAST_ANGLE, SfmVerdict, judged};
@@ -195,7 +195,7 @@ fn planar(
             continue;
         }
         let lost = keys.len() - mapper.extend();
-        let cost = mapper.adjust_all(false).map_or(f64::INFINITY, |r| r.median_px) + lost as f64;
+        let cost = mapper.adjust_all(false, GROWN).map_or(f64::INFINITY, |r| r.median_px) + lost as f64;
         if best.as_ref().is_none_or(|(c, _)| cost < *c) {
             best = Some((cost, mapper));
         }
