@@ -71,7 +71,7 @@ impl Last {
         Self { rolling: false, turning: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
     /// To the end: a step that gains less stays within the uncertainty of what it moves.
     pub(super) const FINE: Self =
-        Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 1e-5 };
+        Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
 }
 
 /// A map that grows.

@@ -195,6 +195,7 @@ impl Sums<'_> {
         anchor: Option<(usize, &SMatrix<f64, 3, POSE>)>,
     ) {
         let layout = self.layout;
+        let anchor = anchor.map(|(slot, k)| (slot, at.ray * k));
         let poses = || at.poses().iter().filter_map(|(frame, j)| Some((layout.slot[*frame]?, j)));
         for (n, (slot, j)) in poses().enumerate() {
             self.add_gradient(slot, &j.tr_mul(&at.residual));
@@ -204,8 +205,8 @@ impl Sums<'_> {
             for (other, j_other) in poses().take(n) {
                 self.add_pair(slot, other, &j.tr_mul(j_other));
             }
-            if let Some((anchor, k)) = anchor {
-                self.add_pair(slot, anchor, &(j.tr_mul(&at.ray) * k));
+            if let Some((anchor, j_anchor)) = &anchor {
+                self.add_pair(slot, *anchor, &j.tr_mul(j_anchor));
             }
         }
     }
