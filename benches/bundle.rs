@@ -20,6 +20,7 @@ fn options(readout: Freedom) -> BundleOptions {
         focal: Freedom::Free,
         k1: Freedom::Near { value: 0.0, sigma: 0.1 },
         readout,
+        uncertainty: false,
         ..BundleOptions::default()
     }
 }

@@ -21,6 +21,7 @@ use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::SparseError;
+use super::wide_registers::clear_upper_halves;
 
 /// Columns eliminated at once: wide enough for the dense kernels, narrow against the bands of some hundred met here.
 const BLOCK: usize = 48;
@@ -74,6 +75,14 @@ impl BandedMatrix {
         self.band.copy_from_slice(&other.band);
         self.rows.copy_from_slice(&other.rows);
         self.corner.copy_from_slice(&other.corner);
+    }
+
+    /// Adds another matrix of the same shape.
+    pub fn add(&mut self, other: &Self) {
+        let sum = |into: &mut [f64], from: &[f64]| into.iter_mut().zip(from).for_each(|(a, b)| *a += b);
+        sum(&mut self.band, &other.band);
+        sum(&mut self.rows, &other.rows);
+        sum(&mut self.corner, &other.corner);
     }
 
     /// Column `j` of `A` from its diagonal downwards: `bandwidth + 1` entries, those past the last row unused.
@@ -136,6 +145,7 @@ impl BandedMatrix {
             let corner = MatMut::from_column_major_slice_mut(&mut self.corner, self.border, self.border);
             subtract_lower(corner, v_border);
         }
+        clear_upper_halves();
     }
 
     /// Replaces the matrix by its factor `L`, `M = L Lᵀ`.
@@ -143,6 +153,12 @@ impl BandedMatrix {
     /// # Errors
     /// [`SparseError::Pivot`] where the matrix is not positive definite or not finite; the entries are then of no use.
     pub fn factor(&mut self) -> Result<(), SparseError> {
+        let result = self.factor_blocks();
+        clear_upper_halves();
+        result
+    }
+
+    fn factor_blocks(&mut self) -> Result<(), SparseError> {
         let scratch = cholesky_in_place_scratch::<f64>(BLOCK.max(self.border), Par::Seq, faer::Spec::default());
         let mut memory = MemBuffer::new(scratch);
         let mut diagonal = vec![0.0; BLOCK * BLOCK];
@@ -319,6 +335,18 @@ mod tests {
         (0..3).for_each(|j| {
             (j..3).for_each(|i| assert!((*banded.corner_mut(i, j) - dense[(200 + i, 200 + j)]).abs() < 1e-13));
         });
+    }
+
+    #[test]
+    fn a_sum_of_matrices_solves_as_the_sum_of_the_dense_ones() {
+        let ((mut banded, dense), (other, other_dense)) = (sample(130, 40, 2, 1), sample(130, 40, 2, 2));
+        banded.add(&other);
+        let b = DVector::from_element(132, 1.0);
+        let expected = (dense + other_dense).lu().solve(&b).expect("regular");
+        let mut x: Vec<f64> = b.iter().copied().collect();
+        banded.factor().expect("positive definite");
+        banded.solve_in_place(&mut x);
+        assert!((DVector::from_vec(x) - expected).amax() < 1e-12);
     }
 
     #[test]

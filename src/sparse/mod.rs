@@ -22,6 +22,7 @@ mod matrix;
 mod ordering;
 mod pattern;
 mod scalar;
+mod wide_registers;
 
 pub use banded::BandedMatrix;
 pub use cholesky::Cholesky;

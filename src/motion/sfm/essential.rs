@@ -6,13 +6,10 @@
 use nalgebra::{Matrix3, Rotation3, SVector, UnitQuaternion};
 
 use super::correspondence::Correspondence;
+use super::epipolar::{Epipolar, EpipolarFamily};
 use super::five_point::five_point;
 use super::sampson::{self, Chart};
 use crate::camera::{CameraPose, Vec3};
-use crate::optim::ransac::Consensus;
-
-/// Steps of one refit inside the search: it starts near and repeats.
-const REFIT_STEPS: usize = 4;
 
 /// A pose with a unit translation, and the coordinates `(ω, a, b)` around it: `t` moves along two tangents of the sphere.
 #[derive(Clone, Copy, Debug)]
@@ -101,34 +98,17 @@ pub fn refine_relative_pose(start: &CameraPose, pairs: &[Correspondence], weight
 }
 
 /// Correspondences in normalized image coordinates explained by essential matrices.
-pub(super) struct ByEssential<'a>(pub(super) &'a [Correspondence]);
+pub(super) type ByEssential<'a> = Epipolar<'a, EssentialChart, 5>;
 
-impl Consensus for ByEssential<'_> {
-    type Model = Matrix3<f64>;
+impl EpipolarFamily<5> for EssentialChart {
+    const SAMPLE: usize = 5;
 
-    fn len(&self) -> usize {
-        self.0.len()
+    fn fit_minimal(sample: &[Correspondence], models: &mut Vec<Matrix3<f64>>) {
+        five_point(&std::array::from_fn(|k| sample[k]), models);
     }
 
-    fn sample_size(&self) -> usize {
-        5
-    }
-
-    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Matrix3<f64>>) {
-        five_point(&std::array::from_fn(|k| self.0[sample[k]]), models);
-    }
-
-    fn fit_weighted(&self, weights: &[f64], start: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-        let chart = EssentialChart::of_matrix(start)?;
-        Some(sampson::refined(chart, self.0, weights, REFIT_STEPS).matrix())
-    }
-
-    fn squared_residual(&self, model: &Matrix3<f64>, i: usize) -> f64 {
-        sampson::squared_distance(model, &self.0[i])
-    }
-
-    fn group(&self, i: usize) -> u32 {
-        i as u32
+    fn of_matrix(e: &Matrix3<f64>) -> Option<Self> {
+        Self::of_matrix(e)
     }
 }
 
@@ -166,7 +146,7 @@ mod tests {
             let views = TwoViews::general(pose, 200, &mut rng);
             let clean = views.correspondences.clone();
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
-            let data = ByEssential(&views.correspondences);
+            let data = ByEssential::of(&views.correspondences);
             let found = msac(&data, &[1.0; 200], &SEARCH, None, &mut rng).expect("a pose exists");
             let (estimate, _) = pose_of_essential(&found.model, &views.correspondences, &[true; 200]).expect("a pose");
             // What the noise of the 120 inliers allows, to first order.

@@ -109,7 +109,7 @@ fn fundamental(pair: &[Correspondence], unit: f64, options: &FocalOptions) -> Op
     let scaled: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / unit)).collect();
     let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / unit, 1000);
-    let found = msac(&ByFundamental(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng)?;
+    let found = msac(&ByFundamental::of(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng)?;
     let k = Matrix3::from_diagonal(&Vec3::new(1.0 / unit, 1.0 / unit, 1.0));
     Some(Solution { model: k * found.model * k, ..found })
 }
@@ -123,7 +123,7 @@ fn essential(
     let rays: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / focal)).collect();
     let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / focal, max_samples);
-    msac(&ByEssential(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng)
+    msac(&ByEssential::of(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng)
 }
 
 fn search_settings(threshold: f64, max_samples: usize) -> MsacOptions {

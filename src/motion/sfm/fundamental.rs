@@ -11,15 +11,12 @@
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 use super::correspondence::{Correspondence, matrix_of_rows};
+use super::epipolar::{Epipolar, EpipolarFamily};
 use super::null_space::null_space;
 use super::polynomial::real_roots;
-use super::sampson::{self, Chart};
+use super::sampson::Chart;
 use crate::camera::Vec3;
 use crate::math::Vec2;
-use crate::optim::ransac::Consensus;
-
-/// Steps of one refit inside the search: it starts near and repeats.
-const REFIT_STEPS: usize = 4;
 
 /// All fundamental matrices of unit norm through seven pairs, pushed to `solutions`: one to three, none where the seven
 /// depend on each other. Any affine image coordinates.
@@ -119,40 +116,24 @@ impl Chart<7> for FundamentalChart {
 }
 
 /// Correspondences in any affine image coordinates, of size about 1, explained by fundamental matrices.
-pub(super) struct ByFundamental<'a>(pub(super) &'a [Correspondence]);
+pub(super) type ByFundamental<'a> = Epipolar<'a, FundamentalChart, 7>;
 
-impl Consensus for ByFundamental<'_> {
-    type Model = Matrix3<f64>;
+impl EpipolarFamily<7> for FundamentalChart {
+    const SAMPLE: usize = 7;
 
-    fn len(&self) -> usize {
-        self.0.len()
+    fn fit_minimal(sample: &[Correspondence], models: &mut Vec<Matrix3<f64>>) {
+        seven_point(&std::array::from_fn(|k| sample[k]), models);
     }
 
-    fn sample_size(&self) -> usize {
-        7
-    }
-
-    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Matrix3<f64>>) {
-        seven_point(&std::array::from_fn(|k| self.0[sample[k]]), models);
-    }
-
-    fn fit_weighted(&self, weights: &[f64], start: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-        let chart = FundamentalChart::of_matrix(start)?;
-        Some(sampson::refined(chart, self.0, weights, REFIT_STEPS).matrix())
-    }
-
-    fn squared_residual(&self, model: &Matrix3<f64>, i: usize) -> f64 {
-        sampson::squared_distance(model, &self.0[i])
-    }
-
-    fn group(&self, i: usize) -> u32 {
-        i as u32
+    fn of_matrix(f: &Matrix3<f64>) -> Option<Self> {
+        Self::of_matrix(f)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::sfm::sampson;
     use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
     use crate::optim::ransac::{MsacOptions, msac};
 
@@ -204,7 +185,7 @@ mod tests {
             let views = TwoViews::general(random_pose(&mut rng, 0.2, 1.0), 200, &mut rng);
             let clean = views.correspondences.clone();
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
-            let data = ByFundamental(&views.correspondences);
+            let data = ByFundamental::of(&views.correspondences);
             let found = msac(&data, &[1.0; 200], &options, None, &mut rng).expect("a matrix exists");
             let mean = clean.iter().map(|c| sampson::squared_distance(&found.model, c)).sum::<f64>() / 200.0;
             assert!(mean.sqrt() * 576.0 < 0.3, "seed {seed}: {} px from the noise-free pairs", mean.sqrt() * 576.0);

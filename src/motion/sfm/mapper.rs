@@ -6,7 +6,8 @@
 //! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
 
 use super::absolute_pose::absolute_pose;
-use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, residuals};
+use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
+use super::sample::Sample;
 use super::three_point::Sighting;
 use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
@@ -26,6 +27,8 @@ const GROWTH: f64 = 1.34;
 pub(super) const LEAST_INLIERS: usize = 20;
 /// Share of them among the known points that a frame sees, at least.
 const LEAST_SUPPORT: f64 = 0.4;
+/// Share from which on the pose near the predicted one is taken without a search: no other one has as much.
+const CLEAR_SUPPORT: f64 = 0.8;
 /// Reprojection error of a wrong sighting, px at 640 px across.
 pub(super) const WRONG_PX: f64 = 3.0;
 /// Standard deviation of a sighting in x and in y, px at 640 px across.
@@ -34,6 +37,11 @@ const SIGMA_PX: f64 = 0.5;
 const MOST_WRONG: f64 = 0.3;
 /// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
 const FARTHEST: f64 = 1e-3;
+
+/// Share of the cost by which a step must lower it to be followed by another while the map grows: what is left is found again.
+const GROWING: f64 = 1e-3;
+/// The same when it is complete.
+pub(super) const GROWN: f64 = 1e-4;
 
 /// What is known of the lens beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,15 +59,19 @@ pub(super) struct Last {
     pub(super) rolling: bool,
     /// Cameras turn only.
     pub(super) turning: bool,
+    /// The uncertainty of the focal length is asked for.
+    pub(super) uncertainty: bool,
     pub(super) iterations: usize,
     pub(super) tolerance: f64,
 }
 
 impl Last {
     /// Enough to tell wrong points from right ones.
-    pub(super) const ROUGH: Self = Self { rolling: false, turning: false, iterations: 8, tolerance: 1e-3 };
+    pub(super) const ROUGH: Self =
+        Self { rolling: false, turning: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
     /// To the end: a step that gains less stays within the uncertainty of what it moves.
-    pub(super) const FINE: Self = Self { rolling: false, turning: false, iterations: 40, tolerance: 1e-5 };
+    pub(super) const FINE: Self =
+        Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
 }
 
 /// A map that grows.
@@ -104,7 +116,7 @@ impl<'a> Mapper<'a> {
         self.scene.poses[first] = Some(CameraPose::identity());
         self.scene.poses[second] = Some(second_from_first);
         self.triangulate_new();
-        self.adjust_all(false).is_some() && self.known_points() >= LEAST_INLIERS
+        self.adjust_all(false, GROWING).is_some() && self.known_points() >= LEAST_INLIERS
     }
 
     /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
@@ -128,14 +140,14 @@ impl<'a> Mapper<'a> {
             self.triangulate_new();
             let count = known.len() + 1;
             if count as f64 >= GROWTH * adjusted as f64 {
-                self.adjust_all(count >= FREED);
+                self.adjust_all(count >= FREED, GROWING);
                 self.discard_wrong();
                 adjusted = count;
             } else {
                 self.adjust_around(frame);
             }
         }
-        self.adjust_all(self.registered().len() >= FREED);
+        self.adjust_all(self.registered().len() >= FREED, GROWN);
         self.discard_wrong();
         self.registered().len()
     }
@@ -173,7 +185,11 @@ impl<'a> Mapper<'a> {
         let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
         let mut rng = fastrand::Rng::with_seed(frame as u64);
         let weights = vec![1.0; sightings.len()];
-        let found = absolute_pose(&sightings, &weights, &options, self.predicted(frame), &mut rng);
+        let predicted = self.predicted(frame);
+        let near = MsacOptions { max_samples: 0, ..options };
+        let found = absolute_pose(&sightings, &weights, &near, predicted, &mut rng)
+            .filter(|s| s.support >= CLEAR_SUPPORT)
+            .or_else(|| absolute_pose(&sightings, &weights, &options, predicted, &mut rng));
         let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return false };
         if found.support * (sightings.len() as f64) < LEAST_INLIERS as f64 {
             return false;
@@ -258,14 +274,15 @@ impl<'a> Mapper<'a> {
         }
         let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
         let held = rest.iter().map(|&f| f as u32).collect();
-        let options = BundleOptions { held, fit: self.fit(10, 1e-4), ..BundleOptions::default() };
+        let options = BundleOptions { held, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
         // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
         let _ = adjust(&mut self.scene, &near, &options);
     }
 
     /// Adjusts everything; with `lens` also focal length and distortion.
-    pub(super) fn adjust_all(&mut self, lens: bool) -> Option<BundleReport> {
-        let mut options = BundleOptions { fit: self.fit(30, 1e-5), ..BundleOptions::default() };
+    pub(super) fn adjust_all(&mut self, lens: bool, tolerance: f64) -> Option<BundleReport> {
+        let mut options =
+            BundleOptions { fit: self.fit(30, tolerance), uncertainty: false, ..BundleOptions::default() };
         if lens {
             let (value, sigma) = (self.start.focal, self.lens.sigma_ln_focal);
             options.focal = Freedom::Near { value, sigma };
@@ -274,17 +291,38 @@ impl<'a> Mapper<'a> {
         adjust(&mut self.scene, &self.observations, &options).ok()
     }
 
-    /// Adjusts a complete map, lens included, from near its best: to convergence.
-    pub(super) fn finish(&mut self, last: Last) -> Option<BundleReport> {
+    /// Sightings of the map's points, some `per_frame` in each frame, with the scene they belong to.
+    pub(super) fn sample(&self, per_frame: usize) -> Sample {
+        Sample::of(self.table, &self.scene, per_frame)
+    }
+
+    /// Adjusts a sample of a complete map, lens included, from near its best; its points are placed first, each alone: pieces
+    /// have never been.
+    pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Option<BundleReport> {
+        refine_points(&mut sample.scene, &sample.observations, &self.placing()).ok()?;
         let options = BundleOptions {
             fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
             turning: last.turning,
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
             readout: if last.rolling { Freedom::Free } else { Freedom::Fixed },
+            uncertainty: last.uncertainty,
             ..BundleOptions::default()
         };
-        adjust(&mut self.scene, &self.observations, &options).ok()
+        adjust(&mut sample.scene, &sample.observations, &options).ok()
+    }
+
+    /// Takes the cameras of an adjusted sample and places all points among them.
+    pub(super) fn take_cameras(&mut self, sample: Sample) {
+        self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
+        let fit = self.placing();
+        // A failure leaves the points where they were: those that no longer fit are discarded by their residuals.
+        let _ = refine_points(&mut self.scene, &self.observations, &fit);
+    }
+
+    /// How points are placed among given cameras.
+    fn placing(&self) -> RobustFit {
+        RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(8, 1e-3) }
     }
 
     /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.

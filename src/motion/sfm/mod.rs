@@ -3,6 +3,7 @@
 mod absolute_pose;
 pub mod bundle;
 mod correspondence;
+mod epipolar;
 mod essential;
 mod essential_pose;
 mod figures;
@@ -20,6 +21,7 @@ mod polynomial;
 mod reconstruct;
 mod rotation_averaging;
 mod rotation_fit;
+mod sample;
 mod sampson;
 mod scene;
 pub mod synthetic;

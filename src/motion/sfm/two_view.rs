@@ -163,8 +163,8 @@ impl Fits {
         let homography = search(&ByPlane(pairs), options, 500);
         let turn = best_turn(homography.as_ref(), pairs, options);
         Self {
-            essential: search(&ByEssential(pairs), options, 500),
-            fundamental: search(&ByFundamental(pairs), options, 1000),
+            essential: search(&ByEssential::of(pairs), options, 500),
+            fundamental: search(&ByFundamental::of(pairs), options, 1000),
             homography,
             turn,
         }

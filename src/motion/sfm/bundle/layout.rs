@@ -10,6 +10,10 @@ use crate::motion::sfm::{Observation, Scene};
 /// Unknowns of a pose.
 pub(super) const POSE: usize = 6;
 
+/// Parts of the tracks that are summed up side by side. Each has a reduced system of its own, as large as the whole one: with
+/// four of them the time to clear and to add them is a third of that to sum them up.
+const PARTS: usize = 2;
+
 /// Where a point was seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
@@ -115,6 +119,21 @@ impl Layout {
     /// Poses that one point can couple, at most.
     pub(super) fn longest(&self) -> usize {
         self.tracks.iter().map(|t| t.slots.len()).max().unwrap_or(0)
+    }
+
+    /// Ranges of consecutive tracks with about equal numbers of sights, none empty. How many there are depends on the problem
+    /// alone, so that sums over them do too.
+    pub(super) fn parts(&self) -> Vec<std::ops::Range<usize>> {
+        let mut parts = Vec::with_capacity(PARTS);
+        let (mut start, mut count) = (0, 0);
+        for (index, track) in self.tracks.iter().enumerate() {
+            count += track.sights.len();
+            if count * PARTS >= (parts.len() + 1) * self.sights.len() {
+                parts.push(start..index + 1);
+                start = index + 1;
+            }
+        }
+        parts
     }
 
     /// The scene as a point of the space that is searched.

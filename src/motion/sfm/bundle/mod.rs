@@ -65,8 +65,8 @@ pub struct BundleReport {
     pub rms_px: f64,
     /// Median length of residuals, px.
     pub median_px: f64,
-    /// Standard deviation of `ln f`, from the noise that the residuals show; `None` where the focal length is fixed or nothing
-    /// determines it.
+    /// Standard deviation of `ln f`, from the noise that the residuals show; `None` where it was not asked
+    /// for, where the focal length is fixed, and where nothing determines it.
     pub sigma_ln_focal: Option<f64>,
 }
 
@@ -102,7 +102,7 @@ pub fn adjust(
     let (iterations, initial_cost, last) = report.expect("there is a loss: it was checked");
     layout.store(&problem.present, scene);
     let residuals = Residuals::of(&mut problem, options);
-    let sigma_ln_focal = shared_free[0].then(|| problem.variance_of_ln_focal()).flatten();
+    let sigma_ln_focal = (options.uncertainty && shared_free[0]).then(|| problem.variance_of_ln_focal()).flatten();
     Ok(BundleReport {
         iterations,
         initial_cost,

@@ -9,6 +9,7 @@
 //! Jacobian to the ray and `K = [[p]×, −w I]` one matrix per point, so that sums over `G` are enough.
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SMatrixView, Vector3, Vector6};
+use rayon::prelude::*;
 
 use super::cameras::Cameras;
 use super::judgment::Judgment;
@@ -40,6 +41,28 @@ pub(super) struct Normal {
     /// Rows of `W`: per point, for its slots, `POSE · slots × 3`, column by column.
     pub(super) w: Vec<f64>,
     pub(super) points: Vec<PointBlock>,
+    parts: Vec<Part>,
+}
+
+/// What the tracks of one part add to `A` and `b`.
+#[derive(Clone, Debug)]
+struct Part {
+    tracks: std::ops::Range<usize>,
+    a: BandedMatrix,
+    b: Vec<f64>,
+}
+
+/// A part and its points, to be summed up.
+struct Sums<'a> {
+    layout: &'a Layout,
+    a: &'a mut BandedMatrix,
+    b: &'a mut [f64],
+    /// Rows of `W` of its points, from `first_w` of all on.
+    w: &'a mut [f64],
+    first_w: usize,
+    /// Its points, from `first` of all on.
+    points: &'a mut [PointBlock],
+    first: usize,
 }
 
 /// Sums over the observations of one point that the anchor's pose needs.
@@ -62,12 +85,11 @@ impl Normal {
         });
         let points = points.collect();
         let bandwidth = (POSE * layout.longest()).saturating_sub(1);
-        Self {
-            a: BandedMatrix::zeros(POSE * layout.free, bandwidth, SHARED),
-            b: vec![0.0; layout.unknowns()],
-            w: vec![0.0; start],
-            points,
-        }
+        let a = BandedMatrix::zeros(POSE * layout.free, bandwidth, SHARED);
+        let b = vec![0.0; layout.unknowns()];
+        let part = |tracks| Part { tracks, a: a.clone(), b: b.clone() };
+        let parts = layout.parts().into_iter().map(part).collect();
+        Self { a, b, w: vec![0.0; start], points, parts }
     }
 
     /// Sums up all observations.
@@ -78,24 +100,59 @@ impl Normal {
         parameters: &Parameters,
         judgment: &Judgment,
     ) {
+        let (mut w, mut points, mut first_w) = (self.w.as_mut_slice(), self.points.as_mut_slice(), 0);
+        let sums = self.parts.iter_mut().map(|part| {
+            let end = points.get(part.tracks.len()).map_or(first_w + w.len(), |next| next.start);
+            let (own_w, own) = (w.split_off_mut(..end - first_w), points.split_off_mut(..part.tracks.len()));
+            let (w, points) = own_w.zip(own).expect("the parts cover the tracks once");
+            let sums = Sums { layout, a: &mut part.a, b: &mut part.b, w, first_w, points, first: part.tracks.start };
+            first_w = end;
+            sums
+        });
+        let sums: Vec<Sums<'_>> = sums.collect();
+        sums.into_par_iter().for_each(|mut sums| sums.assemble(cameras, parameters, judgment));
+        self.a.clear();
+        self.b.fill(0.0);
+        for part in &self.parts {
+            self.a.add(&part.a);
+            self.b.iter_mut().zip(&part.b).for_each(|(sum, b)| *sum += b);
+        }
+    }
+
+    /// `Wᵀ δ` of one point.
+    pub(super) fn coupled(&self, index: usize, track: &Track, delta: &[f64]) -> Vec3 {
+        let (rows, block) = (POSE * track.slots.len(), &self.points[index]);
+        let (poses, shared) = delta.split_at(delta.len() - SHARED);
+        let own = &poses[POSE * track.slots.start..][..rows];
+        let column = |q: usize| &self.w[block.start + q * rows..][..rows];
+        let dot = |q: usize| column(q).iter().zip(own).map(|(w, d)| w * d).sum::<f64>();
+        let shared = SMatrixView::<f64, SHARED, 1>::from_slice(shared);
+        Vector3::new(dot(0), dot(1), dot(2)) + block.shared.tr_mul(&shared)
+    }
+}
+
+impl Sums<'_> {
+    fn assemble(&mut self, cameras: &Cameras, parameters: &Parameters, judgment: &Judgment) {
         self.a.clear();
         self.b.fill(0.0);
         self.w.fill(0.0);
-        let mut scratch = Linearized::zero();
-        for (index, track) in layout.tracks.iter().enumerate() {
-            let point = cameras.anchored(&parameters.points[index], track.anchor);
-            self.add_point(index, (layout, track), (cameras, &point), judgment, &mut scratch);
+        let (layout, mut scratch) = (self.layout, Linearized::zero());
+        for own in 0..self.points.len() {
+            let (track, ray) = (&layout.tracks[self.first + own], &parameters.points[self.first + own]);
+            let point = cameras.anchored(ray, track.anchor);
+            self.add_point(own, track, (cameras, &point), judgment, &mut scratch);
         }
     }
 
     fn add_point(
         &mut self,
         index: usize,
-        (layout, track): (&Layout, &Track),
+        track: &Track,
         (cameras, point): (&Cameras, &Anchored),
         judgment: &Judgment,
         scratch: &mut Linearized,
     ) {
+        let layout = self.layout;
         let anchor = layout.slot[track.anchor];
         let mut sums = AnchorSums::new(point);
         let block = &mut self.points[index];
@@ -110,34 +167,35 @@ impl Normal {
             block.c += scratch.point.tr_mul(&scratch.point);
             block.g += scratch.point.tr_mul(&scratch.residual);
             block.shared += scratch.shared.tr_mul(&scratch.point);
-            self.add_shared(layout, scratch);
+            self.add_shared(scratch);
             if cameras.is_own_ray(sight.frame, track.anchor) {
                 continue;
             }
             sums.add(scratch);
-            self.add_poses(layout, track, index, scratch, anchor.map(|slot| (slot, &sums.k)));
+            self.add_poses(track, index, scratch, anchor.map(|slot| (slot, &sums.k)));
         }
         if let Some(slot) = anchor {
             self.add_anchor(slot, track, index, &sums);
         }
     }
 
-    fn add_shared(&mut self, layout: &Layout, at: &Linearized) {
+    fn add_shared(&mut self, at: &Linearized) {
         let (square, gradient) = (at.shared.tr_mul(&at.shared), at.shared.tr_mul(&at.residual));
         for j in 0..SHARED {
             (j..SHARED).for_each(|i| *self.a.corner_mut(i, j) += square[(i, j)]);
-            self.b[POSE * layout.free + j] += gradient[j];
+            self.b[POSE * self.layout.free + j] += gradient[j];
         }
     }
 
     fn add_poses(
         &mut self,
-        layout: &Layout,
         track: &Track,
         index: usize,
         at: &Linearized,
         anchor: Option<(usize, &SMatrix<f64, 3, POSE>)>,
     ) {
+        let layout = self.layout;
+        let anchor = anchor.map(|(slot, k)| (slot, at.ray * k));
         let poses = || at.poses().iter().filter_map(|(frame, j)| Some((layout.slot[*frame]?, j)));
         for (n, (slot, j)) in poses().enumerate() {
             self.add_gradient(slot, &j.tr_mul(&at.residual));
@@ -147,8 +205,8 @@ impl Normal {
             for (other, j_other) in poses().take(n) {
                 self.add_pair(slot, other, &j.tr_mul(j_other));
             }
-            if let Some((anchor, k)) = anchor {
-                self.add_pair(slot, anchor, &(j.tr_mul(&at.ray) * k));
+            if let Some((anchor, j_anchor)) = &anchor {
+                self.add_pair(slot, *anchor, &j.tr_mul(j_anchor));
             }
         }
     }
@@ -197,22 +255,11 @@ impl Normal {
 
     fn add_coupling(&mut self, track: &Track, index: usize, slot: usize, m: &Matrix6x3<f64>) {
         let rows = POSE * track.slots.len();
-        let first = self.points[index].start + POSE * (slot - track.slots.start);
+        let first = self.points[index].start - self.first_w + POSE * (slot - track.slots.start);
         for q in 0..3 {
             let entries = &mut self.w[first + q * rows..][..POSE];
             entries.iter_mut().zip(m.column(q).iter()).for_each(|(w, m)| *w += m);
         }
-    }
-
-    /// `Wᵀ δ` of one point.
-    pub(super) fn coupled(&self, index: usize, track: &Track, delta: &[f64]) -> Vec3 {
-        let (rows, block) = (POSE * track.slots.len(), &self.points[index]);
-        let (poses, shared) = delta.split_at(delta.len() - SHARED);
-        let own = &poses[POSE * track.slots.start..][..rows];
-        let column = |q: usize| &self.w[block.start + q * rows..][..rows];
-        let dot = |q: usize| column(q).iter().zip(own).map(|(w, d)| w * d).sum::<f64>();
-        let shared = SMatrixView::<f64, SHARED, 1>::from_slice(shared);
-        Vector3::new(dot(0), dot(1), dot(2)) + block.shared.tr_mul(&shared)
     }
 }
 

@@ -78,6 +78,8 @@ pub struct BundleOptions {
     pub k1: Freedom,
     /// The readout time, frame periods.
     pub readout: Freedom,
+    /// Whether the uncertainty of the focal length is wanted; it costs as much as a step.
+    pub uncertainty: bool,
 }
 
 impl Default for BundleOptions {
@@ -90,6 +92,7 @@ impl Default for BundleOptions {
             focal: Freedom::Fixed,
             k1: Freedom::Fixed,
             readout: Freedom::Fixed,
+            uncertainty: true,
         }
     }
 }

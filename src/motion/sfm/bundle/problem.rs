@@ -1,11 +1,13 @@
 //! The adjustment as a damped problem: present and trial parameters, priors, cost.
 
+use rayon::prelude::*;
+
 use super::cameras::Cameras;
 use super::judgment::Judgment;
 use super::layout::{Layout, POSE, Track};
 use super::normal::Normal;
 use super::options::{BundleOptions, Freedom};
-use super::parameters::{LN_FOCAL, Parameters, SHARED};
+use super::parameters::{LN_FOCAL, Parameters, Ray, SHARED};
 use super::rescue::{self, is_suspicious};
 use super::schur::Reduced;
 use super::structure::PointProblem;
@@ -98,23 +100,21 @@ impl<'a> Adjustment<'a> {
         }
     }
 
-    /// What a track costs at the trial point. One that the joint step has made much worse is searched anew on its own, among
+    /// Where the point of a track is tried, and what it costs there. One that the joint step has made much worse is searched anew on its own, among
     /// the cameras as tried: a linear step carries points near a camera too far, and one such point is not to veto the step.
-    fn settle(&mut self, index: usize) -> f64 {
+    fn settled(&self, index: usize, stepped: Ray) -> (Ray, f64) {
         let track = &self.layout.tracks[index];
         let sights = &self.layout.sights[track.sights.clone()];
-        let (stepped, stay) = (self.trial.points[index], self.present.points[index]);
+        let stay = self.present.points[index];
         let problem = |start| {
             PointProblem::new(&self.cameras, (track.anchor, sights), (self.judgment, self.beyond[index]), start)
         };
         let cost = problem(stepped).cost(&stepped);
         if !(cost > 2.0 * self.costs[index] + sights.len() as f64) {
-            return cost;
+            return (stepped, cost);
         }
         let start = if problem(stay).cost(&stay) < cost { stay } else { stepped };
-        let (ray, cost) = problem(start).search(&SETTLING);
-        self.trial.points[index] = ray;
-        cost
+        problem(start).search(&SETTLING)
     }
 
     /// Searches anew the points whose observations are met by no means, cameras as they are.
@@ -170,9 +170,10 @@ impl DampedProblem for Adjustment<'_> {
 
     fn trial_cost(&mut self) -> f64 {
         self.cameras.place(&self.trial, self.layout);
-        for index in 0..self.layout.tracks.len() {
-            self.trial_costs[index] = self.settle(index);
-        }
+        let (mut points, mut costs) = (std::mem::take(&mut self.trial.points), std::mem::take(&mut self.trial_costs));
+        let each = points.par_iter_mut().zip(&mut costs).enumerate();
+        each.with_min_len(64).for_each(|(index, (ray, cost))| (*ray, *cost) = self.settled(index, *ray));
+        (self.trial.points, self.trial_costs) = (points, costs);
         self.trial_costs.iter().sum::<f64>() + self.prior_cost()
     }
 

@@ -4,9 +4,11 @@
 //! C + λ D = L Lᵀ,   V = W L⁻ᵀ,   z = L⁻¹ g,      S = A + λ D − V Vᵀ,   S δ_c = −b + V z,   δ_p = −L⁻ᵀ(z + L⁻¹ Wᵀ δ_c)
 //! ```
 //!
-//! `V Vᵀ` is summed over points of about the same frames at once, as a product of dense matrices.
+//! `V Vᵀ` is summed over points of about the same frames at once, as a product of dense matrices, and side by side over the parts
+//! of the tracks.
 
 use nalgebra::{Cholesky, Const, Matrix3};
+use rayon::prelude::*;
 
 use super::layout::{Layout, POSE};
 use super::normal::Normal;
@@ -33,12 +35,25 @@ pub(super) struct Reduced {
     pub(super) delta: Vec<f64>,
     /// Steps of points.
     pub(super) points: Vec<Vec3>,
-    factors: Vec<Option<Cholesky<f64, Const<3>>>>,
+    factors: Vec<Option<Factor>>,
+    gains: Vec<f64>,
+    parts: Vec<Part>,
+    /// Floors of the diagonals: turns, shifts, shared unknowns one by one, ray, inverse depth.
+    floors: Floors,
+}
+
+type Factor = Cholesky<f64, Const<3>>;
+
+/// What the points of one part take from the system.
+#[derive(Clone, Debug)]
+struct Part {
+    /// `−V Vᵀ`.
+    system: BandedMatrix,
+    /// `V z`.
+    delta: Vec<f64>,
     v: Vec<f64>,
     v_border: Vec<f64>,
     batches: Vec<Batch>,
-    /// Floors of the diagonals: turns, shifts, shared unknowns one by one, ray, inverse depth.
-    floors: Floors,
 }
 
 #[derive(Clone, Debug)]
@@ -57,18 +72,13 @@ struct Floors {
 
 impl Reduced {
     pub(super) fn new(layout: &Layout, normal: &Normal) -> Self {
-        let batches = batches(layout);
-        let columns = |b: &Batch| 3 * b.tracks.len();
-        let v = batches.iter().map(|b| POSE * b.slots.len() * columns(b)).max().unwrap_or(0);
-        let v_border = batches.iter().map(|b| SHARED * columns(b)).max().unwrap_or(0);
         Self {
             system: normal.a.clone(),
             delta: vec![0.0; layout.unknowns()],
             points: vec![Vec3::zeros(); layout.tracks.len()],
             factors: vec![None; layout.tracks.len()],
-            v: vec![0.0; v],
-            v_border: vec![0.0; v_border],
-            batches,
+            gains: vec![0.0; layout.tracks.len()],
+            parts: layout.parts().into_iter().map(|tracks| Part::new(layout, tracks, &normal.a)).collect(),
             floors: Floors::default(),
         }
     }
@@ -78,20 +88,20 @@ impl Reduced {
         self.reduce(layout, normal, lambda);
         self.system.factor()?;
         self.system.solve_in_place(&mut self.delta);
-        let mut gain = 0.0;
-        for (k, (&step, &b)) in self.delta.iter().zip(&normal.b).enumerate() {
-            gain += step * (lambda * self.scale(layout, normal, k) * step - b);
-        }
-        for (index, track) in layout.tracks.iter().enumerate() {
+        let (floors, factors, delta) = (self.floors, &self.factors, &self.delta);
+        let points = self.points.par_iter_mut().zip(&mut self.gains).enumerate();
+        points.with_min_len(256).for_each(|(index, (step, gain))| {
             let block = &normal.points[index];
-            self.points[index] = match &self.factors[index] {
-                Some(factor) => -factor.solve(&(block.g + normal.coupled(index, track, &self.delta))),
+            *step = match &factors[index] {
+                Some(factor) => -factor.solve(&(block.g + normal.coupled(index, &layout.tracks[index], delta))),
                 None => Vec3::zeros(),
             };
-            let step = &self.points[index];
-            gain += step.dot(&(lambda * self.point_scale(&block.c).component_mul(step) - block.g));
-        }
-        Ok(0.5 * gain)
+            *gain = step.dot(&(lambda * floors.of_point(&block.c).component_mul(step) - block.g));
+        });
+        let of_pose =
+            |(k, (step, b)): (usize, (&f64, &f64))| step * (lambda * self.scale(layout, normal, k) * step - b);
+        let by_poses: f64 = self.delta.iter().zip(&normal.b).enumerate().map(of_pose).sum();
+        Ok(0.5 * (by_poses + self.gains.iter().sum::<f64>()))
     }
 
     /// Variance of `ln f`, of the system all but undamped; `None` where nothing determines it.
@@ -112,9 +122,16 @@ impl Reduced {
             *self.system.diagonal_mut(k) += lambda * self.scale(layout, normal, k);
         }
         self.delta.iter_mut().zip(&normal.b).for_each(|(d, b)| *d = -b);
-        for index in 0..self.batches.len() {
-            let batch = self.batches[index].clone();
-            self.eliminate(&batch, layout, normal, lambda);
+        let (floors, mut factors) = (self.floors, self.factors.as_mut_slice());
+        let jobs = self.parts.iter_mut().map(|part| {
+            let own = factors.split_off_mut(..part.tracks().len()).expect("the parts cover the tracks once");
+            (part, own)
+        });
+        let jobs: Vec<(&mut Part, &mut [Option<Factor>])> = jobs.collect();
+        jobs.into_par_iter().for_each(|(part, factors)| part.eliminate(factors, layout, normal, (lambda, floors)));
+        for part in &self.parts {
+            self.system.add(&part.system);
+            self.delta.iter_mut().zip(&part.delta).for_each(|(sum, d)| *sum += d);
         }
         for &unknown in &layout.held {
             self.system.isolate(unknown);
@@ -122,16 +139,60 @@ impl Reduced {
         }
     }
 
+    /// Entry of `D` of an unknown of the reduced system.
+    fn scale(&self, layout: &Layout, normal: &Normal, k: usize) -> f64 {
+        let floor = match k {
+            _ if k >= POSE * layout.free => f64::MIN_POSITIVE,
+            _ if k % POSE < 3 => self.floors.turn,
+            _ => self.floors.shift,
+        };
+        normal.a.diagonal(k).max(floor)
+    }
+}
+
+impl Part {
+    fn new(layout: &Layout, tracks: std::ops::Range<usize>, like: &BandedMatrix) -> Self {
+        let batches = batches(layout, tracks);
+        let columns = |b: &Batch| 3 * b.tracks.len();
+        let v = batches.iter().map(|b| POSE * b.slots.len() * columns(b)).max().unwrap_or(0);
+        let v_border = batches.iter().map(|b| SHARED * columns(b)).max().unwrap_or(0);
+        let delta = vec![0.0; layout.unknowns()];
+        Self { system: like.clone(), delta, v: vec![0.0; v], v_border: vec![0.0; v_border], batches }
+    }
+
+    fn tracks(&self) -> std::ops::Range<usize> {
+        let end = |b: Option<&Batch>, of: fn(&Batch) -> usize| b.map_or(0, of);
+        end(self.batches.first(), |b| b.tracks.start)..end(self.batches.last(), |b| b.tracks.end)
+    }
+
+    fn eliminate(&mut self, factors: &mut [Option<Factor>], layout: &Layout, normal: &Normal, damping: (f64, Floors)) {
+        self.system.clear();
+        self.delta.fill(0.0);
+        let first = self.tracks().start;
+        for index in 0..self.batches.len() {
+            let batch = self.batches[index].clone();
+            let factors = &mut factors[batch.tracks.start - first..batch.tracks.end - first];
+            self.eliminate_batch(&batch, factors, layout, normal, damping);
+        }
+    }
+
     /// Takes a batch of points out of the system.
-    fn eliminate(&mut self, batch: &Batch, layout: &Layout, normal: &Normal, lambda: f64) {
+    fn eliminate_batch(
+        &mut self,
+        batch: &Batch,
+        factors: &mut [Option<Factor>],
+        layout: &Layout,
+        normal: &Normal,
+        (lambda, floors): (f64, Floors),
+    ) {
         let (rows, rank) = (POSE * batch.slots.len(), 3 * batch.tracks.len());
         self.v[..rows * rank].fill(0.0);
         self.v_border[..SHARED * rank].fill(0.0);
         for (n, index) in batch.tracks.clone().enumerate() {
             let block = &normal.points[index];
-            let damped = block.c + Matrix3::from_diagonal(&(lambda * self.point_scale(&block.c)));
-            self.factors[index] = Cholesky::new(damped).filter(|f| sound(f, &damped));
-            let Some(factor) = &self.factors[index] else { continue };
+            let damped = block.c + Matrix3::from_diagonal(&(lambda * floors.of_point(&block.c)));
+            factors[n] = Cholesky::new(damped).filter(|f| sound(f, &damped));
+            let Some(factor) = &factors[n] else { continue };
             let l = factor.l_dirty();
             let track = &layout.tracks[index];
             let own = POSE * track.slots.len();
@@ -156,20 +217,6 @@ impl Reduced {
         let first = POSE * batch.slots.start;
         self.system.subtract_outer(first, (rows, rank), &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
     }
-
-    /// Entry of `D` of an unknown of the reduced system.
-    fn scale(&self, layout: &Layout, normal: &Normal, k: usize) -> f64 {
-        let floor = match k {
-            _ if k >= POSE * layout.free => f64::MIN_POSITIVE,
-            _ if k % POSE < 3 => self.floors.turn,
-            _ => self.floors.shift,
-        };
-        normal.a.diagonal(k).max(floor)
-    }
-
-    fn point_scale(&self, c: &Matrix3<f64>) -> Vec3 {
-        c.diagonal().sup(&Vec3::new(self.floors.ray, self.floors.ray, self.floors.depth))
-    }
 }
 
 impl Floors {
@@ -183,14 +230,19 @@ impl Floors {
         let point = |k: usize| floor(normal.points.iter().map(|p| p.c[(k, k)]).fold(0.0, f64::max));
         Self { turn: pose(0), shift: pose(3), ray: point(0).max(point(1)), depth: point(2) }
     }
+
+    /// Entries of `D` of the unknowns of a point.
+    fn of_point(&self, c: &Matrix3<f64>) -> Vec3 {
+        c.diagonal().sup(&Vec3::new(self.ray, self.ray, self.depth))
+    }
 }
 
 /// Consecutive tracks whose union of slots is little more than the longest of them.
-fn batches(layout: &Layout) -> Vec<Batch> {
+fn batches(layout: &Layout, tracks: std::ops::Range<usize>) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let mut longest = 0;
-    for (index, track) in layout.tracks.iter().enumerate() {
-        let own = &track.slots;
+    for index in tracks {
+        let own = &layout.tracks[index].slots;
         if let Some(batch) = batches.last_mut() {
             let union = batch.slots.start.min(own.start)..batch.slots.end.max(own.end);
             let fits = union.len() as f64 <= SLACK * longest.max(own.len()) as f64 && union.len() <= layout.longest();
