@@ -12,11 +12,11 @@ use super::keyframes::keyframes;
 use super::mapper::{LEAST_INLIERS, Last, LensPrior, Mapper};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
-use super::verdict::{LEAST_ANGLE, SfmVerdict, judged};
+use super::verdict::{LEAST_ANGLE, SfmVerdict, foretells, judged};
 use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
-use crate::camera::Intrinsics;
+use crate::camera::{CameraPose, Intrinsics};
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
@@ -37,6 +37,9 @@ const LEAST_READOUT: f64 = 0.05;
 const MOST_READOUT: f64 = 1.2;
 /// Points per frame (median) below which nothing is tried.
 const FEWEST_POINTS: usize = 40;
+/// Residuals of turns over those with depths made up, RMS, up to which a camera is taken to have turned only: a depth and a
+/// translation too many take up a third of the noise of short tracks.
+const MOST_TURNING_LOSS: f64 = 1.5;
 /// Seeds tried before a map is given up.
 const SEEDS: usize = 3;
 
@@ -74,7 +77,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
     let keys = keyframes(table, &guess);
     let edges = view_graph(table, &keys, &guess, sigma.exp());
     let found = match Kind::of(&edges) {
-        Kind::General => general(table, options, &keys, &edges, guess),
+        Kind::General => with_depth(table, options, &keys, &edges, guess),
         Kind::Planar => planar(table, options, &keys, &edges, guess),
         Kind::Rotation => rotation_only(table, options, &keys, &edges, guess),
         Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
@@ -127,7 +130,25 @@ fn is_seed(edge: &Edge) -> bool {
         && edge.inliers() >= 2 * LEAST_INLIERS
 }
 
-/// A map of a scene with depth.
+/// A map of a scene with depth; where the depth foretells nothing and turns explain the tracks about as well, those.
+fn with_depth(
+    table: &TrackTable,
+    options: &SfmOptions,
+    keys: &[usize],
+    edges: &[Edge],
+    guess: Intrinsics,
+) -> Reconstruction {
+    let found = general(table, options, keys, edges, guess);
+    if found.verdict != SfmVerdict::Failed || foretells(&found.figures) {
+        return found;
+    }
+    let turning = rotation_only(table, options, keys, edges, guess);
+    let nothing_else = found.figures.points == 0;
+    let as_well = nothing_else || turning.figures.rms_px <= MOST_TURNING_LOSS * found.figures.rms_px;
+    if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found }
+}
+
+/// A map of a scene with depth, whatever that is worth.
 fn general(
     table: &TrackTable,
     options: &SfmOptions,
@@ -149,25 +170,35 @@ fn general(
     let edges = view_graph(table, keys, &camera, lens.sigma_ln_focal.exp());
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| is_seed(e)).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let start = Mapper::new(table, keys, camera, lens);
-    let mut best: Option<(usize, Mapper<'_>)> = None;
-    for seed in seeds.into_iter().take(SEEDS) {
-        let mut mapper = start.clone();
-        if !mapper.seed(seed.first, seed.second, seed.view.poses[0]) {
+    let starts = seeds.into_iter().take(SEEDS).map(|seed| (seed, seed.view.poses[0]));
+    match grown(&Mapper::new(table, keys, camera, lens), starts, |_| 0.0) {
+        Some(mapper) => finished(table, mapper, options, SfmVerdict::ThreeD),
+        None => nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned()),
+    }
+}
+
+/// The map that loses fewest keyframes, `cost` added, of those that grow from the `starts`.
+fn grown<'a, 'e>(
+    empty: &Mapper<'a>,
+    starts: impl Iterator<Item = (&'e Edge, CameraPose)>,
+    cost: impl Fn(&mut Mapper<'a>) -> f64,
+) -> Option<Mapper<'a>> {
+    let mut best: Option<(f64, Mapper<'a>)> = None;
+    for (seed, pose) in starts {
+        let mut mapper = empty.clone();
+        if !mapper.seed(seed.first, seed.second, pose) {
             continue;
         }
-        let known = mapper.extend();
-        if best.as_ref().is_none_or(|(n, _)| known > *n) {
-            best = Some((known, mapper));
+        let lost = mapper.keyframes() - mapper.extend();
+        let cost = lost as f64 + cost(&mut mapper);
+        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            best = Some((cost, mapper));
         }
-        if known == keys.len() {
+        if cost == 0.0 {
             break;
         }
     }
-    match best {
-        Some((_, mapper)) => finished(table, mapper, options, SfmVerdict::ThreeD),
-        None => nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned()),
-    }
+    best.map(|(_, mapper)| mapper)
 }
 
 /// A map of a plane, from the best of the poses that its homographies allow.
@@ -182,21 +213,10 @@ fn planar(
     let lens = LensPrior { sigma_ln_focal: sigma, sigma_k1: 0.1 * SIGMA_K1 };
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::Planar).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let start = Mapper::new(table, keys, guess, lens);
-    let mut best: Option<(f64, Mapper<'_>)> = None;
-    for (seed, pose) in seeds.iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p))) {
-        let mut mapper = start.clone();
-        if !mapper.seed(seed.first, seed.second, pose) {
-            continue;
-        }
-        let lost = keys.len() - mapper.extend();
-        let cost = mapper.adjust_all(false).map_or(f64::INFINITY, |r| r.median_px) + lost as f64;
-        if best.as_ref().is_none_or(|(c, _)| cost < *c) {
-            best = Some((cost, mapper));
-        }
-    }
-    match best {
-        Some((_, mapper)) => finished(table, mapper, options, SfmVerdict::Planar),
+    let starts = seeds.into_iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
+    let miss = |mapper: &mut Mapper<'_>| mapper.adjust_all(false).map_or(f64::INFINITY, |r| r.median_px);
+    match grown(&Mapper::new(table, keys, guess, lens), starts, miss) {
+        Some(mapper) => finished(table, mapper, options, SfmVerdict::Planar),
         None => {
             nothing(table, guess, SfmVerdict::Failed, "no pose explains the plane that the points move as".to_owned())
         }
