@@ -2,7 +2,8 @@
 //!
 //! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what the pairs say:
 //!
-//! - depth between them: a map grown from the best pair ([`super::mapper`]), completed with all frames;
+//! - depth between them: a map grown from the best pair ([`super::mapper`]), or, where it loses keyframes or turns away from
+//!   what the pairs say, all keyframes placed at once ([`super::rescue`]); completed with all frames;
 //! - one plane: the same, from the poses that the plane allows, the better of them kept;
 //! - no parallax: rotations only, points at infinity, no translation made up.
 
@@ -10,6 +11,7 @@ use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures, median};
 use super::keyframes::keyframes;
 use super::mapper::{LEAST_INLIERS, Last, LensPrior, Mapper};
+use super::rescue::{agrees, averaged, place_all};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
 use super::verdict::{LEAST_ANGLE, SfmVerdict, foretells, judged};
@@ -171,10 +173,29 @@ fn general(
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| is_seed(e)).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
     let starts = seeds.into_iter().take(SEEDS).map(|seed| (seed, seed.view.poses[0]));
-    match grown(&Mapper::new(table, keys, camera, lens), starts, |_| 0.0) {
-        Some(mapper) => finished(table, mapper, options, SfmVerdict::ThreeD),
-        None => nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned()),
+    let empty = Mapper::new(table, keys, camera, lens);
+    let mapper = grown(&empty, starts, |_| 0.0);
+    let averaged = averaged(keys, &edges);
+    let whole = mapper.as_ref().is_some_and(|m| m.registered().len() == keys.len() && agrees(m, keys, &averaged));
+    let found = mapper.map(|m| finished(table, m, options, SfmVerdict::ThreeD));
+    if whole {
+        return found.expect("a map was found");
     }
+    let mut all = empty.clone();
+    let rescued =
+        place_all(table, &mut all, keys, &averaged).then(|| finished(table, all, options, SfmVerdict::ThreeD));
+    match (found, rescued) {
+        (Some(found), Some(rescued)) => better(found, rescued),
+        (found, rescued) => found.or(rescued).unwrap_or_else(|| {
+            nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned())
+        }),
+    }
+}
+
+/// Of two maps the one that is believed, of more frames, of smaller residuals.
+fn better(a: Reconstruction, b: Reconstruction) -> Reconstruction {
+    let worth = |r: &Reconstruction| (r.verdict.has_cameras(), r.figures.registered, -r.figures.rms_px);
+    if worth(&b) > worth(&a) { b } else { a }
 }
 
 /// The map that loses fewest keyframes, `cost` added, of those that grow from the `starts`.
