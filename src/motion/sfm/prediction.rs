@@ -32,6 +32,8 @@ const PAIRS: usize = 24;
 const LONGEST: usize = 40;
 /// Share of the tracks of the first frame that the second one must still see.
 const SURVIVORS: f64 = 0.4;
+/// Neighbors on either side that a frame of a pair has, to tell how it moves during the readout.
+const AROUND: usize = 2;
 /// Frames up to the first one of the pair that a held-out track must have been seen in.
 const LEAST_KNOWN: usize = 8;
 /// Inverse depth, in the unit of the scene, below which a point serves as if it were that far.
@@ -53,10 +55,9 @@ pub(super) struct Prediction {
 /// Foretells held-out sightings of a shot; nothing where too few tracks live long enough.
 pub(super) fn predict(table: &TrackTable, scene: &Scene) -> Prediction {
     let frames = table.frames();
-    let mut starts: Vec<usize> = (0..PAIRS)
-        .map(|k| LEAST_KNOWN + k * frames.saturating_sub(LEAST_KNOWN) / PAIRS)
-        .filter(|s| *s < frames)
-        .collect();
+    let last = frames.saturating_sub(AROUND + 1);
+    let start = |k: usize| LEAST_KNOWN + k * last.saturating_sub(LEAST_KNOWN) / PAIRS;
+    let mut starts: Vec<usize> = (0..PAIRS).map(start).filter(|s| s + 2 <= last).collect();
     starts.dedup();
     let judged: Vec<Sums> = starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.judged(scene)).collect();
     let total = judged.into_iter().fold(Sums::default(), |a, b| Sums {
@@ -91,7 +92,7 @@ impl<'a> Pair<'a> {
     fn from(table: &'a TrackTable, scene: &Scene, first: usize) -> Option<Self> {
         let seen = table.in_frame(first).len() as f64;
         let enough = |shared: &Vec<Match>| shared.len() as f64 >= SURVIVORS * seen;
-        let last = (first + LONGEST).min(table.frames().checked_sub(1)?);
+        let last = (first + LONGEST).min(table.frames().checked_sub(AROUND + 1)?);
         let (second, shared) =
             (first + 2..=last).rev().map(|t| (t, table.shared(first, t))).find(|(_, shared)| enough(shared))?;
         let (fit, held_out): (Vec<_>, Vec<_>) = shared.into_iter().partition(|m| m.point % 2 == 0);

@@ -58,7 +58,8 @@ impl Segment {
 
     /// Leaves out the frames outside `frames`; what then is too short, or knows no camera, is unknown.
     pub(super) fn clip(&mut self, frames: Range<usize>, shortest: usize) {
-        let kept = self.frames.start.max(frames.start)..self.frames.end.min(frames.end).max(frames.start);
+        let within = |f: usize| f.clamp(self.frames.start, self.frames.end);
+        let kept = within(frames.start)..within(frames.end);
         let inside = |f: usize| f - self.frames.start;
         if self.verdict.has_cameras() && kept.len() < shortest {
             let reason = format!("{} frames are too few for cameras of their own", kept.len());

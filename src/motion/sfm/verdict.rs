@@ -18,6 +18,9 @@ const LEAST_FORETOLD: usize = 100;
 /// Parallax, in RMS residuals, median over points, from which on depth is believed where too little was foretold: a tenth of
 /// its depth is then known of a point seen twice.
 const LEAST_PARALLAX: f64 = 10.0;
+/// The same, from which on depths that foretell no better than homographies are those of a plane: made-up ones reached 9, planes
+/// 300.
+const PLANE_PARALLAX: f64 = 30.0;
 /// Share of frames that must have a camera.
 const LEAST_REGISTERED: f64 = 0.7;
 /// RMS reprojection, px at 640 px across, beyond which cameras are not believed.
@@ -63,6 +66,11 @@ pub(super) fn foretells(f: &SfmFigures) -> bool {
     f.foretold_px <= MOST_FORETOLD * f.flat_px
 }
 
+/// Whether a camera moved before a plane: homographies foretell as well, under angles that nobody makes up.
+fn is_plane(f: &SfmFigures) -> bool {
+    f.foretold >= LEAST_FORETOLD && !foretells(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
+}
+
 fn no_depth(f: &SfmFigures) -> String {
     if f.foretold < LEAST_FORETOLD {
         return format!("points are seen under {:.2} degrees only, to {:.2} px", f.angle.to_degrees(), f.rms_px);
@@ -81,7 +89,7 @@ pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px
         failed(format!("points lie {:.1} px beside where the cameras see them", f.rms_px))
     } else if !(f.coverage >= LEAST_COVERAGE) {
         failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
-    } else if verdict == SfmVerdict::ThreeD && !foretells(f) {
+    } else if verdict == SfmVerdict::ThreeD && !foretells(f) && !is_plane(f) {
         failed(no_depth(f))
     } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MOST_SIGMA_LN_FOCAL) {
         failed("the focal length cannot be told".to_owned())
@@ -89,6 +97,7 @@ pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px
         failed(format!("no lens bends as much as the tracks would need, k1 {k1:.2}"))
     } else {
         let angle = f.angle.to_degrees();
+        let verdict = if verdict == SfmVerdict::ThreeD && is_plane(f) { SfmVerdict::Planar } else { verdict };
         (verdict, format!("{} points seen under {angle:.1} degrees, to {:.2} px", f.points, f.reprojection_px))
     }
 }
@@ -125,7 +134,9 @@ mod tests {
     fn depth_counts_by_what_it_foretells_and_not_by_the_angle() {
         assert_eq!(verdict(|_| {}), SfmVerdict::ThreeD);
         assert_eq!(verdict(|f| f.foretold_px = 1.3), SfmVerdict::Failed);
-        assert_eq!(verdict(|f| (f.foretold_px, f.angle) = (1.3, 0.1)), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| (f.foretold_px, f.angle) = (1.3, 0.019)), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| (f.foretold_px, f.angle) = (1.3, 0.021)), SfmVerdict::Planar);
+        assert_eq!(verdict(|f| (f.foretold_px, f.angle, f.rms_px) = (1.3, 0.1, 1.6)), SfmVerdict::Failed);
     }
 
     #[test]

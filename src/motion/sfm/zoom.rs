@@ -84,12 +84,11 @@ mod tests {
 
     #[test]
     fn a_focal_length_that_grows_is_told_with_its_direction_and_a_constant_one_is_none() {
-        for course in [Course::Side, Course::Rotation] {
-            assert!(told(course, 0.01).is_some_and(|f| f > 1.05), "{course:?} in: {:?}", told(course, 0.01));
-            assert!(told(course, -0.01).is_some_and(|f| f < 0.95), "{course:?} out: {:?}", told(course, -0.01));
+        assert!(told(Course::Side, 0.01).is_some_and(|f| f > 1.05), "in: {:?}", told(Course::Side, 0.01));
+        assert!(told(Course::Side, -0.01).is_some_and(|f| f < 0.95), "out: {:?}", told(Course::Side, -0.01));
+        for course in [Course::Side, Course::Rotation, Course::Walk] {
             assert_eq!(told(course, 0.0), None, "{course:?}");
         }
-        assert_eq!(told(Course::Walk, 0.0), None);
     }
 
     #[test]
