@@ -98,8 +98,8 @@ pub(super) fn is_seamless(fit: &Fit, unit_px: f64) -> bool {
 }
 
 /// One segment of two.
-pub(super) fn joined(first: Segment, second: Segment, fit: &Fit) -> Segment {
-    let shared = overlap(&first, &second);
+pub(super) fn joined(first: &Segment, second: &Segment, fit: &Fit) -> Segment {
+    let shared = overlap(first, second);
     let frames = first.frames.start..second.frames.end.max(first.frames.end);
     let moved = |c: FrameCamera| FrameCamera { pose: fit.similarity.camera(&c.pose), ..c };
     let camera = |f: usize| match (first.camera(f), second.camera(f).map(moved)) {
@@ -214,7 +214,7 @@ mod tests {
         let (first, second, whole) = (part(0..40, &here()), part(20..60, &elsewhere()), part(0..60, &here()));
         let fit = fit(&first, &second).expect("twenty frames are shared");
         assert!(fit.residual_px < 1e-8 && is_seamless(&fit, 1.0), "{fit:?}");
-        let joined = joined(first, second, &fit);
+        let joined = joined(&first, &second, &fit);
         assert_eq!((joined.frames.clone(), joined.figures.registered, joined.figures.frames), (0..60, 60, 60));
         for (a, b) in joined.cameras.iter().flatten().zip(whole.cameras.iter().flatten()) {
             assert!(
@@ -236,14 +236,13 @@ mod tests {
         }
         let fit = fit(&first, &second).expect("twenty frames are shared");
         assert!((0.3..2.0).contains(&fit.residual_px), "{fit:?}");
-        let (from, to) = (first.clone(), second.clone());
-        let joined = joined(first, second, &fit);
+        let joined = joined(&first, &second, &fit);
         let off = |f: usize, segment: &Segment, world: &Similarity3| {
             let expected = world.camera(&segment.camera(f).expect("known").pose);
             joined.camera(f).expect("known").pose.rotation.angle_to(&expected.rotation)
         };
-        assert!(off(20, &from, &here()) < 1e-12 && off(39, &to, &fit.similarity) < 1e-12);
-        assert!(off(30, &from, &here()) > 1e-5 && off(30, &to, &fit.similarity) > 1e-5);
+        assert!(off(20, &first, &here()) < 1e-12 && off(39, &second, &fit.similarity) < 1e-12);
+        assert!(off(30, &first, &here()) > 1e-5 && off(30, &second, &fit.similarity) > 1e-5);
     }
 
     #[test]

@@ -30,7 +30,7 @@ const HUBER: f64 = 0.1;
 /// Least `d`, relative to that of a typical point: one seen from behind is let go.
 const LEAST: f64 = 1e-3;
 /// The last steps, in radians of residual.
-const LAST: DampingOptions = DampingOptions { lambda: 1e-4, tolerance: 1e-7, floor: 0.0, max_iterations: 60 };
+const LAST: DampingOptions = DampingOptions { lambda: 1e-4, tolerance: 1e-7, floor: 0.0, max_iterations: 25 };
 
 /// A point seen by a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -204,7 +204,9 @@ mod tests {
     fn table(shot: &Shot) -> TrackTable {
         let mut frames = vec![Vec::new(); shot.truth.poses.len()];
         shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        frames.iter_mut().for_each(|f| f.sort_by_key(|p: &(u32, Point2)| p.0));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
         TrackTable::new(640, 360, frames)
     }
 

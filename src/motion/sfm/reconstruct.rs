@@ -181,9 +181,11 @@ fn general(
     if whole {
         return found.expect("a map was found");
     }
+    // Turning cameras have places too, made up ones, and they take as long to find.
+    let general = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).count();
     let mut all = empty.clone();
-    let rescued =
-        place_all(table, &mut all, keys, &averaged).then(|| finished(table, all, options, SfmVerdict::ThreeD));
+    let rescued = (2 * general >= edges.len() && place_all(table, &mut all, keys, &averaged))
+        .then(|| finished(table, all, options, SfmVerdict::ThreeD));
     match (found, rescued) {
         (Some(found), Some(rescued)) => better(found, rescued),
         (found, rescued) => found.or(rescued).unwrap_or_else(|| {

@@ -92,7 +92,9 @@ mod tests {
         let shot = Shot::new(&options);
         let mut frames = vec![Vec::new(); 60];
         shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        frames.iter_mut().for_each(|f: &mut Vec<(u32, Point2)>| f.sort_by_key(|p| p.0));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
         let table = TrackTable::new(640, 360, frames);
         (shot, table)
     }

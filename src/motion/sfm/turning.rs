@@ -101,7 +101,9 @@ mod tests {
             Shot::new(&ShotOptions { seed: 12, frames: 50, course, noise_px: 0.2, outliers, ..ShotOptions::default() });
         let mut frames = vec![Vec::new(); 50];
         shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        frames.iter_mut().for_each(|f: &mut Vec<(u32, Point2)>| f.sort_by_key(|p| p.0));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
         let table = TrackTable::new(640, 360, frames);
         (shot, table)
     }

@@ -75,7 +75,9 @@ mod tests {
             let factor = (per_frame * f64::from(o.frame)).exp();
             frames[o.frame as usize].push((o.point, center + (o.pixel - center) * factor));
         }
-        frames.iter_mut().for_each(|f: &mut Vec<(u32, Point2)>| f.sort_by_key(|p| p.0));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
         let table = TrackTable::new(640, 360, frames);
         let camera = Intrinsics::centered(576.0, 640, 360);
         let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.2);

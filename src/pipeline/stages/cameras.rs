@@ -19,7 +19,9 @@ pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling_shutter: boo
     };
     for shot in &motion.shots {
         let segments = reconstruct_shot(shot.clone(), table, &options, &Windows::default())?;
-        segments.into_iter().for_each(|segment| cameras.push(segment));
+        for segment in segments {
+            cameras.push(segment);
+        }
     }
     Ok(cameras)
 }
