@@ -3,20 +3,25 @@
 
     cameras.py FOLDER... --tool BIN [--noise PX] [--outliers SHARE] [--global-shutter] [--out DIR]
     cameras.py FOLDER... --plumbline BIN [--global-shutter] [--out DIR]
+    cameras.py FOLDER... --oracle EXAMPLES [--out DIR]
 
 Each FOLDER is one of the clip generator (`make_synthetic_shake.py`): `truth.json`, `observations.json`, `shaky.mp4`.
 --tool is the built example `cameras_from_tracks`, which gets the exact tracks, with Gaussian noise and gross outliers where
 asked. --plumbline is the program itself: it tracks the pictures (`plumbline motion`), and the blocks of its motion file
-are judged; its seconds are those of the whole run, decoding and tracking included.
+are judged; its seconds are those of the whole run, decoding and tracking included. --oracle is the folder of the built
+examples: the tracks of the pictures (`tracks_of_clip`) are given to `cameras_from_tracks` and to pycolmap 4 (view graph
+calibration and global mapper, `colmap.py`), a line each; a FOLDER may then be a clip without truth.
 
 Printed per clip: the verdict; frames with a camera; ATE, the RMS distance of camera centers after the best similarity,
 in mm and in percent of the true path's length; RMS of the rotations after the best common rotation, degrees; the same
-between consecutive frames (rpe); the error of the focal length; mean reprojection error, px; seconds per frame. --out
-saves a picture of both paths per clip.
+between consecutive frames (rpe); the error of the focal length; mean reprojection error, px, of the sightings within 3 px (at
+640 px across), their number, and the cells of the picture (8 x 6 per frame) that hold one; seconds per frame, CPU seconds
+where two are compared. --out saves a picture of both paths per clip.
 """
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -72,6 +77,44 @@ def from_pictures(a, folder):
     lens = next((c for c in inside if c), {"focal": float("nan"), "k1": float("nan")})
     return {"verdict": shot["verdict"], "reason": shot["reason"], "figures": shot["figures"], "seconds": seconds,
             "focal": lens["focal"], "k1": lens["k1"], "readout": float("nan"), "poses": inside}
+
+
+def both(a, folder):
+    """The example and the oracle on the same tracks: `(name, found)` each."""
+    clip = folder / "shaky.mp4" if folder.is_dir() else folder
+    text = output([a.oracle / "tracks_of_clip", clip])
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    ours = json.loads(output([a.oracle / "cameras_from_tracks"], text))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    ours["seconds"] = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    yield "ours", ours
+    import colmap
+    width, height, frames = parsed(text)
+    theirs = colmap.reconstruct(frames, width, height)
+    yield "oracle", as_ours(theirs, width, height)
+
+
+def parsed(text):
+    lines = iter(text.splitlines())
+    width, height = (int(v) for v in next(lines).split()[:2])
+    frames = []
+    for head in lines:
+        rows = (next(lines).split() for _ in range(int(head[2:])))
+        frames.append([(int(i), float(x), float(y)) for i, x, y in rows])
+    return width, height, frames
+
+
+def as_ours(found, width, height):
+    """The oracle's result in the shape of the example's answer, measured alike."""
+    limit = 3 * max(width, height) / 640
+    near = [m for m in found["misses"] if m[3] <= limit]
+    cells = {(f, min(int(x / width * 8), 7), min(int(y / height * 6), 5)) for f, x, y, _ in near}
+    registered = sum(p is not None for p in found["poses"])
+    figures = {"registered": registered, "frames": len(found["poses"]), "observations": len(near),
+               "reprojection_px": sum(m[3] for m in near) / max(len(near), 1),
+               "coverage": len(cells) / 48 / max(registered, 1)}
+    return {"verdict": "-", "reason": "", "figures": figures, "seconds": found["cpu"], "poses": found["poses"],
+            "focal": found.get("focal", float("nan")), "k1": found.get("k1", float("nan")), "readout": float("nan")}
 
 
 def output(command, text=None):
@@ -149,26 +192,42 @@ def main():
     source = p.add_mutually_exclusive_group(required=True)
     source.add_argument("--tool", type=Path, help="example cameras_from_tracks: exact tracks")
     source.add_argument("--plumbline", type=Path, help="the program: its own tracks of shaky.mp4")
+    source.add_argument("--oracle", type=Path, help="folder of the examples: ours and pycolmap on the same tracks")
     p.add_argument("--noise", type=float, default=0.0, help="standard deviation per coordinate, px")
     p.add_argument("--outliers", type=float, default=0.0, help="share of sightings that are nowhere near")
     p.add_argument("--global-shutter", action="store_true", help="look for no readout time")
     p.add_argument("--out", type=Path)
     a = p.parse_args()
-    print(f"{'':14}{'verdict':>14}{'frames':>9}{'ATE mm':>9}{'ATE %':>9}{'rot':>8}{'rpe':>9}{'f %':>8}{'k1':>8}"
-          f"{'readout':>8}{'px':>7}{'s/frame':>9}  reason")
+    print(f"{'':21}{'verdict':>14}{'frames':>9}{'ATE mm':>9}{'ATE %':>9}{'rot':>8}{'rpe':>9}{'f %':>8}{'k1':>8}"
+          f"{'readout':>8}{'px':>7}{'seen':>8}{'cells':>7}{'s/frame':>9}  reason")
     for folder in a.folders:
-        truth = json.loads((folder / "truth.json").read_text())
-        found = from_tracks(a, folder, truth) if a.tool else from_pictures(a, folder)
-        f = found["figures"]
-        line = f"{folder.name:14}{found['verdict']:>14}{f['registered']:>5}/{f['frames']:<3}"
-        if f["registered"]:
-            e, paths = errors(truth, found)
-            line += (f"{e['ate_mm']:9.2f}{e['ate_percent']:9.4f}{e['rot_deg']:8.4f}{e['rpe_deg']:9.5f}"
-                     f"{e['focal_percent']:8.3f}{found['k1']:8.4f}{found['readout']:8.3f}")
-            if a.out:
-                a.out.mkdir(parents=True, exist_ok=True)
-                draw(paths, a.out / f"{folder.name}.png")
-        print(f"{line}{f['reprojection_px']:7.3f}{found['seconds'] / f['frames']:9.4f}  {found['reason']}")
+        truth_file = folder / "truth.json"
+        truth = json.loads(truth_file.read_text()) if truth_file.exists() else None
+        if a.oracle:
+            results = both(a, folder)
+        else:
+            results = [("", from_tracks(a, folder, truth) if a.tool else from_pictures(a, folder))]
+        for name, found in results:
+            print(line(a, f"{folder.stem} {name}".strip(), truth, found), flush=True)
+
+
+def line(a, name, truth, found):
+    """One row of the table; a picture beside it where one is asked for."""
+    f = found["figures"]
+    text = f"{name:21}{found['verdict']:>14}{f['registered']:>5}/{f['frames']:<3}"
+    moving = f["registered"] > 1 and truth
+    if moving:
+        e, paths = errors(truth, found)
+        text += (f"{e['ate_mm']:9.2f}{e['ate_percent']:9.4f}{e['rot_deg']:8.4f}{e['rpe_deg']:9.5f}"
+                 f"{e['focal_percent']:8.3f}{found['k1']:8.4f}{found['readout']:8.3f}")
+        if a.out:
+            a.out.mkdir(parents=True, exist_ok=True)
+            draw(paths, a.out / f"{name.replace(' ', '-')}.png")
+    else:
+        text += " " * 59
+    cells = round(48 * f["coverage"] * f["registered"])
+    return (f"{text}{f['reprojection_px']:7.3f}{f['observations']:8}{cells:7}"
+            f"{found['seconds'] / max(f['frames'], 1):9.4f}  {found['reason']}")
 
 
 if __name__ == "__main__":

@@ -1,18 +1,18 @@
-//! The cameras of a clip, shot by shot: what structure from motion found, and what it is worth.
+//! The cameras of a clip, segment by segment: what structure from motion found, and what it is worth.
 
 use std::ops::Range;
 
-use super::sfm::{Reconstruction, SfmFigures, SfmVerdict, TrackTable};
+use super::sfm::{Segment, SfmFigures, SfmVerdict};
 use crate::camera::{CameraPose, Intrinsics, Point3};
 
 /// Cameras, points and verdicts of a clip.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClipCameras {
-    /// One per frame; `None` where no camera is known. Poses are in the coordinates of their shot.
+    /// One per frame; `None` where no camera is known. Poses are in the coordinates of their segment.
     pub frames: Vec<Option<FrameCamera>>,
-    /// Points of all shots, by shot.
+    /// Points of all segments, by segment.
     pub points: Vec<WorldPoint>,
-    /// One per shot, in order.
+    /// The segments, in order, each a shot or a part of one.
     pub shots: Vec<ShotCameras>,
 }
 
@@ -28,15 +28,15 @@ pub struct FrameCamera {
 /// A still point of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldPoint {
-    /// Index of its shot.
+    /// Index of its segment.
     pub shot: u32,
     /// Identity of its track.
     pub id: u32,
-    /// Where it is, in the coordinates of the shot.
+    /// Where it is, in the coordinates of the segment.
     pub place: Point3,
 }
 
-/// What was found out about the cameras of a shot.
+/// What was found out about the cameras of a shot, or of the part of one whose cameras share coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShotCameras {
     /// Its frames.
@@ -56,26 +56,12 @@ impl ClipCameras {
         self.shots.get(shot).is_some_and(|s| s.verdict == SfmVerdict::RotationOnly)
     }
 
-    /// Adds the next shot, `frames` of the clip, of which nothing is known and why.
-    pub fn push_unknown(&mut self, frames: Range<usize>, reason: String) {
-        self.frames.resize(self.frames.len() + frames.len(), None);
-        let figures = SfmFigures { frames: frames.len(), ..SfmFigures::default() };
-        self.shots.push(ShotCameras { frames, verdict: SfmVerdict::Failed, reason, figures });
-    }
-
-    /// Adds the next shot: `frames` of the clip, reconstructed from `table`.
-    pub fn push(&mut self, frames: Range<usize>, table: &TrackTable, found: Reconstruction) {
+    /// Adds the next segment; segments follow each other without a gap.
+    pub fn push(&mut self, segment: Segment) {
         let shot = self.shots.len() as u32;
-        let scene = &found.scene;
-        let camera = |pose: &Option<CameraPose>| pose.map(|pose| FrameCamera { pose, intrinsics: scene.intrinsics });
-        self.frames.extend(scene.poses.iter().map(camera));
-        let place = |p: u32| {
-            let point = scene.points[p as usize]?;
-            point.in_world(&scene.poses[point.anchor as usize]?)
-        };
-        let world = |p: u32| place(p).map(|place| WorldPoint { shot, id: table.id(p), place });
-        self.points.extend((0..table.points() as u32).filter_map(world));
-        let Reconstruction { verdict, reason, figures, .. } = found;
+        let Segment { frames, cameras, points, verdict, reason, figures } = segment;
+        self.frames.extend(cameras);
+        self.points.extend(points.into_iter().map(|(id, place)| WorldPoint { shot, id, place }));
         self.shots.push(ShotCameras { frames, verdict, reason, figures });
     }
 }
@@ -85,10 +71,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shot_of_which_nothing_is_known_keeps_its_place() {
+    fn a_segment_of_which_nothing_is_known_keeps_its_place() {
         let mut cameras = ClipCameras::default();
-        cameras.push_unknown(0..3, "too long".to_owned());
-        cameras.push_unknown(3..5, "too long".to_owned());
+        for frames in [0..3, 3..5] {
+            cameras.push(Segment::unknown(frames, SfmVerdict::Failed, "dark".to_owned()));
+        }
         assert_eq!((cameras.frames.len(), cameras.frames.iter().flatten().count()), (5, 0));
         assert_eq!((cameras.shots[1].frames.clone(), cameras.shots[1].figures.frames), (3..5, 2));
     }

@@ -1,8 +1,13 @@
 //! Laws of structure from motion as a whole, on shots made up.
 
+use plumbline::camera::CameraPose;
 use plumbline::math::Point2;
 use plumbline::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
-use plumbline::motion::sfm::{Reconstruction, SfmOptions, SfmVerdict, TrackTable, reconstruct};
+use std::ops::Range;
+
+use plumbline::motion::sfm::{
+    Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, Windows, reconstruct, reconstruct_shot,
+};
 
 type Frames = Vec<Vec<(u32, Point2)>>;
 
@@ -182,4 +187,58 @@ fn the_number_of_threads_changes_nothing() {
     let (one, three) = (on(1), on(3));
     assert_eq!(one.scene, three.scene);
     assert_eq!(one.figures, three.figures);
+}
+
+/// Solves a shot in windows; how many frames were held at once at most.
+fn in_windows(frames: &Frames, windows: &Windows) -> (Vec<Segment>, usize) {
+    let mut most = 0;
+    let read = |range: Range<usize>| {
+        most = most.max(range.len());
+        Ok::<_, ()>(TrackTable::new(640, 360, frames[range].to_vec()))
+    };
+    let segments = reconstruct_shot(0..frames.len(), read, &ROLLING, windows).expect("in memory");
+    (segments, most)
+}
+
+fn poses(segments: &[Segment]) -> Vec<Option<CameraPose>> {
+    segments.iter().flat_map(|s| &s.cameras).map(|c| c.map(|c| c.pose)).collect()
+}
+
+#[test]
+fn windows_give_the_cameras_of_one_solve_and_no_jump_where_they_meet() {
+    let shot =
+        Shot::new(&ShotOptions { seed: 34, frames: 130, noise_px: 0.2, outliers: 0.03, ..ShotOptions::default() });
+    let frames = frames_of(&shot);
+    let (whole, _) = in_windows(&frames, &Windows::default());
+    let (parted, most) = in_windows(&frames, &Windows { longest: 80, length: 80, overlap: 30 });
+    assert_eq!((whole.len(), parted.len(), most), (1, 1, 80), "{:?}", parted.iter().map(|s| &s.reason));
+    assert_eq!((parted[0].verdict, parted[0].figures.registered), (SfmVerdict::ThreeD, 130), "{}", parted[0].reason);
+    let (one, two) = (path_error(&poses(&whole), &shot.truth.poses), path_error(&poses(&parted), &shot.truth.poses));
+    assert!(two.position < 0.01 && two.frame_to_frame < 2e-4, "{two:?} beside {one:?}");
+    let apart = path_error(&poses(&parted), &poses(&whole));
+    assert!(apart.position < 0.01 && apart.frame_to_frame < 1e-4, "{apart:?}");
+}
+
+#[test]
+fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_own() {
+    let longer = ShotOptions { seed: 36, course: Course::Side, frames: 55, noise_px: 0.2, ..ShotOptions::default() };
+    let (first, second) = (noisy(35, Course::Walk), Shot::new(&longer));
+    let mut frames = frames_of(&first);
+    frames.truncate(26);
+    frames.extend(frames_of(&second).into_iter().map(|f| f.into_iter().map(|(id, p)| (id + 1_000_000, p)).collect()));
+    frames.extend(vec![Vec::new(); 5]);
+    let (segments, _) = in_windows(&frames, &Windows::default());
+    let told: Vec<_> = segments.iter().map(|s| (s.frames.clone(), s.verdict)).collect();
+    assert!(segments.windows(2).all(|w| w[0].frames.end == w[1].frames.start), "{told:?}");
+    assert_eq!(segments.last().map(|s| s.frames.end), Some(86), "{told:?}");
+    let solved: Vec<&Segment> = segments.iter().filter(|s| s.verdict == SfmVerdict::ThreeD).collect();
+    assert!(solved.iter().any(|s| s.frames.start < 3 && (24..28).contains(&s.frames.end)), "{told:?}");
+    assert!(solved.iter().any(|s| (24..30).contains(&s.frames.start) && s.frames.end > 75), "{told:?}");
+    assert!(solved.iter().all(|s| s.frames.len() >= 25));
+}
+
+#[test]
+fn a_source_that_cannot_be_read_is_told() {
+    let read = |_: Range<usize>| Err("gone");
+    assert_eq!(reconstruct_shot(0..50, read, &ROLLING, &Windows::default()), Err("gone"));
 }

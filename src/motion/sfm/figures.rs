@@ -2,11 +2,18 @@
 
 use super::bundle::residuals;
 use super::mapper::WRONG_PX;
+use super::prediction::predict;
 use super::{Scene, TrackTable};
 use crate::camera::CameraPose;
 
 /// Columns and rows of the cells in which coverage is counted.
 const CELLS: (usize, usize) = (8, 6);
+/// Sightings that a camera must explain.
+const LEAST_RIGHT: usize = 40;
+/// Share of the known points in view that it must explain.
+const LEAST_RIGHT_SHARE: f64 = 0.5;
+/// Share of the cells that must hold one of those.
+const LEAST_CELLS: f64 = 0.35;
 
 /// How good a reconstruction is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -31,11 +38,20 @@ pub struct SfmFigures {
     pub focal: f64,
     /// Standard deviation of its logarithm; `None` where it was not determined.
     pub sigma_ln_focal: Option<f64>,
+    /// Sightings that were foretold from other ones ([`super::prediction`]).
+    #[serde(default)]
+    pub foretold: usize,
+    /// Root mean squared distance of those from where cameras and depth foretold them, px.
+    #[serde(default)]
+    pub foretold_px: f64,
+    /// The same from where homographies foretold them, px.
+    #[serde(default)]
+    pub flat_px: f64,
 }
 
 /// Measures a scene against its tracks.
 pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<f64>) -> SfmFigures {
-    let unit = f64::from(table.width.max(table.height)) / 640.0;
+    let unit = table.unit_px();
     let (mut sum, mut squares, mut observations) = (0.0, 0.0, 0_usize);
     let mut cells = vec![false; table.frames() * CELLS.0 * CELLS.1];
     for miss in residuals(scene, table.observations()).iter().filter(|m| m.px <= WRONG_PX * unit) {
@@ -45,6 +61,7 @@ pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<
     let covered = cells.iter().filter(|c| **c).count() as f64 / (CELLS.0 * CELLS.1) as f64;
     let registered = scene.poses.iter().flatten().count();
     let mut angles: Vec<f64> = (0..table.points()).filter_map(|p| widest_angle(table, scene, p)).collect();
+    let prediction = predict(table, scene);
     SfmFigures {
         registered,
         frames: table.frames(),
@@ -56,6 +73,41 @@ pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<
         coverage: covered / registered.max(1) as f64,
         focal: scene.intrinsics.focal,
         sigma_ln_focal,
+        foretold: prediction.sightings,
+        foretold_px: prediction.space_px,
+        flat_px: prediction.plane_px,
+    }
+}
+
+/// Which frames have a camera that explains them: most of their known points, enough of them, on enough of the picture.
+pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
+    let wrong = WRONG_PX * table.unit_px();
+    let mut frames = vec![Explained::default(); table.frames()];
+    for miss in residuals(scene, table.observations()) {
+        let frame = &mut frames[miss.frame as usize];
+        frame.known += 1;
+        if miss.px <= wrong {
+            frame.right += 1;
+            frame.cells |= 1 << cell(table, miss.pixel.x, miss.pixel.y);
+        }
+    }
+    frames.iter().map(Explained::is_enough).collect()
+}
+
+/// What a camera explains of its frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Explained {
+    known: usize,
+    right: usize,
+    /// One bit per cell of the picture.
+    cells: u64,
+}
+
+impl Explained {
+    fn is_enough(&self) -> bool {
+        self.right >= LEAST_RIGHT
+            && self.right as f64 >= LEAST_RIGHT_SHARE * self.known as f64
+            && f64::from(self.cells.count_ones()) >= LEAST_CELLS * (CELLS.0 * CELLS.1) as f64
     }
 }
 

@@ -160,6 +160,11 @@ impl<'a> Mapper<'a> {
             .find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
     }
 
+    /// Frames that may be registered.
+    pub(super) fn keyframes(&self) -> usize {
+        self.frames.len()
+    }
+
     /// Frames with a pose, ascending.
     pub(super) fn registered(&self) -> Vec<usize> {
         self.frames.iter().copied().filter(|&f| self.scene.poses[f].is_some()).collect()

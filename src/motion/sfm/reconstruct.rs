@@ -2,7 +2,8 @@
 //!
 //! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what the pairs say:
 //!
-//! - depth between them: a map grown from the best pair ([`super::mapper`]), completed with all frames;
+//! - depth between them: a map grown from the best pair ([`super::mapper`]), or, where it loses keyframes or turns away from
+//!   what the pairs say, all keyframes placed at once ([`super::rescue`]); completed with all frames;
 //! - one plane: the same, from the poses that the plane allows, the better of them kept;
 //! - no parallax: rotations only, points at infinity, no translation made up.
 
@@ -10,13 +11,14 @@ use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures, median};
 use super::keyframes::keyframes;
 use super::mapper::{GROWN, LEAST_INLIERS, Last, LensPrior, Mapper};
+use super::rescue::{agrees, averaged, place_all};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
-use super::verdict::{LEAST_ANGLE, SfmVerdict, judged};
+use super::verdict::{LEAST_ANGLE, SfmVerdict, foretells, judged};
 use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
-use crate::camera::Intrinsics;
+use crate::camera::{CameraPose, Intrinsics};
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
@@ -42,6 +44,9 @@ const FEW_SIGHTINGS: usize = 160;
 /// Sightings per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
 /// accurate by 400 than by all thousand, by 240 a quarter.
 const ENOUGH_SIGHTINGS: usize = 400;
+/// Residuals of turns over those with depths made up, RMS, up to which a camera is taken to have turned only: a depth and a
+/// translation too many take up a third of the noise of short tracks.
+const MOST_TURNING_LOSS: f64 = 1.5;
 /// Seeds tried before a map is given up.
 const SEEDS: usize = 3;
 
@@ -79,7 +84,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
     let keys = keyframes(table, &guess);
     let edges = view_graph(table, &keys, &guess, sigma.exp());
     let found = match Kind::of(&edges) {
-        Kind::General => general(table, options, &keys, &edges, guess),
+        Kind::General => with_depth(table, options, &keys, &edges, guess),
         Kind::Planar => planar(table, options, &keys, &edges, guess),
         Kind::Rotation => rotation_only(table, options, &keys, &edges, guess),
         Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
@@ -132,7 +137,25 @@ fn is_seed(edge: &Edge) -> bool {
         && edge.inliers() >= 2 * LEAST_INLIERS
 }
 
-/// A map of a scene with depth.
+/// A map of a scene with depth; where the depth foretells nothing and turns explain the tracks about as well, those.
+fn with_depth(
+    table: &TrackTable,
+    options: &SfmOptions,
+    keys: &[usize],
+    edges: &[Edge],
+    guess: Intrinsics,
+) -> Reconstruction {
+    let found = general(table, options, keys, edges, guess);
+    if found.verdict != SfmVerdict::Failed || foretells(&found.figures) {
+        return found;
+    }
+    let turning = rotation_only(table, options, keys, edges, guess);
+    let nothing_else = found.figures.points == 0;
+    let as_well = nothing_else || turning.figures.rms_px <= MOST_TURNING_LOSS * found.figures.rms_px;
+    if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found }
+}
+
+/// A map of a scene with depth, whatever that is worth.
 fn general(
     table: &TrackTable,
     options: &SfmOptions,
@@ -154,25 +177,56 @@ fn general(
     let edges = view_graph(table, keys, &camera, lens.sigma_ln_focal.exp());
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| is_seed(e)).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let start = Mapper::new(table, keys, camera, lens);
-    let mut best: Option<(usize, Mapper<'_>)> = None;
-    for seed in seeds.into_iter().take(SEEDS) {
-        let mut mapper = start.clone();
-        if !mapper.seed(seed.first, seed.second, seed.view.poses[0]) {
+    let starts = seeds.into_iter().take(SEEDS).map(|seed| (seed, seed.view.poses[0]));
+    let empty = Mapper::new(table, keys, camera, lens);
+    let mapper = grown(&empty, starts, |_| 0.0);
+    let averaged = averaged(keys, &edges);
+    let whole = mapper.as_ref().is_some_and(|m| m.registered().len() == keys.len() && agrees(m, keys, &averaged));
+    let found = mapper.map(|m| finished(table, m, options, SfmVerdict::ThreeD));
+    if whole {
+        return found.expect("a map was found");
+    }
+    // Turning cameras have places too, made up ones, and they take as long to find.
+    let general = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).count();
+    let mut all = empty.clone();
+    let rescued = (2 * general >= edges.len() && place_all(table, &mut all, keys, &averaged))
+        .then(|| finished(table, all, options, SfmVerdict::ThreeD));
+    match (found, rescued) {
+        (Some(found), Some(rescued)) => better(found, rescued),
+        (found, rescued) => found.or(rescued).unwrap_or_else(|| {
+            nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned())
+        }),
+    }
+}
+
+/// Of two maps the one that is believed, of more frames, of smaller residuals.
+fn better(a: Reconstruction, b: Reconstruction) -> Reconstruction {
+    let worth = |r: &Reconstruction| (r.verdict.has_cameras(), r.figures.registered, -r.figures.rms_px);
+    if worth(&b) > worth(&a) { b } else { a }
+}
+
+/// The map that loses fewest keyframes, `cost` added, of those that grow from the `starts`.
+fn grown<'a, 'e>(
+    empty: &Mapper<'a>,
+    starts: impl Iterator<Item = (&'e Edge, CameraPose)>,
+    cost: impl Fn(&mut Mapper<'a>) -> f64,
+) -> Option<Mapper<'a>> {
+    let mut best: Option<(f64, Mapper<'a>)> = None;
+    for (seed, pose) in starts {
+        let mut mapper = empty.clone();
+        if !mapper.seed(seed.first, seed.second, pose) {
             continue;
         }
-        let known = mapper.extend();
-        if best.as_ref().is_none_or(|(n, _)| known > *n) {
-            best = Some((known, mapper));
+        let lost = mapper.keyframes() - mapper.extend();
+        let cost = lost as f64 + cost(&mut mapper);
+        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            best = Some((cost, mapper));
         }
-        if known == keys.len() {
+        if cost == 0.0 {
             break;
         }
     }
-    match best {
-        Some((_, mapper)) => finished(table, mapper, options, SfmVerdict::ThreeD),
-        None => nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned()),
-    }
+    best.map(|(_, mapper)| mapper)
 }
 
 /// A map of a plane, from the best of the poses that its homographies allow.
@@ -187,21 +241,10 @@ fn planar(
     let lens = LensPrior { sigma_ln_focal: sigma, sigma_k1: 0.1 * SIGMA_K1 };
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::Planar).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let start = Mapper::new(table, keys, guess, lens);
-    let mut best: Option<(f64, Mapper<'_>)> = None;
-    for (seed, pose) in seeds.iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p))) {
-        let mut mapper = start.clone();
-        if !mapper.seed(seed.first, seed.second, pose) {
-            continue;
-        }
-        let lost = keys.len() - mapper.extend();
-        let cost = mapper.adjust_all(false, GROWN).map_or(f64::INFINITY, |r| r.median_px) + lost as f64;
-        if best.as_ref().is_none_or(|(c, _)| cost < *c) {
-            best = Some((cost, mapper));
-        }
-    }
-    match best {
-        Some((_, mapper)) => finished(table, mapper, options, SfmVerdict::Planar),
+    let starts = seeds.into_iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
+    let miss = |mapper: &mut Mapper<'_>| mapper.adjust_all(false, GROWN).map_or(f64::INFINITY, |r| r.median_px);
+    match grown(&Mapper::new(table, keys, guess, lens), starts, miss) {
+        Some(mapper) => finished(table, mapper, options, SfmVerdict::Planar),
         None => {
             nothing(table, guess, SfmVerdict::Failed, "no pose explains the plane that the points move as".to_owned())
         }

@@ -98,6 +98,11 @@ impl TrackTable {
         self.frame_starts.len() - 1
     }
 
+    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    pub fn unit_px(&self) -> f64 {
+        f64::from(self.width.max(self.height)) / 640.0
+    }
+
     /// Number of points.
     pub fn points(&self) -> usize {
         self.ids.len()

@@ -85,3 +85,52 @@ pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
         mapper.scene.points[point] = place.filter(|_| !mapper.is_banned(point));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Point2;
+    use crate::motion::sfm::keyframes::keyframes;
+    use crate::motion::sfm::mapper::LensPrior;
+    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
+    use crate::motion::sfm::view_graph::view_graph;
+
+    fn turning(outliers: f64) -> (Shot, TrackTable) {
+        let course = Course::Rotation;
+        let shot =
+            Shot::new(&ShotOptions { seed: 12, frames: 50, course, noise_px: 0.2, outliers, ..ShotOptions::default() });
+        let mut frames = vec![Vec::new(); 50];
+        shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
+        let table = TrackTable::new(640, 360, frames);
+        (shot, table)
+    }
+
+    #[test]
+    fn turns_tell_the_focal_length_whatever_is_assumed() {
+        let (_, table) = turning(0.0);
+        for assumed in [480.0, 576.0, 700.0] {
+            let camera = Intrinsics::centered(assumed, 640, 360);
+            let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.5);
+            let focal = focal_of_turns(&edges, &camera).expect("it turned");
+            assert!((focal / 576.0 - 1.0).abs() < 0.05, "{focal} from {assumed}");
+        }
+        assert_eq!(focal_of_turns(&[], &Intrinsics::centered(576.0, 640, 360)), None);
+    }
+
+    #[test]
+    fn every_frame_is_turned_and_none_is_moved_and_points_lie_at_infinity() {
+        let (shot, table) = turning(0.1);
+        let camera = Intrinsics::centered(576.0, 640, 360);
+        let keys = keyframes(&table, &camera);
+        let edges = view_graph(&table, &keys, &camera, 1.1);
+        let mut mapper = Mapper::new(&table, &keys, camera, LensPrior { sigma_ln_focal: 0.1, sigma_k1: 0.1 });
+        turn_cameras(&table, &mut mapper, &keys, &edges);
+        assert!(mapper.scene.poses.iter().all(|p| p.is_some_and(|p| p.translation == Vec3::zeros())));
+        let error = path_error(&mapper.scene.poses, &shot.truth.poses);
+        assert!(error.rotation < 0.2_f64.to_radians(), "{error:?}");
+        assert!(mapper.scene.points.iter().flatten().all(|p| p.inverse_depth == 0.0));
+    }
+}

@@ -56,3 +56,45 @@ fn vote(edge: &Edge, camera: &Intrinsics) -> f64 {
     let gain = scores[LN_FACTORS.len() / 2] - scores[best];
     if gain > CLEAR_GAIN * edge.matches.len() as f64 { LN_FACTORS[best] } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Point2;
+    use crate::motion::sfm::TrackTable;
+    use crate::motion::sfm::keyframes::keyframes;
+    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
+    use crate::motion::sfm::view_graph::view_graph;
+
+    /// What is said of a made-up shot whose focal length grows by `per_frame`.
+    fn told(course: Course, per_frame: f64) -> Option<f64> {
+        let shot = Shot::new(&ShotOptions { seed: 4, frames: 40, course, noise_px: 0.1, ..ShotOptions::default() });
+        let mut frames = vec![Vec::new(); 40];
+        let center = Point2::new(320.0, 180.0);
+        for o in &shot.observations {
+            let factor = (per_frame * f64::from(o.frame)).exp();
+            frames[o.frame as usize].push((o.point, center + (o.pixel - center) * factor));
+        }
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
+        let table = TrackTable::new(640, 360, frames);
+        let camera = Intrinsics::centered(576.0, 640, 360);
+        let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.2);
+        zoom_between(&edges, &camera)
+    }
+
+    #[test]
+    fn a_focal_length_that_grows_is_told_with_its_direction_and_a_constant_one_is_none() {
+        assert!(told(Course::Side, 0.01).is_some_and(|f| f > 1.05), "in: {:?}", told(Course::Side, 0.01));
+        assert!(told(Course::Side, -0.01).is_some_and(|f| f < 0.95), "out: {:?}", told(Course::Side, -0.01));
+        for course in [Course::Side, Course::Rotation, Course::Walk] {
+            assert_eq!(told(course, 0.0), None, "{course:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_told_without_pairs() {
+        assert_eq!(zoom_between(&[], &Intrinsics::centered(576.0, 640, 360)), None);
+    }
+}

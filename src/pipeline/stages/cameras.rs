@@ -1,30 +1,27 @@
 //! Cameras in space, for a `video.motion` that asks for them: structure from motion, shot by shot, on the tracks of the clip.
 
+use std::ops::Range;
+
 use super::analysis::{Tracks, store_error};
 use crate::math::Point2;
-use crate::motion::sfm::{SfmOptions, TrackTable, reconstruct};
+use crate::motion::sfm::{SfmOptions, TrackTable, Windows, reconstruct_shot};
 use crate::motion::{ClipCameras, ClipMotion};
 use crate::pipeline::run_error::RunError;
 use crate::track::TrackStore;
-
-/// Longest shot, frames, that is solved: all of its sightings are held at once, 40 MB or so at this length.
-const LONGEST_SHOT: usize = 1200;
 
 /// Recovers the cameras of every shot; `rolling_shutter`: with the readout time, where the shot shows one.
 pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling_shutter: bool) -> Result<ClipCameras, RunError> {
     let mut cameras = ClipCameras::default();
     let options = SfmOptions { focal: None, rolling_shutter };
+    let table = |frames: Range<usize>| {
+        let seen = frames.map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, RunError>>()?;
+        Ok(TrackTable::new(motion.width, motion.height, seen))
+    };
     for shot in &motion.shots {
-        if shot.len() > LONGEST_SHOT {
-            let (found, most) = (shot.len(), LONGEST_SHOT);
-            let reason = format!("a shot of {found} frames is too long for cameras in space (at most {most})");
-            cameras.push_unknown(shot.clone(), reason);
-            continue;
+        let segments = reconstruct_shot(shot.clone(), table, &options, &Windows::default())?;
+        for segment in segments {
+            cameras.push(segment);
         }
-        let frames = shot.clone().map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, _>>()?;
-        let table = TrackTable::new(motion.width, motion.height, frames);
-        let found = reconstruct(&table, &options);
-        cameras.push(shot.clone(), &table, found);
     }
     Ok(cameras)
 }

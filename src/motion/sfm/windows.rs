@@ -1,0 +1,243 @@
+//! A shot of any length, solved in windows that overlap.
+//!
+//! A window is solved alone, so that memory holds the sightings of one window. Its focal length is known beforehand where
+//! the window before told it. Neighbors are laid over each other by what they share ([`super::join`]); where they differ by
+//! more than may be seen, the shot is parted there and the parts keep coordinates of their own.
+//!
+//! Within a window the cameras that do not explain their frame are left out, and where the rest of a window bears no
+//! cameras, the stretches that do are solved alone.
+
+use std::ops::Range;
+
+use super::figures::explained_frames;
+use super::join::{fit, is_seamless, joined, overlap};
+use super::{Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, reconstruct};
+
+/// Fewest frames that keep cameras of their own: a shorter stretch is over before its own path has been smoothed.
+pub(super) const SHORTEST: usize = 25;
+/// Stretches of frames without cameras that are tried alone, at least this long.
+const WORTH_A_TRY: usize = 2 * SHORTEST;
+/// Frames without a camera between two stretches of one.
+const BRIDGED: usize = 8;
+/// How often a stretch is parted again.
+const DEPTH: usize = 2;
+/// Standard deviation of `ln f` from window to window, at least.
+const STEADY_FOCAL: f64 = 2e-3;
+
+/// How long shots are parted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Windows {
+    /// Longest shot, frames, that is solved at once.
+    pub longest: usize,
+    /// Most frames of a window of longer ones.
+    pub length: usize,
+    /// Frames that two windows share.
+    pub overlap: usize,
+}
+
+impl Default for Windows {
+    /// 30 MB of sightings, and four seconds in which two windows see the same.
+    fn default() -> Self {
+        Self { longest: 800, length: 600, overlap: 120 }
+    }
+}
+
+impl Windows {
+    /// The windows of a shot, in order, as even as they can be.
+    fn of(&self, frames: Range<usize>) -> Vec<Range<usize>> {
+        if frames.len() <= self.longest.max(self.length) {
+            return vec![frames];
+        }
+        let step = self.length.saturating_sub(self.overlap).max(1);
+        let count = (frames.len() - self.overlap).div_ceil(step);
+        let start = |k: usize| frames.start + k * (frames.len() - self.length) / (count - 1);
+        (0..count).map(|k| start(k)..start(k) + self.length).collect()
+    }
+}
+
+/// Reconstructs a shot; `read` gives the tracks of some of its frames, the first of them as frame 0.
+///
+/// The segments cover the shot in order.
+///
+/// # Errors
+/// Those of `read`.
+pub fn reconstruct_shot<E>(
+    shot: Range<usize>,
+    mut read: impl FnMut(Range<usize>) -> Result<TrackTable, E>,
+    options: &SfmOptions,
+    windows: &Windows,
+) -> Result<Vec<Segment>, E> {
+    let mut options = *options;
+    let mut segments: Vec<Segment> = Vec::new();
+    for window in windows.of(shot) {
+        let mut unit = 1.0;
+        let mut read = |frames: Range<usize>| {
+            let table = read(frames)?;
+            unit = table.unit_px();
+            Ok(table)
+        };
+        let found = solved(window, &mut read, &options, DEPTH)?;
+        if let Some(told) = found.iter().rev().find_map(told_focal).filter(|_| options.focal.is_none()) {
+            options.focal = Some(told);
+        }
+        for segment in found {
+            push(&mut segments, segment, unit);
+        }
+    }
+    Ok(segments)
+}
+
+/// Focal length of a segment, and how surely it holds for the next one.
+fn told_focal(segment: &Segment) -> Option<(f64, f64)> {
+    let sigma = segment.figures.sigma_ln_focal.filter(|_| segment.verdict == SfmVerdict::ThreeD)?;
+    Some((segment.figures.focal, (3.0 * sigma).max(STEADY_FOCAL)))
+}
+
+/// Appends a segment that may share frames with those before.
+fn push(segments: &mut Vec<Segment>, mut next: Segment, unit_px: f64) {
+    while let Some(mut last) = segments.pop() {
+        let shared = overlap(&last, &next);
+        if shared.is_empty() {
+            segments.push(last);
+            break;
+        }
+        if let Some(fit) = fit(&last, &next).filter(|fit| is_seamless(fit, unit_px)) {
+            segments.push(joined(&last, &next, &fit));
+            return;
+        }
+        let seam = seam(&last, &next, &shared);
+        let (start, end) = (last.frames.start, next.frames.end);
+        last.clip(start..seam, SHORTEST);
+        next.clip(seam..end, SHORTEST);
+        if !last.frames.is_empty() {
+            segments.push(last);
+            break;
+        }
+    }
+    if !next.frames.is_empty() {
+        segments.push(next);
+    }
+}
+
+/// The frame at which the second of two segments takes over: where only one knows cameras it keeps all it has.
+fn seam(last: &Segment, next: &Segment, shared: &Range<usize>) -> usize {
+    match (last.verdict.has_cameras(), next.verdict.has_cameras()) {
+        (true, false) => shared.end,
+        (false, true) => shared.start,
+        _ => shared.start.midpoint(shared.end),
+    }
+}
+
+/// Solves one window; what its cameras leave out, and the stretches that explain themselves where the whole does not, alone.
+fn solved<E>(
+    frames: Range<usize>,
+    read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
+    options: &SfmOptions,
+    depth: usize,
+) -> Result<Vec<Segment>, E> {
+    let table = read(frames.clone())?;
+    let found = reconstruct(&table, options);
+    let explained = explained_frames(&table, &found.scene);
+    let mut stretches: Vec<Range<usize>> =
+        runs(&explained).into_iter().map(|r| frames.start + r.start..frames.start + r.end).collect();
+    let mut whole = None;
+    if let Some((first, last)) = stretches.first().zip(stretches.last()).filter(|_| found.verdict.has_cameras()) {
+        let known = first.start..last.end;
+        let mut segment = Segment::new(frames.clone(), &table, found);
+        segment.forget(&explained);
+        segment.clip(known.clone(), SHORTEST);
+        (whole, stretches) = (Some(segment), vec![known]);
+    } else if depth == 0 || stretches.is_empty() || stretches[0] == frames {
+        return Ok(vec![without_cameras(frames, found)]);
+    }
+    drop(table);
+    let (mut segments, mut done) = (Vec::new(), frames.start);
+    for stretch in stretches {
+        segments.extend(rest(done..stretch.start, read, options, depth)?);
+        done = stretch.end;
+        match whole.take() {
+            Some(segment) => segments.push(segment),
+            None => segments.extend(solved(stretch, read, options, depth - 1)?),
+        }
+    }
+    segments.extend(rest(done..frames.end, read, options, depth)?);
+    Ok(segments)
+}
+
+/// Frames that the cameras of a window leave out.
+fn rest<E>(
+    frames: Range<usize>,
+    read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
+    options: &SfmOptions,
+    depth: usize,
+) -> Result<Vec<Segment>, E> {
+    if frames.is_empty() {
+        return Ok(Vec::new());
+    }
+    if frames.len() < WORTH_A_TRY || depth == 0 {
+        let reason = format!("no camera explains these {} frames", frames.len());
+        return Ok(vec![Segment::unknown(frames, SfmVerdict::Failed, reason)]);
+    }
+    solved(frames, read, options, depth - 1)
+}
+
+fn without_cameras(frames: Range<usize>, found: Reconstruction) -> Segment {
+    let verdict = if found.verdict.has_cameras() { SfmVerdict::Failed } else { found.verdict };
+    Segment { figures: found.figures, ..Segment::unknown(frames, verdict, found.reason) }
+}
+
+/// Stretches of explained frames that are long enough, short gaps bridged.
+fn runs(explained: &[bool]) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for (frame, _) in explained.iter().enumerate().filter(|(_, e)| **e) {
+        match runs.last_mut() {
+            Some(run) if frame - run.end <= BRIDGED => run.end = frame + 1,
+            _ => runs.push(frame..frame + 1),
+        }
+    }
+    runs.retain(|r| r.len() >= SHORTEST);
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_cover_a_shot_and_share_at_least_what_is_asked() {
+        let windows = Windows { longest: 100, length: 60, overlap: 20 };
+        for frames in [1, 60, 100, 101, 140, 141, 999] {
+            let found = windows.of(7..7 + frames);
+            assert_eq!((found[0].start, found[found.len() - 1].end), (7, 7 + frames));
+            assert_eq!(found.len() == 1, frames <= 100, "{frames}");
+            assert!(found.windows(2).all(|w| w[1].start > w[0].start && w[1].start + 20 <= w[0].end), "{found:?}");
+            assert!(found.len() == 1 || found.iter().all(|w| w.len() == 60));
+        }
+    }
+
+    #[test]
+    fn short_gaps_are_bridged_and_short_stretches_left_out() {
+        let mut explained = vec![true; 100];
+        explained[40..47].fill(false);
+        explained[60..80].fill(false);
+        assert_eq!((runs(&explained).len(), runs(&explained)[0].clone()), (1, 0..60));
+        assert!(runs(&[true; 24]).is_empty());
+    }
+
+    fn without(frames: Range<usize>, verdict: SfmVerdict) -> Segment {
+        Segment::unknown(frames, verdict, String::new())
+    }
+
+    #[test]
+    fn segments_that_share_frames_without_fitting_are_parted_and_none_is_lost() {
+        for verdict in [SfmVerdict::Failed, SfmVerdict::Zoom] {
+            let mut segments = Vec::new();
+            for part in [without(0..60, SfmVerdict::Failed), without(40..100, verdict), without(90..95, verdict)] {
+                push(&mut segments, part, 1.0);
+            }
+            let ends: Vec<Range<usize>> = segments.iter().map(|s| s.frames.clone()).collect();
+            assert!(ends[0].start == 0 && ends.windows(2).all(|w| w[0].end == w[1].start), "{ends:?}");
+            assert!(segments.iter().all(|s| s.cameras.len() == s.frames.len()));
+        }
+    }
+}
