@@ -50,10 +50,15 @@ pub struct ShotCameras {
 }
 
 impl ClipCameras {
+    /// Index of the segment that a frame belongs to.
+    pub fn segment_of(&self, frame: usize) -> Option<usize> {
+        let segment = self.shots.partition_point(|s| s.frames.end <= frame);
+        self.shots.get(segment).is_some_and(|s| s.frames.contains(&frame)).then_some(segment)
+    }
+
     /// Whether the camera of a frame was found to have only turned.
     pub fn turns(&self, frame: usize) -> bool {
-        let shot = self.shots.partition_point(|s| s.frames.end <= frame);
-        self.shots.get(shot).is_some_and(|s| s.verdict == SfmVerdict::RotationOnly)
+        self.segment_of(frame).is_some_and(|k| self.shots[k].verdict == SfmVerdict::RotationOnly)
     }
 
     /// Adds the next segment; segments follow each other without a gap.

@@ -53,19 +53,19 @@ pub struct SteadyView {
 
 impl SteadyView {
     /// The view at frame `t` of `cameras` that are shown at `times_s`, with a kernel of standard deviation `sigma_s` over the
-    /// run of known cameras about `t` inside `shot`; `None` without a camera at `t`.
+    /// run of known cameras about `t` inside `frames`; `None` without a camera at `t`.
     pub fn new(
         cameras: &[Option<VirtualCamera>],
         times_s: &[f64],
-        shot: &Range<usize>,
+        frames: &Range<usize>,
         t: usize,
         sigma_s: f64,
     ) -> Option<Self> {
         let near = |k: &usize| (times_s[*k] - times_s[t]).abs() <= VIEW_REACH * sigma_s;
         let known = |k: usize| cameras.get(k).copied().flatten().map(|c| (c, (times_s[k] - times_s[t]) / sigma_s));
         known(t)?;
-        let before = (shot.start..t).rev().take_while(near).map_while(known);
-        let from_here = (t..shot.end).take_while(near).map_while(known);
+        let before = (frames.start..t).rev().take_while(near).map_while(known);
+        let from_here = (t..frames.end).take_while(near).map_while(known);
         let run: Vec<(VirtualCamera, f64)> = before.chain(from_here).collect();
         let moment = |n: i32| run.iter().map(|(_, u)| (-0.5 * u * u).exp() * u.powi(n)).sum::<f64>();
         let (s0, s1, s2) = (moment(0), moment(1), moment(2));

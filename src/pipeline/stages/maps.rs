@@ -108,7 +108,7 @@ impl<'a> Maps<'a> {
     /// The anchors of frame `index`, drawn to where a virtual camera in space shows them as far as that tier is in force.
     fn drawn(&mut self, index: usize) -> Result<Vec<Anchor>, RunError> {
         let mut anchors = self.anchors(index)?;
-        let in_space = self.tiers.strength(index, |tier| tier == Tier::ThreeD);
+        let in_space = self.tiers.in_space(index);
         let in_subspace = self.tiers.strength(index, |tier| tier == Tier::Subspace);
         for anchor in &mut anchors {
             anchor.dst += anchor.in_subspace.map_or_else(Vec2::zeros, |shared| (shared - anchor.dst) * in_subspace);

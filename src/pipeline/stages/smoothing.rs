@@ -73,7 +73,7 @@ impl<'a> Planner<'a> {
         views.retarget(&mut steps);
         let mut in_space = path::plan(&self.clip(&steps), &options(self.settings)).map_err(not_planned)?;
         let planned = views.cameras(&in_space);
-        let cameras = steadied(&planned, tracks, &places, &self.motion.shots, &self.times_s)?;
+        let cameras = steadied(&planned, tracks, &places, &self.times_s)?;
         in_space.cameras = vec![None; cameras.len()];
         let covering = self.settings.keep_inside.then_some((self.settings.reserve, self.settings.min_crop));
         for part in in_space.segments.clone() {

@@ -44,13 +44,14 @@ const LEAST_FADE: f64 = 1e-3;
 /// Points in space by their tracks.
 pub(super) struct Places<'a> {
     cameras: &'a ClipCameras,
-    by_track: HashMap<u32, Point3>,
+    /// By segment, which has coordinates of its own, and track.
+    by_track: HashMap<(u32, u32), Point3>,
     wrong_px: f64,
 }
 
 impl<'a> Places<'a> {
     pub(super) fn new(cameras: &'a ClipCameras, motion: &ClipMotion) -> Self {
-        let by_track = cameras.points.iter().map(|p| (p.id, p.place)).collect();
+        let by_track = cameras.points.iter().map(|p| ((p.shot, p.id), p.place)).collect();
         Self { cameras, by_track, wrong_px: WRONG_PX * f64::from(motion.width.max(motion.height)) / 640.0 }
     }
 
@@ -62,9 +63,15 @@ impl<'a> Places<'a> {
         if turns {
             return direction(&camera, src);
         }
-        let place = *self.by_track.get(&seen.id)?;
+        let segment = self.cameras.segment_of(frame)? as u32;
+        let place = *self.by_track.get(&(segment, seen.id))?;
         let miss = camera.intrinsics.project(&camera.pose.apply(&place))? - src;
         (miss.norm() <= self.wrong_px).then_some(place)
+    }
+
+    /// Whether coordinates of their own begin at a frame.
+    fn starts_at(&self, frame: usize) -> bool {
+        self.cameras.segment_of(frame).is_some_and(|k| self.cameras.shots[k].frames.start == frame)
     }
 
     /// The real camera of a frame.
@@ -126,6 +133,9 @@ impl Views {
                 frames.push(None);
                 continue;
             };
+            if places.starts_at(frame) {
+                before = None;
+            }
             let seen = tracks.store.read(frame).map_err(store_error)?.observations;
             let intrinsics = camera.intrinsics;
             let (mut shown, mut moved) = (Fit::default(), Fit::default());
@@ -226,14 +236,14 @@ pub(super) fn steadied(
     cameras: &[Option<VirtualCamera>],
     tracks: &Tracks,
     places: &Places<'_>,
-    shots: &[Range<usize>],
     times_s: &[f64],
 ) -> Result<Vec<Option<VirtualCamera>>, RunError> {
     let sigma_s = TrajectoryOptions::default().sigma_s;
     let mut steady = vec![None; cameras.len()];
-    for (shot, frame) in shots.iter().flat_map(|shot| shot.clone().map(move |frame| (shot, frame))) {
+    let segments = places.cameras.shots.iter().map(|s| &s.frames);
+    for (segment, frame) in segments.flat_map(|segment| segment.clone().map(move |frame| (segment, frame))) {
         let Some(camera) = cameras[frame] else { continue };
-        let Some(view) = SteadyView::new(cameras, times_s, shot, frame, sigma_s) else { continue };
+        let Some(view) = SteadyView::new(cameras, times_s, segment, frame, sigma_s) else { continue };
         let mut fit = Fit::default();
         for o in &tracks.store.read(frame).map_err(store_error)?.observations {
             let Some(place) = places.of(frame, o, camera.turns) else { continue };

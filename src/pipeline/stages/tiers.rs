@@ -14,6 +14,8 @@ const BLEND: usize = 15;
 pub(super) struct Tiers {
     /// In order, without gaps.
     pub(super) segments: Vec<SegmentVerdict>,
+    /// Frames at which, within a shot, cameras in space go on in coordinates of their own.
+    seams: Vec<usize>,
 }
 
 impl Tiers {
@@ -29,7 +31,15 @@ impl Tiers {
                 segments.extend(in_space(path, motion, forced(mode, &verdicts, part)));
             }
         }
-        Self { segments }
+        Self { segments, seams: seams(path, motion) }
+    }
+
+    /// How far the freedom of virtual cameras in space is in force: as for [`Self::strength`], and less about a seam, where
+    /// the two sides need not show the same parallax.
+    pub(super) fn in_space(&self, frame: usize) -> f64 {
+        let nearest = self.seams.iter().map(|&s| if frame < s { s - frame } else { frame + 1 - s }).min();
+        let clear = nearest.map_or(1.0, |d| (d as f64 / BLEND as f64).min(1.0));
+        clear * self.strength(frame, |tier| tier == Tier::ThreeD)
     }
 
     /// How much of what the tiers `with` have in common is in force at `frame`: 1 far inside their segments, 0 outside.
@@ -49,6 +59,14 @@ impl Tiers {
         let at = self.segments.partition_point(|s| s.frames.end <= frame);
         self.segments.get(at).filter(|s| s.frames.contains(&frame))
     }
+}
+
+/// Frames inside a shot at which a segment of cameras begins right after another.
+fn seams(path: &VirtualPath, motion: Option<&ClipMotion>) -> Vec<usize> {
+    let Some((motion, cameras)) = motion.and_then(|m| Some((m, m.cameras.as_ref()?))) else { return Vec::new() };
+    let known = |frame: usize| path.cameras.get(frame).is_some_and(Option::is_some);
+    let starts = cameras.shots.iter().map(|s| s.frames.start).filter(|&s| s > 0 && known(s) && known(s - 1));
+    starts.filter(|start| !motion.shots.iter().any(|s| s.start == *start)).collect()
 }
 
 /// The segments, parted where virtual cameras in space begin and end; what the cameras are worth is told.
