@@ -4,6 +4,7 @@ mod background;
 mod cameras;
 mod clip;
 mod estimator;
+pub mod exchange;
 mod file;
 mod file_cameras;
 mod frame_motion;
