@@ -6,7 +6,6 @@ mod clip;
 mod estimator;
 pub mod exchange;
 mod file;
-mod file_cameras;
 mod frame_motion;
 mod planar;
 mod planar_fit;
