@@ -42,7 +42,7 @@ pub(super) struct ClipArgs {
     rolling_shutter: RollingShutter,
 
     /// Print the pipeline that these options mean, and do nothing
-    #[arg(long, help_heading = "Extras")]
+    #[arg(long)]
     pub(super) print_pipeline: bool,
     /// Threads for the whole run; 0 = all processors
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]

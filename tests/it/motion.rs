@@ -465,6 +465,7 @@ fn points_in_another_unit_with_centers_at_integers_are_shifted() {
 
 #[test]
 fn points_that_cannot_be_are_refused_with_frame_and_line() {
+    type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
     let (_, _, text) = written_with_tracks();
     let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let refused = |change: &dyn Fn(&mut serde_json::Value)| {
@@ -473,7 +474,7 @@ fn points_that_cannot_be_are_refused_with_frame_and_line() {
         let text = serde_json::to_string_pretty(&file).expect("JSON");
         ClipMotion::read_json(Cursor::new(text)).expect_err("refused").to_string()
     };
-    let cases: [(&dyn Fn(&mut serde_json::Value), &str); 9] = [
+    let cases: [(Change<'_>, &str); 9] = [
         (&|t| t["unit_px"] = 0.into(), "tracks.unit_px is 0 (expected above 0 up to 1)"),
         (&|t| drop(t.as_object_mut().expect("a block").remove("unit_px")), "missing field `unit_px`"),
         (&|t| drop(t["frames"].as_array_mut().expect("a list").pop()), "tracks.frames has 6 entries for 7 frames"),

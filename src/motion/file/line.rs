@@ -11,7 +11,7 @@ pub(super) fn line_of(text: &[u8], path: &str) -> Option<usize> {
         }
     }
     cursor.skip_space();
-    Some(1 + text[..cursor.at].iter().filter(|b| **b == b'\n').count())
+    Some(text[..cursor.at].split(|b| *b == b'\n').count())
 }
 
 struct Cursor<'a> {

@@ -44,7 +44,9 @@ pub(super) fn run(
     let warnings = std::mem::take(&mut written.warnings);
     let told = written.publish()?;
     context.summary.outputs.extend(told);
-    warnings.into_iter().for_each(|w| context.warn(w));
+    for warning in warnings {
+        context.warn(warning);
+    }
     Ok(())
 }
 

@@ -18,6 +18,9 @@ use crate::pipeline::run_error::RunError;
 use crate::time::Timestamp;
 use crate::track::{FrameQuality, FrameTracks, TrackStore};
 
+/// Most numbered folders that are looked for.
+const MOST_MODELS: usize = 10_000;
+
 /// Reads the file.
 pub(super) fn run(
     context: &mut Context<'_, '_>,
@@ -61,13 +64,12 @@ fn from_motion_file(
         let (times, info) = times(context, decode)?;
         check_times(&motion, &times, &info).map_err(|why| refused(path, &why))?;
     }
-    let store = match store {
-        Some(store) => store,
-        None => {
-            let help = "frames follow the planned camera, and nothing bends them";
-            context.warn(format!("{} holds no tracks: {help}", path.display()));
-            without_points(&motion)?
-        }
+    let store = if let Some(store) = store {
+        store
+    } else {
+        let help = "frames follow the planned camera, and nothing bends them";
+        context.warn(format!("{} holds no tracks: {help}", path.display()));
+        without_points(&motion)?
     };
     let clip = ClipSize { width: info.width, height: info.height, timebase: motion.timebase };
     Ok((motion, Tracks { store, clip }))
@@ -132,7 +134,8 @@ fn from_models(context: &mut Context<'_, '_>, decode: usize, folder: &Path) -> R
 /// The folders of the models: `folder` itself, or the numbered ones in it where it holds none.
 fn folders_of(folder: &Path) -> Vec<PathBuf> {
     let own = ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file());
-    let numbered: Vec<PathBuf> = (0..).map(|k: usize| folder.join(k.to_string())).take_while(|f| f.is_dir()).collect();
+    let numbered: Vec<PathBuf> =
+        (0..MOST_MODELS).map(|k| folder.join(k.to_string())).take_while(|f| f.is_dir()).collect();
     if own || numbered.is_empty() { vec![folder.to_owned()] } else { numbered }
 }
 

@@ -68,7 +68,7 @@ pub(super) fn write_points(model: &Model, out: &mut dyn Write) -> io::Result<()>
 pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
     let mut bytes = Bytes::of("cameras.bin", bytes);
     bytes.entries(24, |bytes| {
-        let (id, number) = (bytes.u32()?, bytes.u32()? as i32);
+        let (id, number) = (bytes.u32()?, bytes.u32()?);
         let (width, height) = (bytes.u64()?, bytes.u64()?);
         let refused = |place: String, found| ColmapError::Lens { file: "cameras.bin", place, found };
         let Some((_, name, count)) = LENSES.iter().find(|(n, ..)| *n == number) else {

@@ -212,10 +212,10 @@ fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> 
 }
 
 /// Parameters of the lenses that can be read: COLMAP's number, name, number of parameters.
-const LENSES: [(i32, &str, usize); 4] =
+const LENSES: [(u32, &str, usize); 4] =
     [(0, "SIMPLE_PINHOLE", 3), (1, "PINHOLE", 4), (2, "SIMPLE_RADIAL", 4), (3, "RADIAL", 5)];
 /// The one written.
-const SIMPLE_RADIAL: (i32, &str) = (2, "SIMPLE_RADIAL");
+const SIMPLE_RADIAL: (u32, &str) = (2, "SIMPLE_RADIAL");
 
 /// The lens of a camera model with these parameters, as many as [`LENSES`] says; `None` where it is none of ours.
 fn lens(model: &str, p: &[f64]) -> Option<Intrinsics> {

@@ -157,3 +157,31 @@ fn lenses_that_are_special_cases_of_ours_are_read() {
     assert_eq!(lens_of("PINHOLE", &[500.0, 510.0, 320.0, 180.0]), None);
     assert_eq!(lens_of("SIMPLE_RADIAL", &[-500.0, 320.0, 180.0, 0.0]), None);
 }
+
+#[test]
+fn files_with_damage_anywhere_are_read_or_refused_but_never_panic() {
+    let model = model();
+    let mut random = fastrand::Rng::with_seed(12);
+    for (name, write) in FILES {
+        let mut good = Vec::new();
+        write(&model, &mut good).expect("memory");
+        for _ in 0..1000 {
+            let mut bytes = good.clone();
+            for _ in 0..random.usize(1..5) {
+                let at = random.usize(..bytes.len());
+                bytes[at] = if random.bool() { random.u8(..) } else { *random.choice(b"0123 -.e\n#").expect("some") };
+            }
+            if random.bool() {
+                bytes.truncate(random.usize(..=bytes.len()));
+            }
+            let _ = match name {
+                "cameras.bin" => binary::read_cameras(&bytes).map(drop),
+                "images.bin" => binary::read_images(&bytes).map(drop),
+                "points3D.bin" => binary::read_points(&bytes).map(drop),
+                "cameras.txt" => text::read_cameras(&bytes).map(drop),
+                "images.txt" => text::read_images(&bytes).map(drop),
+                _ => text::read_points(&bytes).map(drop),
+            };
+        }
+    }
+}
