@@ -80,11 +80,18 @@ fn motion_of_another_clip_or_none_is_refused_with_its_place_and_nothing_is_writt
         f["tracks"]["frames"].as_array_mut().expect("a list").pop();
     };
     let bad_planar = good.replacen("\"planar\": [\n[[", "\"planar\": [\n[[-", 1);
-    let cases: [(&str, String, String); 9] = [
+    let slow =
+        |f: &mut Value| f["source"]["time_base"][0] = json!(2 * f["source"]["time_base"][0].as_i64().expect("ticks"));
+    let cases: [(&str, String, String); 10] = [
         ("clip.mp4", with(&|f| f["version"] = json!(2)), "motion file version 2 is not supported".to_owned()),
         ("clip.mp4", with(&missing), "frames has 9 entries, and the clip 10 frames".to_owned()),
         ("long.mp4", good.clone(), "frames has 10 entries, and the clip 15 frames".to_owned()),
         ("small.mp4", good.clone(), "source is of 320×180 px, and the clip of 160×120 px".to_owned()),
+        (
+            "clip.mp4",
+            with(&slow),
+            "frames[1].pts is 0.080 s after the first (expected 0.040 s, as in the clip)".to_owned(),
+        ),
         ("clip.mp4", bad_planar, format!("line {}: planar[0] is", line_of("\"planar\": [") + 1)),
         ("clip.mp4", good.replacen("\"ids\":[0", "\"ids\":[NaN", 1), "expected value at line".to_owned()),
         ("clip.mp4", good.replacen("\"ids\":[0", "\"ids\":[900000", 1), "tracks.frames[0]: ids[1] is".to_owned()),

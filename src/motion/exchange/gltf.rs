@@ -22,6 +22,7 @@ use nalgebra::UnitQuaternion;
 use serde_json::{Value, json};
 
 use crate::camera::{CameraPose, Point3};
+use crate::motion::sfm::SfmVerdict;
 use crate::motion::{ClipCameras, ClipMotion, FrameCamera};
 
 /// How the scene is packed.
@@ -48,14 +49,15 @@ const POINTS: u32 = 0;
 /// Distance of the near plane, as a share of the distance of the nearest point or camera step: only for viewers.
 const Z_NEAR: f64 = 0.01;
 
-/// Writes the scene of a clip; without cameras it is empty.
+/// Writes the scene of a clip; shots without cameras, or whose cameras failed, are not in it.
 ///
 /// # Errors
 /// Those of `out`.
 pub fn write_gltf(motion: &ClipMotion, container: Container, mut out: impl Write) -> io::Result<()> {
     let mut scene = Scene::default();
     if let Some(cameras) = &motion.cameras {
-        (0..cameras.shots.len()).for_each(|shot| scene.push_shot(motion, cameras, shot));
+        let held = |shot: &usize| cameras.shots[*shot].verdict != SfmVerdict::Failed;
+        (0..cameras.shots.len()).filter(held).for_each(|shot| scene.push_shot(motion, cameras, shot));
     }
     match container {
         Container::Text => {
@@ -291,6 +293,13 @@ mod tests {
     }
 
     #[test]
+    fn neighboring_rotations_lie_on_one_side() {
+        let mut turns = [[0.1, 0.0, 0.0, 0.9], [-0.1, 0.0, 0.0, -0.9], [-0.2, 0.0, 0.0, -0.8], [0.3, 0.0, 0.0, 0.7]];
+        keep_sides(&mut turns);
+        assert_eq!(turns, [[0.1, 0.0, 0.0, 0.9], [0.1, 0.0, 0.0, 0.9], [0.2, 0.0, 0.0, 0.8], [0.3, 0.0, 0.0, 0.7]]);
+    }
+
+    #[test]
     fn the_field_of_view_and_the_times_are_the_clips() {
         let (motion, _) = walk();
         let (document, buffer) = text();
@@ -324,13 +333,16 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_without_cameras_is_an_empty_scene() {
-        let (mut motion, _) = walk();
-        motion.cameras = None;
-        let mut bytes = Vec::new();
-        write_gltf(&motion, Container::Text, &mut bytes).expect("memory");
-        let document: Value = serde_json::from_slice(&bytes).expect("JSON");
-        assert!(document.get("nodes").is_none() && document.get("buffers").is_none());
-        assert_eq!(document["scenes"][0].get("nodes"), None);
+    fn a_clip_without_cameras_to_trust_is_an_empty_scene() {
+        let (known, _) = walk();
+        let mut failed = known.clone();
+        failed.cameras.as_mut().expect("cameras").shots[0].verdict = SfmVerdict::Failed;
+        for motion in [ClipMotion { cameras: None, ..known }, failed] {
+            let mut bytes = Vec::new();
+            write_gltf(&motion, Container::Text, &mut bytes).expect("memory");
+            let document: Value = serde_json::from_slice(&bytes).expect("JSON");
+            assert!(document.get("nodes").is_none() && document.get("buffers").is_none());
+            assert_eq!(document["scenes"][0].get("nodes"), None);
+        }
     }
 }

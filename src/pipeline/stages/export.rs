@@ -80,7 +80,7 @@ impl Written {
     fn models(&mut self, folder: &Path, motion: &ClipMotion, tracks: &Tracks) -> Result<(), RunError> {
         let models = colmap::models_of(motion, &tracks.store).map_err(store_error)?;
         if models.is_empty() {
-            let nothing = "nothing was written there: no shot has cameras in space";
+            let nothing = "nothing was written there: no shot has cameras in space to trust";
             self.warnings.push(format!("{}: {nothing}", folder.display()));
             return Ok(());
         }

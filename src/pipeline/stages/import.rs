@@ -1,6 +1,6 @@
 //! `video.motion_import`: motion and points from a motion file or a COLMAP model, checked against the clip.
 //!
-//! Where the container tells how many frames there are, and that is what the file has, the clip is not decoded here. Else, and
+//! Where the container tells number and rate of the frames, and those are the file's, the clip is not decoded here. Else, and
 //! always for a model, which knows no times, its frames are counted and their times read first.
 
 use std::fs::File;
@@ -17,6 +17,10 @@ use crate::pipeline::kinds::{DecodeSettings, MotionImportSettings};
 use crate::pipeline::run_error::RunError;
 use crate::time::Timestamp;
 use crate::track::{FrameQuality, FrameTracks, TrackStore};
+
+/// How far the mean rate of a file's frames may be off the clip's, as a share, to be believed without a look at the frames: headers
+/// round it, and count a last frame's length or not.
+const RATE_SLACK: f64 = 0.1;
 
 /// Most numbered folders that are looked for.
 const MOST_MODELS: usize = 10_000;
@@ -60,7 +64,7 @@ fn from_motion_file(
     }
     let settings = context.stage(decode).settings.clone();
     let trimmed = settings.get::<DecodeSettings>().is_none_or(|s| s.start.is_some() || s.end.is_some());
-    if trimmed || info.frames_estimate != Some(motion.frames.len() as u64) {
+    if trimmed || !seems_of(&motion, &info) {
         let (times, info) = times(context, decode)?;
         check_times(&motion, &times, &info).map_err(|why| refused(path, &why))?;
     }
@@ -73,6 +77,13 @@ fn from_motion_file(
     };
     let clip = ClipSize { width: info.width, height: info.height, timebase: motion.timebase };
     Ok((motion, Tracks { store, clip }))
+}
+
+/// Whether number and mean rate of the frames are what the container tells.
+fn seems_of(motion: &ClipMotion, info: &VideoInfo) -> bool {
+    let count = info.frames_estimate == Some(motion.frames.len() as u64);
+    let rates = motion.frame_period_s().zip(info.frame_rate);
+    count && rates.is_some_and(|(period, rate)| (period * rate.value() - 1.0).abs() <= RATE_SLACK)
 }
 
 /// Refuses motion of other frames than the clip's.

@@ -5,20 +5,21 @@ use std::collections::HashMap;
 use super::{Camera, Image, Model, Point, Sighting};
 use crate::camera::{Intrinsics, Point3};
 use crate::math::Point2;
+use crate::motion::sfm::SfmVerdict;
 use crate::motion::{ClipCameras, ClipMotion};
 use crate::track::{StoreError, TrackStore};
 
 /// How far a sighting may be from where its camera sees the point, px at 640 px across: beyond, the track is of another thing.
 const WRONG_PX: f64 = 3.0;
 
-/// The models of a clip with the shots that they are of; shots without cameras have none. `tracks` are the clip's, frame by frame.
+/// The models of a clip with the shots that they are of; shots without cameras, or whose cameras failed, have none. `tracks` are the clip's, frame by frame.
 ///
 /// # Errors
 /// Those of [`TrackStore::read`].
 pub fn models_of(motion: &ClipMotion, tracks: &TrackStore) -> Result<Vec<(usize, Model)>, StoreError> {
     let Some(cameras) = &motion.cameras else { return Ok(Vec::new()) };
     let mut models = Vec::new();
-    for shot in 0..cameras.shots.len() {
+    for shot in (0..cameras.shots.len()).filter(|s| cameras.shots[*s].verdict != SfmVerdict::Failed) {
         let model = Builder::new(motion, cameras, shot).build(tracks)?;
         if !model.images.is_empty() {
             models.push((shot, model));

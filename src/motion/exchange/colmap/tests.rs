@@ -52,6 +52,15 @@ fn images_are_the_frames_with_a_camera_and_see_what_their_cameras_see() {
 }
 
 #[test]
+fn cameras_that_failed_make_no_model() {
+    let (mut motion, tracks) = walk();
+    motion.cameras.as_mut().expect("cameras").shots[0].verdict = crate::motion::sfm::SfmVerdict::Failed;
+    assert!(models_of(&motion, &tracks).expect("a store").is_empty());
+    motion.cameras = None;
+    assert!(models_of(&motion, &tracks).expect("a store").is_empty());
+}
+
+#[test]
 fn a_track_that_left_its_point_is_no_sighting_of_it() {
     let (motion, mut tracks) = walk();
     let mut frame = tracks.read(5).expect("stored");
