@@ -32,6 +32,7 @@ pub fn write_exr(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use exr::prelude::{ReadChannels, ReadLayers};
     use std::io::Cursor;
 
     #[test]

@@ -159,8 +159,8 @@ mod tests {
     use super::*;
     use std::io::Write;
 
-    fn atom(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
-        [&(body.len() as u32 + 8).to_be_bytes()[..], kind, body].concat()
+    fn atom(kind: [u8; 4], body: &[u8]) -> Vec<u8> {
+        [&(body.len() as u32 + 8).to_be_bytes()[..], &kind, body].concat()
     }
 
     /// A file whose second track has two keys, the second ours.
@@ -168,12 +168,12 @@ mod tests {
         let key = |name: &str| [&(name.len() as u32 + 8).to_be_bytes()[..], b"mdta", name.as_bytes()].concat();
         let keys =
             [&[0, 0, 0, 0, 0, 0, 0, 2][..], &key("com.apple.quicktime.camera.lens_model"), &key(TAGS[0])].concat();
-        let item = |number: u32, data: &[u8]| atom(&number.to_be_bytes(), &atom(b"data", data));
+        let item = |number: u32, data: &[u8]| atom(number.to_be_bytes(), &atom(*b"data", data));
         let list = [item(1, b"\0\0\0\x01\0\0\0\0back camera"), item(2, data)].concat();
-        let meta = [atom(b"hdlr", &[0; 25]), atom(b"keys", &keys), atom(b"ilst", &list)].concat();
-        let tracks = [atom(b"trak", &atom(b"tkhd", &[0; 84])), atom(b"trak", &atom(b"meta", &meta))].concat();
-        let movie = [atom(b"mvhd", &[0; 100]), tracks].concat();
-        [atom(b"ftyp", b"qt  \0\0\0\0"), atom(b"moov", &movie)].concat()
+        let meta = [atom(*b"hdlr", &[0; 25]), atom(*b"keys", &keys), atom(*b"ilst", &list)].concat();
+        let tracks = [atom(*b"trak", &atom(*b"tkhd", &[0; 84])), atom(*b"trak", &atom(*b"meta", &meta))].concat();
+        let movie = [atom(*b"mvhd", &[0; 100]), tracks].concat();
+        [atom(*b"ftyp", b"qt  \0\0\0\0"), atom(*b"moov", &movie)].concat()
     }
 
     fn read(bytes: &[u8]) -> Option<f64> {

@@ -35,14 +35,14 @@ mod tests {
         };
         let camera = |k: usize| (k != 4).then(|| FrameCamera { pose: pose(k), intrinsics });
         let mut store = TrackStore::new().expect("a temporary folder");
-        for k in 0..6 {
+        for (k, ticks) in (0..6).zip(0..) {
             let seen = |p: &WorldPoint| {
                 let at = intrinsics.project(&pose(k).apply(&p.place)).expect("in front");
                 let inside = (0.0..640.0).contains(&at.x) && (0.0..360.0).contains(&at.y);
                 inside.then_some(Observation { id: p.id, x: at.x as f32 + 0.1, y: at.y as f32, background: true })
             };
             let observations = points.iter().filter_map(seen).collect();
-            let pts = Timestamp(500 * k as i64);
+            let pts = Timestamp(500 * ticks);
             store.push(&FrameTracks { pts, observations, quality: FrameQuality::default() }).expect("in range");
         }
         let quality = |k: i64| if k == 0 { MotionQuality::ShotStart } else { MotionQuality::Measured };

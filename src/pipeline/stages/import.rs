@@ -94,14 +94,17 @@ fn check_times(motion: &ClipMotion, times: &[Timestamp], info: &VideoInfo) -> Re
             "frames has {found} entries, and the clip {frames} frames; it belongs to another clip or span"
         ));
     }
-    let seconds = |of: &dyn Fn(usize) -> f64, k: usize| of(k) - of(0);
-    let theirs = |k: usize| motion.timebase.seconds(motion.frames[k].pts);
-    let ours = |k: usize| info.timebase.seconds(times[k]);
+    let from_first = |times: Vec<f64>| {
+        let first = times.first().copied().unwrap_or(0.0);
+        times.into_iter().map(|t| t - first).collect::<Vec<f64>>()
+    };
+    let theirs = from_first(motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect());
+    let ours = from_first(times.iter().map(|t| info.timebase.seconds(*t)).collect());
     // Time bases differ between containers: half a frame apart is another frame.
-    let slack = 0.5 * motion.frame_period_s().unwrap_or(1.0);
-    let off = (0..frames).find(|&k| !((seconds(&theirs, k) - seconds(&ours, k)).abs() <= slack));
+    let slack = 0.5 * ours.last().copied().unwrap_or(0.0) / (frames.max(2) - 1) as f64;
+    let off = theirs.iter().zip(&ours).position(|(a, b)| !((a - b).abs() <= slack));
     off.map_or(Ok(()), |k| {
-        let (found, expected) = (seconds(&theirs, k), seconds(&ours, k));
+        let (found, expected) = (theirs[k], ours[k]);
         Err(format!("frames[{k}].pts is {found:.3} s after the first (expected {expected:.3} s, as in the clip)"))
     })
 }
