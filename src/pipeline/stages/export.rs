@@ -56,6 +56,8 @@ type Fault = Box<dyn std::error::Error>;
 #[derive(Default)]
 struct Written {
     files: Vec<(Unfinished, PathBuf)>,
+    /// Files of an earlier run that would be taken for these.
+    stale: Vec<PathBuf>,
     /// What the user is told of.
     told: Vec<PathBuf>,
     warnings: Vec<String>,
@@ -91,6 +93,10 @@ impl Written {
                 self.untold(&folder.join(name), |out| Ok(write(model, out)?))?;
             }
         }
+        if models.len() > 1 {
+            // A model in the folder itself would be read in place of those in its folders.
+            self.stale.extend(colmap::FILES.iter().map(|(name, _)| folder.join(name)).filter(|f| f.exists()));
+        }
         self.told.push(folder.to_owned());
         Ok(())
     }
@@ -98,6 +104,9 @@ impl Written {
     fn publish(self) -> Result<Vec<PathBuf>, RunError> {
         for (unfinished, path) in self.files {
             unfinished.publish(&path).map_err(|e| cannot(&path, &e))?;
+        }
+        for path in self.stale {
+            std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
         }
         Ok(self.told)
     }

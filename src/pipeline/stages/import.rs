@@ -122,7 +122,10 @@ fn without_points(motion: &ClipMotion) -> Result<TrackStore, RunError> {
 /// Cameras and points of a model, and the motion that its points say.
 fn from_models(context: &mut Context<'_, '_>, decode: usize, folder: &Path) -> Result<(ClipMotion, Tracks), RunError> {
     let models = folders_of(folder).iter().map(|f| Model::read(f)).collect::<Result<Vec<_>, ColmapError>>();
-    let models = models.map_err(|e| refused(folder, &e))?;
+    let models = models.map_err(|e| match e {
+        ColmapError::Io { .. } | ColmapError::NoModel { .. } => RunError::Input(e.to_string()),
+        _ => refused(folder, &e),
+    })?;
     let (times, info) = times(context, decode)?;
     let size = (info.width as u32, info.height as u32);
     let found = ImportedClip::new(&models, times.len(), size).map_err(|e| refused(folder, &e))?;
