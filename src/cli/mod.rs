@@ -3,6 +3,7 @@
 //! Standard output carries results only; progress, summaries and errors go to standard error. Exit statuses: [`Exit`].
 
 mod check;
+mod clip;
 mod completions;
 mod failure;
 mod graph;
@@ -59,7 +60,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run

@@ -1,58 +1,46 @@
-//! `plumbline motion`: how the camera moved, in the picture and in space, as a file for other programs.
+//! `plumbline motion`: how the camera moved, in the picture and in space, as files for other programs and later runs.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
+use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::kinds::{DecodeSettings, MotionSettings, RollingShutter, TrackSettings};
-use crate::pipeline::options::{ProgressMode, RunSettings};
+use crate::pipeline::kinds::MotionExportSettings;
+use crate::pipeline::options::RunSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::units::ClipTime;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
 
 /// Options of `plumbline motion`.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("targets").required(true).multiple(true).args(["output", "colmap", "gltf", "csv"]))]
 pub(super) struct MotionArgs {
     /// The clip
     #[arg(value_name = "INPUT")]
     input: String,
-    /// The file to write, plumbline.motion JSON
+    /// Write motion, cameras and points as plumbline.motion JSON, which --motion reads again
     #[arg(short, long, value_name = "FILE.json")]
-    output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
-    /// First position to read: seconds or [HH:]MM:SS
-    #[arg(long, value_name = "TIME")]
-    start: Option<ClipTime>,
-    /// Position to stop before
-    #[arg(long, value_name = "TIME")]
-    end: Option<ClipTime>,
-    /// Picture of the clip's shape: nothing is tracked where it is white
+    output: Option<PathBuf>,
+    /// Write a COLMAP model, as text and binary; a folder in it per shot where several have cameras
+    #[arg(long, value_name = "DIR")]
+    colmap: Option<PathBuf>,
+    /// Write a glTF scene, cameras animated, points as a cloud: .glb, or .gltf with its numbers embedded
     #[arg(long, value_name = "FILE")]
-    mask: Option<PathBuf>,
-    /// Rolling shutter: auto, off, or the sensor's readout time in seconds
-    #[arg(long, default_value_t, value_name = "auto|off|SECONDS")]
-    rolling_shutter: RollingShutter,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    gltf: Option<PathBuf>,
+    /// Write a table with one line per frame
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    #[command(flatten)]
+    clip: ClipArgs,
 }
 
 impl MotionArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
         let file = self.pipeline();
-        if self.print_pipeline {
+        if self.clip.print_pipeline {
             tell(&print(&file));
             return Ok(Exit::Done);
         }
@@ -61,24 +49,20 @@ impl MotionArgs {
 
     /// The pipeline that the options mean.
     fn pipeline(&self) -> PipelineFile {
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        let decode =
-            DecodeSettings { path: escape(&self.input), start: self.start, end: self.end, ..DecodeSettings::default() };
-        let mask = self.mask.as_ref().map(|m| literal_path(m));
-        let motion = MotionSettings {
-            rolling_shutter: self.rolling_shutter,
-            cameras: true,
-            export: Some(literal_path(&self.output)),
+        let path = |p: &Option<PathBuf>| p.as_ref().map(|p| literal_path(p));
+        let export = MotionExportSettings {
+            path: path(&self.output),
+            colmap: path(&self.colmap),
+            gltf: path(&self.gltf),
+            csv: path(&self.csv),
         };
+        let mut stages = self.clip.analysis(escape(&self.input), true);
+        let export = StageEntry::built("files", &export);
+        stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
         PipelineFile {
             name: Some("motion".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages: vec![
-                StageEntry::built("source", &decode),
-                StageEntry::built("tracks", &TrackSettings { mask, ..TrackSettings::default() })
-                    .input("frames", "source"),
-                StageEntry::built("motion", &motion).input("tracks", "tracks"),
-            ],
+            run: entries_of(&self.clip.run(), &RunSettings::default()),
+            stages,
             ..PipelineFile::default()
         }
     }

@@ -4,19 +4,19 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
+use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, DecodeSettings, Deinterlace, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionSettings,
-    PathMethod, RenderSettings, ReportSettings, RollingShutter, SmoothSettings, TrackSettings, WarpMode, WarpSettings,
-    Zoom,
+    Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionExportSettings, PathMethod,
+    RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpMode, WarpSettings, Zoom,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
 use crate::pipeline::reference::escape;
-use crate::pipeline::units::{BitRate, ByteSize, ClipTime, FrameRate};
+use crate::pipeline::units::{BitRate, ByteSize};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
 
 /// Options of `plumbline stabilize`.
@@ -34,21 +34,8 @@ pub struct StabilizeArgs {
     /// The folder to write to; results keep the names of their inputs
     #[arg(long, value_name = "DIR")]
     out_dir: Option<PathBuf>,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
-    /// First position to read: seconds or [HH:]MM:SS
-    #[arg(long, value_name = "TIME")]
-    start: Option<ClipTime>,
-    /// Position to stop before
-    #[arg(long, value_name = "TIME")]
-    end: Option<ClipTime>,
-    /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
-    #[arg(long, value_name = "RATE")]
-    fps: Option<FrameRate>,
-    /// What happens to interlaced pictures
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    deinterlace: Deinterlace,
+    #[command(flatten)]
+    clip: ClipArgs,
 
     /// How freely a frame may be bent
     #[arg(long, value_enum, default_value_t, value_name = "MODE", help_heading = "Stabilization")]
@@ -63,9 +50,6 @@ pub struct StabilizeArgs {
     #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
     smoothness: f64,
-    /// Picture of the clip's shape: nothing is tracked where it is white
-    #[arg(long, value_name = "FILE", help_heading = "Stabilization")]
-    mask: Option<PathBuf>,
     /// Least part of the picture's width and height that must stay, 0.3 to 1
     #[arg(long, default_value_t = SmoothSettings::default().min_crop, value_name = "PART", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
@@ -79,9 +63,6 @@ pub struct StabilizeArgs {
     /// Most memory for the neighboring frames of --border fill
     #[arg(long, default_value_t = RenderSettings::default().fill_memory, value_name = "SIZE", help_heading = "Stabilization")]
     fill_memory: ByteSize,
-    /// Rolling-shutter correction: auto, off, or the sensor's readout time in seconds
-    #[arg(long, default_value_t, value_name = "auto|off|SECONDS", help_heading = "Stabilization")]
-    rolling_shutter: RollingShutter,
     /// How pixels are interpolated
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     interpolation: Interpolation,
@@ -109,21 +90,15 @@ pub struct StabilizeArgs {
     /// Also write original and result side by side, to OUTPUT with .compare before its extension
     #[arg(long, help_heading = "Extras")]
     compare: bool,
-    /// Also write the camera's motion, as plumbline.motion JSON
+    /// Also write motion and points as plumbline.motion JSON, so that another run with --motion need not track
     #[arg(long, value_name = "FILE.json", help_heading = "Extras")]
     export_motion: Option<PathBuf>,
     /// Also write a page that tells what was done: figures, plots of the path, pictures before and after
     #[arg(long, value_name = "FILE.html", help_heading = "Extras")]
     report: Option<PathBuf>,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long, help_heading = "Extras")]
-    print_pipeline: bool,
-    /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    /// Also write the map of every frame for compositors, as 32-bit EXR: R = x/W, G = 1 - y/H
+    #[arg(long, value_name = "DIR", help_heading = "Extras")]
+    export_stmap: Option<PathBuf>,
 }
 
 /// Containers that hold what the default codecs give; other inputs get `mp4`.
@@ -132,7 +107,7 @@ const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 impl StabilizeArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
         let file = self.pipeline()?;
-        if self.print_pipeline {
+        if self.clip.print_pipeline {
             tell(&print(&file));
             return Ok(Exit::Done);
         }
@@ -145,10 +120,9 @@ impl StabilizeArgs {
             Some(output) => (self.only_input()?, literal_path(output)),
             None => ("${item.path}".to_owned(), self.batch_output()?),
         };
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         let mut file = PipelineFile {
             name: Some("stabilize".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
+            run: entries_of(&self.clip.run(), &RunSettings::default()),
             batch: self.output.is_none().then(|| self.batch()),
             stages: self.analysis(source),
             ..PipelineFile::default()
@@ -183,9 +157,14 @@ impl StabilizeArgs {
         if self.inputs.iter().any(|i| i == "-") {
             return Err(Failure::usage("standard input has no name to keep; use --output"));
         }
-        if self.export_motion.is_some() {
-            let help = "use --output, or a pipeline file with `export = \"${item.stem}.json\"`";
-            return Err(Failure::usage(format!("--export-motion names one file, but --out-dir is for many; {help}")));
+        let help = "use --output, or a pipeline file with ${item.stem} in the path";
+        let one_by_one = [
+            (&self.export_motion, "--export-motion"),
+            (&self.export_stmap, "--export-stmap"),
+            (&self.clip.motion, "--motion"),
+        ];
+        if let Some((_, option)) = one_by_one.iter().find(|(given, _)| given.is_some()) {
+            return Err(Failure::usage(format!("{option} is for one clip, but --out-dir is for many; {help}")));
         }
         if self.report.is_some() {
             let help = "use --output, or a pipeline file with `path = \"${item.stem}.html\"` in a stage `video.report`";
@@ -216,24 +195,11 @@ impl StabilizeArgs {
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {
         let path = |p: &PathBuf| literal_path(p);
-        let decode = DecodeSettings {
-            path: source,
-            start: self.start,
-            end: self.end,
-            fps: self.fps,
-            deinterlace: self.deinterlace,
-        };
-        let track = TrackSettings { mask: self.mask.as_ref().map(path), ..TrackSettings::default() };
         let in_space = match self.mode {
             WarpMode::Auto => Some(InSpace::Auto),
             WarpMode::ThreeD => Some(InSpace::Always),
             WarpMode::Rotation => Some(InSpace::Turn),
             _ => self.path_file.is_some().then_some(InSpace::Always),
-        };
-        let motion = MotionSettings {
-            rolling_shutter: self.rolling_shutter,
-            cameras: in_space.is_some(),
-            export: self.export_motion.as_ref().map(path),
         };
         let smooth = SmoothSettings {
             method: self.path,
@@ -245,13 +211,15 @@ impl StabilizeArgs {
             path_file: self.path_file.as_ref().map(path),
             ..SmoothSettings::default()
         };
+        let mut stages = self.clip.analysis(source, in_space.is_some());
+        if self.export_motion.is_some() {
+            let export = MotionExportSettings { path: self.export_motion.as_ref().map(path), ..Default::default() };
+            let export = StageEntry::built("saved", &export);
+            stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
+        }
         let planned = StageEntry::built("path", &smooth).input("motion", "motion");
-        vec![
-            StageEntry::built("source", &decode),
-            StageEntry::built("tracks", &track).input("frames", "source"),
-            StageEntry::built("motion", &motion).input("tracks", "tracks"),
-            if in_space.is_some() { planned.input("tracks", "tracks") } else { planned },
-        ]
+        stages.push(if in_space.is_some() { planned.input("tracks", self.clip.tracks()) } else { planned });
+        stages
     }
 
     fn rendering(&self, output: &str) -> Result<Vec<StageEntry>, Failure> {
@@ -259,12 +227,20 @@ impl StabilizeArgs {
         let render =
             RenderSettings { interpolation: self.interpolation, border: self.border, fill_memory: self.fill_memory };
         let mut stages = vec![
-            StageEntry::built("warp", &warp).input("tracks", "tracks").input("path", "path").input("motion", "motion"),
+            StageEntry::built("warp", &warp)
+                .input("tracks", self.clip.tracks())
+                .input("path", "path")
+                .input("motion", "motion"),
             StageEntry::built("steady", &render).input("frames", "source").inputs("warps", &["warp"]),
             StageEntry::built("out", &self.encode(output.to_owned()))
                 .input("frames", "steady")
                 .input("audio", "source.audio"),
         ];
+        if let Some(folder) = &self.export_stmap {
+            let maps = StMapSettings { path: literal_path(folder), keep_inside: self.border == Border::Crop };
+            let maps = StageEntry::built("maps", &maps);
+            stages.push(maps.input("frames", "source").inputs("warps", &["warp"]));
+        }
         if self.compare {
             let encode = self.encode(compare_path(output)?);
             let compare = StageEntry::built("compare", &encode);

@@ -1,6 +1,7 @@
 //! Frames and planes: stride-aware pixels in their native depth and color, YUV kept as YUV.
 
 mod color;
+mod exr;
 mod format;
 mod frame;
 mod luma;
@@ -8,6 +9,7 @@ mod plane;
 mod pyramid;
 pub(crate) mod simd;
 
+pub use self::exr::write_exr;
 pub use color::ColorDescription;
 pub use format::{Layout, PixelFormat};
 pub use frame::{Frame, FrameBuffer, OwnedBuffer, PlaneRows};

@@ -15,6 +15,7 @@ mod encoder_settings;
 mod encoders;
 mod error;
 mod fields;
+mod focal;
 mod hdr;
 mod info;
 mod input;
@@ -33,6 +34,7 @@ mod writer;
 
 pub use encoders::{EncoderInfo, check_encoder, encoders};
 pub use error::{Fault, MediaError};
+pub use focal::focal_px;
 pub use info::{FieldOrder, Ratio, VideoInfo};
 pub use input::{Input, PICTURE_RATE, SPOOL_LIMIT, SpoolOptions};
 pub use output::Output;

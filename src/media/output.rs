@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
 use super::sequence::{Pattern, muxer_pattern};
-use super::unfinished::{Name, Unfinished, folder_of};
+use super::unfinished::{Unfinished, folder_of};
 use super::{Input, MediaError};
 
 /// A target to write.
@@ -167,7 +167,7 @@ impl Partial {
     }
 
     fn folder(target: &Path) -> Result<Self, MediaError> {
-        let partial = Unfinished::folder(folder_of(target), &Name::beginning("sequence.partial-"));
+        let partial = Unfinished::sequence_in(folder_of(target));
         let partial = partial.map_err(|e| MediaError::writing_io(target, &e))?;
         Ok(Self::Folder { partial, target: target.to_owned() })
     }

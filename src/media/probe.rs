@@ -6,6 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::av::{Demuxer, Kind, StreamRef};
+use super::focal::{self, focal_px};
 use super::info::{FieldOrder, Ratio, chapter_span, orientation};
 use super::{Input, MediaError};
 
@@ -26,6 +27,8 @@ pub struct MediaInfo {
     pub bit_rate: Option<u64>,
     /// Index of the stream that would be processed; `None` where there is no video.
     pub video: Option<usize>,
+    /// Focal length that the container tells, mm in 35-mm terms.
+    pub focal_35mm: Option<f64>,
     /// All streams, in the container's order.
     pub streams: Vec<StreamInfo>,
     /// All chapters.
@@ -140,6 +143,10 @@ pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
         let (start_s, end_s) = chapter_span(&c);
         ChapterInfo { start_s, end_s, title: c.metadata.into_iter().find(|(k, _)| k == "title").map(|(_, v)| v) }
     };
+    let streams: Vec<StreamInfo> = demuxer.streams().enumerate().map(|(i, s)| stream_info(i, s)).collect();
+    let tags: BTreeMap<String, String> = demuxer.metadata().into_iter().collect();
+    let told = focal::of_tags(tags.iter().chain(streams.iter().flat_map(|s| &s.tags)));
+    let quicktime = demuxer.format_name().split(',').any(|name| name == "mov");
     Ok(MediaInfo {
         path: input.name().to_owned(),
         container: demuxer.format_name(),
@@ -148,10 +155,19 @@ pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
         duration_s: demuxer.duration_us().map(seconds),
         bit_rate: demuxer.bit_rate(),
         video: demuxer.best_video(),
-        streams: demuxer.streams().enumerate().map(|(i, s)| stream_info(i, s)).collect(),
+        focal_35mm: told.or_else(|| quicktime.then(|| focal::of_tracks(input.path())).flatten()),
+        streams,
         chapters: demuxer.chapters().into_iter().map(chapter).collect(),
-        tags: demuxer.metadata().into_iter().collect(),
+        tags,
     })
+}
+
+impl MediaInfo {
+    /// Focal length that the container tells, px of the video's coded picture.
+    pub fn focal_px(&self) -> Option<f64> {
+        let StreamKind::Video(video) = &self.streams.get(self.video?)?.kind else { return None };
+        self.focal_35mm.map(|mm| focal_px(mm, video.width as usize, video.height as usize))
+    }
 }
 
 fn stream_info(index: usize, stream: StreamRef<'_>) -> StreamInfo {
@@ -219,6 +235,9 @@ impl fmt::Display for MediaInfo {
         for c in &self.chapters {
             let title = c.title.as_deref().unwrap_or("untitled");
             write!(f, "\n  chapter {:.3} to {:.3} s: {title}", c.start_s, c.end_s)?;
+        }
+        if let Some((mm, px)) = self.focal_35mm.zip(self.focal_px()) {
+            write!(f, "\n  focal length {mm} mm in 35-mm terms, {px:.0} px")?;
         }
         self.tags.iter().try_for_each(|(k, v)| write!(f, "\n  {k} = {v}"))
     }

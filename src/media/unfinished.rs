@@ -45,6 +45,14 @@ impl Unfinished {
         Self::begin(folder, name, |path| options.open(path).map(Some))
     }
 
+    /// A folder in `folder`, for files that are to go there together.
+    ///
+    /// # Errors
+    /// What the system says of the folder.
+    pub fn sequence_in(folder: &Path) -> io::Result<Self> {
+        Self::folder(folder, &Name::beginning("sequence.partial-"))
+    }
+
     /// A folder in `folder`.
     pub(super) fn folder(folder: &Path, name: &Name) -> io::Result<Self> {
         Self::begin(folder, name, |path| std::fs::create_dir(path).map(|()| File::open(path).ok()))
@@ -85,7 +93,10 @@ impl Unfinished {
     }
 
     /// The same for every file in an unfinished folder, under their own names in `folder`.
-    pub(super) fn publish_into(self, folder: &Path) -> io::Result<()> {
+    ///
+    /// # Errors
+    /// What the system says; what has not moved yet is removed.
+    pub fn publish_into(self, folder: &Path) -> io::Result<()> {
         for entry in std::fs::read_dir(&self.path)? {
             let entry = entry?;
             move_synced(&entry.path(), &folder.join(entry.file_name()))?;

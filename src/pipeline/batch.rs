@@ -32,6 +32,11 @@ impl Instance {
         self.graph.stages.iter().flat_map(|s| s.settings.writes()).map(PathBuf::from).collect()
     }
 
+    /// Folders that it fills with files.
+    pub fn folders(&self) -> Vec<PathBuf> {
+        self.graph.stages.iter().flat_map(|s| s.settings.fills()).map(PathBuf::from).collect()
+    }
+
     /// Files that it reads.
     pub fn inputs(&self) -> Vec<PathBuf> {
         self.graph.stages.iter().flat_map(|s| s.settings.reads()).map(PathBuf::from).collect()
@@ -173,7 +178,7 @@ fn check_outputs(instances: &[Instance], problems: &mut Vec<Problem>) {
     }
     let mut written: HashMap<Identity, &str> = HashMap::new();
     for instance in instances {
-        for (file, path) in files(instance.outputs()) {
+        for (file, path) in files([instance.outputs(), instance.folders()].concat()) {
             if inputs.contains(&file) {
                 let message = format!("`{}` would be written over its input", path.display());
                 problems.push(Problem::new("output-is-input", message).help("write to another file or folder"));

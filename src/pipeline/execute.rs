@@ -168,6 +168,7 @@ impl Executor<'_> {
 
 /// Refuses existing files and makes missing folders before any work is done.
 fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
+    instance.folders().iter().try_for_each(|folder| check_folder(folder, overwrite))?;
     for path in instance.outputs() {
         if path.is_dir() {
             return Err(RunError::Output(format!("`{}` is a folder; give the name of a file", path.display())));
@@ -181,6 +182,18 @@ fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
             let failed = |e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display()));
             std::fs::create_dir_all(folder).map_err(failed)?;
         }
+    }
+    Ok(())
+}
+
+/// Makes a folder that is to be filled, or refuses it: a file, or with something in it.
+fn check_folder(folder: &Path, overwrite: bool) -> Result<(), RunError> {
+    let failed = |e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let occupied = std::fs::read_dir(folder).map_err(failed)?.next().is_some();
+    if occupied && !overwrite {
+        let help = "allow to replace what is in it with --overwrite (`run.overwrite = true`)";
+        return Err(RunError::Output(format!("the folder `{}` is not empty; {help}", folder.display())));
     }
     Ok(())
 }

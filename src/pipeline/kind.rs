@@ -24,6 +24,8 @@ pub enum OverTime {
     Window(u32),
     /// The result needs the whole clip, so it ends a pass.
     Reduce,
+    /// The result is there before the first frame.
+    Once,
 }
 
 /// Settings that exclude each other.
@@ -80,6 +82,11 @@ pub trait StageSettings:
     fn writes(&self) -> Vec<&str> {
         Vec::new()
     }
+
+    /// Folders that it fills with files.
+    fn fills(&self) -> Vec<&str> {
+        Vec::new()
+    }
 }
 
 /// Settings of a kind known at run time; [`dyn Settings::get`] gives back the typed struct.
@@ -94,6 +101,8 @@ pub trait Settings: Any + Debug + Send + Sync {
     fn reads(&self) -> Vec<&str>;
     /// See [`StageSettings::writes`].
     fn writes(&self) -> Vec<&str>;
+    /// See [`StageSettings::fills`].
+    fn fills(&self) -> Vec<&str>;
     /// Every setting, defaults included.
     fn to_json(&self) -> serde_json::Value;
 }
@@ -117,6 +126,10 @@ impl<S: StageSettings> Settings for S {
 
     fn writes(&self) -> Vec<&str> {
         StageSettings::writes(self)
+    }
+
+    fn fills(&self) -> Vec<&str> {
+        StageSettings::fills(self)
     }
 
     fn to_json(&self) -> serde_json::Value {

@@ -7,6 +7,7 @@
 //! level(s) = max over edges r → s of  level(r) + [r is reduce],
 //! ```
 //!
+//! where a reduction of what is there before the first frame (`once`) ends no pass;
 //! a stage runs in pass `level(s)`; but pictures are never stored, so a stage that gives pictures runs again in every pass that
 //! takes them: a `frames` port is a re-openable source. All else that crosses passes is carried over.
 
@@ -78,6 +79,7 @@ fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
         OverTime::Map => "frame by frame".to_owned(),
         OverTime::Window(n) => format!("looks {n} frames around"),
         OverTime::Reduce => "needs the whole clip".to_owned(),
+        OverTime::Once => "before the first frame".to_owned(),
     };
     let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
     lines.extend(stage.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
@@ -105,14 +107,26 @@ fn held_text(held: &Held, clip: Option<&ClipShape>) -> String {
 
 fn levels(graph: &Graph) -> Vec<usize> {
     let mut level = vec![0; graph.stages.len()];
+    let streamed = streamed(graph);
     for (s, stage) in graph.stages.iter().enumerate() {
         let after = |e: &super::graph::Edge| {
-            let reduce = graph.stages[e.from].settings.over_time() == OverTime::Reduce;
+            let reduce = graph.stages[e.from].settings.over_time() == OverTime::Reduce && streamed[e.from];
             level[e.from] + usize::from(reduce)
         };
         level[s] = stage.edges.iter().map(after).max().unwrap_or(0);
     }
     level
+}
+
+/// Whether what a stage gives depends on frames of this run.
+fn streamed(graph: &Graph) -> Vec<bool> {
+    let mut streamed = vec![true; graph.stages.len()];
+    for (s, stage) in graph.stages.iter().enumerate() {
+        let source = stage.edges.is_empty();
+        let once = stage.settings.over_time() == OverTime::Once;
+        streamed[s] = !once && (source || stage.edges.iter().any(|e| streamed[e.from]));
+    }
+    streamed
 }
 
 /// Data that is streamed again rather than stored.

@@ -5,7 +5,10 @@ use std::path::Path;
 use super::syntax::Source;
 
 /// `(name, text)` of every shipped file.
-pub const SHIPPED: [(&str, &str); 1] = [("stabilize", include_str!("../../pipeline/stabilize.toml"))];
+pub const SHIPPED: [(&str, &str); 2] = [
+    ("stabilize", include_str!("../../pipeline/stabilize.toml")),
+    ("stabilize-3d", include_str!("../../pipeline/stabilize-3d.toml")),
+];
 
 /// The shipped file called `name`. Relative paths in it start from the working directory.
 pub fn shipped(name: &str) -> Option<Source> {

@@ -18,7 +18,8 @@ fn plumbline(args: &[&str]) -> Output {
 #[test]
 fn help_says_what_there_is() {
     insta::assert_snapshot!("help", out(&plumbline(&["--help"])));
-    for command in ["stabilize", "run", "check", "plan", "graph", "stages", "schema", "probe", "completions"] {
+    for command in ["stabilize", "motion", "run", "check", "plan", "graph", "stages", "schema", "probe", "completions"]
+    {
         insta::assert_snapshot!(format!("help_{command}"), out(&plumbline(&[command, "--help"])));
     }
 }
@@ -53,7 +54,7 @@ fn a_bad_command_line_exits_2_tells_what_is_allowed_and_prints_no_result() {
         ("many", &["stabilize", "a.mp4", "b.mp4", "-o", "c.mp4"], "there are 2 inputs; use --out-dir"),
         ("glob", &["stabilize", "*.mp4", "-o", "c.mp4"], "may be many clips"),
         ("compare", &["stabilize", "a.mp4", "-o", "-", "--compare"], "--compare needs a file name with an extension"),
-        ("no file", &["run", "stabilise"], "there is no pipeline file `stabilise` (shipped ones: `stabilize`)"),
+        ("no file", &["run", "stabilise"], "there is no pipeline file `stabilise` (shipped ones: `stabilize`"),
         ("no kind", &["stages", "video.smoth"], "did you mean `video.smooth`?"),
     ];
     for (name, args, message) in cases {
@@ -110,7 +111,7 @@ fn completions_know_the_commands() {
 
 #[test]
 fn options_mean_a_pipeline_that_reads_back_as_the_same() {
-    let cases: [&[&str]; 6] = [
+    let cases: [&[&str]; 7] = [
         &["a.mp4", "-o", "b.mp4"],
         &["a.mp4", "b c.mov", "--out-dir", "d/"],
         &["odd ${item.stem} \"name\".mp4", "-o", "$${x}.mkv", "--compare", "--export-motion", "m ${y}.json"],
@@ -170,6 +171,7 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
             "--strict",
             "--compare",
         ],
+        &["a.mp4", "-o", "b.mp4", "--motion", "m.json", "--path-file", "p.json", "--export-stmap", "maps"],
     ];
     for (i, options) in cases.into_iter().enumerate() {
         let args = ["plumbline", "stabilize"].iter().chain(options);
@@ -183,14 +185,17 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
 }
 
 #[test]
-fn the_command_builds_the_shipped_graph() {
-    let file = stabilize_pipeline(["plumbline", "stabilize", "a.mp4", "--out-dir", "d"]).expect("options in order");
-    let built = check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
-    let read = read(shipped("stabilize").expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
-    assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&read.graph, GraphFormat::Mermaid));
-    for stage in read.graph.stages.iter().filter(|s| s.name != "out" && s.name != "source") {
-        let ours = built.graph.stage(&stage.name).expect("the same stages");
-        assert_eq!(ours.settings.to_json(), stage.settings.to_json(), "{}", stage.name);
+fn the_command_builds_the_shipped_graphs() {
+    for (name, options) in [("stabilize", &[][..]), ("stabilize-3d", &["--mode", "3d"])] {
+        let args = ["plumbline", "stabilize", "a.mp4", "--out-dir", "d"].iter().chain(options);
+        let file = stabilize_pipeline(args).expect("options in order");
+        let built = check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+        let read = read(shipped(name).expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+        assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&read.graph, GraphFormat::Mermaid));
+        for stage in read.graph.stages.iter().filter(|s| s.name != "out" && s.name != "source") {
+            let ours = built.graph.stage(&stage.name).expect("the same stages");
+            assert_eq!(ours.settings.to_json(), stage.settings.to_json(), "{name}: {}", stage.name);
+        }
     }
 }
 

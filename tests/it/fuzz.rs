@@ -5,6 +5,7 @@ mod bodies;
 
 use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
 use plumbline::time::{Timebase, Timestamp};
+use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
 
 /// Mutated inputs for each target.
 const ROUNDS: usize = 30_000;
@@ -105,5 +106,12 @@ fn no_motion_file_makes_the_reader_panic() {
     let clip = ClipMotion::new(640, 360, Timebase { num: 1, den: 12800 }, (0..4).map(frame).collect());
     let mut text = Vec::new();
     clip.write_json(&mut text).expect("a small file");
-    hammer(&[text, b"{}".to_vec(), b"[]".to_vec()], bodies::motion_file, 2);
+    let mut store = TrackStore::new().expect("a temporary folder");
+    for frame in &clip.frames {
+        let observations = (0..5).map(|id| Observation { id, x: 30.5, y: 7.25, background: id != 3 }).collect();
+        store.push(&FrameTracks { pts: frame.pts, observations, quality: FrameQuality::default() }).expect("in range");
+    }
+    let mut with_tracks = Vec::new();
+    clip.write_json_with_tracks(&mut with_tracks, &store).expect("a small file");
+    hammer(&[text, with_tracks, b"{}".to_vec(), b"[]".to_vec()], bodies::motion_file, 2);
 }

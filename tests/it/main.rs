@@ -5,6 +5,7 @@ mod bad_input_cli;
 mod cli;
 mod companions;
 mod energy;
+mod exchange;
 mod fuzz;
 mod house;
 mod in_space;

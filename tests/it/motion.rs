@@ -1,5 +1,6 @@
 //! Laws of the inter-frame motion, on scenes whose motion is known.
 
+use std::io::Cursor;
 use std::ops::Range;
 
 use plumbline::math::{Homography, Point2, Similarity2, Vec2};
@@ -8,6 +9,7 @@ use plumbline::motion::{
     MotionQuality, Pair, PlanarModel, ReadoutEstimator, RowMotion, Tier, TrackPoint,
 };
 use plumbline::time::{Timebase, Timestamp};
+use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
@@ -342,7 +344,7 @@ fn sample_clip() -> ClipMotion {
 #[test]
 fn a_motion_file_brings_back_what_was_written() {
     let clip = sample_clip();
-    let back = ClipMotion::read_json(written(&clip).as_bytes()).expect("own file");
+    let back = ClipMotion::from_json(written(&clip).as_bytes()).expect("own file");
     assert_eq!(back, clip);
     assert_eq!(back.shown_size(), (360, 853));
     assert_eq!(written(&back), written(&clip));
@@ -398,6 +400,118 @@ fn every_refusal_names_the_field_the_value_and_what_may_stand_there() {
     }
 }
 
+/// Random points for every frame of a clip, the last of which stand on the edges of the picture.
+fn tracked(clip: &ClipMotion) -> TrackStore {
+    let mut rng = fastrand::Rng::with_seed(6);
+    let mut store = TrackStore::new().expect("a temporary folder");
+    for frame in &clip.frames {
+        let mut seen: Vec<Observation> = (0..rng.u32(0..40))
+            .map(|k| {
+                let (x, y) = (640.0 * rng.f32(), 360.0 * rng.f32());
+                Observation { id: 7 * k + rng.u32(0..7), x, y, background: rng.bool() }
+            })
+            .collect();
+        seen.push(Observation { id: 900, x: 640.0, y: 0.0, background: false });
+        let quality = FrameQuality::default();
+        store.push(&FrameTracks { pts: frame.pts, observations: seen, quality }).expect("in range");
+    }
+    store
+}
+
+fn frames_of(store: &TrackStore) -> Vec<FrameTracks> {
+    store.window(0..store.frames()).expect("stored")
+}
+
+fn written_with_tracks() -> (ClipMotion, TrackStore, String) {
+    let clip = sample_clip();
+    let store = tracked(&clip);
+    let mut bytes = Vec::new();
+    clip.write_json_with_tracks(&mut bytes, &store).expect("finite motion");
+    (clip, store, String::from_utf8(bytes).expect("JSON is text"))
+}
+
+#[test]
+fn points_come_back_from_a_motion_file_to_the_bit() {
+    let (clip, store, text) = written_with_tracks();
+    let (back, tracks) = ClipMotion::read_json(Cursor::new(&text)).expect("own file");
+    assert_eq!(back, clip);
+    assert_eq!(frames_of(&tracks.expect("tracks were written")), frames_of(&store));
+    // Blocks in another order, as a program that sorts them writes.
+    let sorted = serde_json::from_str::<serde_json::Value>(&text).expect("JSON").to_string();
+    assert!(sorted.find("\"unit_px\"") > sorted.find("\"ids\""));
+    let (_, tracks) = ClipMotion::read_json(Cursor::new(&sorted)).expect("the same in another order");
+    assert_eq!(frames_of(&tracks.expect("tracks")), frames_of(&store));
+    let (_, none) = ClipMotion::read_json(Cursor::new(&written(&clip))).expect("own file");
+    assert!(none.is_none());
+}
+
+#[test]
+fn points_in_another_unit_with_centers_at_integers_are_shifted() {
+    let (_, store, text) = written_with_tracks();
+    let step = 1.0 / 256.0;
+    let mut file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    file["pixel_centre"] = 0.into();
+    file["tracks"]["unit_px"] = 0.5.into();
+    for frame in file["tracks"]["frames"].as_array_mut().expect("frames") {
+        for axis in ["x", "y"] {
+            for v in frame[axis].as_array_mut().expect("positions") {
+                *v = ((v.as_f64().expect("a number") * step - 0.5) / 0.5).into();
+            }
+        }
+    }
+    let (_, tracks) = ClipMotion::read_json(Cursor::new(file.to_string())).expect("another program's file");
+    assert_eq!(frames_of(&tracks.expect("tracks")), frames_of(&store));
+}
+
+#[test]
+fn points_that_cannot_be_are_refused_with_frame_and_line() {
+    type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
+    let (_, _, text) = written_with_tracks();
+    let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let refused = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut file = file.clone();
+        change(&mut file["tracks"]);
+        let text = serde_json::to_string_pretty(&file).expect("JSON");
+        ClipMotion::read_json(Cursor::new(text)).expect_err("refused").to_string()
+    };
+    let cases: [(Change<'_>, &str); 9] = [
+        (&|t| t["unit_px"] = 0.into(), "tracks.unit_px is 0 (expected above 0 up to 1)"),
+        (&|t| drop(t.as_object_mut().expect("a block").remove("unit_px")), "missing field `unit_px`"),
+        (&|t| drop(t["frames"].as_array_mut().expect("a list").pop()), "tracks.frames has 6 entries for 7 frames"),
+        (
+            &|t| t["frames"].as_array_mut().expect("a list").push(serde_json::json!({})),
+            "tracks.frames[7]: one frame too many",
+        ),
+        (&|t| t["frames"][1]["ids"][0] = 950.into(), "tracks.frames[1]: ids[1] is"),
+        (&|t| drop(t["frames"][1]["x"].as_array_mut().expect("a list").pop()), "tracks.frames[1]:"),
+        (
+            &|t| t["frames"][2]["y"][0] = (-9000).into(),
+            "tracks.frames[2]: y[0] is -9000, or -35.15625 px (expected 0 to 360 px)",
+        ),
+        (&|t| t["frames"][2]["moving"] = serde_json::json!([901]), "tracks.frames[2]: moving holds 901"),
+        (&|t| t["frames"][2]["x"][0] = "5".into(), "invalid type: string"),
+    ];
+    for (change, words) in cases {
+        let error = refused(change);
+        assert!(error.contains(words) && error.contains(" at line "), "{words}: {error}");
+    }
+}
+
+#[test]
+fn a_value_that_cannot_be_is_refused_with_its_line() {
+    let good = written(&sample_clip());
+    let line = 1 + good.lines().position(|l| l.contains("\"pts\":1001")).expect("the second frame");
+    let error = ClipMotion::from_json(good.replacen("\"pts\":1001", "\"pts\":0", 1).as_bytes()).expect_err("no time");
+    assert_eq!(error.to_string(), format!("line {line}: frames[1].pts is 0 (expected later than the frame before)"));
+}
+
+#[test]
+fn a_block_that_stands_twice_is_refused() {
+    let twice = written(&sample_clip()).replacen("\"readout_s\"", "\"readout_s\": 0.01,\n\"readout_s\"", 1);
+    let error = ClipMotion::from_json(twice.as_bytes()).expect_err("which one").to_string();
+    assert!(error.contains("the block \"readout_s\" stands there twice"), "{error}");
+}
+
 #[test]
 fn motion_that_is_not_finite_is_not_written() {
     let mut clip = sample_clip();
@@ -432,7 +546,9 @@ fn damaged_files_are_refused_or_read_but_never_panic() {
 #[test]
 fn the_schema_names_every_field_of_the_file() {
     let schema = serde_json::to_string(&motion::motion_file_schema()).expect("a schema is JSON");
-    for field in ["pixel_centre", "time_base", "readout_s", "planar", "planar_similarity", "verdict", "tier", "pts"] {
+    let planar = ["pixel_centre", "time_base", "readout_s", "planar", "planar_similarity", "verdict", "tier", "pts"];
+    let in_space = ["cameras", "points", "reconstruction", "focal", "tracks", "unit_px", "ids", "moving"];
+    for field in planar.into_iter().chain(in_space) {
         assert!(schema.contains(&format!("\"{field}\"")), "{field}");
     }
 }

@@ -83,9 +83,6 @@ pub struct MotionSettings {
     pub rolling_shutter: RollingShutter,
     /// Also recover where the camera stood in space, and the points it saw
     pub cameras: bool,
-    /// Also write the motion to this file (JSON, `plumbline.motion`)
-    #[schemars(extend("format" = "path"))]
-    pub export: Option<String>,
 }
 
 impl StageSettings for MotionSettings {
@@ -97,9 +94,5 @@ impl StageSettings for MotionSettings {
     fn held(&self) -> Vec<Held> {
         // A homography, a similarity and the verdicts of one frame.
         vec![Held { what: "motion", bytes_per_clip_frame: 192.0, ..Held::default() }]
-    }
-
-    fn writes(&self) -> Vec<&str> {
-        self.export.as_deref().into_iter().collect()
     }
 }

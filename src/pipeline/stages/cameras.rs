@@ -9,10 +9,20 @@ use crate::motion::{ClipCameras, ClipMotion};
 use crate::pipeline::run_error::RunError;
 use crate::track::TrackStore;
 
-/// Recovers the cameras of every shot; `rolling_shutter`: with the readout time, where the shot shows one.
-pub(super) fn recover(tracks: &Tracks, motion: &ClipMotion, rolling_shutter: bool) -> Result<ClipCameras, RunError> {
+/// Deviation of the logarithm of the focal length that a container tells: its whole millimeters are 4 % apart for a phone, and a
+/// clip steadied in the camera shows less than the sensor sees.
+const SIGMA_TOLD: f64 = 0.05;
+
+/// Recovers the cameras of every shot; `rolling_shutter`: with the readout time, where the shot shows one; `focal_px`: the focal
+/// length that the container tells.
+pub(super) fn recover(
+    tracks: &Tracks,
+    motion: &ClipMotion,
+    rolling_shutter: bool,
+    focal_px: Option<f64>,
+) -> Result<ClipCameras, RunError> {
     let mut cameras = ClipCameras::default();
-    let options = SfmOptions { focal: None, rolling_shutter };
+    let options = SfmOptions { focal: focal_px.map(|f| (f, SIGMA_TOLD)), rolling_shutter };
     let table = |frames: Range<usize>| {
         let seen = frames.map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, RunError>>()?;
         Ok(TrackTable::new(motion.width, motion.height, seen))

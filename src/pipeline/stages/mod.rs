@@ -14,7 +14,9 @@ mod covering;
 mod encoding;
 mod export;
 mod filling;
+mod import;
 mod maps;
+mod measuring;
 mod path_file;
 mod probe;
 mod report;
@@ -23,6 +25,7 @@ mod shake;
 mod sink;
 mod smoothing;
 mod space;
+mod stmap;
 mod stream;
 mod telling;
 mod tiers;
@@ -32,7 +35,10 @@ use std::path::Path;
 
 use super::batch::Instance;
 use super::job::{Backend, Job, Probed, Values};
-use super::kinds::{EncodeSettings, MotionSettings, ReportSettings, SmoothSettings, TrackSettings};
+use super::kinds::{
+    EncodeSettings, MotionExportSettings, MotionImportSettings, ReportSettings, SmoothSettings, StMapSettings,
+    TrackSettings,
+};
 use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
@@ -56,8 +62,11 @@ impl Backend for Bodies {
                     check_encoder(settings.codec, &settings.encoder).map_err(media_error)?;
                 }
             }
-            if let Some(path) = stage.settings.get::<MotionSettings>().and_then(|s| s.export.as_deref()) {
-                export::begin(Path::new(path))?;
+            if let Some(settings) = stage.settings.get::<MotionExportSettings>() {
+                export::rehearse(settings)?;
+            }
+            if let Some(settings) = stage.settings.get::<StMapSettings>() {
+                stmap::rehearse(settings)?;
             }
             if let Some(settings) = stage.settings.get::<ReportSettings>() {
                 report::begin(Path::new(&settings.path))?;
@@ -80,8 +89,14 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
     let settings = context.job.graph().stages[stage].settings.clone();
     if let Some(settings) = settings.get::<TrackSettings>() {
         analysis::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<MotionImportSettings>() {
+        import::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<MotionExportSettings>() {
+        export::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<SmoothSettings>() {
         smoothing::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<StMapSettings>() {
+        stmap::run(context, stage, settings)
     } else if settings.get::<EncodeSettings>().is_some() {
         encoding::run(context, stage)
     } else if let Some(settings) = settings.get::<ReportSettings>() {

@@ -15,32 +15,32 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
-use super::file::{MotionFileError, value, write_block};
-use super::sfm::{SfmFigures, SfmVerdict};
+use super::{MotionFileError, value, write_block};
 use crate::camera::{CameraPose, Intrinsics, Point3, Vec3};
 use crate::math::Point2;
+use crate::motion::cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
+use crate::motion::sfm::{SfmFigures, SfmVerdict};
 
 /// How far the length of a quaternion may be off 1.
 const QUATERNION_SLACK: f64 = 1e-3;
 
 /// The blocks, as far as a file has them.
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, JsonSchema)]
 pub(super) struct InSpace {
     /// Per frame its camera.
     #[serde(default)]
-    cameras: Option<Vec<Option<CameraEntry>>>,
+    pub(super) cameras: Option<Vec<Option<CameraEntry>>>,
     /// Still points.
     #[serde(default)]
-    points: Option<Vec<PointEntry>>,
+    pub(super) points: Option<Vec<PointEntry>>,
     /// Per shot what the cameras are worth.
     #[serde(default)]
-    reconstruction: Option<Vec<ShotEntry>>,
+    pub(super) reconstruction: Option<Vec<ShotEntry>>,
 }
 
 /// A camera.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
-struct CameraEntry {
+pub(super) struct CameraEntry {
     /// Rotation world to camera, `[w, x, y, z]`.
     q: [f64; 4],
     /// Translation world to camera.
@@ -56,7 +56,7 @@ struct CameraEntry {
 
 /// A point.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
-struct PointEntry {
+pub(super) struct PointEntry {
     /// Index of its shot.
     shot: u32,
     /// Its track.
@@ -67,7 +67,7 @@ struct PointEntry {
 
 /// A shot.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-struct ShotEntry {
+pub(super) struct ShotEntry {
     /// First frame, and the one after the last.
     frames: [usize; 2],
     /// What the tracks allow to say.

@@ -1,128 +1,53 @@
-//! The motion file `plumbline.motion`, version 1: JSON.
-//!
-//! It is *not* a list of tracks and not a smoothed path; it holds how the picture moved from frame to frame, so that another
-//! program can look at it, replace it or hand in its own.
-//!
-//! ```json
-//! {
-//!   "format": "plumbline.motion", "version": 1, "pixel_centre": 0.5,
-//!   "source": { "width": 640, "height": 360, "shown_width": 640, "shown_height": 360,
-//!               "rotation": 0, "pixel_aspect": [1, 1], "time_base": [1, 30000] },
-//!   "readout_s": 0.02,
-//!   "frames": [ { "pts": 0, "shot": 0, "tier": "homography", "verdict": "measured" }, … ],
-//!   "planar": [ [[1,0,2.5],[0,1,-1],[0,0,1]], …, null ],
-//!   "planar_similarity": [ [1, 0, 2.5, -1], …, null ]
-//! }
-//! ```
-//!
-//! `planar[k]` maps frame `k` to frame `k+1` (`next_from_this`, px, row by row); `null` before a cut and at the end.
-//! `planar_similarity[k]` is the nearest motion `[a, b, tx, ty]` without shear and perspective; left out, it is derived.
-//! Where cameras in space are known there are further blocks, see `file_cameras.rs`: `cameras`, `points`, `reconstruction`.
-//! Pixel centers lie at integer + 0.5; a file that says `"pixel_centre": 0` is shifted on reading. Blocks of other names are
-//! kept, other versions are refused.
+//! What stands in a motion file, and what may not.
 
 use std::collections::BTreeMap;
-use std::io::{self, BufWriter, Read, Write};
+use std::fmt;
 
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
+use super::cameras::InSpace;
+use super::tracks::{TracksBlock, TracksSeed};
+use super::{MotionFileError, value};
 use crate::math::{Homography, Point2, Similarity2, Vec2};
+use crate::motion::clip::ClipMotion;
+use crate::motion::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
+use crate::motion::planar_fit::{self, Pair};
 use crate::time::{Timebase, Timestamp};
+use crate::track::TrackStore;
 
-use super::clip::ClipMotion;
-use super::file_cameras::{self, InSpace};
-use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
-use super::planar_fit::{self, Pair};
-
-/// The name in a file's `format` field.
-pub const FORMAT: &str = "plumbline.motion";
-/// The one version read and written.
-pub const VERSION: u32 = 1;
 /// Largest side of a picture, px: more is a damaged file.
 const LARGEST_SIDE: u32 = 1 << 16;
-/// Largest file read, bytes: ten hours of video at 60 frames/s.
-const LARGEST_FILE: u64 = 1 << 30;
 /// Longest readout, s, either way: a tenth of a second is three times the slowest phone.
 const LONGEST_READOUT_S: f64 = 0.1;
-
 /// Largest entry of a map, px: beyond, sums lose the pixel.
 const LARGEST_ENTRY: f64 = 1e9;
 /// Least scale from one frame to the next, and the inverse of the largest: less is a collapsed picture.
 const LEAST_SCALE: f64 = 1e-3;
 
-/// Why a motion file was refused or could not be written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MotionFileError {
-    /// The file is not JSON of the expected shape.
-    #[error("not a motion file: {0}")]
-    Syntax(#[source] serde_json::Error),
-    /// The file is some other JSON.
-    #[error("format {found:?} is not a motion file (expected \"plumbline.motion\")")]
-    Format {
-        /// What `format` says.
-        found: String,
-    },
-    /// The file was made by a program of another version.
-    #[error("motion file version {found} is not supported (expected 1); export the motion again with this program")]
-    Version {
-        /// What `version` says.
-        found: u64,
-    },
-    /// A value that no clip has.
-    #[error("{field} is {value} (expected {expected})")]
-    Value {
-        /// Where in the file.
-        field: String,
-        /// What stands there.
-        value: String,
-        /// What may stand there.
-        expected: &'static str,
-    },
-    /// A block with more or fewer entries than frames.
-    #[error("block {block:?} has {found} entries for {frames} frames; give one entry per frame")]
-    Length {
-        /// Name of the block.
-        block: &'static str,
-        /// Its entries.
-        found: usize,
-        /// The frames of the file.
-        frames: usize,
-    },
-    /// The file is larger than any clip's motion.
-    #[error("motion file is larger than {limit} bytes; split the clip")]
-    TooLarge {
-        /// Largest accepted size, bytes.
-        limit: u64,
-    },
-    /// Reading or writing failed.
-    #[error("motion file: {0}")]
-    Io(#[from] io::Error),
-}
-
 /// Geometry and time of the video that was measured.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-struct Source {
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+pub(super) struct Source {
     /// Width of the coded picture, px.
-    width: u32,
+    pub(super) width: u32,
     /// Height of the coded picture, px.
-    height: u32,
+    pub(super) height: u32,
     /// Width as shown, px: after rotation and pixel aspect.
     #[serde(default)]
-    shown_width: Option<u32>,
+    pub(super) shown_width: Option<u32>,
     /// Height as shown, px.
     #[serde(default)]
-    shown_height: Option<u32>,
+    pub(super) shown_height: Option<u32>,
     /// Clockwise turn at which the picture is shown, degrees: 0, 90, 180 or 270.
     #[serde(default)]
-    rotation: u16,
+    pub(super) rotation: u16,
     /// Width and height of one pixel, as a fraction.
     #[serde(default = "square")]
-    pixel_aspect: [u32; 2],
+    pub(super) pixel_aspect: [u32; 2],
     /// Length of one tick, s, as a fraction.
-    time_base: [i32; 2],
+    pub(super) time_base: [i32; 2],
 }
 
 fn square() -> [u32; 2] {
@@ -131,32 +56,32 @@ fn square() -> [u32; 2] {
 
 /// One frame.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-struct FrameEntry {
+pub(super) struct FrameEntry {
     /// Presentation time, ticks.
-    pts: i64,
+    pub(super) pts: i64,
     /// Index of the shot, from 0.
-    shot: u32,
+    pub(super) shot: u32,
     /// The family of motion the points support.
     #[serde(default)]
-    tier: PlanarModel,
+    pub(super) tier: PlanarModel,
     /// Where the motion to this frame comes from.
     #[serde(default = "measured")]
-    verdict: MotionQuality,
+    pub(super) verdict: MotionQuality,
     /// Points seen in this frame and the previous one.
     #[serde(default)]
-    points: u32,
+    pub(super) points: u32,
     /// Those that moved with the background.
     #[serde(default)]
-    inliers: u32,
+    pub(super) inliers: u32,
     /// Share of the frame's cells that hold one, in [0, 1].
     #[serde(default)]
-    coverage: f64,
+    pub(super) coverage: f64,
     /// Median distance from the homography's prediction, px.
     #[serde(default)]
-    residual_px: f64,
+    pub(super) residual_px: f64,
     /// Median distance from the similarity's prediction, px.
     #[serde(default)]
-    similarity_residual_px: f64,
+    pub(super) similarity_residual_px: f64,
 }
 
 fn measured() -> MotionQuality {
@@ -164,18 +89,16 @@ fn measured() -> MotionQuality {
 }
 
 /// A motion file.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-struct Document {
+#[derive(Default, JsonSchema)]
+pub(super) struct Document {
     /// Always `plumbline.motion`.
-    #[allow(dead_code, reason = "checked by the probe that reads format and version first; here for the schema")]
     format: String,
     /// Always 1.
-    #[allow(dead_code, reason = "likewise")]
     version: u32,
     /// Where the center of the first pixel lies: 0.5, or 0.
-    pixel_centre: f64,
+    pub(super) pixel_centre: f64,
     /// The video measured.
-    source: Source,
+    pub(super) source: Source,
     /// Time from the first row's capture to the last row's, s.
     #[serde(default)]
     readout_s: Option<f64>,
@@ -190,154 +113,73 @@ struct Document {
     /// The cameras in space.
     #[serde(flatten)]
     in_space: InSpace,
+    /// Per frame its points.
+    #[serde(default)]
+    #[schemars(with = "Option<TracksBlock>")]
+    pub(super) tracks: Option<TrackStore>,
     /// Blocks of other programs or later editions.
     #[serde(flatten)]
     other_blocks: BTreeMap<String, serde_json::Value>,
 }
 
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
+/// Read block by block: a derived reader would hold every number of the file in a form of 32 bytes first, to find out which
+/// blocks it knows, and could not say in which line a value is wrong.
+impl<'de> Deserialize<'de> for Document {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(Blocks)
+    }
 }
 
-/// The JSON schema of the motion file.
-pub fn motion_file_schema() -> schemars::Schema {
-    schemars::schema_for!(Document)
-}
+struct Blocks;
 
-impl ClipMotion {
-    /// Reads a motion file.
-    ///
-    /// # Errors
-    /// [`MotionFileError`]: not JSON, another format or version, a value out of range, a block of the wrong length, a file
-    /// that is too large or cannot be read.
-    pub fn read_json(reader: impl Read) -> Result<Self, MotionFileError> {
-        let mut bytes = Vec::new();
-        reader.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > LARGEST_FILE {
-            return Err(MotionFileError::TooLarge { limit: LARGEST_FILE });
-        }
-        Self::from_json(&bytes)
+impl<'de> Visitor<'de> for Blocks {
+    type Value = Document;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a motion file")
     }
 
-    /// Reads a motion file from memory.
-    ///
-    /// # Errors
-    /// As [`Self::read_json`].
-    pub fn from_json(bytes: &[u8]) -> Result<Self, MotionFileError> {
-        let probe: Probe = serde_json::from_slice(bytes).map_err(MotionFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(MotionFileError::Format { found: probe.format });
-        }
-        if probe.version != u64::from(VERSION) {
-            return Err(MotionFileError::Version { found: probe.version });
-        }
-        let document: Document = serde_json::from_slice(bytes).map_err(MotionFileError::Syntax)?;
-        document.check()?;
-        document.into_clip()
-    }
-
-    /// Writes the clip as a motion file, one frame per line, without building it in memory.
-    ///
-    /// # Errors
-    /// [`MotionFileError::Value`] for a motion that is not finite, [`MotionFileError::Io`] where the writer fails.
-    pub fn write_json(&self, writer: impl Write) -> Result<(), MotionFileError> {
-        let mut out = BufWriter::new(writer);
-        self.write_header(&mut out)?;
-        let entries = (0..self.frames.len()).map(|k| self.entry(k));
-        write_block(&mut out, "frames", entries)?;
-        let next = |k: usize| self.frames.get(k + 1).filter(|f| f.quality != MotionQuality::ShotStart);
-        for (k, frame) in self.frames.iter().enumerate() {
-            let s = frame.similarity;
-            if !(frame.homography.is_finite() && [s.a, s.b, s.t.x, s.t.y].iter().all(|v| v.is_finite())) {
-                return Err(value(format!("motion of frame {k}"), "not finite", "finite numbers"));
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Document, A::Error> {
+        let (mut document, mut seen) = (Document::default(), Vec::new());
+        while let Some(key) = map.next_key::<String>()? {
+            if seen.contains(&key) {
+                return Err(A::Error::custom(format!("the block {key:?} stands there twice")));
             }
+            match key.as_str() {
+                "format" => document.format = map.next_value()?,
+                "version" => document.version = map.next_value()?,
+                "pixel_centre" => document.pixel_centre = map.next_value()?,
+                "source" => document.source = map.next_value()?,
+                "readout_s" => document.readout_s = map.next_value()?,
+                "frames" => document.frames = map.next_value()?,
+                "planar" => document.planar = map.next_value()?,
+                "planar_similarity" => document.planar_similarity = map.next_value()?,
+                "cameras" => document.in_space.cameras = map.next_value()?,
+                "points" => document.in_space.points = map.next_value()?,
+                "reconstruction" => document.in_space.reconstruction = map.next_value()?,
+                "tracks" => {
+                    require(&seen, &["pixel_centre", "source", "frames"], "must stand before the tracks")?;
+                    let times = document.frames.iter().map(|f| Timestamp(f.pts)).collect();
+                    let size = (document.source.width, document.source.height);
+                    document.tracks = map.next_value_seed(TracksSeed::new(times, size, 0.5 - document.pixel_centre))?;
+                }
+                _ => drop(document.other_blocks.insert(key.clone(), map.next_value()?)),
+            }
+            seen.push(key);
         }
-        let planar = (0..self.frames.len()).map(|k| next(k).map(|f| rows(&f.homography)));
-        write_block(&mut out, "planar", planar)?;
-        let similar = |f: &FrameMotion| [f.similarity.a, f.similarity.b, f.similarity.t.x, f.similarity.t.y];
-        write_block(&mut out, "planar_similarity", (0..self.frames.len()).map(|k| next(k).map(similar)))?;
-        if let Some(cameras) = &self.cameras {
-            file_cameras::write(&mut out, cameras)?;
-        }
-        for (name, block) in &self.other_blocks {
-            write!(out, ",\n{}: ", serde_json::to_string(name).map_err(MotionFileError::Syntax)?)?;
-            serde_json::to_writer(&mut out, block).map_err(MotionFileError::Syntax)?;
-        }
-        writeln!(out, "\n}}")?;
-        Ok(out.flush()?)
-    }
-
-    fn write_header(&self, out: &mut impl Write) -> Result<(), MotionFileError> {
-        let (shown_width, shown_height) = self.shown_size();
-        let source = Source {
-            width: self.width,
-            height: self.height,
-            shown_width: Some(shown_width),
-            shown_height: Some(shown_height),
-            rotation: self.rotation,
-            pixel_aspect: [self.pixel_aspect.0, self.pixel_aspect.1],
-            time_base: [self.timebase.num, self.timebase.den],
-        };
-        let source = serde_json::to_string(&source).map_err(MotionFileError::Syntax)?;
-        let readout = serde_json::to_string(&self.readout_s).map_err(MotionFileError::Syntax)?;
-        write!(out, "{{\n\"format\": {FORMAT:?}, \"version\": {VERSION}, \"pixel_centre\": 0.5,\n")?;
-        Ok(write!(out, "\"source\": {source},\n\"readout_s\": {readout}")?)
-    }
-
-    /// Width and height as shown, px: pixel aspect applied to the width, then turned.
-    pub fn shown_size(&self) -> (u32, u32) {
-        let (num, den) = self.pixel_aspect;
-        let wide = f64::from(self.width) * f64::from(num) / f64::from(den.max(1));
-        let shown = (wide.round() as u32, self.height);
-        if self.rotation.is_multiple_of(180) { shown } else { (shown.1, shown.0) }
-    }
-
-    fn entry(&self, k: usize) -> FrameEntry {
-        let f = &self.frames[k];
-        FrameEntry {
-            pts: f.pts.0,
-            shot: self.shot_of(k).unwrap_or(0) as u32,
-            tier: f.model,
-            verdict: f.quality,
-            points: f.points,
-            inliers: f.inliers,
-            coverage: f.coverage,
-            residual_px: f.residual_px,
-            similarity_residual_px: f.similarity_residual_px,
-        }
+        require(&seen, &["pixel_centre", "source", "frames"], "is missing")?;
+        Ok(document)
     }
 }
 
-pub(super) fn write_block(
-    out: &mut impl Write,
-    name: &str,
-    entries: impl Iterator<Item = impl Serialize>,
-) -> Result<(), MotionFileError> {
-    write!(out, ",\n{name:?}: [")?;
-    for (k, entry) in entries.enumerate() {
-        out.write_all(if k == 0 { b"\n" } else { b",\n" })?;
-        serde_json::to_writer(&mut *out, &entry).map_err(MotionFileError::Syntax)?;
-    }
-    Ok(write!(out, "\n]")?)
-}
-
-fn rows(h: &Homography) -> [[f64; 3]; 3] {
-    let m = h.matrix();
-    [0, 1, 2].map(|r| [0, 1, 2].map(|c| m[(r, c)]))
-}
-
-pub(super) fn value(
-    field: impl Into<String>,
-    value: impl std::fmt::Display,
-    expected: &'static str,
-) -> MotionFileError {
-    MotionFileError::Value { field: field.into(), value: value.to_string(), expected }
+fn require<E: Error>(seen: &[String], blocks: &[&str], else_say: &str) -> Result<(), E> {
+    let missing = blocks.iter().find(|b| !seen.iter().any(|s| s == *b));
+    missing.map_or(Ok(()), |b| Err(E::custom(format!("the block {b:?} {else_say}"))))
 }
 
 impl Document {
-    fn check(&self) -> Result<(), MotionFileError> {
+    /// Refuses what no clip has.
+    pub(super) fn check(&self) -> Result<(), MotionFileError> {
         self.source.check()?;
         if self.pixel_centre != 0.5 && self.pixel_centre != 0.0 {
             return Err(value("pixel_centre", self.pixel_centre, "0.5, or 0"));
@@ -387,7 +229,8 @@ impl Document {
         Ok(())
     }
 
-    fn into_clip(self) -> Result<ClipMotion, MotionFileError> {
+    /// The clip, and its points.
+    pub(super) fn into_clip(self) -> Result<(ClipMotion, Option<TrackStore>), MotionFileError> {
         let shift = 0.5 - self.pixel_centre;
         let mut frames: Vec<FrameMotion> = Vec::with_capacity(self.frames.len());
         for (k, entry) in self.frames.iter().enumerate() {
@@ -409,7 +252,7 @@ impl Document {
         clip.readout_s = self.readout_s;
         clip.cameras = self.in_space.into_cameras(shift);
         clip.other_blocks = self.other_blocks;
-        Ok(clip)
+        Ok((clip, self.tracks))
     }
 
     fn set_motion(

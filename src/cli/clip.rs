@@ -1,0 +1,89 @@
+//! Options of every command that analyzes a clip: what of it is read, how its motion is found, how the run goes.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::pipeline::StageEntry;
+use crate::pipeline::file::literal_path;
+use crate::pipeline::kinds::{
+    DecodeSettings, Deinterlace, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings,
+};
+use crate::pipeline::options::{ProgressMode, RunSettings};
+use crate::pipeline::units::{ClipTime, FrameRate};
+
+/// Options that `stabilize` and `motion` share.
+#[derive(Debug, Args)]
+pub(super) struct ClipArgs {
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+    /// First position to read: seconds or [HH:]MM:SS
+    #[arg(long, value_name = "TIME")]
+    start: Option<ClipTime>,
+    /// Position to stop before
+    #[arg(long, value_name = "TIME")]
+    end: Option<ClipTime>,
+    /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
+    #[arg(long, value_name = "RATE")]
+    fps: Option<FrameRate>,
+    /// What happens to interlaced pictures
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    deinterlace: Deinterlace,
+
+    /// Take motion and points from here in place of tracking: plumbline.motion JSON, or the folder of a COLMAP model
+    #[arg(long, value_name = "FILE|DIR", conflicts_with = "mask", help_heading = "Analysis")]
+    pub(super) motion: Option<PathBuf>,
+    /// Picture of the clip's shape: nothing is tracked where it is white
+    #[arg(long, value_name = "FILE", help_heading = "Analysis")]
+    mask: Option<PathBuf>,
+    /// Rolling-shutter correction: auto, off, or the sensor's readout time in seconds
+    #[arg(long, default_value_t, value_name = "auto|off|SECONDS", help_heading = "Analysis")]
+    rolling_shutter: RollingShutter,
+
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    pub(super) print_pipeline: bool,
+    /// Threads for the whole run; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+impl ClipArgs {
+    /// How the run goes.
+    pub(super) fn run(&self) -> RunSettings {
+        RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress }
+    }
+
+    /// Stages `source` and `motion`, and `tracks` where the clip is tracked; `source`: the clip, `cameras`: those in space too.
+    pub(super) fn analysis(&self, source: String, cameras: bool) -> Vec<StageEntry> {
+        let decode = DecodeSettings {
+            path: source,
+            start: self.start,
+            end: self.end,
+            fps: self.fps,
+            deinterlace: self.deinterlace,
+        };
+        let mut stages = vec![StageEntry::built("source", &decode)];
+        if let Some(file) = &self.motion {
+            let import =
+                MotionImportSettings { path: literal_path(file), rolling_shutter: self.rolling_shutter, cameras };
+            stages.push(StageEntry::built("motion", &import).input("frames", "source"));
+        } else {
+            let mask = self.mask.as_ref().map(|m| literal_path(m));
+            let track = TrackSettings { mask, ..TrackSettings::default() };
+            let motion = MotionSettings { rolling_shutter: self.rolling_shutter, cameras };
+            stages.push(StageEntry::built("tracks", &track).input("frames", "source"));
+            stages.push(StageEntry::built("motion", &motion).input("tracks", "tracks"));
+        }
+        stages
+    }
+
+    /// The output that gives the points of the clip.
+    pub(super) fn tracks(&self) -> &'static str {
+        if self.motion.is_some() { "motion.tracks" } else { "tracks" }
+    }
+}

@@ -1,0 +1,50 @@
+//! `video.motion_import`: takes motion and points from a file, so that nothing need be tracked.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::RollingShutter;
+use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+
+/// Settings of `video.motion_import`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionImportSettings {
+    /// A motion file (JSON, `plumbline.motion`), or the folder of a COLMAP model
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// Rolling-shutter correction: as the file says, off, or the sensor's readout time in seconds
+    pub rolling_shutter: RollingShutter,
+    /// Also recover where the camera stood in space, where the file does not say
+    pub cameras: bool,
+}
+
+impl StageSettings for MotionImportSettings {
+    const KIND: &'static str = "video.motion_import";
+    const SUMMARY: &'static str = "reads motion and points from a file in place of tracking the clip";
+    const INPUTS: &'static [Port] =
+        &[Port::one("frames", PortType::Frames, "the clip that they are of; its size and times are compared")];
+    const OUTPUTS: &'static [Port] = &[
+        Port::one("motion", PortType::Motion, "motion between neighboring frames"),
+        Port::one("tracks", PortType::Tracks, "the points of every frame"),
+    ];
+    const REQUIRED: &'static [&'static str] = &["path"];
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        // As video.motion and video.track: the file is read point by point.
+        vec![
+            Held { what: "motion", bytes_per_clip_frame: 192.0, ..Held::default() },
+            Held { what: "tracks", bytes_per_clip_frame: 8_000.0, on_disk: true, ..Held::default() },
+        ]
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        vec![&self.path]
+    }
+}
