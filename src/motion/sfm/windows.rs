@@ -15,8 +15,6 @@ use super::{Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, reconst
 
 /// Fewest frames that keep cameras of their own: a shorter stretch is over before its own path has been smoothed.
 pub(super) const SHORTEST: usize = 25;
-/// Stretches of frames without cameras that are tried alone, at least this long.
-const WORTH_A_TRY: usize = 2 * SHORTEST;
 /// Frames without a camera between two stretches of one.
 const BRIDGED: usize = 8;
 /// How often a stretch is parted again.
@@ -174,7 +172,7 @@ fn rest<E>(
     if frames.is_empty() {
         return Ok(Vec::new());
     }
-    if frames.len() < WORTH_A_TRY || depth == 0 {
+    if frames.len() < SHORTEST || depth == 0 {
         let reason = format!("no camera explains these {} frames", frames.len());
         return Ok(vec![Segment::unknown(frames, SfmVerdict::Failed, reason)]);
     }
