@@ -5,16 +5,16 @@
 
 Gradient energy is the mean of the squared differences of neighboring luma samples. Two ratios per clip:
 
-    valid    of the default rendering to the same maps sampled with Lanczos-3, over all of the cropped picture
+    valid    of the default rendering to the same maps (`--export-stmap`) sampled with Lanczos-3 in floating point, over
+             all of the cropped picture, on every tenth frame
     filled   of what `--border fill` adds to the same places of the steady picture in the nearest frame (at most two
              seconds away) that covers them itself, sampled with Lanczos-3: filled areas show what stands there, so a
              ratio below 1 is what alignment, blending and tone took away
 
-Renderings are lossless (FFV1). The renderer's Lanczos-3 works with 14-bit weights; `tests/it/render_sharpness.rs`
-compares the default kernel with the sum in floating point.
+Renderings are lossless (FFV1).
 
 A clip that was moved so far that nothing near in time covers a place has no reference there; `seen` is the share of the
-filled samples that have one. Needs ffmpeg, OpenCV and NumPy.
+filled samples that have one. Needs ffmpeg, OpenCV, OpenEXR and NumPy.
 """
 
 import argparse
@@ -24,10 +24,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenEXR
 
 BLACK = 18  # luma up to which an area that touches the edge counts as not covered; black is 16
 RIM_PX = 8  # beside it kernels and feathers mix in the border
 REACH_S = 2
+EVERY = 10
 
 
 def render(a, clip, target, *options):
@@ -35,6 +37,11 @@ def render(a, clip, target, *options):
     command = [a.plumbline, "stabilize", clip, "-o", target, "--codec", "ffv1", "--end", str(a.seconds), "--overwrite",
                "--progress", "none", *options]
     subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return luma(target)
+
+
+def luma(target):
+    """Luma of all frames of a file, one array per frame, and its frame rate."""
     probe = ["ffprobe", "-v", "error", "-select_streams", "v:0", "-show_entries", "stream=width,height,avg_frame_rate",
              "-of", "csv=p=0", target]
     width, height, rate = subprocess.run(list(map(str, probe)), check=True, capture_output=True, text=True).stdout.split(",")
@@ -48,6 +55,35 @@ def energy(frame):
     """Squared gradient, one row and column smaller than the frame."""
     f = frame.astype(np.float32)
     return (f[:-1, 1:] - f[:-1, :-1]) ** 2 + (f[1:, :-1] - f[:-1, :-1]) ** 2
+
+
+def lanczos3(frame, x, y):
+    """The frame at the places `x, y` (pixel centers at integers), 36 taps, weights that sum to one."""
+    def taps(at):
+        first = np.floor(at).astype(int) - 2
+        offset = at[..., None] - (first[..., None] + np.arange(6))
+        weights = np.sinc(offset) * np.sinc(offset / 3)
+        return first, weights / weights.sum(-1, keepdims=True)
+    (x0, wx), (y0, wy) = taps(x), taps(y)
+    height, width = frame.shape
+    total = np.zeros(x.shape)
+    for j in range(6):
+        row = np.clip(y0 + j, 0, height - 1)
+        for i in range(6):
+            total += wy[..., j] * wx[..., i] * frame[row, np.clip(x0 + i, 0, width - 1)]
+    return np.clip(np.rint(total), 0, 255)
+
+
+def valid_ratio(plain, source, maps):
+    """Energy of the rendering over that of the source's frames sampled through its maps."""
+    ours, theirs = 0.0, 0.0
+    for t in range(0, len(plain), EVERY):
+        channels = OpenEXR.File(str(maps / f"frame_{t:06}.exr")).channels()
+        red, green = (channels[name].pixels.astype(float) for name in "RG")
+        height, width = plain[t].shape
+        sampled = lanczos3(source[t].astype(float), red * width - 0.5, (1 - green) * height - 0.5)
+        ours, theirs = ours + energy(plain[t]).sum(dtype=float), theirs + energy(sampled).sum(dtype=float)
+    return ours / theirs
 
 
 def uncovered(frame):
@@ -91,9 +127,9 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder, "out.mkv")
         for clip in a.clips:
-            plain, rate = render(a, clip, target)
-            lanczos, _ = render(a, clip, target, "--interpolation", "lanczos3")
-            valid = sum(energy(f).sum(dtype=float) for f in plain) / sum(energy(f).sum(dtype=float) for f in lanczos)
+            maps = Path(folder, "maps")
+            plain, rate = render(a, clip, target, "--export-stmap", maps)
+            valid = valid_ratio(plain, luma(clip)[0], maps)
             filled, _ = render(a, clip, target, "--border", "fill")
             black, _ = render(a, clip, target, "--border", "black", "--interpolation", "lanczos3")
             ratio, seen, share = filled_ratio(filled, black, rate)

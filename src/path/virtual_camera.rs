@@ -194,4 +194,40 @@ mod tests {
         assert!((shown - Point2::new(1.1 * 420.0 - 32.0, 1.1 * 180.0 - 18.0)).norm() < 1e-12);
         assert!(camera.show(&Point3::new(0.0, 0.0, -1.0)).is_none());
     }
+
+    /// Cameras that drift evenly to the right, jump by `jump(t)` besides, and see a point at unit depth.
+    fn drifting(jump: impl Fn(usize) -> f64) -> Vec<Option<VirtualCamera>> {
+        let camera = |t: usize| VirtualCamera {
+            pose: CameraPose::identity(),
+            intrinsics: Intrinsics::centered(500.0, 640, 360),
+            correction: Similarity2 { t: Vec2::new(2.0 * t as f64 + jump(t), 0.0), ..Similarity2::IDENTITY },
+            turns: false,
+        };
+        (0..60).map(|t| Some(camera(t))).collect()
+    }
+
+    #[test]
+    fn a_steady_view_of_even_motion_is_that_motion_to_its_ends() {
+        let (cameras, place) = (drifting(|_| 0.0), Point3::new(0.1, 0.0, 1.0));
+        for t in 0..60 {
+            let view = SteadyView::new(&cameras, &times(60), &(0..60), t, 0.25).expect("a camera");
+            let (steady, now) = (view.show(&place).expect("in front"), cameras[t].expect("known").show(&place));
+            assert!((steady - now.expect("in front")).norm() < 1e-9, "frame {t}");
+        }
+    }
+
+    #[test]
+    fn a_steady_view_leaves_out_jitter_and_what_lies_beyond_a_gap_or_the_range() {
+        let jitter = |t: usize| if t.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let (mut cameras, place) = (drifting(jitter), Point3::new(0.1, 0.0, 1.0));
+        let show = |cameras: &[Option<VirtualCamera>], range: &std::ops::Range<usize>| {
+            let view = SteadyView::new(cameras, &times(60), range, 20, 0.25).expect("a camera");
+            view.show(&place).expect("in front").x
+        };
+        assert!((show(&cameras, &(0..60)) - (320.0 + 50.0 + 40.0)).abs() < 0.01);
+        let ended = show(&cameras, &(0..30));
+        cameras[30] = None;
+        assert!((show(&cameras, &(0..60)) - ended).abs() < 1e-12);
+        assert!(SteadyView::new(&cameras, &times(60), &(0..60), 30, 0.25).is_none());
+    }
 }

@@ -19,7 +19,7 @@ fn smoothing_again_from_a_saved_file_gives_the_same_pictures_without_tracking() 
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     make(folder, "clip.mp4", &shaky(2.0));
-    let lossless = ["--codec", "ffv1", "--threads", "1"];
+    let lossless = ["--codec", "ffv1", "--threads", "1", "--mode", "mesh"];
     let first = ["stabilize", "clip.mp4", "-o", "first.mkv", "--export-motion", "m.json"];
     let told = err(&succeed(folder, &[&first[..], &lossless].concat()));
     let again = ["stabilize", "clip.mp4", "-o", "again.mkv", "--motion", "m.json"];
@@ -63,7 +63,7 @@ fn motion_of_another_clip_or_none_is_refused_with_its_place_and_nothing_is_writt
     make(folder, "clip.mp4", &shaky(0.4));
     make(folder, "long.mp4", &shaky(0.6));
     make(folder, "small.mp4", "-f lavfi -i testsrc2=size=160x120:rate=25:duration=0.4");
-    succeed(folder, &["stabilize", "clip.mp4", "-o", "x.mp4", "--export-motion", "good.json"]);
+    succeed(folder, &["stabilize", "clip.mp4", "-o", "x.mp4", "--mode", "mesh", "--export-motion", "good.json"]);
     std::fs::remove_file(folder.join("x.mp4")).expect("written");
     let good = std::fs::read_to_string(folder.join("good.json")).expect("written");
     let value: Value = serde_json::from_str(&good).expect("JSON");

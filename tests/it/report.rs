@@ -36,7 +36,8 @@ fn a_page_tells_the_run_and_needs_nothing_else() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);
-    let ran = succeed(folder, &["stabilize", "clip.mp4", "-o", "steady.mp4", "--report", "page.html", "--compare"]);
+    let args = ["stabilize", "clip.mp4", "-o", "steady.mp4", "--report", "page.html", "--compare", "--mode", "mesh"];
+    let ran = succeed(folder, &args);
     assert_eq!(out(&ran), "steady.mp4\nsteady.compare.mp4\npage.html\n", "the page is a result too");
     assert_eq!(names(folder), ["clip.mp4", "page.html", "steady.compare.mp4", "steady.mp4"]);
     let page = page(folder, "page.html");

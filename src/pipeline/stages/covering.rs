@@ -21,29 +21,22 @@ const REACH: f64 = 4.0;
 
 /// Zoom about the output's center for the windows of every frame of a shot, shown every `period_s`: from 1 to `most`. What
 /// that does not cover is left to the mesh.
-pub(super) fn covering_zoom(
-    windows: &[Similarity2],
-    size: (f64, f64),
-    reserve: f64,
-    period_s: f64,
-    most: f64,
-) -> Vec<f64> {
+pub(super) fn covering_zoom(windows: &[Similarity2], size: (f64, f64), period_s: f64, most: f64) -> Vec<f64> {
     let sigma = SIGMA_S / period_s;
     let reach = (REACH * sigma).ceil() as usize + 1;
-    let needed: Vec<f64> = windows.iter().map(|w| (1.0 + reserve) / covered_part(w, size, reserve)).collect();
+    let needed: Vec<f64> = windows.iter().map(|w| 1.0 / covered_part(w, size)).collect();
     let near = |t: usize| -> Range<usize> { t.saturating_sub(reach)..(t + reach + 1).min(needed.len()) };
     let widest: Vec<f64> = (0..needed.len()).map(|t| needed[near(t)].iter().copied().fold(1.0, f64::max)).collect();
     lowpass(&widest, sigma).iter().map(|z| z.clamp(1.0, most)).collect()
 }
 
-/// `s_t` for an output that is larger by `reserve` on all sides.
-fn covered_part(out_from_src: &Similarity2, (width, height): (f64, f64), reserve: f64) -> f64 {
+/// `s_t`.
+fn covered_part(out_from_src: &Similarity2, (width, height): (f64, f64)) -> f64 {
     let Some(src_from_out) = out_from_src.inverse() else { return 1.0 };
     let center = Point2::new(width / 2.0, height / 2.0);
     let from = src_from_out.apply(center);
-    let most = 1.0 + reserve;
     let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(x, y)| Point2::new(x, y));
-    corners.iter().fold(most, |part, corner| {
+    corners.iter().fold(1.0_f64, |part, corner| {
         let way = src_from_out.apply(*corner) - from;
         let until = |from: f64, way: f64, end: f64| {
             let room = if way > 0.0 { end - from } else { -from };
@@ -67,14 +60,14 @@ mod tests {
     #[test]
     fn a_window_inside_the_frame_asks_for_no_zoom() {
         let windows = vec![window(1.1, Vec2::new(10.0, -5.0)); 50];
-        assert!(covering_zoom(&windows, SIZE, 0.0, 0.03, 2.0).iter().all(|z| (*z - 1.0).abs() < 1e-12));
+        assert!(covering_zoom(&windows, SIZE, 0.03, 2.0).iter().all(|z| (*z - 1.0).abs() < 1e-12));
     }
 
     #[test]
     fn a_window_that_leaves_the_frame_for_a_moment_is_covered_by_a_zoom_without_a_jump() {
         let shift = |t: usize| if t == 100 { 20.0 } else { 0.0 };
         let windows: Vec<_> = (0..200).map(|t| window(1.02, Vec2::new(shift(t), 0.0))).collect();
-        let zoom = covering_zoom(&windows, SIZE, 0.0, 1.0 / 30.0, 2.0);
+        let zoom = covering_zoom(&windows, SIZE, 1.0 / 30.0, 2.0);
         let shown = windows[100].inverse().expect("regular");
         let left = shown.apply(Point2::new(320.0 - 320.0 / zoom[100], 180.0));
         assert!(left.x >= 0.0, "the left edge of the output shows {}", left.x);
@@ -84,6 +77,6 @@ mod tests {
     #[test]
     fn no_more_zoom_than_allowed() {
         let windows = vec![window(1.0, Vec2::new(60.0, 0.0)); 30];
-        assert!(covering_zoom(&windows, SIZE, 0.0, 0.03, 1.05).iter().all(|z| (*z - 1.05).abs() < 1e-12));
+        assert!(covering_zoom(&windows, SIZE, 0.03, 1.05).iter().all(|z| (*z - 1.05).abs() < 1e-12));
     }
 }

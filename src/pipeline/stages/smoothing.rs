@@ -15,6 +15,9 @@ use crate::pipeline::run_error::RunError;
 /// Smoothing of virtual cameras in space, as a part of the smoothness asked for: what they leave, the planner evens out.
 const SPACE_SHARE: f64 = 0.7;
 
+/// Frames with a camera each that are worth a change of tier, at least: it takes fifteen to pass into it, and as many out.
+const SHORTEST_RUN: usize = 45;
+
 /// Plans the path.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SmoothSettings) -> Result<(), RunError> {
     let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
@@ -75,10 +78,10 @@ impl<'a> Planner<'a> {
         let planned = views.cameras(&in_space);
         let cameras = steadied(&planned, tracks, &places, &self.times_s)?;
         in_space.cameras = vec![None; cameras.len()];
-        let covering = self.settings.keep_inside.then_some((self.settings.reserve, self.settings.min_crop));
+        let smallest = self.settings.keep_inside.then_some(self.settings.min_crop);
         for part in in_space.segments.clone() {
             if part.tier == path::Tier::Smoothed {
-                views.show(&mut in_space, &cameras, &part.frames, &self.clip(&steps), covering);
+                views.show(&mut in_space, &cameras, &part.frames, &self.clip(&steps), smallest);
             }
         }
         match self.settings.in_space {
@@ -120,7 +123,10 @@ impl<'a> Planner<'a> {
                 Some(wanted(pose, turns).pose)
             };
             let own: Vec<_> = cameras.frames[shot.frames.clone()].iter().map(pose).collect();
-            let poses = path::smoothed_poses(&self.times_s[shot.frames.clone()], &own, sigma_s);
+            let mut poses = path::smoothed_poses(&self.times_s[shot.frames.clone()], &own, sigma_s);
+            for run in poses.chunk_by_mut(|a, b| a.is_some() == b.is_some()).filter(|run| run.len() < SHORTEST_RUN) {
+                run.fill(None);
+            }
             smooth.extend(poses.into_iter().map(|p| p.map(|pose| Wanted { pose, turns })));
         }
         smooth

@@ -183,14 +183,14 @@ impl Views {
     }
 
     /// Gives the path of one shot its virtual cameras, and the windows that follow from their corrections: under a slow zoom
-    /// where those leave the frame and `covering` (reserve and smallest crop) forbids it.
+    /// where those leave the frame and `smallest`, the least crop, forbids it.
     pub(super) fn show(
         &self,
         path: &mut VirtualPath,
         cameras: &[Option<VirtualCamera>],
         shot: &Range<usize>,
         clip: &Clip<'_>,
-        covering: Option<(f64, f64)>,
+        smallest: Option<f64>,
     ) {
         let window = |t: usize| {
             let drawn = self.frames[t].as_ref().zip(cameras[t].as_ref());
@@ -198,11 +198,11 @@ impl Views {
         };
         let windows: Vec<Similarity2> = shot.clone().map(window).collect();
         let size = (f64::from(clip.width), f64::from(clip.height));
-        let zoom = covering.map_or_else(
+        let zoom = smallest.map_or_else(
             || vec![1.0; windows.len()],
-            |(reserve, min_crop)| {
+            |min_crop| {
                 let room = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).fold(MOST_ZOOM, f64::min);
-                covering_zoom(&windows, size, reserve, clip.period_s(shot), room.max(1.0))
+                covering_zoom(&windows, size, clip.period_s(shot), room.max(1.0))
             },
         );
         for ((t, window), zoom) in shot.clone().zip(windows).zip(zoom) {

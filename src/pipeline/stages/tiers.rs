@@ -118,3 +118,41 @@ fn clipped(verdict: &SegmentVerdict, part: &path::Segment) -> Option<SegmentVerd
     let reason = format!("{}; {}", verdict.reason, part.reason);
     (!frames.is_empty()).then(|| SegmentVerdict { frames, tier: verdict.tier.max(Tier::Similarity), reason })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tiers(parts: &[(Range<usize>, Tier)]) -> Tiers {
+        let segment = |(frames, tier): &(Range<usize>, Tier)| SegmentVerdict {
+            frames: frames.clone(),
+            tier: *tier,
+            reason: String::new(),
+        };
+        Tiers { segments: parts.iter().map(segment).collect(), seams: Vec::new() }
+    }
+
+    #[test]
+    fn one_model_passes_into_the_next_without_a_step() {
+        let tiers = tiers(&[(0..100, Tier::Mesh), (100..200, Tier::ThreeD), (200..300, Tier::Subspace)]);
+        let strength: Vec<f64> = (0..300).map(|f| tiers.strength(f, |t| t == Tier::ThreeD)).collect();
+        assert_eq!((strength[99], strength[200], strength[150]), (0.0, 0.0, 1.0));
+        assert!(strength.windows(2).all(|s| (s[1] - s[0]).abs() <= 1.0 / BLEND as f64 + 1e-12));
+        assert!((0..300).all(|f| tiers.strength(f, |t| t >= Tier::Mesh) == 1.0), "all of them bend a mesh");
+    }
+
+    #[test]
+    fn frames_left_as_they_are_take_no_part_in_it() {
+        let tiers = tiers(&[(0..50, Tier::Untouched), (50..100, Tier::Mesh)]);
+        assert_eq!(tiers.strength(10, |_| true), 0.0);
+        assert_eq!(tiers.strength(50, |t| t == Tier::Mesh), 1.0, "a stretch that is not touched ends in a cut");
+    }
+
+    #[test]
+    fn parallax_fades_about_a_seam() {
+        let seamed = Tiers { seams: vec![50], ..tiers(&[(0..100, Tier::ThreeD)]) };
+        let strength: Vec<f64> = (0..100).map(|f| seamed.in_space(f)).collect();
+        assert!(strength[49] < 0.1 && strength[50] < 0.1 && strength[20] == 1.0 && strength[80] == 1.0);
+        assert!(strength.windows(2).all(|s| (s[1] - s[0]).abs() <= 1.0 / BLEND as f64 + 1e-12));
+    }
+}
