@@ -12,7 +12,7 @@ use crate::pipeline::port::{Port, PortType};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum WarpMode {
-    /// The freest model that each segment bears
+    /// The freest model that does no worse than the next lower one
     #[default]
     Auto,
     /// What a camera in space would have seen, where the cameras can be recovered; a mesh elsewhere

@@ -20,8 +20,9 @@ use crate::pipeline::run_error::RunError;
 
 /// Motion, px, that cannot be seen: what is below it does not decide.
 const LEAST_PX: f64 = 0.01;
-/// Shake, acceleration and wobble of a freer tier over those of the lower one, geometric mean, that still pass for equal.
-const MOST_UNREST: f64 = 1.05;
+/// Shake, acceleration and wobble of a freer tier over those of the lower one, geometric mean, that still pass for equal:
+/// parallax under a smooth camera counts as wobble here, though it is what the camera would have seen.
+const MOST_UNREST: f64 = 1.1;
 /// Part of the picture's width that a freer tier may cost.
 const CROP_LOST: f64 = 0.02;
 /// Anisotropy below which shapes are seen to change.
