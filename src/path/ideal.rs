@@ -149,6 +149,12 @@ mod tests {
         };
         assert!(off(&accelerated(0.0), 1) < 1e-12 && off(&accelerated(1e-4), 2) < 1e-12);
         assert!(off(&accelerated(1e-4), 1) > 0.01);
+        let mut uneven = accelerated(0.0);
+        for (t, (step, rate)) in uneven.step.iter_mut().zip(&mut uneven.rate).enumerate().skip(1) {
+            *rate = 1.0 + 0.5 * (t as f64).sin();
+            step.d /= *rate;
+        }
+        assert!(off(&uneven, 1) < 1e-12, "even in time, not from frame to frame");
     }
 
     #[test]

@@ -157,6 +157,8 @@ mod tests {
             (about(0.1, 1.0, 0.0), true),
             (about(0.2, 1.0, 0.0), false),
             (about(0.0, f64::NAN, 0.0), false),
+            (about(0.0, 1.0, f64::NAN), false),
+            (about(0.0, 1.0, f64::INFINITY), false),
         ] {
             assert_eq!(options.covers(size, &view), covered, "{view:?}");
         }
