@@ -46,6 +46,9 @@ pub struct StabilizeArgs {
     /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
     #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
     path_file: Option<PathBuf>,
+    /// Keep the horizon level, as far as the crop allows
+    #[arg(long, help_heading = "Stabilization")]
+    horizon_lock: bool,
     /// Time over which motion is evened out, 0.05 to 30
     #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
@@ -203,6 +206,7 @@ impl StabilizeArgs {
         };
         let smooth = SmoothSettings {
             method: self.path,
+            horizon: self.horizon_lock,
             smoothness: self.smoothness,
             min_crop: self.min_crop,
             zoom: self.zoom,

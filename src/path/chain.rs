@@ -39,6 +39,11 @@ impl Chain {
         self.step.len()
     }
 
+    /// The motion from the first frame to every frame.
+    pub(super) fn from_first(&self) -> Vec<Pose> {
+        self.step.iter().scan(Pose::IDENTITY, |at, s| (*at = s.after(*at), Some(*at)).1).collect()
+    }
+
     /// Time constant of `seconds` in frames.
     pub(super) fn frames(&self, seconds: f64) -> f64 {
         seconds * self.fps
@@ -76,7 +81,7 @@ impl Chain {
 }
 
 /// Gaussian mean that reflects at the ends, so that a non-negative signal stays so and its sum is kept.
-fn spread(x: &[f64], sigma: f64) -> Vec<f64> {
+pub(super) fn spread(x: &[f64], sigma: f64) -> Vec<f64> {
     let (n, kernel) = (x.len(), half_kernel(sigma.max(0.3)));
     // Sample i of the signal …, x₁, x₀ | x₀, x₁, …, xₙ₋₁ | xₙ₋₁, …, whose period is 2n; `i` counts from one period before.
     let periods = kernel.len() / (2 * n) + 1;

@@ -1,8 +1,9 @@
-//! Virtual cameras that ignore the frame's edge: the Gaussian mean of the motion, and no motion.
+//! Virtual cameras that ignore the frame's edge: the Gaussian mean of the motion, its polynomial, and no motion.
 
 use super::chain::Chain;
 use super::lowpass::half_kernel;
 use super::pose::{C64, Pose};
+use super::regression::polynomial as fitted;
 
 /// Where each frame's window would stand if the camera had moved along the Gaussian mean of its path; scale near 1.
 ///
@@ -29,18 +30,40 @@ pub(super) fn gaussian(chain: &Chain, sigma_s: f64) -> Vec<Pose> {
         .collect()
 }
 
+/// Where each frame's window would stand if the camera had moved along the polynomial over time nearest to its path.
+///
+/// With `A_t = (z_t, d_t)` the motion from the shot's first frame to frame `t`, the camera stands at `c_t = A_t⁻¹(0)` of the
+/// first frame's picture. With the polynomials `c̄`, `l̄` of `degree` nearest to `c_t` and `log z_t`, the window is
+/// `(z_t e^{−l̄_t}, A_t(c̄_t))`: through it, the scene moves as seen from `c̄` at even (or evenly changing) zoom and turn.
+pub(super) fn polynomial(chain: &Chain, degree: usize) -> Vec<Pose> {
+    let from_first = chain.from_first();
+    let logs: Vec<C64> = summed(chain.step.iter().map(|s| s.z.ln()));
+    let centers: Vec<C64> = from_first.iter().map(|a| a.inverse().d).collect();
+    let times: Vec<f64> = chain.rate.iter().scan(0.0, |at, rate| (*at += 1.0 / rate, Some(*at)).1).collect();
+    let fits = fitted(&times, &centers, degree).into_iter().zip(fitted(&times, &logs, degree));
+    let window =
+        |((a, log), (center, mean)): ((&Pose, &C64), (C64, C64))| Pose { z: (log - mean).exp(), d: a.apply(center) };
+    from_first.iter().zip(&logs).zip(fits).map(window).collect()
+}
+
+/// The windows with the angle that shows the picture as turned as the shot is in the mean.
+pub(super) fn leveled(chain: &Chain, windows: &[Pose]) -> Vec<Pose> {
+    let angles: Vec<C64> = summed(chain.step.iter().map(|s| C64::new(s.z.arg(), 0.0)));
+    let mean = angles.iter().sum::<C64>() / angles.len() as f64;
+    let level =
+        |(window, angle): (&Pose, &C64)| Pose { z: C64::from_polar(window.z.norm(), (angle - mean).re), ..*window };
+    windows.iter().zip(&angles).map(level).collect()
+}
+
+fn summed(steps: impl Iterator<Item = C64>) -> Vec<C64> {
+    steps.scan(C64::new(0.0, 0.0), |sum, step| (*sum += step, Some(*sum)).1).collect()
+}
+
 /// Where the content of one frame of the shot stands in every frame: shown there, it does not move at all.
 ///
 /// The frame chosen is the one nearest to the median position, so that the least is cropped.
 pub(super) fn tripod(chain: &Chain) -> Vec<Pose> {
-    let from_first: Vec<Pose> = chain
-        .step
-        .iter()
-        .scan(Pose::IDENTITY, |at, s| {
-            *at = s.after(*at);
-            Some(*at)
-        })
-        .collect();
+    let from_first = chain.from_first();
     let middle = C64::new(median(from_first.iter().map(|p| p.d.re)), median(from_first.iter().map(|p| p.d.im)));
     let far = |p: &Pose| (p.d - middle).norm_sqr();
     let reference = from_first.iter().min_by(|a, b| far(a).total_cmp(&far(b))).copied().unwrap_or(Pose::IDENTITY);
@@ -80,6 +103,71 @@ mod tests {
         for n in 2..6 {
             assert!(gaussian(&chain(Pose::IDENTITY, n), 5.0).iter().all(|p| *p == Pose::IDENTITY));
         }
+    }
+
+    #[test]
+    fn through_a_line_the_scene_moves_evenly_and_through_a_parabola_evenly_faster() {
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut shaky = chain(Pose::IDENTITY, 120);
+        for step in shaky.step.iter_mut().skip(1) {
+            let mut noise = |size: f64| size * (random.f64() - 0.5);
+            *step = Pose {
+                z: C64::from_polar(1.0 + noise(0.01), noise(0.02)),
+                d: C64::new(0.01 + noise(0.02), noise(0.02)),
+            };
+        }
+        for degree in [1, 2] {
+            let windows = polynomial(&shaky, degree);
+            let seen = shaky.seen_through(&windows).from_first();
+            // Where the first frame's camera looked, as the viewer sees it move, at one zoom and angle.
+            let place = |t: usize| (seen[t].inverse().d, seen[t].z.ln());
+            let differences = |k: usize| {
+                let at = |i: usize| place(10 * k + 10 * i);
+                let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
+                let third = (d.0 - c.0 * 3.0 + b.0 * 3.0 - a.0, d.1 - c.1 * 3.0 + b.1 * 3.0 - a.1);
+                let second = (c.0 - b.0 * 2.0 + a.0, c.1 - b.1 * 2.0 + a.1);
+                if degree == 1 { second } else { third }
+            };
+            for k in 0..8 {
+                let (place, log) = differences(k);
+                assert!(place.norm() < 1e-9 && log.norm() < 1e-9, "degree {degree} at {k}: {place} {log}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_even_pan_is_its_own_line_and_an_accelerated_one_its_own_parabola() {
+        let accelerated = |a: f64| {
+            let mut chain = chain(Pose::IDENTITY, 90);
+            for (t, step) in chain.step.iter_mut().enumerate().skip(1) {
+                step.d = C64::new(0.01 + a * t as f64, -0.02);
+            }
+            chain
+        };
+        let off = |chain: &Chain, degree: usize| {
+            polynomial(chain, degree).iter().map(|p| (p.z - 1.0).norm() + p.d.norm()).fold(0.0, f64::max)
+        };
+        assert!(off(&accelerated(0.0), 1) < 1e-12 && off(&accelerated(1e-4), 2) < 1e-12);
+        assert!(off(&accelerated(1e-4), 1) > 0.01);
+        let mut uneven = accelerated(0.0);
+        for (t, (step, rate)) in uneven.step.iter_mut().zip(&mut uneven.rate).enumerate().skip(1) {
+            *rate = 1.0 + 0.5 * (t as f64).sin();
+            step.d /= *rate;
+        }
+        assert!(off(&uneven, 1) < 1e-12, "even in time, not from frame to frame");
+    }
+
+    #[test]
+    fn leveled_windows_show_one_angle_and_keep_their_place_and_size() {
+        let mut random = fastrand::Rng::with_seed(6);
+        let mut rolling = chain(Pose::IDENTITY, 60);
+        rolling.step.iter_mut().skip(1).for_each(|s| s.z = C64::from_polar(1.0, 0.1 * (random.f64() - 0.4)));
+        let windows = gaussian(&rolling, 0.3);
+        let level = leveled(&rolling, &windows);
+        assert!(rolling.seen_through(&level).step.iter().all(|s| s.z.arg().abs() < 1e-12));
+        assert!(level.iter().zip(&windows).all(|(a, b)| a.d == b.d && (a.z.norm() - b.z.norm()).abs() < 1e-12));
+        let mean = level.iter().map(|p| p.z.arg()).sum::<f64>() / 60.0;
+        assert!(mean.abs() < 1e-12, "{mean}");
     }
 
     #[test]

@@ -2,11 +2,16 @@
 //!
 //! Frame `t` moves by the similarity `F_t` (`this_from_previous`, estimated). The output shows the window
 //! `B_t = src_from_out` of the frame, so the viewer sees the motion `B_t⁻¹ F_t B_{t−1}`. A path is good when that motion
-//! is smooth, the window inside the frame, and the window large. Three kinds:
+//! is smooth, the window inside the frame, and the window large. The kinds:
 //!
 //! - [`PathKind::Optimal`]: a quadratic program balances the three under hard constraints (`optimal.rs`);
 //! - [`PathKind::Gaussian`]: the camera's path convolved with a Gaussian, held inside the frame where it would leave;
+//! - [`PathKind::Linear`], [`PathKind::Parabolic`]: the polynomial of degree 1 or 2 over the whole shot that is nearest to
+//!   the camera's path, held inside likewise;
 //! - [`PathKind::Tripod`]: no motion at all while the frame allows it.
+//!
+//! Paths in space are smoothed ([`smoothed_poses`]) or shaped ([`shaped_poses`]) from the recovered cameras, as far as the
+//! frame covers what they show ([`attainable_shares`]); [`plan_toward`] finds the windows that show them.
 //!
 //! Shots are independent. Within a shot the program is solved in overlapping windows of time, so memory does not grow
 //! with the clip. Everything is computed in units of half the frame's diagonal and in seconds: resolution and frame rate
@@ -16,13 +21,19 @@
 //! M. Grundmann, V. Kwatra, I. Essa, *Auto-directed video stabilization with robust L1 optimal camera paths*, CVPR 2011:
 //! the window's pose as the unknown of a convex program, linear in the similarity's parameters.
 
+mod camera_path;
 mod chain;
 mod ideal;
+mod level;
 mod lowpass;
 mod optimal;
+mod orbit;
 mod plan;
 mod pose;
+mod regression;
+mod share;
 mod subspace;
+mod toward;
 mod trajectory;
 mod virtual_camera;
 
@@ -30,8 +41,12 @@ use std::ops::Range;
 
 use crate::math::{Homography, Similarity2};
 
+pub use camera_path::{PathShape, Sight, shaped_poses};
+pub use level::{leveled, roll, upward};
 pub(crate) use lowpass::lowpass;
 pub use plan::{plan, plan_along};
+pub use share::{attainable_shares, even_shares};
+pub use toward::plan_toward;
 pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
 pub use virtual_camera::{SteadyView, VirtualCamera, smoothed_poses};
 
@@ -79,6 +94,10 @@ pub enum PathKind {
     Optimal,
     /// Along the Gaussian mean of the path.
     Gaussian,
+    /// At even speed on the line that is nearest to the path.
+    Linear,
+    /// Evenly accelerated, on the parabola that is nearest to the path.
+    Parabolic,
     /// Not at all.
     Tripod,
 }
@@ -108,6 +127,8 @@ pub struct PathOptions {
     /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
     /// the output must be covered.
     pub border_allows_outside: bool,
+    /// The angle of the picture stays that of the shot's mean: the window undoes all turns of the camera about its view.
+    pub level: bool,
     /// Room to keep between window and frame, as a share of the window's width, 0 to 0.1: what later bends the frame moves
     /// its border by so much.
     pub reserve: f64,
@@ -133,6 +154,7 @@ impl Default for PathOptions {
             min_crop: 0.8,
             zoom: Zoom::Adaptive,
             border_allows_outside: false,
+            level: false,
             reserve: 0.0,
         }
     }

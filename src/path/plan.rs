@@ -53,24 +53,30 @@ pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathE
 /// As for [`plan`]; [`PathError::Lengths`] also for another number of wanted maps.
 pub fn plan_along(clip: &Clip<'_>, options: &PathOptions, wanted: &[Similarity2]) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
-    if wanted.len() != clip.times_s.len() {
-        let covered = wanted.len();
-        return Err(PathError::Lengths { times: clip.times_s.len(), motions: clip.motion.len(), covered });
-    }
+    expect_one_per_frame(clip, wanted.len())?;
     let stage = Stage::new(clip.width, clip.height);
     // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
     let window = if options.border_allows_outside { MIDDLE } else { options.window() };
     Ok(plan_shots(clip, &stage, window, |shot| {
         let chain = Chain::of_shot(clip, &stage, shot.clone());
-        let src_from_out = |w: &Similarity2| w.inverse().map_or(Pose::IDENTITY, |s| stage.pose(s));
-        let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(src_from_out).collect();
+        let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(|w| window_of(&stage, w)).collect();
         let path = if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal) };
         let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
         Ok((path, "the path that was given".to_owned()))
     }))
 }
 
-fn plan_shots(
+/// `src_from_out` of a map that is wanted.
+pub(super) fn window_of(stage: &Stage, out_from_src: &Similarity2) -> Pose {
+    out_from_src.inverse().map_or(Pose::IDENTITY, |s| stage.pose(s))
+}
+
+pub(super) fn expect_one_per_frame(clip: &Clip<'_>, covered: usize) -> Result<(), PathError> {
+    let (times, motions) = (clip.times_s.len(), clip.motion.len());
+    if covered == times { Ok(()) } else { Err(PathError::Lengths { times, motions, covered }) }
+}
+
+pub(super) fn plan_shots(
     clip: &Clip<'_>,
     stage: &Stage,
     window: f64,
@@ -100,9 +106,9 @@ fn plan_shots(
 }
 
 /// The smoothed poses of a shot and what to say of them, or why it is left as it is.
-type ShotPath = Result<(Vec<Pose>, String), String>;
+pub(super) type ShotPath = Result<(Vec<Pose>, String), String>;
 
-fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> ShotPath {
+pub(super) fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> ShotPath {
     if shot.len() < 3 {
         return Err(format!("shot of {} frames, too short to smooth", shot.len()));
     }
@@ -119,17 +125,28 @@ fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<
     if options.smallest_window() > 1.0 - ROOM {
         return Err("the least crop leaves no room to move".to_owned());
     }
-    let path = match options.kind {
-        PathKind::Optimal => optimal(&chain, stage, options),
-        PathKind::Gaussian => follow(&chain, stage, options, &ideal::gaussian(&chain, options.smoothness_s)),
-        PathKind::Tripod => follow(&chain, stage, options, &ideal::tripod(&chain)),
-    }
-    .map_err(|e| format!("no path was found: {e}"))?;
+    let path = kind_path(&chain, stage, options).map_err(|e| format!("no path was found: {e}"))?;
     let after = mean(&chain.seen_through(&path).shake());
     if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
         return Err("smoothing would not have made it steadier".to_owned());
     }
     Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt())))
+}
+
+/// The path of the kind wanted, level where that is wanted.
+fn kind_path(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, QpError> {
+    let ideal = match options.kind {
+        PathKind::Optimal if !options.level => return optimal(chain, stage, options),
+        // Where it leads, at one size: a window that no longer turns with the frame has other corners.
+        PathKind::Optimal => {
+            optimal(chain, stage, options)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
+        }
+        PathKind::Gaussian => ideal::gaussian(chain, options.smoothness_s),
+        PathKind::Linear => ideal::polynomial(chain, 1),
+        PathKind::Parabolic => ideal::polynomial(chain, 2),
+        PathKind::Tripod => ideal::tripod(chain),
+    };
+    follow(chain, stage, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal })
 }
 
 /// The path that balances shake, acceleration and crop.
@@ -167,7 +184,12 @@ fn sizing(options: &PathOptions) -> Sizing {
 }
 
 /// The given path at the largest window that fits all of it, or held inside the frame at the smallest allowed.
-fn follow(chain: &Chain, stage: &Stage, options: &PathOptions, ideal: &[Pose]) -> Result<Vec<Pose>, QpError> {
+pub(super) fn follow(
+    chain: &Chain,
+    stage: &Stage,
+    options: &PathOptions,
+    ideal: &[Pose],
+) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
     let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
@@ -256,7 +278,7 @@ fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }
 
-fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
+pub(super) fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
     for (option, value, low, high) in [
         ("smoothness", options.smoothness_s, 0.05, 30.0),
         ("min-crop", options.min_crop, 0.3, 1.0),
@@ -338,11 +360,19 @@ mod tests {
         let shot = 0..300;
         let clip =
             Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
-        for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod] {
+        use PathKind::{Gaussian, Linear, Optimal, Parabolic, Tripod};
+        let kinds = [Optimal, Gaussian, Linear, Parabolic, Tripod].map(|kind| [(kind, false), (kind, true)]);
+        for (kind, level) in kinds.into_iter().flatten() {
             for (smoothness_s, min_crop, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
                 let border_allows_outside = outside;
-                let options =
-                    PathOptions { kind, smoothness_s, min_crop, border_allows_outside, ..PathOptions::default() };
+                let options = PathOptions {
+                    kind,
+                    smoothness_s,
+                    min_crop,
+                    border_allows_outside,
+                    level,
+                    ..PathOptions::default()
+                };
                 let path = plan(&clip, &options).expect("valid input");
                 let reason = &path.segments[0].reason;
                 assert!(!reason.contains("no path"), "{options:?}: {reason}");

@@ -100,6 +100,42 @@ fn the_clips_own_cameras_give_the_clip_back_and_others_do_not() {
     assert!(same > 28.0 && steady < same - 6.0, "{same:.1} dB for the same cameras, {steady:.1} dB for steady ones");
 }
 
+/// Values over the frames of the virtual camera in a plot of a report, in thousandths of the plot's height; then the real one's.
+fn plotted(page: &str, title: &str) -> [Vec<f64>; 2] {
+    let figure =
+        page.split("<figure").find(|f| f.contains(&format!("<h3>{title}<span> (scene units)<"))).expect("a plot");
+    ["after", "before"].map(|class| {
+        let path = figure.split(&format!("<path class=\"{class}\" d=\"M")).nth(1).expect("a curve");
+        let outline = path.split('"').next().expect("closed");
+        let height = |point: &str| point.split(' ').nth(1).and_then(|y| y.parse().ok()).expect("a point");
+        outline.split('L').map(height).collect()
+    })
+}
+
+#[test]
+fn along_a_linear_path_the_virtual_camera_goes_straight_on_at_even_speed() {
+    let Some(folder) = workshop() else { return };
+    let (folder, clip) = (folder.path(), media("street-walk.mp4"));
+    let clip = clip.to_str().expect("a plain path");
+    let args = ["stabilize", clip, "-o", "line.mp4", "--end", END, "--mode", "3d", "--path", "linear"];
+    let told = err(&succeed(folder, &[&args[..], &["--min-crop", "0.6", "--report", "line.html"]].concat()));
+    assert!(told.contains("linear path followed all the way"), "{told}");
+    let page = std::fs::read_to_string(folder.join("line.html")).expect("a report");
+    let bend = |values: &[f64]| {
+        let (first, last) = (values[0], values[FRAMES - 1]);
+        let even = |k: usize| first + (last - first) * k as f64 / (FRAMES as f64 - 1.0);
+        (0..FRAMES).map(|k| (values[k] - even(k)).abs()).fold(0.0, f64::max)
+    };
+    let mut shaken: f64 = 0.0;
+    for title in ["x, to the right", "y, down", "z, ahead"] {
+        let [line, real] = plotted(&page, title);
+        assert_eq!((line.len(), real.len()), (FRAMES, FRAMES), "{title}");
+        assert!(bend(&line) <= 0.11, "{title} bends by {} of 1000", bend(&line));
+        shaken = shaken.max(bend(&real));
+    }
+    assert!(shaken > 20.0, "the real camera's course bends by {shaken} of 1000 only");
+}
+
 #[test]
 fn a_path_file_that_is_none_is_refused_and_nothing_is_written() {
     let Some(folder) = workshop() else { return };

@@ -5,6 +5,8 @@ use plumbline::path::{Clip, InterFrame, PathKind, PathOptions, Tier, VirtualPath
 
 const SIZE: (u32, u32) = (640, 360);
 const FPS: f64 = 30.0;
+const KINDS: [PathKind; 5] =
+    [PathKind::Optimal, PathKind::Gaussian, PathKind::Linear, PathKind::Parabolic, PathKind::Tripod];
 
 /// A camera path by its pose per frame: position of the scene in the frame, px, angle, log of scale.
 #[derive(Clone, Copy)]
@@ -99,7 +101,7 @@ fn acceleration(path: &[Vec2]) -> f64 {
 
 fn every_kind() -> Vec<PathOptions> {
     let mut all = Vec::new();
-    for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod] {
+    for kind in KINDS {
         for zoom in [Zoom::Fixed, Zoom::Adaptive] {
             for min_crop in [0.75, 0.95] {
                 all.push(PathOptions { kind, zoom, min_crop, ..PathOptions::default() });
@@ -129,7 +131,7 @@ fn the_crop_window_lies_inside_every_frame() {
 #[test]
 fn where_the_border_may_show_the_picture_keeps_its_scale_and_its_middle_is_covered() {
     let views = walk(200, 3.0, 2);
-    for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod] {
+    for kind in KINDS {
         let options = PathOptions { kind, border_allows_outside: true, zoom: Zoom::None, ..PathOptions::default() };
         let path = plan_of(&views, &options);
         let mut leaves = false;
@@ -153,7 +155,7 @@ fn a_steady_pan_and_a_still_camera_come_out_unchanged() {
     let pan =
         |v: f64| (0..90).map(move |t| View { x: v * f64::from(t), y: 0.3 * v * f64::from(t), angle: 0.0, zoom: 0.0 });
     for speed in [0.0, 0.5, 9.0] {
-        for kind in [PathKind::Optimal, PathKind::Gaussian] {
+        for kind in [PathKind::Optimal, PathKind::Gaussian, PathKind::Linear, PathKind::Parabolic] {
             let views: Vec<View> = pan(speed).collect();
             let path = plan_of(&views, &PathOptions { kind, ..PathOptions::default() });
             assert!(path.crop.iter().all(|c| *c == 1.0), "{kind:?} at {speed} px per frame");
@@ -252,6 +254,57 @@ fn a_tripod_shows_no_motion_while_the_frame_allows_it() {
 }
 
 #[test]
+fn on_a_line_the_viewer_moves_evenly_and_on_a_parabola_evenly_faster() {
+    let views = walk(200, 0.7, 10);
+    let options = |kind| PathOptions { kind, min_crop: 0.6, ..PathOptions::default() };
+    let (line, parabola) = (PathKind::Linear, PathKind::Parabolic);
+    let [line, parabola] = [line, parabola].map(|kind| seen(&plan_of(&views, &options(kind)), &views));
+    let change = |path: &[Vec2]| path.windows(2).map(|p| p[1] - p[0]).collect::<Vec<Vec2>>();
+    let (speed, faster) = (change(&line), change(&change(&parabola)));
+    for of in [&speed, &faster] {
+        assert!(of.iter().all(|v| (v - of[0]).norm() < 1e-6), "from {} to {}", of[0], of[of.len() - 1]);
+    }
+    assert!((speed[0].x + 25.0 / FPS).abs() < 0.3 && faster[0].norm() > 1e-5, "the camera's own drift is kept");
+}
+
+#[test]
+fn under_a_locked_horizon_the_picture_does_not_turn_while_the_frame_allows_it() {
+    let views: Vec<View> =
+        walk(200, 1.0, 14).iter().enumerate().map(|(t, v)| View { x: v.x - 25.0 * t as f64 / FPS, ..*v }).collect();
+    for kind in KINDS {
+        let path = plan_of(&views, &PathOptions { kind, level: true, min_crop: 0.6, ..PathOptions::default() });
+        assert_eq!(path.segments[0].tier, Tier::Smoothed, "{kind:?}: {}", path.segments[0].reason);
+        let angle = |t: usize| {
+            let from = views[t].frame_from_scene(SIZE).inverse().expect("scale > 0");
+            let across = from.apply(source_of(&path, t, Point2::new(640.0, 180.0)))
+                - from.apply(source_of(&path, t, Point2::new(0.0, 180.0)));
+            across.y.atan2(across.x)
+        };
+        let angles: Vec<f64> = (0..views.len()).map(angle).collect();
+        let turned = angles.iter().map(|a| (a - angles[0]).abs()).fold(0.0, f64::max);
+        assert!(turned < 1e-9, "{kind:?}: turned by {turned}");
+        assert!(path.crop.iter().all(|c| *c >= 0.6), "{kind:?}");
+        let free = plan_of(&views, &PathOptions { kind: PathKind::Optimal, ..PathOptions::default() });
+        assert!(distance(&path, &free, SIZE) > 1.0);
+    }
+}
+
+#[test]
+fn a_horizon_that_the_frame_cannot_level_is_leveled_as_far_as_it_goes() {
+    let steep: Vec<View> = walk(150, 1.0, 4).into_iter().map(|v| View { angle: 20.0 * v.angle, ..v }).collect();
+    for kind in KINDS {
+        let path = plan_of(&steep, &PathOptions { kind, level: true, ..PathOptions::default() });
+        for t in 0..steep.len() {
+            assert!(path.crop[t] >= 0.8 - 1e-6, "{kind:?}: a window of {}", path.crop[t]);
+            for p in window(&path, t, SIZE) {
+                let inside = (-1e-6..=640.000_001).contains(&p.x) && (-1e-6..=360.000_001).contains(&p.y);
+                assert!(inside, "{kind:?} {t}: {p}");
+            }
+        }
+    }
+}
+
+#[test]
 fn no_window_is_smaller_than_allowed_however_the_camera_turns_and_zooms() {
     let drifting = |strength: f64, turn: f64, zoom: f64| -> Vec<View> {
         let share = |t: usize| t as f64 / 150.0 - 0.5;
@@ -259,9 +312,8 @@ fn no_window_is_smaller_than_allowed_however_the_camera_turns_and_zooms() {
             |(t, v): (usize, View)| View { angle: v.angle + turn * share(t), zoom: v.zoom + zoom * share(t), ..v };
         walk(150, strength, 4).into_iter().map(|v| View { x: 0.2 * v.x, ..v }).enumerate().map(moved).collect()
     };
-    for (views, kind) in [drifting(2.0, 0.9, 0.6), drifting(0.3, 0.0, 0.24)]
-        .iter()
-        .flat_map(|views| [PathKind::Optimal, PathKind::Gaussian, PathKind::Tripod].map(|kind| (views, kind)))
+    for (views, kind) in
+        [drifting(2.0, 0.9, 0.6), drifting(0.3, 0.0, 0.24)].iter().flat_map(|views| KINDS.map(|kind| (views, kind)))
     {
         let path = plan_of(views, &PathOptions { kind, min_crop: 0.8, ..PathOptions::default() });
         assert_eq!(path.segments[0].tier, Tier::Smoothed, "{kind:?}: {}", path.segments[0].reason);

@@ -197,7 +197,7 @@ fn every_choice_that_help_offers_runs() {
     clip(folder);
     let choices: [(&str, &[&str]); 7] = [
         ("--mode", &["auto", "mesh", "homography", "similarity"]),
-        ("--path", &["optimal", "gaussian", "tripod"]),
+        ("--path", &["optimal", "gaussian", "linear", "parabolic", "tripod", "orbit", "dolly"]),
         ("--zoom", &["fixed", "adaptive", "none"]),
         ("--border", &["crop", "mirror", "replicate", "black", "fill"]),
         ("--rolling-shutter", &["auto", "off", "0.02"]),

@@ -17,8 +17,16 @@ pub enum PathMethod {
     Optimal,
     /// The camera's own path, low-passed
     Gaussian,
+    /// On a line at even speed, turning evenly
+    Linear,
+    /// Evenly accelerated, on a parabola
+    Parabolic,
     /// The camera stands still
     Tripod,
+    /// In space, on a circle about what the camera looks at; without cameras there, as linear
+    Orbit,
+    /// In space, on a line at even speed, looking in one direction; without cameras there, as linear
+    Dolly,
 }
 
 /// How the picture is enlarged to hide the borders.
@@ -53,6 +61,8 @@ pub enum InSpace {
 pub struct SmoothSettings {
     /// How the virtual camera moves
     pub method: PathMethod,
+    /// The horizon stays level, as far as the crop allows
+    pub horizon: bool,
     /// Time over which motion is evened out, seconds
     #[schemars(range(min = 0.05, max = 30.0))]
     pub smoothness: f64,
@@ -79,6 +89,7 @@ impl Default for SmoothSettings {
         let in_space = InSpace::default();
         Self {
             method,
+            horizon: false,
             smoothness: 0.5,
             min_crop: 0.8,
             zoom,

@@ -30,6 +30,7 @@ mod stream;
 mod telling;
 mod tiers;
 mod trial;
+mod wishes;
 
 use std::path::Path;
 

@@ -172,6 +172,11 @@ impl Views {
         }
     }
 
+    /// `G_t` of the frames that have a view.
+    pub(super) fn shown_from_src(&self) -> Vec<Option<Similarity2>> {
+        self.frames.iter().map(|view| view.as_ref().map(|v| v.shown_from_src)).collect()
+    }
+
     /// `G_t` of every frame; where there is none, that of the frame before, or of the first that has one.
     pub(super) fn out_from_src(&self) -> Vec<Similarity2> {
         let mut last = self.frames.iter().flatten().next().map_or(Similarity2::IDENTITY, |v| v.shown_from_src);
