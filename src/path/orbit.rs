@@ -61,7 +61,7 @@ pub(super) fn orbit(ride: &Ride, sights: &[Sight]) -> Option<Vec<CameraPose>> {
 /// The point that the camera looks at.
 fn interest(sights: &[Sight]) -> Option<Vec3> {
     let mut around: Vec<&Sight> = sights.iter().filter(|s| s.off_center <= AROUND).collect();
-    around.sort_by(|a, b| b.frames.cmp(&a.frames));
+    around.sort_by_key(|s| std::cmp::Reverse(s.frames));
     let least = around.get((LONGEST * around.len() as f64) as usize)?.frames;
     let longest: Vec<Vec3> = around.iter().take_while(|s| s.frames >= least).map(|s| s.place.coords).collect();
     Some(median(&longest))
@@ -110,7 +110,7 @@ fn circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)> {
     let below = 2.0 * (root * root - root * z + det);
     let middle = Vector2::new(xz * (yy - root) - yz * xy, yz * (xx - root) - xz * xy) / below;
     let radius = (middle.norm_squared() + z + 2.0 * root).sqrt();
-    let extent = points.iter().map(|p| p.norm()).fold(0.0, f64::max);
+    let extent = points.iter().map(Vector2::norm).fold(0.0, f64::max);
     (radius > 0.0 && radius <= STRAIGHT * extent).then_some((middle, radius))
 }
 
