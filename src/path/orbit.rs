@@ -176,7 +176,9 @@ mod tests {
         let mut points: Vec<_> =
             (0..200).map(|k| Vector2::new(2.0 * at(k).cos() - 2.0 + noise(), 2.0 * at(k).sin() + noise())).collect();
         let mean = points.iter().sum::<Vector2<f64>>() / 200.0;
-        points.iter_mut().for_each(|p| *p -= mean);
+        for point in &mut points {
+            *point -= mean;
+        }
         let (middle, radius) = circle(&points).expect("a circle");
         let off = (middle + mean - Vector2::new(-2.0, 0.0)).norm();
         assert!((radius - 2.0).abs() < 0.1 && off < 0.1, "{off} off, radius {radius}");
@@ -197,7 +199,9 @@ mod tests {
     fn without_points_around_the_middle_there_is_no_orbit() {
         let (ride, mut sights) = circling(30, 0.0, 1.0);
         assert!(orbit(&ride, &[]).is_none());
-        sights.iter_mut().for_each(|s| s.off_center = 0.9);
+        for sight in &mut sights {
+            sight.off_center = 0.9;
+        }
         assert!(orbit(&ride, &sights).is_none());
     }
 }
