@@ -40,7 +40,7 @@ impl Chain {
     }
 
     /// The motion from the first frame to every frame.
-    pub(super) fn from_first(&self) -> Vec<Pose> {
+    pub(super) fn motion_from_first(&self) -> Vec<Pose> {
         self.step.iter().scan(Pose::IDENTITY, |at, s| (*at = s.after(*at), Some(*at)).1).collect()
     }
 

@@ -36,7 +36,7 @@ pub(super) fn gaussian(chain: &Chain, sigma_s: f64) -> Vec<Pose> {
 /// first frame's picture. With the polynomials `c̄`, `l̄` of `degree` nearest to `c_t` and `log z_t`, the window is
 /// `(z_t e^{−l̄_t}, A_t(c̄_t))`: through it, the scene moves as seen from `c̄` at even (or evenly changing) zoom and turn.
 pub(super) fn polynomial(chain: &Chain, degree: usize) -> Vec<Pose> {
-    let from_first = chain.from_first();
+    let from_first = chain.motion_from_first();
     let logs: Vec<C64> = summed(chain.step.iter().map(|s| s.z.ln()));
     let centers: Vec<C64> = from_first.iter().map(|a| a.inverse().d).collect();
     let times: Vec<f64> = chain.rate.iter().scan(0.0, |at, rate| (*at += 1.0 / rate, Some(*at)).1).collect();
@@ -63,7 +63,7 @@ fn summed(steps: impl Iterator<Item = C64>) -> Vec<C64> {
 ///
 /// The frame chosen is the one nearest to the median position, so that the least is cropped.
 pub(super) fn tripod(chain: &Chain) -> Vec<Pose> {
-    let from_first = chain.from_first();
+    let from_first = chain.motion_from_first();
     let middle = C64::new(median(from_first.iter().map(|p| p.d.re)), median(from_first.iter().map(|p| p.d.im)));
     let far = |p: &Pose| (p.d - middle).norm_sqr();
     let reference = from_first.iter().min_by(|a, b| far(a).total_cmp(&far(b))).copied().unwrap_or(Pose::IDENTITY);
@@ -118,7 +118,7 @@ mod tests {
         }
         for degree in [1, 2] {
             let windows = polynomial(&shaky, degree);
-            let seen = shaky.seen_through(&windows).from_first();
+            let seen = shaky.seen_through(&windows).motion_from_first();
             // Where the first frame's camera looked, as the viewer sees it move, at one zoom and angle.
             let place = |t: usize| (seen[t].inverse().d, seen[t].z.ln());
             let differences = |k: usize| {

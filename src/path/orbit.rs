@@ -61,7 +61,7 @@ pub(super) fn orbit(ride: &Ride, sights: &[Sight]) -> Option<Vec<CameraPose>> {
 /// The point that the camera looks at.
 fn interest(sights: &[Sight]) -> Option<Vec3> {
     let mut around: Vec<&Sight> = sights.iter().filter(|s| s.off_center <= AROUND).collect();
-    around.sort_by(|a, b| b.frames.cmp(&a.frames));
+    around.sort_by_key(|s| std::cmp::Reverse(s.frames));
     let least = around.get((LONGEST * around.len() as f64) as usize)?.frames;
     let longest: Vec<Vec3> = around.iter().take_while(|s| s.frames >= least).map(|s| s.place.coords).collect();
     Some(median(&longest))
@@ -110,7 +110,7 @@ fn circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)> {
     let below = 2.0 * (root * root - root * z + det);
     let middle = Vector2::new(xz * (yy - root) - yz * xy, yz * (xx - root) - xz * xy) / below;
     let radius = (middle.norm_squared() + z + 2.0 * root).sqrt();
-    let extent = points.iter().map(|p| p.norm()).fold(0.0, f64::max);
+    let extent = points.iter().map(Vector2::norm).fold(0.0, f64::max);
     (radius > 0.0 && radius <= STRAIGHT * extent).then_some((middle, radius))
 }
 
@@ -176,7 +176,9 @@ mod tests {
         let mut points: Vec<_> =
             (0..200).map(|k| Vector2::new(2.0 * at(k).cos() - 2.0 + noise(), 2.0 * at(k).sin() + noise())).collect();
         let mean = points.iter().sum::<Vector2<f64>>() / 200.0;
-        points.iter_mut().for_each(|p| *p -= mean);
+        for point in &mut points {
+            *point -= mean;
+        }
         let (middle, radius) = circle(&points).expect("a circle");
         let off = (middle + mean - Vector2::new(-2.0, 0.0)).norm();
         assert!((radius - 2.0).abs() < 0.1 && off < 0.1, "{off} off, radius {radius}");
@@ -197,7 +199,9 @@ mod tests {
     fn without_points_around_the_middle_there_is_no_orbit() {
         let (ride, mut sights) = circling(30, 0.0, 1.0);
         assert!(orbit(&ride, &[]).is_none());
-        sights.iter_mut().for_each(|s| s.off_center = 0.9);
+        for sight in &mut sights {
+            sight.off_center = 0.9;
+        }
         assert!(orbit(&ride, &sights).is_none());
     }
 }

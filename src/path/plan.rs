@@ -360,8 +360,8 @@ mod tests {
         let shot = 0..300;
         let clip =
             Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
-        use PathKind::{Gaussian, Linear, Optimal, Parabolic, Tripod};
-        let kinds = [Optimal, Gaussian, Linear, Parabolic, Tripod].map(|kind| [(kind, false), (kind, true)]);
+        let kinds = [PathKind::Optimal, PathKind::Gaussian, PathKind::Linear, PathKind::Parabolic, PathKind::Tripod];
+        let kinds = kinds.map(|kind| [(kind, false), (kind, true)]);
         for (kind, level) in kinds.into_iter().flatten() {
             for (smoothness_s, min_crop, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
                 let border_allows_outside = outside;

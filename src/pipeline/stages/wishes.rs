@@ -181,6 +181,7 @@ mod tests {
     }
 
     /// A view is the more shifted the further the camera is from its real place.
+    #[expect(clippy::unnecessary_wraps, reason = "the signature of what reads tracks")]
     fn shown(cameras: &[Option<Wanted>]) -> Result<Vec<Option<Similarity2>>, RunError> {
         let off = |(a, b): (&Wanted, &Wanted)| 100.0 * (a.pose.center() - b.pose.center()).y;
         let view = |x: f64| Similarity2 { t: Vec2::new(x, 0.0), ..Similarity2::IDENTITY };
