@@ -76,9 +76,8 @@ impl Subspace {
         for (frame, y) in seen {
             let row = self.modes.row(*frame);
             normal.ger(1.0, &row.transpose(), &row.transpose(), 1.0);
-            for axis in 0..2 {
-                let apart = y[axis] - self.mean[axis][*frame];
-                right.column_mut(axis).axpy(apart, &row.transpose(), 1.0);
+            for (axis, (y, mean)) in y.iter().zip(&self.mean).enumerate() {
+                right.column_mut(axis).axpy(y - mean[*frame], &row.transpose(), 1.0);
             }
         }
         let shares = Cholesky::new(normal)?.solve(&right);

@@ -36,8 +36,8 @@ const LADDER: [Tier; 3] = [Tier::Subspace, Tier::Mesh, Tier::Homography];
 pub(super) fn better(
     motion: &ClipMotion,
     tracks: &Tracks,
-    in_space: VirtualPath,
-    in_picture: VirtualPath,
+    in_space: &VirtualPath,
+    in_picture: &VirtualPath,
     covered: bool,
 ) -> Result<VirtualPath, RunError> {
     let warp = WarpSettings::default();
@@ -45,14 +45,15 @@ pub(super) fn better(
         let feed = Feed { tracks, path, motion: Some(motion), warp: &warp };
         Trial::run(&feed, &Tiers::new(WarpMode::Auto, Some(motion), path), motion, covered)
     };
-    let (space, picture) = rayon::join(|| trial(&in_space), || trial(&in_picture));
+    let (space, picture) = rayon::join(|| trial(in_space), || trial(in_picture));
     let (space, picture) = (space?, picture?);
-    let mut chosen = VirtualPath { out_from_src: vec![], crop: vec![], cameras: vec![], segments: vec![] };
+    let mut chosen =
+        VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
     for shot in &motion.shots {
         let drawn = in_space.cameras[shot.clone()].iter().any(Option::is_some);
         let figures = if drawn { space.over(shot.clone()).zip(picture.over(shot.clone())) } else { None };
         let in_space_wins = figures.is_some_and(|(s, p)| s.is_no_worse_than(&p));
-        append(&mut chosen, if in_space_wins { &in_space } else { &in_picture }, shot);
+        append(&mut chosen, if in_space_wins { in_space } else { in_picture }, shot);
         if let (Some((space, picture)), Some(segment)) = (figures, chosen.segments.last_mut()) {
             let word = if in_space_wins { "chosen" } else { "left" };
             let _ = write!(segment.reason, "; in space ({word}): {space}; in the picture: {picture}");

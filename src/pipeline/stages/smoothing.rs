@@ -89,7 +89,7 @@ impl<'a> Planner<'a> {
         let ridden = matches!(self.settings.method, PathMethod::Orbit | PathMethod::Dolly);
         match self.settings.in_space {
             InSpace::Auto if !ridden => {
-                choice::better(self.motion, tracks, in_space, self.in_picture()?, self.settings.keep_inside)
+                choice::better(self.motion, tracks, &in_space, &self.in_picture()?, self.settings.keep_inside)
             }
             _ => Ok(in_space),
         }

@@ -17,7 +17,7 @@ use super::maps::{Forward, Maps};
 use super::sampling::Feed;
 use super::shake::{Stray, shake, strays};
 use super::tiers::Tiers;
-use crate::math::{Homography, Point2, Vec2};
+use crate::math::{Homography, Point2, Similarity2, Vec2};
 use crate::mesh::Grid;
 use crate::motion::{self, ClipMotion, Pair};
 use crate::pipeline::kinds::WarpSettings;
@@ -139,7 +139,7 @@ impl Seen {
         let step = enough.then(|| motion::similarity(&pairs, &vec![1.0; pairs.len()])).flatten();
         let second = self.second(&shown);
         self.before = std::mem::replace(&mut self.last, shown.into_iter().collect());
-        (step.map(|s| s.to_homography()), second)
+        (step.map(Similarity2::to_homography), second)
     }
 
     fn second(&self, shown: &[(u32, Point2)]) -> Option<(f64, f64)> {
