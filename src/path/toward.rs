@@ -20,10 +20,10 @@ impl PathOptions {
 
 /// The virtual path that shows `wanted` (`out_from_src`, per frame where something is wanted) where the source can cover the
 /// least window allowed, else held so that it does. A frame of which nothing is said gets what lies between its neighbors; a
-/// shot of which nothing is said is planned by itself, as [`plan`] does.
+/// shot of which nothing is said is planned by itself, as `plan` does.
 ///
 /// # Errors
-/// As for [`plan_along`].
+/// As for `plan_along`.
 pub fn plan_toward(
     clip: &Clip<'_>,
     options: &PathOptions,

@@ -73,7 +73,7 @@ pub struct Anchor {
     pub weight: f64,
     /// Where the virtual camera in space shows it, output px, where one is known.
     pub in_space: Option<Point2>,
-    /// Where it belongs by the modes that all trajectories share ([`super::subspace`]), output px, where they were asked for and
+    /// Where it belongs by the modes that all trajectories share (`subspace.rs`), output px, where they were asked for and
     /// can be told.
     pub in_subspace: Option<Point2>,
 }

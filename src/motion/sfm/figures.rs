@@ -38,7 +38,7 @@ pub struct SfmFigures {
     pub focal: f64,
     /// Standard deviation of its logarithm; `None` where it was not determined.
     pub sigma_ln_focal: Option<f64>,
-    /// Sightings that were foretold from other ones ([`super::prediction`]).
+    /// Sightings that were foretold from other ones (`prediction.rs`).
     #[serde(default)]
     pub foretold: usize,
     /// Root mean squared distance of those from where cameras and depth foretold them, px.
