@@ -13,15 +13,6 @@ type Frames = Vec<Vec<(u32, Point2)>>;
 
 const ROLLING: SfmOptions = SfmOptions { focal: None, rolling_shutter: true };
 
-fn frames_of(shot: &Shot) -> Frames {
-    let mut frames = vec![Vec::new(); shot.truth.poses.len()];
-    shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-    for frame in &mut frames {
-        frame.sort_by_key(|p: &(u32, Point2)| p.0);
-    }
-    frames
-}
-
 fn solved(frames: Frames) -> Reconstruction {
     reconstruct(&TrackTable::new(640, 360, frames), &ROLLING)
 }
@@ -37,7 +28,7 @@ fn error(found: &Reconstruction, shot: &Shot) -> PathError {
 #[test]
 fn exact_tracks_of_a_walk_give_every_camera_exactly_focal_length_unknown() {
     let shot = Shot::new(&ShotOptions { seed: 21, frames: 40, ..ShotOptions::default() });
-    let found = solved(frames_of(&shot));
+    let found = solved(shot.frames());
     assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 40), "{}", found.reason);
     let error = error(&found, &shot);
     assert!(error.position < 1e-4, "{error:?}");
@@ -48,7 +39,7 @@ fn exact_tracks_of_a_walk_give_every_camera_exactly_focal_length_unknown() {
 fn noise_and_outliers_leave_a_walk_within_the_bars() {
     for seed in [22, 23] {
         let shot = noisy(seed, Course::Walk);
-        let found = solved(frames_of(&shot));
+        let found = solved(shot.frames());
         assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 40), "{}", found.reason);
         let error = error(&found, &shot);
         assert!(error.position < 0.005 && error.frame_to_frame < 2e-4, "seed {seed}: {error:?}");
@@ -59,9 +50,9 @@ fn noise_and_outliers_leave_a_walk_within_the_bars() {
 #[test]
 fn the_resolution_changes_nothing_but_the_focal_length() {
     let shot = noisy(22, Course::Walk);
-    let larger = frames_of(&shot).into_iter().map(|f| f.into_iter().map(|(id, p)| (id, p * 3.0)).collect());
+    let larger = shot.frames().into_iter().map(|f| f.into_iter().map(|(id, p)| (id, p * 3.0)).collect());
     let larger = reconstruct(&TrackTable::new(1920, 1080, larger.collect::<Frames>()), &ROLLING);
-    let found = solved(frames_of(&shot));
+    let found = solved(shot.frames());
     assert_eq!((larger.verdict, larger.figures.registered), (SfmVerdict::ThreeD, 40), "{}", larger.reason);
     let apart = path_error(&larger.scene.poses, &found.scene.poses);
     assert!(apart.position < 1e-4 && apart.rotation < 1e-5, "{apart:?}");
@@ -71,7 +62,7 @@ fn the_resolution_changes_nothing_but_the_focal_length() {
 #[test]
 fn a_rolling_shutter_is_found_without_being_told_of() {
     let shot = Shot::new(&ShotOptions { seed: 24, frames: 40, readout: 0.6, noise_px: 0.1, ..ShotOptions::default() });
-    let found = solved(frames_of(&shot));
+    let found = solved(shot.frames());
     assert!((found.scene.readout - 0.6).abs() < 0.06, "{}", found.scene.readout);
     assert!(error(&found, &shot).frame_to_frame < 2e-4, "{:?}", error(&found, &shot));
 }
@@ -80,7 +71,7 @@ fn a_rolling_shutter_is_found_without_being_told_of() {
 fn a_turning_camera_gets_rotations_and_no_invented_translation() {
     for seed in [25, 26] {
         let shot = noisy(seed, Course::Rotation);
-        let found = solved(frames_of(&shot));
+        let found = solved(shot.frames());
         assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::RotationOnly, 40), "{}", found.reason);
         assert!(found.scene.poses.iter().flatten().all(|p| p.translation.norm() == 0.0));
         let error = error(&found, &shot);
@@ -116,7 +107,7 @@ fn points_that_all_wander_by_themselves_give_no_cameras() {
 #[test]
 fn no_frames_one_frame_two_frames_and_empty_frames_are_called_too_few_points() {
     let shot = noisy(28, Course::Walk);
-    let frames = frames_of(&shot);
+    let frames = shot.frames();
     for few in [Vec::new(), frames[..1].to_vec(), frames[..2].to_vec(), vec![Vec::new(); 20]] {
         let count = few.len();
         let found = solved(few);
@@ -132,7 +123,7 @@ fn a_focal_length_that_grows_is_not_taken_for_one_camera() {
         [(Course::Side, &[SfmVerdict::Zoom][..]), (Course::Walk, &[SfmVerdict::Zoom, SfmVerdict::Failed][..])]
     {
         let shot = Shot::new(&ShotOptions { seed: 29, course, frames: 40, noise_px: 0.1, ..ShotOptions::default() });
-        let mut frames = frames_of(&shot);
+        let mut frames = shot.frames();
         for (k, frame) in frames.iter_mut().enumerate() {
             let factor = 1.0 + 0.4 * k as f64 / 40.0;
             let center = Point2::new(320.0, 180.0);
@@ -148,7 +139,7 @@ fn a_focal_length_that_grows_is_not_taken_for_one_camera() {
 #[test]
 fn frames_without_points_in_the_middle_have_no_camera_and_the_others_do() {
     let shot = noisy(30, Course::Walk);
-    let mut frames = frames_of(&shot);
+    let mut frames = shot.frames();
     frames[18..21].iter_mut().for_each(Vec::clear);
     let found = solved(frames);
     assert_eq!(found.verdict, SfmVerdict::ThreeD, "{}", found.reason);
@@ -160,7 +151,7 @@ fn frames_without_points_in_the_middle_have_no_camera_and_the_others_do() {
 #[test]
 fn every_third_frame_alone_is_enough() {
     let shot = Shot::new(&ShotOptions { seed: 31, frames: 90, noise_px: 0.2, ..ShotOptions::default() });
-    let frames: Frames = frames_of(&shot).into_iter().step_by(3).collect();
+    let frames: Frames = shot.frames().into_iter().step_by(3).collect();
     let truth: Vec<_> = shot.truth.poses.iter().copied().step_by(3).collect();
     let found = solved(frames);
     assert_eq!((found.verdict, found.figures.registered), (SfmVerdict::ThreeD, 30), "{}", found.reason);
@@ -170,7 +161,7 @@ fn every_third_frame_alone_is_enough() {
 #[test]
 fn of_two_halves_that_share_no_track_one_is_solved_and_the_verdict_says_so() {
     let shot = noisy(32, Course::Walk);
-    let mut frames = frames_of(&shot);
+    let mut frames = shot.frames();
     frames[25..].iter_mut().flatten().for_each(|p| p.0 += 1_000_000);
     let found = solved(frames);
     assert_eq!(found.verdict, SfmVerdict::Failed, "25 of 40 frames are not the shot: {}", found.reason);
@@ -182,7 +173,7 @@ fn the_number_of_threads_changes_nothing() {
     let shot = noisy(33, Course::Walk);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| solved(frames_of(&shot)))
+        pool.install(|| solved(shot.frames()))
     };
     let (one, three) = (on(1), on(3));
     assert_eq!(one.scene, three.scene);
@@ -208,7 +199,7 @@ fn poses(segments: &[Segment]) -> Vec<Option<CameraPose>> {
 fn windows_give_the_cameras_of_one_solve_and_no_jump_where_they_meet() {
     let shot =
         Shot::new(&ShotOptions { seed: 34, frames: 130, noise_px: 0.2, outliers: 0.03, ..ShotOptions::default() });
-    let frames = frames_of(&shot);
+    let frames = shot.frames();
     let (whole, _) = in_windows(&frames, &Windows::default());
     let (parted, most) = in_windows(&frames, &Windows { longest: 80, length: 80, overlap: 30 });
     assert_eq!((whole.len(), parted.len(), most), (1, 1, 80), "{:?}", parted.iter().map(|s| &s.reason));
@@ -223,9 +214,9 @@ fn windows_give_the_cameras_of_one_solve_and_no_jump_where_they_meet() {
 fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_own() {
     let longer = ShotOptions { seed: 36, course: Course::Side, frames: 55, noise_px: 0.2, ..ShotOptions::default() };
     let (first, second) = (noisy(35, Course::Walk), Shot::new(&longer));
-    let mut frames = frames_of(&first);
+    let mut frames = first.frames();
     frames.truncate(26);
-    frames.extend(frames_of(&second).into_iter().map(|f| f.into_iter().map(|(id, p)| (id + 1_000_000, p)).collect()));
+    frames.extend(second.frames().into_iter().map(|f| f.into_iter().map(|(id, p)| (id + 1_000_000, p)).collect()));
     frames.extend(vec![Vec::new(); 5]);
     let (segments, _) = in_windows(&frames, &Windows::default());
     let told: Vec<_> = segments.iter().map(|s| (s.frames.clone(), s.verdict)).collect();

@@ -201,15 +201,6 @@ mod tests {
     use crate::motion::sfm::ScenePoint;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
 
-    fn table(shot: &Shot) -> TrackTable {
-        let mut frames = vec![Vec::new(); shot.truth.poses.len()];
-        shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        for frame in &mut frames {
-            frame.sort_by_key(|p: &(u32, Point2)| p.0);
-        }
-        TrackTable::new(640, 360, frames)
-    }
-
     /// The true cameras, and the points where the first sighting and `depth` say.
     fn scene(shot: &Shot, table: &TrackTable, depth: impl Fn(&ScenePoint) -> f64) -> Scene {
         let point = |p: usize| {
@@ -227,7 +218,7 @@ mod tests {
     fn exact_tracks_of_a_walk_are_foretold_exactly_in_space_and_not_by_homographies() {
         for readout in [0.0, 0.5] {
             let shot = shot(Course::Walk, 0.0, readout);
-            let table = table(&shot);
+            let table = shot.table();
             let found = predict(&table, &scene(&shot, &table, |p| p.inverse_depth));
             // Differences of fourth order miss an eighth of the speed of a 7 Hz shake, 0.3 px at the first and the last row.
             let exact = if readout == 0.0 { 1e-6 } else { 0.5 };
@@ -238,7 +229,7 @@ mod tests {
     #[test]
     fn a_translation_made_up_for_a_turning_camera_foretells_worse_than_homographies() {
         let shot = shot(Course::Rotation, 0.2, 0.0);
-        let table = table(&shot);
+        let table = shot.table();
         let mut made_up = scene(&shot, &table, |p| p.inverse_depth);
         let mut random = fastrand::Rng::with_seed(1);
         for (frame, pose) in made_up.poses.iter_mut().enumerate() {
@@ -252,11 +243,11 @@ mod tests {
     #[test]
     fn nothing_is_foretold_of_shots_too_short_or_without_cameras() {
         let whole = shot(Course::Walk, 0.0, 0.0);
-        let table_of = table(&whole);
+        let table_of = whole.table();
         let blind = Scene { poses: vec![None; 60], ..scene(&whole, &table_of, |p| p.inverse_depth) };
         assert_eq!(predict(&table_of, &blind).sightings, 0);
         let short = Shot::new(&ShotOptions { frames: 6, ..ShotOptions::default() });
-        let table = table(&short);
+        let table = short.table();
         assert_eq!(predict(&table, &scene(&short, &table, |p| p.inverse_depth)), Prediction::default());
     }
 }

@@ -80,7 +80,6 @@ pub(super) fn place_all(
 mod tests {
     use super::*;
     use crate::camera::Intrinsics;
-    use crate::math::Point2;
     use crate::motion::sfm::keyframes::keyframes;
     use crate::motion::sfm::mapper::LensPrior;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
@@ -90,12 +89,7 @@ mod tests {
         let options =
             ShotOptions { seed: 8, frames: 60, course, noise_px: 0.2, outliers: 0.03, ..ShotOptions::default() };
         let shot = Shot::new(&options);
-        let mut frames = vec![Vec::new(); 60];
-        shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        for frame in &mut frames {
-            frame.sort_by_key(|p: &(u32, Point2)| p.0);
-        }
-        let table = TrackTable::new(640, 360, frames);
+        let table = shot.table();
         (shot, table)
     }
 

@@ -89,7 +89,6 @@ pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Point2;
     use crate::motion::sfm::keyframes::keyframes;
     use crate::motion::sfm::mapper::LensPrior;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
@@ -99,12 +98,7 @@ mod tests {
         let course = Course::Rotation;
         let shot =
             Shot::new(&ShotOptions { seed: 12, frames: 50, course, noise_px: 0.2, outliers, ..ShotOptions::default() });
-        let mut frames = vec![Vec::new(); 50];
-        shot.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
-        for frame in &mut frames {
-            frame.sort_by_key(|p: &(u32, Point2)| p.0);
-        }
-        let table = TrackTable::new(640, 360, frames);
+        let table = shot.table();
         (shot, table)
     }
 

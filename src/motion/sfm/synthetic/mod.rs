@@ -11,7 +11,7 @@ pub use path::{Course, ShakyPath};
 
 use nalgebra::UnitQuaternion;
 
-use super::{Observation, Scene, ScenePoint};
+use super::{Observation, Scene, ScenePoint, TrackTable};
 use crate::camera::{CameraPose, Intrinsics, Point3, Vec3};
 use crate::math::{Point2, Vec2};
 
@@ -116,6 +116,21 @@ impl Shot {
             shot.observe(frame, &path, options, &mut followed, &mut rng);
         }
         shot
+    }
+
+    /// What a tracker would tell: per frame the points seen and where, in order of the points.
+    pub fn frames(&self) -> Vec<Vec<(u32, Point2)>> {
+        let mut frames = vec![Vec::new(); self.truth.poses.len()];
+        self.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
+        for frame in &mut frames {
+            frame.sort_by_key(|p: &(u32, Point2)| p.0);
+        }
+        frames
+    }
+
+    /// The same as a table.
+    pub fn table(&self) -> TrackTable {
+        TrackTable::new(SIZE.0 as u32, SIZE.1 as u32, self.frames())
     }
 
     fn observe(
