@@ -25,6 +25,7 @@ mod camera_path;
 mod chain;
 mod ideal;
 mod level;
+mod local_linear;
 mod lowpass;
 mod optimal;
 mod orbit;

@@ -20,6 +20,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
+use super::local_linear::local_linear_weights;
 use super::subspace::Subspace;
 use crate::math::{Homography, Point2, Vec2};
 
@@ -213,13 +214,7 @@ impl TrajectorySmoother {
 
     /// Weights of samples at `times` in the value at `time_s` of the local linear regression through them.
     fn kernel(&self, times: &[f64], time_s: f64) -> Vec<f64> {
-        let offset = |time: &f64| (time - time_s) / self.options.sigma_s;
-        let g = |u: f64| (-0.5 * u * u).exp();
-        let moment = |n: i32| times.iter().map(|t| g(offset(t)) * offset(t).powi(n)).sum::<f64>();
-        let (s0, s1, s2) = (moment(0), moment(1), moment(2));
-        let det = s0 * s2 - s1 * s1;
-        let weight = |u: f64| if det > 1e-12 * s0 * s0 { g(u) * (s2 - s1 * u) / det } else { g(u) / s0 };
-        times.iter().map(|t| weight(offset(t))).collect()
+        local_linear_weights(&times.iter().map(|t| (t - time_s) / self.options.sigma_s).collect::<Vec<_>>())
     }
 
     fn anchor(&self, id: u32, time_s: f64, modes: Option<&Modes>) -> Option<Anchor> {

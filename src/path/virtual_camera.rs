@@ -15,6 +15,7 @@
 
 use std::ops::Range;
 
+use super::local_linear::local_linear_weights;
 use crate::camera::{CameraPose, Intrinsics, Point3, Vec3};
 use crate::math::{Point2, Similarity2, Vec2};
 
@@ -66,15 +67,9 @@ impl SteadyView {
         known(t)?;
         let before = (frames.start..t).rev().take_while(near).map_while(known);
         let from_here = (t..frames.end).take_while(near).map_while(known);
-        let run: Vec<(VirtualCamera, f64)> = before.chain(from_here).collect();
-        let moment = |n: i32| run.iter().map(|(_, u)| (-0.5 * u * u).exp() * u.powi(n)).sum::<f64>();
-        let (s0, s1, s2) = (moment(0), moment(1), moment(2));
-        let det = s0 * s2 - s1 * s1;
-        let weight = |u: f64| {
-            let g = (-0.5 * u * u).exp();
-            if det > 1e-12 * s0 * s0 { g * (s2 - s1 * u) / det } else { g / s0 }
-        };
-        Some(Self { cameras: run.into_iter().map(|(camera, u)| (camera, weight(u))).collect() })
+        let (cameras, offsets): (Vec<VirtualCamera>, Vec<f64>) = before.chain(from_here).unzip();
+        let weights = local_linear_weights(&offsets);
+        Some(Self { cameras: cameras.into_iter().zip(weights).collect() })
     }
 
     /// Where the viewer sees a point of the scene, px; `None` where a camera has it behind itself.
@@ -101,37 +96,17 @@ pub fn smoothed_poses(times_s: &[f64], poses: &[Option<CameraPose>], sigma_s: f6
 
 fn smoothed(times_s: &[f64], run: &[CameraPose], t: usize, sigma_s: f64) -> CameraPose {
     let here = run[t];
-    let (mut turn, mut center) = (Regression::default(), Regression::default());
-    for (pose, time) in run.iter().zip(times_s) {
-        let u = (time - times_s[t]) / sigma_s;
-        if u.abs() <= REACH {
-            turn.add(u, (pose.rotation * here.rotation.inverse()).scaled_axis());
-            center.add(u, pose.center() - here.center());
-        }
+    let offset = |time: &f64| (time - times_s[t]) / sigma_s;
+    let near: Vec<(&CameraPose, f64)> =
+        run.iter().zip(times_s.iter().map(offset)).filter(|(_, u)| u.abs() <= REACH).collect();
+    let weights = local_linear_weights(&near.iter().map(|(_, u)| *u).collect::<Vec<_>>());
+    let (mut turn, mut center) = (Vec3::zeros(), Vec3::zeros());
+    for ((pose, _), weight) in near.iter().zip(weights) {
+        turn += weight * (pose.rotation * here.rotation.inverse()).scaled_axis();
+        center += weight * (pose.center() - here.center());
     }
-    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn.value()) * here.rotation;
-    CameraPose::looking_from(here.center() + center.value(), rotation)
-}
-
-/// Weighted linear regression of vectors over time, read at 0.
-#[derive(Clone, Copy, Debug, Default)]
-struct Regression {
-    s: [f64; 3],
-    y: [Vec3; 2],
-}
-
-impl Regression {
-    fn add(&mut self, u: f64, y: Vec3) {
-        let g = (-0.5 * u * u).exp();
-        self.s = [self.s[0] + g, self.s[1] + g * u, self.s[2] + g * u * u];
-        self.y = [self.y[0] + g * y, self.y[1] + g * u * y];
-    }
-
-    fn value(&self) -> Vec3 {
-        let [s0, s1, s2] = self.s;
-        let det = s0 * s2 - s1 * s1;
-        if det > 1e-12 * s0 * s0 { (s2 * self.y[0] - s1 * self.y[1]) / det } else { self.y[0] / s0 }
-    }
+    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn) * here.rotation;
+    CameraPose::looking_from(here.center() + center, rotation)
 }
 
 #[cfg(test)]
