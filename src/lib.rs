@@ -20,6 +20,7 @@ pub mod mesh;
 pub mod motion;
 pub mod optim;
 pub mod path;
+pub mod photo;
 pub mod pipeline;
 pub mod raster;
 pub mod render;

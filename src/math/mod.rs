@@ -4,9 +4,11 @@
 //! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
 
 mod homography;
+mod rect;
 mod similarity;
 
 pub use homography::Homography;
+pub use rect::Rect;
 pub use similarity::Similarity2;
 
 /// A position in the plane, px unless said otherwise.

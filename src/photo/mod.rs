@@ -1,0 +1,8 @@
+//! Still pictures: straight lines made straight, and new shapes that spare what matters.
+//!
+//! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
+//! pixels that are written; results are maps.
+
+mod line;
+
+pub use line::{Line, Orientation};
