@@ -72,19 +72,17 @@ impl Coverage {
     /// The largest rectangle with this ratio of width to height; of equals the one nearest to the middle.
     pub(super) fn largest_of_shape(&self, aspect: f64) -> Option<Rect> {
         let sums = self.sums();
+        let at = |width: f64| self.place(&sums, width, width / aspect);
         let widest = (self.cols as f64).min(self.rows as f64 * aspect);
+        if let Some(whole) = at(widest) {
+            return Some(whole);
+        }
         let (mut low, mut high, mut best) = (0.0, widest, None);
-        for _ in 0..40 {
-            let width = if best.is_none() && high == widest { widest } else { 0.5 * (low + high) };
-            match self.place(&sums, width, width / aspect) {
+        while high - low > 1e-3 {
+            let width = 0.5 * (low + high);
+            match at(width) {
                 Some(found) => (low, best) = (width, Some(found)),
                 None => high = width,
-            }
-            if high - low < 1e-3 {
-                break;
-            }
-            if best.is_none() && high == widest {
-                high = width;
             }
         }
         best

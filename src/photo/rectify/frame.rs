@@ -19,10 +19,12 @@ const MAX_SIDE: f64 = 16_384.0;
 /// What is cut away.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Crop {
-    /// All outside the largest rectangle that the picture fills.
+    /// Nothing where the picture's border can be made straight; all outside the largest rectangle otherwise.
     #[default]
     Auto,
-    /// All outside the largest such rectangle with this ratio of width to height.
+    /// All outside the largest rectangle that the picture fills.
+    Rectangle,
+    /// As [`Self::Auto`], and of that the largest rectangle with this ratio of width to height.
     Aspect(f64),
     /// Nothing: the output holds the whole picture, with its curved border.
     None,
@@ -52,7 +54,7 @@ impl Unframed {
     /// The warp of the part that the options ask for.
     pub(super) fn framed(mut self, lens: &Lens, options: &RectifyOptions) -> Result<PhotoWarp, RectifyError> {
         let bounds = bounds(&self.mesh).ok_or(RectifyError::EmptyView)?;
-        let frame = self.crop(bounds, lens, options)?.ok_or(RectifyError::EmptyView)?;
+        let frame = self.crop(bounds, lens, options).ok_or(RectifyError::EmptyView)?;
         let (size, scale) = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));
@@ -70,7 +72,7 @@ impl Unframed {
     }
 
     /// The part of the plane that is kept; `None` where the picture fills nothing.
-    fn crop(&mut self, bounds: Rect, lens: &Lens, options: &RectifyOptions) -> Result<Option<Rect>, RectifyError> {
+    fn crop(&mut self, bounds: Rect, lens: &Lens, options: &RectifyOptions) -> Option<Rect> {
         let pixel = bounds.width().max(bounds.height()) / RASTER as f64;
         let plane_from_raster = Matrix2x3::new(pixel, 0.0, bounds.min.x, 0.0, pixel, bounds.min.y);
         self.maps.insert(0, Map::Affine(plane_from_raster));
@@ -86,15 +88,12 @@ impl Unframed {
             lattice.src_from_out(at).is_some_and(|src| picture.contains(src))
         };
         let coverage = Coverage::new(bounds, RASTER, covered);
-        Ok(match (options.crop, options.size) {
+        match (options.crop, options.size) {
             (Crop::None, _) => coverage.bounds(),
-            (Crop::Aspect(aspect), _) if !(aspect > 0.0 && aspect.is_finite()) => {
-                return Err(RectifyError::Option { name: "ratio of the crop", value: aspect, range: "above 0" });
-            }
             (Crop::Aspect(aspect), _) => coverage.largest_of_shape(aspect),
-            (Crop::Auto, OutputSize::Exact(w, h)) => coverage.largest_of_shape(w as f64 / h.max(1) as f64),
-            (Crop::Auto, OutputSize::Source) => coverage.largest(),
-        })
+            (Crop::Auto | Crop::Rectangle, OutputSize::Exact(w, h)) => coverage.largest_of_shape(w as f64 / h as f64),
+            (Crop::Auto | Crop::Rectangle, OutputSize::Source) => coverage.largest(),
+        }
     }
 }
 
@@ -105,15 +104,19 @@ fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, 
         OutputSize::Source if lens.projection.is_panoramic() => (frame.width().round(), frame.height().round()),
         OutputSize::Source => (lens.size.0.round(), (frame.height() * lens.size.0.round() / frame.width()).round()),
     };
-    if !((1.0..=MAX_SIDE).contains(&width) && (1.0..=MAX_SIDE).contains(&height)) {
-        return Err(RectifyError::Size { width, height });
-    }
+    check_size(width, height)?;
     let scale = match options.crop {
         // An irregular border leaves room: shapes are kept, and the picture lies in the middle.
         Crop::None => Vec2::repeat((width / frame.width()).min(height / frame.height())),
         _ => Vec2::new(width / frame.width(), height / frame.height()),
     };
     Ok(((width as usize, height as usize), scale))
+}
+
+/// Whether an output can have this size.
+pub(super) fn check_size(width: f64, height: f64) -> Result<(), RectifyError> {
+    let valid = |side: f64| (1.0..=MAX_SIDE).contains(&side);
+    if valid(width) && valid(height) { Ok(()) } else { Err(RectifyError::Size { width, height }) }
 }
 
 fn bounds(mesh: &GridMesh) -> Option<Rect> {

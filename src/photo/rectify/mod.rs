@@ -32,7 +32,7 @@ use crate::math::Rect;
 use crate::mesh::GridMesh;
 use crate::warp::{InverseMesh, Map};
 use frame::Unframed;
-use solver::Sheet;
+use solver::{Sheet, SolveReport};
 use sphere_grid::{SphereGrid, chart_for};
 use straight::GridLine;
 use weights::{CellWeights, FaceTarget};
@@ -95,7 +95,7 @@ impl Default for RectifyOptions {
             window: None,
             crop: Crop::default(),
             size: OutputSize::default(),
-            cells: 64,
+            cells: 48,
             weights: EnergyWeights::default(),
         }
     }
@@ -131,9 +131,14 @@ pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<Pho
 }
 
 fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
+    if let OutputSize::Exact(w, h) = options.size {
+        frame::check_size(w as f64, h as f64)?;
+    }
+    let aspect = if let Crop::Aspect(aspect) = options.crop { aspect } else { 1.0 };
     let w = &options.weights;
     let numbers = [
         ("cells", options.cells as f64, (4.0..=512.0).contains(&(options.cells as f64)), "4 to 512"),
+        ("ratio of the crop", aspect, aspect > 0.0 && aspect.is_finite(), "above 0"),
         ("weight of conformality", w.conformality, w.conformality > 0.0 && w.conformality.is_finite(), "above 0"),
         ("smooth length", w.smooth_length, (0.0..=10.0).contains(&w.smooth_length), "0 to 10 rad"),
         ("weight of lines", w.straightness, (0.0..=1e8).contains(&w.straightness), "0 to 1e8"),
@@ -150,16 +155,50 @@ fn optimized(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<(Unfr
     let lens = input.lens;
     let chart = chart_for(options.view.view_from_camera(), options.window);
     let sphere = SphereGrid::new(chart, lens, options.window, options.cells).ok_or(RectifyError::EmptyView)?;
-    let lines: Vec<GridLine> = input.lines.iter().filter_map(|line| GridLine::new(line, lens, &sphere)).collect();
-    let faces: Vec<FaceTarget> = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, &sphere)).collect();
-    let cell_weights = CellWeights::new(&sphere, lens, &lines, input.faces, input.salience);
-    let (mesh, solved) = Sheet::new(&sphere, &lines, &faces, options.weights, &cell_weights)?.solve()?;
+    let sides = match options.crop {
+        Crop::Auto | Crop::Aspect(_) => straight::sides(lens, &sphere),
+        Crop::Rectangle | Crop::None => None,
+    };
+    let (mesh, iterations) = match sides {
+        Some(sides) => match solved(input, options, &sphere, sides)? {
+            (mesh, SolveReport { iterations, folded: false }) => (mesh, iterations),
+            // The border cannot be had straight without harm.
+            (_, report) => {
+                let (mesh, without) = solved(input, options, &sphere, Vec::new())?;
+                (mesh, report.iterations + without.iterations)
+            }
+        },
+        None => solved(input, options, &sphere, Vec::new()).map(|(mesh, report)| (mesh, report.iterations))?,
+    };
+    Ok((unframed(lens, sphere, &mesh)?, iterations))
+}
+
+/// The sheet of the input's lines and faces and of further lines, in the chart.
+fn solved(
+    input: &RectifyInput<'_>,
+    options: &RectifyOptions,
+    sphere: &SphereGrid,
+    mut lines: Vec<GridLine>,
+) -> Result<(GridMesh, SolveReport), RectifyError> {
+    let lens = input.lens;
+    let sides = lines.len();
+    lines.extend(input.lines.iter().filter_map(|line| GridLine::new(line, lens, sphere)));
+    let faces: Vec<FaceTarget> = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, sphere)).collect();
+    let cell_weights = CellWeights::new(sphere, lens, &lines[sides..], input.faces, input.salience);
+    Ok(Sheet::new(sphere, &lines, &faces, options.weights, &cell_weights)?.solve()?)
+}
+
+/// The warp of a solved sheet, in px at the density of the source.
+fn unframed(lens: &Lens, sphere: SphereGrid, sheet: &GridMesh) -> Result<Unframed, RectifyError> {
     let focal = fixed::density(lens, sphere.chart.view_from_camera());
-    let vertices = mesh.vertices.iter().map(|v| v * focal).collect();
-    let mesh = GridMesh { cols: mesh.cols, rows: mesh.rows, vertices };
+    let vertices = sheet.vertices.iter().map(|v| v * focal).collect();
+    let mesh = GridMesh { cols: sheet.cols, rows: sheet.rows, vertices };
     let inverse = Map::Mesh(InverseMesh::new(&mesh, sphere.grid.width, sphere.grid.height)?);
     let maps = vec![inverse, Map::Radial(Box::new(sphere.source(lens)))];
-    let (lens, solved_mesh) = (lens.clone(), mesh.clone());
-    let forward = Box::new(move |p| Some(solved_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
-    Ok((Unframed { maps, mesh, forward }, solved.iterations))
+    let (lens, forward_mesh) = (lens.clone(), mesh.clone());
+    let forward = Box::new(move |p| Some(forward_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
+    Ok(Unframed { maps, mesh, forward })
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,6 +13,9 @@ const MAX_ANGLE: f64 = 1.919_862_177;
 const MAX_LATITUDE: f64 = 1.308_996_939;
 /// Farthest to the sides that a Mercator chart reaches, rad: short of the direction behind, where it is cut.
 const MAX_LONGITUDE: f64 = 3.12;
+/// How far the grid reaches beyond the picture on each side, as a share of its extent: the map is then sound on both sides of
+/// the border.
+const EDGE: f64 = 0.02;
 /// Points along each side of the picture at which its field is looked for.
 const FIELD_SAMPLES: usize = 97;
 
@@ -112,7 +115,9 @@ fn shown(chart: &Chart, lens: &Lens, window: Option<Window>) -> Option<Rect> {
         let p = Point2::from(s);
         Some(bounds.map_or(Rect { min: p, max: p }, |b| Rect { min: b.min.inf(&p), max: b.max.sup(&p) }))
     })?;
-    (bounds.width() > 0.0 && bounds.height() > 0.0).then_some(bounds)
+    let edge = EDGE * Vec2::new(bounds.width(), bounds.height());
+    let grown = Rect { min: bounds.min - edge, max: bounds.max + edge };
+    (bounds.width() > 0.0 && bounds.height() > 0.0).then_some(grown)
 }
 
 fn reachable(ray_in_view: &Vec3, window: Option<Window>) -> bool {

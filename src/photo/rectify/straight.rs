@@ -18,7 +18,7 @@
 
 use super::sphere_grid::SphereGrid;
 use crate::camera::{Lens, Vec3};
-use crate::math::{Point2, Vec2};
+use crate::math::{Point2, Rect, Vec2};
 use crate::mesh::CellPoint;
 use crate::photo::warp::FittedLine;
 use crate::photo::{Line, Orientation};
@@ -31,8 +31,6 @@ const SPACING: f64 = 0.5;
 pub(super) struct GridLine {
     /// The virtual vertices, in order.
     pub(super) vertices: Vec<CellPoint>,
-    /// The marked points among them, or `None` for a marked point that the grid does not hold.
-    pub(super) marked: Vec<Option<CellPoint>>,
     /// The normal where the orientation is given.
     pub(super) normal: Option<Vec2>,
 }
@@ -58,10 +56,9 @@ impl GridLine {
     pub(super) fn new(line: &Line, lens: &Lens, sphere: &SphereGrid) -> Option<Self> {
         let rays: Vec<Option<Vec3>> = line.points.iter().map(|p| lens.unproject(*p)).collect();
         let place = |ray: &Vec3| sphere.locate(sphere.chart.at(ray)?);
-        let marked: Vec<Option<CellPoint>> = rays.iter().map(|ray| place(ray.as_ref()?)).collect();
         let mut vertices = Vec::new();
         for (k, ray) in rays.iter().enumerate() {
-            vertices.extend(marked[k]);
+            vertices.extend(ray.as_ref().and_then(place));
             if let (Some(from), Some(Some(to))) = (ray, rays.get(k + 1)) {
                 vertices.extend(between(from, to, sphere).iter().filter_map(place));
             }
@@ -72,7 +69,7 @@ impl GridLine {
             Orientation::Vertical => Some(Vec2::new(1.0, 0.0)),
             Orientation::Angle(a) => Some(Vec2::new(-a.sin(), a.cos())),
         };
-        (vertices.len() >= 2).then_some(Self { vertices, marked, normal })
+        (vertices.len() >= 2).then_some(Self { vertices, normal })
     }
 
     /// What keeps the line straight in a half step from where its vertices lie now; empty where they lie on one spot.
@@ -86,6 +83,29 @@ impl GridLine {
             HalfStep::Turn => now.iter().map(|p| Constraint::Turn(line.along(*p))).collect(),
         }
     }
+}
+
+/// The four sides of the picture as lines: the upper and the lower one level, the others upright, so that together they are a
+/// rectangle (the aim of K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, SIGGRAPH 2013, section 4).
+/// `None` where a part of a side shows nothing, or lies outside the grid.
+pub(super) fn sides(lens: &Lens, sphere: &SphereGrid) -> Option<Vec<GridLine>> {
+    let picture = Rect::of_size(lens.size.0, lens.size.1);
+    let steps = 2 * sphere.grid.cols.max(sphere.grid.rows);
+    let side = |normal: Vec2, at: &dyn Fn(f64) -> (f64, f64)| {
+        let vertex = |k: usize| {
+            let (s, t) = at(k as f64 / steps as f64);
+            sphere.locate(sphere.chart.at(&lens.unproject(picture.at(s, t))?)?)
+        };
+        let vertices: Option<Vec<CellPoint>> = (0..=steps).map(vertex).collect();
+        Some(GridLine { vertices: vertices?, normal: Some(normal) })
+    };
+    let (level, upright) = (Vec2::new(0.0, 1.0), Vec2::new(1.0, 0.0));
+    Some(vec![
+        side(level, &|s| (s, 0.0))?,
+        side(level, &|s| (s, 1.0))?,
+        side(upright, &|t| (0.0, t))?,
+        side(upright, &|t| (1.0, t))?,
+    ])
 }
 
 /// Directions of the great circle between two, so many that neighbors are at most [`SPACING`] cells apart; none of the ends.

@@ -1,0 +1,276 @@
+//! Laws of the energy, on lenses whose scenes are known exactly.
+
+use nalgebra::Rotation3;
+use proptest::prelude::*;
+
+use super::chart::Chart;
+use super::*;
+use crate::camera::{FieldAxis, FieldOfView};
+use crate::math::{PointMap, Vec2};
+use crate::photo::Orientation;
+
+const SIZE: (f64, f64) = (1200.0, 900.0);
+
+fn fisheye() -> Lens {
+    Lens::from_field_of_view(Projection::Equidistant, FieldOfView::degrees(120.0, FieldAxis::Horizontal), SIZE)
+        .expect("a lens")
+}
+
+fn wide() -> Lens {
+    Lens::from_field_of_view(Projection::Rectilinear, FieldOfView::degrees(105.0, FieldAxis::Diagonal), SIZE)
+        .expect("a lens")
+}
+
+/// The picture of a straight line in space through two directions.
+fn seen(lens: &Lens, from: Vec3, to: Vec3, count: usize) -> Vec<crate::math::Point2> {
+    let at = |k: usize| lens.project(&(from + (to - from) * (k as f64 / (count - 1) as f64))).expect("in the field");
+    (0..count).map(at).collect()
+}
+
+fn line(name: &str, points: Vec<crate::math::Point2>, orientation: Orientation) -> Line {
+    Line { name: name.to_owned(), points, orientation }
+}
+
+/// A room: three levels, three uprights and two obliques.
+fn room(lens: &Lens) -> Vec<Line> {
+    let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
+    let level = |y: f64| seen(lens, at(-1.2, y, 1.0), at(1.2, y, 1.0), 15);
+    let upright = |x: f64| seen(lens, at(x, -0.7, 1.0), at(x, 0.7, 1.0), 13);
+    vec![
+        line("ceiling", level(-0.6), Orientation::Horizontal),
+        line("dado", level(0.1), Orientation::Free),
+        line("floor", level(0.6), Orientation::Horizontal),
+        line("left post", upright(-1.0), Orientation::Vertical),
+        line("door", upright(0.3), Orientation::Vertical),
+        line("right post", upright(1.0), Orientation::Free),
+        line("rail", seen(lens, at(-0.9, 0.6, 1.0), at(0.8, -0.5, 1.3), 12), Orientation::Free),
+        line("stairs", seen(lens, at(0.2, 0.7, 1.0), at(1.1, -0.2, 1.1), 2), Orientation::Free),
+    ]
+}
+
+fn input<'a>(lens: &'a Lens, lines: &'a [Line], faces: &'a [Rect]) -> RectifyInput<'a> {
+    RectifyInput { lens, lines, faces, salience: None }
+}
+
+/// Largest residual `e_v − R e_u` of a map in the middles of cells, relative to the cells: the Cauchy–Riemann equations
+/// by central differences in the stereographic chart.
+fn cauchy_riemann(projection: Projection, points: usize) -> f64 {
+    let lens = Lens { projection, focal: Vec2::repeat(1.0), center: crate::math::Point2::origin(), size: (1.0, 1.0) };
+    let chart = Chart::stereographic(Rotation3::identity());
+    let h = 1.6 / (points - 1) as f64;
+    let at = |i: usize, j: usize| {
+        let s = Vec2::new(-0.8 + i as f64 * h, -0.8 + j as f64 * h);
+        lens.project(&chart.ray(s).expect("in the chart")).expect("in the field").coords
+    };
+    let mut worst = 0.0_f64;
+    for (i, j) in (0..points - 1).flat_map(|i| (0..points - 1).map(move |j| (i, j))) {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+        let (u, v) = (0.5 * (b - a + d - c), 0.5 * (c - a + d - b));
+        worst = worst.max((v - Vec2::new(-u.y, u.x)).norm() / h);
+    }
+    worst
+}
+
+#[test]
+fn conformality_holds_to_second_order_on_conformal_projections_and_fails_on_the_rectilinear_one() {
+    assert!(cauchy_riemann(Projection::Stereographic, 41) < 1e-12, "the chart itself");
+    let [coarse, middle, fine] = [41, 81, 161].map(|n| cauchy_riemann(Projection::Mercator, n));
+    assert!(coarse / middle > 3.6 && middle / fine > 3.6, "{coarse} {middle} {fine}");
+    assert!(fine < 1e-3, "{fine}");
+    assert!(cauchy_riemann(Projection::Rectilinear, 161) > 0.3);
+}
+
+#[test]
+fn without_lines_and_faces_the_picture_is_stereographic() {
+    let (lens, crop) = (fisheye(), Crop::Rectangle);
+    let options = RectifyOptions { crop, ..RectifyOptions::default() };
+    let fixed = RectifyOptions { target: Target::Fixed(Projection::Stereographic), ..options.clone() };
+    let warps = [options, fixed].map(|o| rectify(&input(&lens, &[], &[]), &o).expect("a warp"));
+    let src = crate::math::Point2::new(333.0, 222.0);
+    // Crops are found on grids of their own: compare shapes, not places.
+    let spread = |warp: &PhotoWarp| {
+        let at = |x: f64, y: f64| (warp.forward)(src + Vec2::new(x, y)).expect("shown");
+        (at(150.0, 0.0) - at(0.0, 0.0)).norm() / (at(0.0, 150.0) - at(0.0, 0.0)).norm()
+    };
+    assert!((spread(&warps[0]) - spread(&warps[1])).abs() < 1e-3, "{} {}", spread(&warps[0]), spread(&warps[1]));
+}
+
+#[test]
+fn lines_of_a_room_become_straight_and_those_with_an_orientation_take_it() {
+    for (lens, crop) in [(fisheye(), Crop::Auto), (fisheye(), Crop::Rectangle), (wide(), Crop::Auto)] {
+        let lines = room(&lens);
+        let options = RectifyOptions { crop, ..RectifyOptions::default() };
+        let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+        assert_eq!(warp.mesh.folded_cells(), 0);
+        for report in &warp.lines {
+            assert!(report.max_px < 0.25 && !report.is_bent(), "{crop:?}: {report:?}");
+            assert!(report.angle_error.is_none_or(|e| e < 2e-4), "{crop:?}: {report:?}");
+            assert!(report.off_lens_px.is_none_or(|d| d < 1e-6), "{report:?}");
+        }
+    }
+}
+
+#[test]
+fn a_line_between_marked_points_is_straight_too() {
+    let lens = fisheye();
+    let ends = [Vec3::new(-1.1, -0.5, 1.0), Vec3::new(1.0, -0.6, 1.2)];
+    let lines = [line("beam", seen(&lens, ends[0], ends[1], 2), Orientation::Free)];
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    let between: Vec<_> = seen(&lens, ends[0], ends[1], 101).into_iter().filter_map(|p| (warp.forward)(p)).collect();
+    let fit = super::super::FittedLine::through(&between).expect("a line");
+    let worst = between.iter().map(|p| fit.off(*p).abs()).fold(0.0, f64::max);
+    assert!(worst < 0.25, "{worst} px off");
+}
+
+#[test]
+fn a_line_that_is_not_straight_in_the_world_is_told() {
+    let lens = fisheye();
+    let mut points = seen(&lens, Vec3::new(-0.8, -0.4, 1.0), Vec3::new(0.9, -0.3, 1.0), 11);
+    points[5].y += 25.0;
+    let warp = rectify(&input(&lens, &[line("kinked", points, Orientation::Free)], &[]), &RectifyOptions::default());
+    let off = warp.expect("a warp").lines[0].off_lens_px.expect("a lens");
+    assert!(off > 15.0, "{off} px");
+}
+
+#[test]
+fn faces_at_the_edge_keep_their_shape() {
+    let lens = wide();
+    let face = Rect { min: crate::math::Point2::new(40.0, 60.0), max: crate::math::Point2::new(240.0, 280.0) };
+    // None of them runs through the face.
+    let lines: Vec<Line> =
+        room(&lens).into_iter().filter(|l| !["ceiling", "left post"].contains(&l.name.as_str())).collect();
+    let warp = rectify(&input(&lens, &lines, &[face]), &RectifyOptions::default()).expect("a warp");
+    assert!(anisotropy(&lens, &warp, &face) < 1.02, "{}", anisotropy(&lens, &warp, &face));
+    let fixed = RectifyOptions { target: Target::Fixed(Projection::Rectilinear), ..RectifyOptions::default() };
+    let plain = rectify(&input(&lens, &lines, &[face]), &fixed).expect("a warp");
+    assert!(anisotropy(&lens, &plain, &face) > 1.15, "the measure sees what a rectilinear picture does");
+    assert!(warp.lines.iter().all(|l| l.max_px < 0.25));
+}
+
+/// Ratio of the stretches of a box from what one sees looking straight at it to the output.
+fn anisotropy(lens: &Lens, warp: &PhotoWarp, face: &Rect) -> f64 {
+    let axis = lens.unproject(face.center()).expect("in the field");
+    let right = Vec3::y().cross(&axis).normalize();
+    let down = axis.cross(&right);
+    let (mut a, mut b) = (nalgebra::Matrix2::zeros(), nalgebra::Matrix2::zeros());
+    let middle = (warp.forward)(face.center()).expect("shown");
+    for (s, t) in (0..81).map(|k| (f64::from(k % 9) / 8.0, f64::from(k / 9) / 8.0)) {
+        let ray = lens.unproject(face.at(s, t)).expect("in the field");
+        let target = Vec2::new(ray.dot(&right), ray.dot(&down)) / ray.dot(&axis);
+        let out = (warp.forward)(face.at(s, t)).expect("shown") - middle;
+        a += out * target.transpose();
+        b += target * target.transpose();
+    }
+    let stretches = (a * b.try_inverse().expect("points apart")).singular_values();
+    stretches.max() / stretches.min()
+}
+
+#[test]
+fn the_field_and_the_way_forward_are_inverse() {
+    let lens = fisheye();
+    let lines = room(&lens);
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    for (x, y) in [(600.0, 450.0), (100.0, 120.0), (1100.0, 700.0), (30.0, 860.0)] {
+        let src = crate::math::Point2::new(x, y);
+        let back = warp.field.map((warp.forward)(src).expect("shown")).expect("covered");
+        assert!((back - src).norm() < 1e-6, "{src} came back as {back}");
+    }
+}
+
+#[test]
+fn a_cropped_output_is_covered_and_a_straightened_one_shows_the_whole_picture() {
+    let lens = fisheye();
+    let lines = room(&lens);
+    let picture = Rect::of_size(SIZE.0, SIZE.1);
+    for crop in [Crop::Rectangle, Crop::Auto, Crop::Aspect(1.0)] {
+        let options = RectifyOptions { crop, ..RectifyOptions::default() };
+        let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+        let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
+        for k in 0..=200 {
+            let s = f64::from(k) / 200.0;
+            for p in [frame.at(s, 0.0), frame.at(s, 1.0), frame.at(0.0, s), frame.at(1.0, s)] {
+                let src = warp.field.map(p).expect("covered");
+                let slack = 0.5;
+                let grown = Rect { min: picture.min - Vec2::repeat(slack), max: picture.max + Vec2::repeat(slack) };
+                assert!(grown.contains(src), "{crop:?}: {p} comes from {src}");
+            }
+        }
+        if crop == Crop::Auto {
+            // The raster on which the crop is found has 800 pixels across, the output 1200.
+            for (s, t) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                let out = (warp.forward)(picture.at(s, t)).expect("in the grid");
+                assert!((out - frame.at(s, t)).norm() < 4.0, "corner ({s}, {t}) lies at {out}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_exact_size_is_had_without_stretch() {
+    let lens = fisheye();
+    let size = OutputSize::Exact(800, 300);
+    let warp = rectify(&input(&lens, &[], &[]), &RectifyOptions { size, ..RectifyOptions::default() }).expect("a warp");
+    assert_eq!(warp.size, (800, 300));
+    let j = warp.field.jacobian(crate::math::Point2::new(400.0, 150.0)).expect("covered");
+    let s = j.singular_values();
+    assert!(s.max() / s.min() < 1.1, "{s}");
+}
+
+#[test]
+fn a_view_of_nothing_and_options_out_of_range_are_refused() {
+    let lens = wide();
+    let behind = View { yaw: std::f64::consts::PI, ..View::default() };
+    let refused = |options: RectifyOptions| rectify(&input(&lens, &[], &[]), &options).expect_err("refused");
+    assert_eq!(refused(RectifyOptions { view: behind, ..RectifyOptions::default() }), RectifyError::EmptyView);
+    let error = refused(RectifyOptions { cells: 2, ..RectifyOptions::default() });
+    assert!(matches!(error, RectifyError::Option { name: "cells", .. }), "{error}");
+    let error = refused(RectifyOptions { crop: Crop::Aspect(f64::NAN), ..RectifyOptions::default() });
+    assert!(matches!(error, RectifyError::Option { .. }), "{error}");
+    let error = refused(RectifyOptions { size: OutputSize::Exact(0, 10), ..RectifyOptions::default() });
+    assert!(matches!(error, RectifyError::Size { .. }), "{error}");
+}
+
+#[test]
+fn a_part_of_a_panorama_shows_what_lies_there() {
+    let size = (2000.0, 1000.0);
+    let lens =
+        Lens::from_field_of_view(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
+            .expect("a lens");
+    let view = View { yaw: 2.8, pitch: 0.3, roll: 0.0 };
+    let window = Some(Window { half_width: 0.9, half_height: 0.6 });
+    let options = RectifyOptions { view, window, ..RectifyOptions::default() };
+    let warp = rectify(&input(&lens, &[], &[]), &options).expect("a warp");
+    let middle = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64).center();
+    let src = warp.field.map(middle).expect("covered");
+    let wanted = lens.project(&(view.view_from_camera().inverse() * Vec3::z())).expect("in the panorama");
+    assert!((src - wanted).norm() < 20.0, "{src} for {wanted}");
+    assert!(warp.size.0 > 300 && warp.size.1 > 200, "{:?}", warp.size);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn nothing_folds_whatever_is_marked(
+        ends in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64, 0.0..1.0f64, 0.0..1.0f64, 0..4_u8), 1..9),
+    ) {
+        let lens = fisheye();
+        let picture = Rect::of_size(SIZE.0, SIZE.1);
+        let lines: Vec<Line> = ends
+            .iter()
+            .map(|&(a, b, c, d, o)| {
+                let orientation = [
+                    Orientation::Free,
+                    Orientation::Horizontal,
+                    Orientation::Vertical,
+                    Orientation::Angle(0.7),
+                ][usize::from(o)];
+                line("any", vec![picture.at(a, b), picture.at(c, d)], orientation)
+            })
+            .collect();
+        let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions { cells: 24, ..RectifyOptions::default() });
+        let warp = warp.expect("a warp");
+        prop_assert_eq!(warp.mesh.folded_cells(), 0);
+        prop_assert!(warp.lines.iter().all(|l| l.max_px.is_finite()));
+    }
+}
