@@ -4,5 +4,7 @@
 //! pixels that are written; results are maps.
 
 mod line;
+mod warp;
 
 pub use line::{Line, Orientation};
+pub use warp::{FittedLine, Forward, LineReport, PhotoWarp};

@@ -2,9 +2,15 @@
 
 mod decode;
 mod encode;
+mod image_grid;
+mod image_load;
+mod image_render;
+mod image_save;
+mod map_export;
 mod motion;
 mod motion_export;
 mod motion_import;
+mod photo_report;
 mod render;
 mod report;
 mod smooth;
@@ -15,9 +21,15 @@ mod warp;
 pub use crate::media::{Codec, EncoderWish};
 pub use decode::{DecodeSettings, Deinterlace};
 pub use encode::EncodeSettings;
+pub use image_grid::ImageGridSettings;
+pub use image_load::ImageLoadSettings;
+pub use image_render::{ImageRenderSettings, PhotoBorder};
+pub use image_save::ImageSaveSettings;
+pub use map_export::MapExportSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
+pub use photo_report::PhotoReportSettings;
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
@@ -28,7 +40,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 11] = [
+pub static KINDS: [StageKind; 17] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<TrackSettings>(),
     StageKind::of::<MotionSettings>(),
@@ -40,6 +52,12 @@ pub static KINDS: [StageKind; 11] = [
     StageKind::of::<RenderSettings>(),
     StageKind::of::<EncodeSettings>(),
     StageKind::of::<ReportSettings>(),
+    StageKind::of::<ImageLoadSettings>(),
+    StageKind::of::<ImageRenderSettings>(),
+    StageKind::of::<ImageGridSettings>(),
+    StageKind::of::<ImageSaveSettings>(),
+    StageKind::of::<MapExportSettings>(),
+    StageKind::of::<PhotoReportSettings>(),
 ];
 
 /// The kind called `name`.
