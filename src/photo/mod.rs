@@ -3,7 +3,10 @@
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.
 
+mod crop;
 mod line;
+pub mod rectify;
+mod report;
 mod warp;
 
 pub use line::{Line, Orientation};

@@ -1,0 +1,37 @@
+//! Why a picture cannot be rectified.
+
+use crate::energy::EnergyError;
+use crate::warp::FieldError;
+
+/// What can be wrong. Unless said otherwise the fault is the caller's.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RectifyError {
+    /// The view looks where the picture shows nothing.
+    #[error("the view shows nothing of the picture: choose another direction, or a larger field of view")]
+    EmptyView,
+    /// An option that is no number in its range.
+    #[error("{name} is {value} (expected {range})")]
+    Option {
+        /// What it is.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// The output would have no pixels, or too many.
+    #[error("the output would have {width} × {height} px (expected 1 to 16384 each): choose another size or crop")]
+    Size {
+        /// Width, px.
+        width: f64,
+        /// Height, px.
+        height: f64,
+    },
+    /// The energy has no minimizer: an input is not finite.
+    #[error(transparent)]
+    Energy(#[from] EnergyError),
+    /// The grid is no warp: an input is not finite.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+}

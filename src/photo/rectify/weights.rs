@@ -1,0 +1,91 @@
+//! Where distortion shows: line ends, salient places, faces.
+//!
+//! ```text
+//! w = 1 + 2 w_L + 2 w_S + 4 w_F,    w_L: Gaussians about the ends of lines,  w_S: salience in [0, 1],  w_F: 1 in a face
+//! ```
+//!
+//! # Reference
+//! Carroll et al. 2009, section 4.3.
+
+use super::sphere_grid::SphereGrid;
+use super::straight::GridLine;
+use crate::camera::{Lens, Vec3};
+use crate::image::Plane;
+use crate::math::{Point2, PointMap, Rect, Vec2};
+use crate::mesh::{CellPoint, Quad};
+
+/// Spread of the weight about the end of a line, as a share of the grid's longer side.
+const END_SPREAD: f64 = 0.04;
+/// Points along each side of a face box.
+const FACE_POINTS: usize = 7;
+
+/// `w` of each cell.
+pub(super) struct CellWeights(pub(super) Vec<f64>);
+
+/// A face box: points of the grid, and where one sees them who looks straight at the middle of the box, in rad.
+#[derive(Clone, Debug)]
+pub(super) struct FaceTarget {
+    pub(super) points: Vec<(CellPoint, Vec2)>,
+}
+
+impl FaceTarget {
+    /// The target of a box, source px; `None` where the view shows less than half of it.
+    pub(super) fn new(face: &Rect, lens: &Lens, sphere: &SphereGrid) -> Option<Self> {
+        let axis = lens.unproject(face.center())?;
+        let right = Vec3::y().cross(&axis).try_normalize(1e-9)?;
+        let down = axis.cross(&right);
+        let point = |k: usize| {
+            let at = |k: usize| k as f64 / (FACE_POINTS - 1) as f64;
+            let ray = lens.unproject(face.at(at(k % FACE_POINTS), at(k / FACE_POINTS)))?;
+            let depth = ray.dot(&axis);
+            let place = sphere.locate(sphere.chart.at(&ray)?)?;
+            (depth > 0.0).then(|| (place, Vec2::new(ray.dot(&right), ray.dot(&down)) / depth))
+        };
+        let points: Vec<_> = (0..FACE_POINTS * FACE_POINTS).filter_map(point).collect();
+        (2 * points.len() >= FACE_POINTS * FACE_POINTS).then_some(Self { points })
+    }
+}
+
+impl CellWeights {
+    /// The weights of a view; `salience` covers the picture at any resolution, in [0, 1].
+    pub(super) fn new(
+        sphere: &SphereGrid,
+        lens: &Lens,
+        lines: &[GridLine],
+        faces: &[Rect],
+        salience: Option<&Plane<f32>>,
+    ) -> Self {
+        let grid = &sphere.grid;
+        let source = sphere.source(lens);
+        let spread = END_SPREAD * grid.width.max(grid.height);
+        let ends: Vec<Point2> = lines.iter().flat_map(|line| ends(line, sphere)).collect();
+        let weight = |cell: usize| {
+            let corners = grid.corners(cell);
+            let center = nalgebra::center(&grid.vertex(corners[0]), &grid.vertex(corners[3]));
+            let near = |end: &Point2| (-0.5 * (end - center).norm_squared() / (spread * spread)).exp();
+            let w_l = ends.iter().map(near).fold(0.0, f64::max);
+            let Some(p) = source.map(center) else { return 1.0 + 2.0 * w_l };
+            let w_f = f64::from(u8::from(faces.iter().any(|face| face.contains(p))));
+            let w_s = salience.map_or(0.0, |plane| sampled(plane, p, lens.size));
+            1.0 + 2.0 * w_l + 2.0 * w_s + 4.0 * w_f
+        };
+        Self((0..grid.cell_count()).map(weight).collect())
+    }
+}
+
+fn ends(line: &GridLine, sphere: &SphereGrid) -> impl Iterator<Item = Point2> {
+    let place = |p: &CellPoint| {
+        let corners = sphere.grid.corners(p.cell).map(|i| sphere.grid.vertex(i));
+        Quad(corners).at(p.s, p.t)
+    };
+    [line.vertices.first().map(place), line.vertices.last().map(place)].into_iter().flatten()
+}
+
+/// The sample of `plane`, laid over a picture of `size`, at the picture's point `p`; 0 outside.
+fn sampled(plane: &Plane<f32>, p: Point2, size: (f64, f64)) -> f64 {
+    let index = |v: f64, n: usize| (v >= 0.0 && v <= 1.0).then(|| ((v * n as f64) as usize).min(n - 1));
+    match (index(p.x / size.0, plane.width()), index(p.y / size.1, plane.height())) {
+        (Some(x), Some(y)) => f64::from(plane.as_ref().row(y)[x]).clamp(0.0, 1.0),
+        _ => 0.0,
+    }
+}
