@@ -4,5 +4,8 @@
 //! pixels that are written; results are maps.
 
 mod line;
+pub mod retarget;
+mod warp;
 
 pub use line::{Line, Orientation};
+pub use warp::{FittedLine, LineReport, PhotoWarp};

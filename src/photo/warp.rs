@@ -1,0 +1,123 @@
+//! What both commands give: a map, its grid, and how the marked lines fared.
+
+use crate::math::{Point2, Vec2};
+use crate::mesh::GridMesh;
+use crate::warp::WarpField;
+
+/// A line off straightness by more than this, px, and by more than a thousandth of its length is called bent.
+const BENT_PX: f64 = 1.0;
+const BENT_SHARE: f64 = 1e-3;
+
+/// A warp of a picture, ready to be rendered.
+#[derive(Debug)]
+pub struct PhotoWarp {
+    /// Where each point of the output comes from.
+    pub field: WarpField,
+    /// Width and height of the output, px.
+    pub size: (usize, usize),
+    /// The grid that was solved, as it lies in the output, px.
+    pub mesh: GridMesh,
+    /// The marked lines, in their order.
+    pub lines: Vec<LineReport>,
+    /// Solves of the energy; 0 where the map has a closed form.
+    pub iterations: usize,
+}
+
+/// How a marked line lies in the output.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LineReport {
+    /// The line's name.
+    pub name: String,
+    /// Largest distance of a marked point from the best straight line, output px.
+    pub max_px: f64,
+    /// Root mean square of these distances, output px.
+    pub rms_px: f64,
+    /// Length, output px.
+    pub length_px: f64,
+    /// Angle from +x towards +y, rad, in (−π/2, π/2].
+    pub angle: f64,
+    /// Difference to the wanted orientation, rad; `None` for a free line.
+    pub angle_error: Option<f64>,
+    /// Largest distance of a marked point from the great circle that fits the line best, source px: large where the lens or
+    /// the marking is wrong. `None` without a lens, and for lines of two points.
+    pub off_lens_px: Option<f64>,
+    /// Share of the marked points that the output shows.
+    pub shown: f64,
+}
+
+impl LineReport {
+    /// The line could not be made straight.
+    pub fn is_bent(&self) -> bool {
+        self.max_px > BENT_PX && self.max_px > BENT_SHARE * self.length_px
+    }
+}
+
+/// The straight line nearest to points in the sense of total least squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FittedLine {
+    /// A point of it: the points' mean.
+    pub center: Vec2,
+    /// Its direction, a unit vector from the first point towards the last.
+    pub direction: Vec2,
+}
+
+impl FittedLine {
+    /// The line through `points`, which are two or more and not all the same; `None` otherwise.
+    pub fn through(points: &[Point2]) -> Option<Self> {
+        let count = points.len() as f64;
+        let center = points.iter().fold(Vec2::zeros(), |sum, p| sum + p.coords) / count;
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for p in points {
+            let d = p.coords - center;
+            xx += d.x * d.x;
+            xy += d.x * d.y;
+            yy += d.y * d.y;
+        }
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let axis = Vec2::new(angle.cos(), angle.sin());
+        let span = points.last()? - points.first()?;
+        let direction = if axis.dot(&span) < 0.0 { -axis } else { axis };
+        (xx + yy > 0.0 && direction.x.is_finite()).then_some(Self { center, direction })
+    }
+
+    /// Its normal: the direction a quarter turned from +x to +y.
+    pub fn normal(&self) -> Vec2 {
+        Vec2::new(-self.direction.y, self.direction.x)
+    }
+
+    /// Signed distance of a point from the line.
+    pub fn off(&self, p: Point2) -> f64 {
+        self.normal().dot(&(p.coords - self.center))
+    }
+
+    /// Place of a point along the line, from the center.
+    pub fn along(&self, p: Point2) -> f64 {
+        self.direction.dot(&(p.coords - self.center))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fitted_line_minimizes_the_distances_of_its_points() {
+        let points = [(0.0, 0.2), (1.0, 0.9), (2.0, 2.3), (3.0, 2.8)].map(|(x, y)| Point2::new(x, y));
+        let line = FittedLine::through(&points).expect("points apart");
+        let cost = |angle: f64| {
+            let n = Vec2::new(-angle.sin(), angle.cos());
+            points.iter().map(|p| n.dot(&(p.coords - line.center)).powi(2)).sum::<f64>()
+        };
+        let angle = line.direction.y.atan2(line.direction.x);
+        assert!(cost(angle) < cost(angle + 1e-3) && cost(angle) < cost(angle - 1e-3));
+        assert!(line.direction.x > 0.0, "from the first point towards the last");
+        let offs: f64 = points.iter().map(|p| line.off(*p)).sum();
+        assert!(offs.abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_on_one_spot_have_no_line() {
+        assert_eq!(FittedLine::through(&[Point2::new(1.0, 2.0); 3]), None);
+        assert_eq!(FittedLine::through(&[]), None);
+    }
+}
