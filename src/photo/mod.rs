@@ -7,6 +7,7 @@ mod crop;
 mod line;
 pub mod rectify;
 mod report;
+pub mod retarget;
 mod warp;
 
 pub use line::{Line, Orientation};
