@@ -5,11 +5,13 @@
 
 mod alignment;
 mod intrinsics;
+mod lens;
 mod pose;
 pub mod rotation;
 
 pub use alignment::{Similarity3, align};
 pub use intrinsics::Intrinsics;
+pub use lens::{AnglePolynomial, FieldAxis, FieldOfView, KannalaBrandt, Lens, LensError, Projection};
 pub use pose::CameraPose;
 
 /// A position in space, in the unit of the scene.

@@ -1,0 +1,89 @@
+//! The projections by name.
+
+use super::panoramic::Panoramic;
+use super::radial::Radial;
+use super::{AnglePolynomial, KannalaBrandt, PlaneModel};
+
+/// How directions lie in the plane of unit focal length.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projection {
+    /// `r = tan θ`.
+    Rectilinear,
+    /// `r = θ`.
+    Equidistant,
+    /// `r = 2 sin(θ/2)`.
+    Equisolid,
+    /// `r = 2 tan(θ/2)`.
+    Stereographic,
+    /// `r = sin θ`.
+    Orthographic,
+    /// Odd polynomial of the angle.
+    KannalaBrandt(KannalaBrandt),
+    /// Polynomial of the angle with all powers.
+    AnglePolynomial(AnglePolynomial),
+    /// Longitude and latitude.
+    Equirectangular,
+    /// Longitude and height on a cylinder.
+    Cylindrical,
+    /// Longitude and conformal latitude.
+    Mercator,
+    /// A cylinder seen from the distance `d ≥ 0` behind its axis: 0 is rectilinear, 1 the classical one.
+    Panini(f64),
+}
+
+impl Projection {
+    /// Kannala and Brandt's with coefficients `k₁ … k₄`.
+    pub fn kannala_brandt(k: [f64; 4]) -> Self {
+        Self::KannalaBrandt(KannalaBrandt::new(k))
+    }
+
+    /// The name in lens files and messages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Rectilinear => "rectilinear",
+            Self::Equidistant => "equidistant",
+            Self::Equisolid => "equisolid",
+            Self::Stereographic => "stereographic",
+            Self::Orthographic => "orthographic",
+            Self::KannalaBrandt(_) => "kannala-brandt",
+            Self::AnglePolynomial(_) => "angle-polynomial",
+            Self::Equirectangular => "equirectangular",
+            Self::Cylindrical => "cylindrical",
+            Self::Mercator => "mercator",
+            Self::Panini(_) => "panini",
+        }
+    }
+
+    /// Whether longitude and latitude are drawn, rather than the angle off an axis.
+    pub fn is_panoramic(&self) -> bool {
+        self.panoramic().is_some()
+    }
+
+    pub(super) fn panoramic(&self) -> Option<Panoramic> {
+        match self {
+            Self::Equirectangular => Some(Panoramic::Equirectangular),
+            Self::Cylindrical => Some(Panoramic::Cylindrical),
+            Self::Mercator => Some(Panoramic::Mercator),
+            Self::Panini(d) => Some(Panoramic::Panini(*d)),
+            _ => None,
+        }
+    }
+
+    /// Calls `with` on the formulas.
+    #[inline]
+    pub(super) fn with<T>(&self, with: impl FnOnce(&dyn PlaneModel) -> T) -> T {
+        match self {
+            Self::Rectilinear => with(&Radial::Rectilinear),
+            Self::Equidistant => with(&Radial::Equidistant),
+            Self::Equisolid => with(&Radial::Equisolid),
+            Self::Stereographic => with(&Radial::Stereographic),
+            Self::Orthographic => with(&Radial::Orthographic),
+            Self::KannalaBrandt(model) => with(model),
+            Self::AnglePolynomial(model) => with(model),
+            Self::Equirectangular => with(&Panoramic::Equirectangular),
+            Self::Cylindrical => with(&Panoramic::Cylindrical),
+            Self::Mercator => with(&Panoramic::Mercator),
+            Self::Panini(d) => with(&Panoramic::Panini(*d)),
+        }
+    }
+}
