@@ -3,6 +3,9 @@
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.
 
+pub mod calibration;
+mod great_circle;
 mod line;
 
+pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
