@@ -6,6 +6,7 @@
 pub mod calibration;
 mod great_circle;
 mod line;
+pub mod marks;
 
 pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
