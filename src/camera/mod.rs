@@ -11,7 +11,10 @@ pub mod rotation;
 
 pub use alignment::{Similarity3, align};
 pub use intrinsics::Intrinsics;
-pub use lens::{AnglePolynomial, FieldAxis, FieldOfView, KannalaBrandt, Lens, LensError, Projection};
+pub use lens::{
+    AnglePolynomial, BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, KannalaBrandt, Lens,
+    LensError, Ocam, Projection, RadialPolynomial, Unified,
+};
 pub use pose::CameraPose;
 
 /// A position in space, in the unit of the scene.
