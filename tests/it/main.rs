@@ -14,6 +14,7 @@ mod media_bad_input;
 mod media_roundtrip;
 mod motion;
 mod path;
+mod photo;
 mod pictures;
 mod pipeline;
 mod pipeline_laws;
