@@ -257,8 +257,8 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
 #[test]
 fn the_commands_build_the_shipped_graphs() {
     for (name, options) in [("rectify", &[][..]), ("retarget", &["--size", "1:1"])] {
-        let args = ["plumbline", name, "a.jpg", "--out-dir", "d"].iter().chain(options);
-        let built = check(pipeline_of(args).expect("options in order")).expect("no faults");
+        let base = ["plumbline", name, "a.jpg", "--out-dir", "d"];
+        let built = check(pipeline_of(base.iter().chain(options)).expect("options in order")).expect("no faults");
         let read = read(shipped(name).expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&read.graph, GraphFormat::Mermaid));
         for stage in read.graph.stages.iter().filter(|s| !matches!(s.name.as_str(), "out" | "photo" | "lines")) {

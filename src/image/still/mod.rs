@@ -36,6 +36,7 @@ pub use facts::ExifTags;
 pub use exif::exif_of_container;
 pub use load::{LoadOptions, decode, load, size};
 pub use orientation::Turn;
+pub use reduce::flattened;
 pub use packed::{frame_of_rgb, rgb_of_frame, turned};
 pub use save::{SaveOptions, Saved, encode};
 pub use sniff::{RAW_EXTENSIONS, StillFormat};

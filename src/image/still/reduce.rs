@@ -29,10 +29,25 @@ pub(super) fn to_8_bit(frame: &Frame) -> Result<Frame, StillError> {
 
 /// The frame laid over white.
 pub(super) fn over_white(frame: &Frame) -> Result<Frame, StillError> {
-    if frame.format.bits == 8 { over::<u8>(frame, 255) } else { over::<u16>(frame, 65_535) }
+    flattened(frame, 1.0)
 }
 
-fn over<S: Sample + Into<u32> + TryFrom<u32>>(frame: &Frame, max: u32) -> Result<Frame, StillError> {
+/// A frame with alpha laid over an even gray from 0, black, to 1, white.
+///
+/// # Errors
+/// [`StillError::Layout`] for a frame without alpha, or whose memory does not hold its planes.
+pub fn flattened(frame: &Frame, gray: f64) -> Result<Frame, StillError> {
+    if !frame.format.alpha {
+        return Err(StillError::Layout);
+    }
+    let level = |max: u32| (gray.clamp(0.0, 1.0) * f64::from(max)).round() as u32;
+    if frame.format.bits == 8 { over::<u8>(frame, 255, level(255)) } else { over::<u16>(frame, 65_535, level(65_535)) }
+}
+
+fn over<S>(frame: &Frame, max: u32, ground: u32) -> Result<Frame, StillError>
+where
+    S: Sample + Into<u32> + TryFrom<u32>,
+{
     let mut out = Frame::new(PixelFormat { alpha: false, ..frame.format }, frame.width, frame.height);
     out.color = frame.color;
     let color = frame.format.planes() - 1;
@@ -42,7 +57,7 @@ fn over<S: Sample + Into<u32> + TryFrom<u32>>(frame: &Frame, max: u32) -> Result
         each_row::<S>(&mut out, i, |j, row| {
             for ((to, &v), &a) in row.iter_mut().zip(from.row(j)).zip(alpha.row(j)) {
                 let (v, a): (u32, u32) = (v.into(), a.into());
-                let sum = u64::from(v) * u64::from(a) + u64::from(max) * u64::from(max - a);
+                let sum = u64::from(v) * u64::from(a) + u64::from(ground) * u64::from(max - a);
                 let mixed = ((sum + u64::from(max / 2)) / u64::from(max)) as u32;
                 *to = S::try_from(mixed).unwrap_or(*to);
             }

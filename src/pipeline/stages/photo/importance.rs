@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::{picture, still_error};
 use crate::feature::{Face, Importance, ImportanceOptions};
-use crate::image::still::{self, LoadOptions};
+use crate::image::Frame;
+use crate::image::still::{self, LoadOptions, flattened};
 use crate::pipeline::kinds::ImportanceSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
@@ -17,15 +18,24 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &Import
         None => Vec::new(),
     };
     let mask = match settings.mask.as_deref().map(Path::new) {
-        Some(path) => Some(still::load(path, LoadOptions::default()).map_err(|e| still_error(path, &e))?),
+        Some(path) => Some(mask(path)?),
         None => None,
     };
     let options = ImportanceOptions::default();
-    let judged = Importance::of_frame(&photo.frame, &faces, mask.as_ref().map(|m| &m.frame), &options);
+    let judged = Importance::of_frame(&photo.frame, &faces, mask.as_ref(), &options);
     let importance = judged.map_err(|e| match &settings.mask {
         Some(mask) => RunError::Input(format!("{mask}: {e}")),
         None => RunError::Input(e.to_string()),
     })?;
     context.values.put(stage, "importance", importance);
     Ok(())
+}
+
+/// A mask painted by hand. Where it is transparent, nothing was painted: mid-gray, which leaves what was found.
+fn mask(path: &Path) -> Result<Frame, RunError> {
+    let frame = still::load(path, LoadOptions::default()).map_err(|e| still_error(path, &e))?.frame;
+    if !frame.format.alpha {
+        return Ok(frame);
+    }
+    flattened(&frame, 0.5).map_err(|e| still_error(path, &e))
 }
