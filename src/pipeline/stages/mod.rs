@@ -91,15 +91,14 @@ impl Backend for Bodies {
     }
 }
 
-/// Evaluates the stages of a graph of still pictures, and lets go of what no later one takes.
+/// Evaluates the stages of a graph of still pictures, and lets go of what no later one takes. A picture takes a second or two:
+/// progress is told by pictures done.
 fn run_photo(context: &mut Context<'_, '_>) -> Result<(), RunError> {
     let (job, pass) = (context.job, context.pass);
-    job.progress.begin(pass.index, "work", Some(pass.stages.len() as u64));
     for (done, &stage) in pass.stages.iter().enumerate() {
         job.check_cancel()?;
         photo::run(context, stage).unwrap_or_else(|| run_stage(context, stage))?;
         photo::let_go(job.graph(), &pass.stages, done, context.values);
-        job.progress.frames(done as u64 + 1);
     }
     Ok(())
 }
