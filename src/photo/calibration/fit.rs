@@ -102,12 +102,12 @@ impl Fit {
         }
         problem.x = best?.1;
         for _ in 0..ROUNDS {
-            problem.soften()?;
+            problem.soften(options.mark_sigma)?;
             problem.run()?;
         }
-        problem.decide()?;
+        problem.decide(options.mark_sigma)?;
         problem.run()?;
-        problem.finish()
+        problem.finish(options.mark_sigma)
     }
 
     pub(super) fn model(&self) -> LensModel {
@@ -244,19 +244,19 @@ impl<'a> Problem<'a> {
         Some(minimize(self, cost, &options).cost)
     }
 
-    /// Rms of each line, and the usual one: the median over lines, but at least the first noise's tenth.
-    fn line_rms(&self) -> Option<(Vec<f64>, f64)> {
+    /// Rms of each line, and the usual one: the median over lines, but at least the accuracy of marks.
+    fn line_rms(&self, least: f64) -> Option<(Vec<f64>, f64)> {
         let distances = self.samples.distances(&self.model.lens(&self.x, self.samples.size))?;
         let each: Vec<f64> = distances.iter().map(|d| rms(d)).collect();
         let mut sorted = each.clone();
         sorted.sort_by(f64::total_cmp);
         // The lower median: of two lines or four the better half tells what is usual.
-        Some((each, sorted[(sorted.len() - 1) / 2].max(0.1 * FIRST_NOISE)))
+        Some((each, sorted[(sorted.len() - 1) / 2].max(least)))
     }
 
     /// New weights by Geman and McClure, new noise.
-    fn soften(&mut self) -> Option<()> {
-        let (each, usual) = self.line_rms()?;
+    fn soften(&mut self, least: f64) -> Option<()> {
+        let (each, usual) = self.line_rms(least)?;
         for (w, r) in self.weights.iter_mut().zip(&each) {
             let ratio = r / (SOFT * usual);
             *w = (1.0 + ratio * ratio).powi(-2);
@@ -266,8 +266,8 @@ impl<'a> Problem<'a> {
     }
 
     /// Lines are in or out from here on.
-    fn decide(&mut self) -> Option<()> {
-        let (each, usual) = self.line_rms()?;
+    fn decide(&mut self, least: f64) -> Option<()> {
+        let (each, usual) = self.line_rms(least)?;
         let visible = VISIBLE * self.samples.size.0.hypot(self.samples.size.1);
         for (w, r) in self.weights.iter_mut().zip(&each) {
             *w = if *r > (BENT * usual).max(visible) { 0.0 } else { 1.0 };
@@ -275,18 +275,19 @@ impl<'a> Problem<'a> {
         Some(())
     }
 
-    fn finish(mut self) -> Option<Fit> {
+    fn finish(mut self, least: f64) -> Option<Fit> {
         let distances = self.samples.distances(&self.model.lens(&self.x, self.samples.size))?;
         let used: Vec<bool> = self.weights.iter().map(|w| *w > 0.0).collect();
         let kept = || distances.iter().zip(&used).filter(|(_, used)| **used).map(|(d, _)| d);
         let freedom = kept().map(|d| d.len() - 2).sum::<usize>().max(1);
         let squares: f64 = kept().flatten().map(|d| d * d).sum();
-        self.noise = (squares / freedom as f64).sqrt().max(1e-3);
+        let noise = (squares / freedom as f64).sqrt();
+        self.noise = noise.max(least);
         self.linearize();
         let covariance = self.h.clone().try_inverse()?;
         let p = self.model.parameters();
         let priors = (0..p).map(|j| ((self.x[j] - self.prior[j].0) / self.prior[j].1).powi(2)).sum();
-        let (model, size, x, noise) = (self.model, self.samples.size, self.x, self.noise);
+        let (model, size, x) = (self.model, self.samples.size, self.x);
         Some(Fit { model, size, x, noise, priors, freedom, covariance, used })
     }
 }

@@ -67,13 +67,13 @@ pub struct CalibrationOptions {
     /// Standard deviation of the center around the middle of the picture, shares of the diagonal: sensors sit within a
     /// percent.
     pub center_sigma: f64,
-    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`.
+    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`. Corner finders reach a tenth, hands a half.
     pub mark_sigma: f64,
 }
 
 impl Default for CalibrationOptions {
     fn default() -> Self {
-        Self { models: LensModel::all(), field_of_view: None, center_sigma: 0.01, mark_sigma: 0.05 }
+        Self { models: LensModel::all(), field_of_view: None, center_sigma: 0.01, mark_sigma: 0.1 }
     }
 }
 
@@ -86,9 +86,10 @@ pub struct Calibration {
     pub model: LensModel,
     /// Standard deviation of the samples around their circles, px.
     pub noise_px: f64,
-    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model.
+    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model, and by
+    /// how much other models that fit about as well differ.
     pub focal_sigma: f64,
-    /// The field of view along the width and its standard deviation, rad; `None` where the picture's sides see nothing.
+    /// The field of view along the width and its standard deviation, likewise, rad; `None` where the picture's sides see nothing.
     pub field_of_view: Option<(f64, f64)>,
     /// Standard deviation of the center, px.
     pub center_sigma: Vec2,
@@ -129,6 +130,10 @@ pub struct Candidate {
     pub noise_px: f64,
     /// The criterion: less is better; differences below 2 mean nothing, above 10 much.
     pub score: f64,
+    /// Focal length, px.
+    pub focal: f64,
+    /// Field of view along the width, rad; `None` where the picture's sides see nothing.
+    pub field_of_view: Option<f64>,
 }
 
 /// Finds the lens under which marked lines are straight, for a picture of `size` px.
@@ -149,7 +154,7 @@ pub fn calibrate(
     for model in &options.models {
         let Some(fit) = Fit::new(&samples, *model, options) else { continue };
         let score = fit.score(options);
-        candidates.push(Candidate { model: *model, noise_px: fit.noise_px(), score });
+        candidates.push(candidate(*model, &fit, score));
         if best.as_ref().is_none_or(|(least, _)| score < *least) {
             best = Some((score, fit));
         }
@@ -160,6 +165,26 @@ pub fn calibrate(
         return Err(CalibrationError::LinesDisagree { used, lines: samples.lines() });
     }
     Ok(report(lines, &samples, &fit, candidates))
+}
+
+fn candidate(model: LensModel, fit: &Fit, score: f64) -> Candidate {
+    let lens = fit.lens();
+    let field_of_view = width_field(&lens);
+    Candidate { model, noise_px: fit.noise_px(), score, focal: lens.focal.x, field_of_view }
+}
+
+/// Field of view along the width, rad.
+fn width_field(lens: &Lens) -> Option<f64> {
+    lens.field_of_view(FieldAxis::Horizontal).map(|fov| fov.radians)
+}
+
+/// How far a figure of the other candidates lies from the best one's, root mean square, each candidate weighing by its
+/// probability `∝ exp(−score/2)`.
+fn disagreement(candidates: &[Candidate], figure: impl Fn(&Candidate) -> Option<f64>, best: f64) -> f64 {
+    let least = candidates.iter().fold(f64::INFINITY, |m, c| m.min(c.score));
+    let weighed = candidates.iter().filter_map(|c| Some(((-0.5 * (c.score - least)).exp(), figure(c)?)));
+    let (total, squares) = weighed.fold((0.0, 0.0), |(t, s), (w, v)| (t + w, s + w * (v - best) * (v - best)));
+    if total > 0.0 { (squares / total).sqrt() } else { 0.0 }
 }
 
 fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidate>) -> Calibration {
@@ -176,10 +201,11 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
     });
     let lines = told.collect();
     let sigma = fit.sigma();
-    let (focal_sigma, center_sigma) = (sigma[0], Vec2::new(sigma[1], sigma[2]));
-    let field_of_view = lens
-        .field_of_view(FieldAxis::Horizontal)
-        .map(|fov| (fov.radians, fit.spread_of(|lens| Some(lens.field_of_view(FieldAxis::Horizontal)?.radians))));
+    let center_sigma = Vec2::new(sigma[1], sigma[2]);
+    let among_focals = disagreement(&candidates, |c| Some(c.focal.ln()), lens.focal.x.ln());
+    let field_of_view = width_field(&lens)
+        .map(|field| (field, fit.spread_of(width_field).hypot(disagreement(&candidates, |c| c.field_of_view, field))));
+    let focal_sigma = sigma[0].hypot(among_focals);
     Calibration {
         model: fit.model(),
         noise_px: fit.noise_px(),
