@@ -6,6 +6,7 @@
 pub mod calibration;
 mod great_circle;
 mod line;
+pub mod line_detection;
 pub mod marks;
 
 pub use great_circle::{Sight, best_circle};

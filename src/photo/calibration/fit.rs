@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::model::{PARAMETERS, Parameters};
-use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, assumed_field, log_focal};
+use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, log_focal};
 use crate::camera::{FieldAxis, FieldOfView, Lens};
 use crate::math::Point2;
 use crate::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
@@ -200,7 +200,7 @@ struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     fn new(samples: &'a Samples, model: LensModel, options: &CalibrationOptions) -> Self {
-        let (fov, share) = options.field_of_view.unwrap_or_else(assumed_field);
+        let (fov, share) = options.field_of_view.unwrap_or_else(|| model.usual_field());
         let center = options.center_sigma * samples.size.0.hypot(samples.size.1);
         let mut prior = [(0.0, center); PARAMETERS];
         prior[0] = (log_focal(&model.projection([0.0; 2]), fov, samples.size), share);

@@ -20,7 +20,8 @@
 //!
 //! so with free terms the focal length hangs on higher orders and on the prior that `k` is small. Straight lines in a
 //! straight picture tell nothing at all: there the prior, which is the field of view that the photo's own data claim, is the
-//! answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
+//! answer. A slight bend may be a usual lens's barrel or a narrow cut from a fisheye; without a claim, lenses that are made
+//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
 //! on it.
 //!
 //! **Which model.** All models are fitted; the one of least
@@ -62,7 +63,7 @@ pub struct CalibrationOptions {
     /// The models that compete; the first of equally good ones is taken.
     pub models: Vec<LensModel>,
     /// What the photo's own data claim its field of view to be, and the share by which the focal length may be off (standard
-    /// deviation). `None`: a field of 70° along the diagonal, off by half: a guess that any line outweighs.
+    /// deviation). `None`: what lenses of a model usually have, [`LensModel::usual_field`].
     pub field_of_view: Option<(FieldOfView, f64)>,
     /// Standard deviation of the center around the middle of the picture, shares of the diagonal: sensors sit within a
     /// percent.
@@ -216,11 +217,6 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
         candidates,
         lens,
     }
-}
-
-/// The field of view that is assumed where nothing is claimed, and by which share the focal length may be off.
-fn assumed_field() -> (FieldOfView, f64) {
-    (FieldOfView::degrees(70.0, FieldAxis::Diagonal), 0.5)
 }
 
 /// Logarithm of the focal length that a field of view means under a projection; a wider field than the projection can show

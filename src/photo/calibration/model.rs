@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::middle;
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Lens, Projection};
+use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, Lens, Projection};
 use crate::math::{Point2, Vec2};
 
 /// Most parameters of a model: focal length, center, two radial terms.
@@ -81,6 +81,17 @@ impl LensModel {
             Self::BrownConrady2 => &[0.1, 0.05],
             _ => &[],
         }
+    }
+
+    /// The field of view that lenses of this model usually have, and by which share their focal lengths differ from it:
+    /// ordinary lenses from 40° to 110° along the diagonal, fisheyes from 130° to more than 200°. Without the second, lines
+    /// that bend slightly would be taken for a narrow cut from a fisheye, which nobody sells.
+    pub fn usual_field(self) -> (FieldOfView, f64) {
+        let (degrees, share) = match self {
+            Self::Rectilinear | Self::Division | Self::BrownConrady1 | Self::BrownConrady2 => (70.0, 0.5),
+            _ => (170.0, 0.35),
+        };
+        (FieldOfView::degrees(degrees, FieldAxis::Diagonal), share)
     }
 
     /// The projection with these radial terms.
