@@ -12,6 +12,9 @@ use crate::photo::great_circle::{Sight, best_circle};
 
 /// Fields of view along the width from which fits start, degrees: basins of attraction are wider than their distances.
 const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
+/// Steps from each start, enough to tell the best, and steps of each round after it.
+const TRIAL_STEPS: usize = 8;
+const STEPS_AT_MOST: usize = 40;
 /// Rounds of reweighting lines.
 const ROUNDS: usize = 8;
 /// Standard deviation of samples in the first round, px: that of marks by hand.
@@ -96,17 +99,17 @@ impl Fit {
         let mut best: Option<(f64, Parameters)> = None;
         for start in starts(model, samples.size) {
             problem.x = start;
-            if let Some(cost) = problem.run().filter(|c| best.as_ref().is_none_or(|(least, _)| c < least)) {
+            if let Some(cost) = problem.run(TRIAL_STEPS).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least)) {
                 best = Some((cost, problem.x));
             }
         }
         problem.x = best?.1;
         for _ in 0..ROUNDS {
             problem.soften(options.mark_sigma)?;
-            problem.run()?;
+            problem.run(STEPS_AT_MOST)?;
         }
         problem.decide(options.mark_sigma)?;
-        problem.run()?;
+        problem.run(STEPS_AT_MOST)?;
         problem.finish(options.mark_sigma)
     }
 
@@ -238,9 +241,9 @@ impl<'a> Problem<'a> {
     }
 
     /// Minimizes from the present point; `None` where that point is not seen.
-    fn run(&mut self) -> Option<f64> {
+    fn run(&mut self, max_iterations: usize) -> Option<f64> {
         let cost = self.cost(&self.x)?;
-        let options = DampingOptions { tolerance: 1e-9, floor: 1e-9, max_iterations: 100, ..DampingOptions::default() };
+        let options = DampingOptions { tolerance: 1e-7, floor: 1e-9, max_iterations, ..DampingOptions::default() };
         Some(minimize(self, cost, &options).cost)
     }
 

@@ -48,6 +48,8 @@ mod tests;
 pub use error::CalibrationError;
 pub use model::LensModel;
 
+use rayon::prelude::*;
+
 use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
 use crate::math::{Point2, Vec2};
 
@@ -150,12 +152,12 @@ pub fn calibrate(
     options: &CalibrationOptions,
 ) -> Result<Calibration, CalibrationError> {
     let samples = Samples::new(lines, size)?;
+    let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options)).collect();
     let mut candidates = Vec::new();
     let mut best: Option<(f64, Fit)> = None;
-    for model in &options.models {
-        let Some(fit) = Fit::new(&samples, *model, options) else { continue };
+    for fit in fits.into_iter().flatten() {
         let score = fit.score(options);
-        candidates.push(candidate(*model, &fit, score));
+        candidates.push(candidate(&fit, score));
         if best.as_ref().is_none_or(|(least, _)| score < *least) {
             best = Some((score, fit));
         }
@@ -168,10 +170,10 @@ pub fn calibrate(
     Ok(report(lines, &samples, &fit, candidates))
 }
 
-fn candidate(model: LensModel, fit: &Fit, score: f64) -> Candidate {
+fn candidate(fit: &Fit, score: f64) -> Candidate {
     let lens = fit.lens();
     let field_of_view = width_field(&lens);
-    Candidate { model, noise_px: fit.noise_px(), score, focal: lens.focal.x, field_of_view }
+    Candidate { model: fit.model(), noise_px: fit.noise_px(), score, focal: lens.focal.x, field_of_view }
 }
 
 /// Field of view along the width, rad.

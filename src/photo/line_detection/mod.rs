@@ -48,7 +48,7 @@ pub struct LineDetectionOptions {
 
 impl Default for LineDetectionOptions {
     fn default() -> Self {
-        Self { max_side: 1400, max_lines: 60, min_length: 0.05, min_free_length: 0.12 }
+        Self { max_side: 1400, max_lines: 60, min_length: 0.07, min_free_length: 0.12 }
     }
 }
 
