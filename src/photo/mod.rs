@@ -7,6 +7,7 @@ pub mod calibration;
 mod crop;
 mod great_circle;
 mod line;
+pub mod line_detection;
 pub mod marks;
 pub mod rectify;
 mod report;

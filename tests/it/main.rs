@@ -19,6 +19,7 @@ mod pictures;
 mod pipeline;
 mod pipeline_laws;
 mod pipeline_run;
+mod plumb_line;
 mod render;
 mod render_oracle;
 mod render_sharpness;

@@ -92,7 +92,11 @@ fn circular_fisheyes_are_calibrated_from_a_board_each() {
             found.lens.center.x,
             found.lens.center.y,
             found.noise_px,
-            found.lines.iter().map(|l| (l.distance_px.map(|d| (d.1 * 100.0).round() / 100.0), l.role)).collect::<Vec<_>>(),
+            found
+                .lines
+                .iter()
+                .map(|l| (l.distance_px.map(|d| (d.1 * 100.0).round() / 100.0), l.role))
+                .collect::<Vec<_>>(),
         );
     }
 }

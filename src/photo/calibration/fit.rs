@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::model::{PARAMETERS, Parameters};
-use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, assumed_field, log_focal};
+use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, log_focal};
 use crate::camera::{FieldAxis, FieldOfView, Lens};
 use crate::math::Point2;
 use crate::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
@@ -12,6 +12,9 @@ use crate::photo::great_circle::{Sight, best_circle};
 
 /// Fields of view along the width from which fits start, degrees: basins of attraction are wider than their distances.
 const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
+/// Steps from each start, enough to tell the best, and steps of each round after it.
+const TRIAL_STEPS: usize = 8;
+const STEPS_AT_MOST: usize = 40;
 /// Rounds of reweighting lines.
 const ROUNDS: usize = 8;
 /// Standard deviation of samples in the first round, px: that of marks by hand.
@@ -96,18 +99,18 @@ impl Fit {
         let mut best: Option<(f64, Parameters)> = None;
         for start in starts(model, samples.size) {
             problem.x = start;
-            if let Some(cost) = problem.run().filter(|c| best.as_ref().is_none_or(|(least, _)| c < least)) {
+            if let Some(cost) = problem.run(TRIAL_STEPS).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least)) {
                 best = Some((cost, problem.x));
             }
         }
         problem.x = best?.1;
         for _ in 0..ROUNDS {
-            problem.soften()?;
-            problem.run()?;
+            problem.soften(options.mark_sigma)?;
+            problem.run(STEPS_AT_MOST)?;
         }
-        problem.decide()?;
-        problem.run()?;
-        problem.finish()
+        problem.decide(options.mark_sigma)?;
+        problem.run(STEPS_AT_MOST)?;
+        problem.finish(options.mark_sigma)
     }
 
     pub(super) fn model(&self) -> LensModel {
@@ -200,7 +203,7 @@ struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     fn new(samples: &'a Samples, model: LensModel, options: &CalibrationOptions) -> Self {
-        let (fov, share) = options.field_of_view.unwrap_or_else(assumed_field);
+        let (fov, share) = options.field_of_view.unwrap_or_else(|| model.usual_field());
         let center = options.center_sigma * samples.size.0.hypot(samples.size.1);
         let mut prior = [(0.0, center); PARAMETERS];
         prior[0] = (log_focal(&model.projection([0.0; 2]), fov, samples.size), share);
@@ -238,25 +241,25 @@ impl<'a> Problem<'a> {
     }
 
     /// Minimizes from the present point; `None` where that point is not seen.
-    fn run(&mut self) -> Option<f64> {
+    fn run(&mut self, max_iterations: usize) -> Option<f64> {
         let cost = self.cost(&self.x)?;
-        let options = DampingOptions { tolerance: 1e-9, floor: 1e-9, max_iterations: 100, ..DampingOptions::default() };
+        let options = DampingOptions { tolerance: 1e-7, floor: 1e-9, max_iterations, ..DampingOptions::default() };
         Some(minimize(self, cost, &options).cost)
     }
 
-    /// Rms of each line, and the usual one: the median over lines, but at least the first noise's tenth.
-    fn line_rms(&self) -> Option<(Vec<f64>, f64)> {
+    /// Rms of each line, and the usual one: the median over lines, but at least the accuracy of marks.
+    fn line_rms(&self, least: f64) -> Option<(Vec<f64>, f64)> {
         let distances = self.samples.distances(&self.model.lens(&self.x, self.samples.size))?;
         let each: Vec<f64> = distances.iter().map(|d| rms(d)).collect();
         let mut sorted = each.clone();
         sorted.sort_by(f64::total_cmp);
         // The lower median: of two lines or four the better half tells what is usual.
-        Some((each, sorted[(sorted.len() - 1) / 2].max(0.1 * FIRST_NOISE)))
+        Some((each, sorted[(sorted.len() - 1) / 2].max(least)))
     }
 
     /// New weights by Geman and McClure, new noise.
-    fn soften(&mut self) -> Option<()> {
-        let (each, usual) = self.line_rms()?;
+    fn soften(&mut self, least: f64) -> Option<()> {
+        let (each, usual) = self.line_rms(least)?;
         for (w, r) in self.weights.iter_mut().zip(&each) {
             let ratio = r / (SOFT * usual);
             *w = (1.0 + ratio * ratio).powi(-2);
@@ -266,8 +269,8 @@ impl<'a> Problem<'a> {
     }
 
     /// Lines are in or out from here on.
-    fn decide(&mut self) -> Option<()> {
-        let (each, usual) = self.line_rms()?;
+    fn decide(&mut self, least: f64) -> Option<()> {
+        let (each, usual) = self.line_rms(least)?;
         let visible = VISIBLE * self.samples.size.0.hypot(self.samples.size.1);
         for (w, r) in self.weights.iter_mut().zip(&each) {
             *w = if *r > (BENT * usual).max(visible) { 0.0 } else { 1.0 };
@@ -275,18 +278,19 @@ impl<'a> Problem<'a> {
         Some(())
     }
 
-    fn finish(mut self) -> Option<Fit> {
+    fn finish(mut self, least: f64) -> Option<Fit> {
         let distances = self.samples.distances(&self.model.lens(&self.x, self.samples.size))?;
         let used: Vec<bool> = self.weights.iter().map(|w| *w > 0.0).collect();
         let kept = || distances.iter().zip(&used).filter(|(_, used)| **used).map(|(d, _)| d);
         let freedom = kept().map(|d| d.len() - 2).sum::<usize>().max(1);
         let squares: f64 = kept().flatten().map(|d| d * d).sum();
-        self.noise = (squares / freedom as f64).sqrt().max(1e-3);
+        let noise = (squares / freedom as f64).sqrt();
+        self.noise = noise.max(least);
         self.linearize();
         let covariance = self.h.clone().try_inverse()?;
         let p = self.model.parameters();
         let priors = (0..p).map(|j| ((self.x[j] - self.prior[j].0) / self.prior[j].1).powi(2)).sum();
-        let (model, size, x, noise) = (self.model, self.samples.size, self.x, self.noise);
+        let (model, size, x) = (self.model, self.samples.size, self.x);
         Some(Fit { model, size, x, noise, priors, freedom, covariance, used })
     }
 }

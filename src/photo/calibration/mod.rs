@@ -20,7 +20,8 @@
 //!
 //! so with free terms the focal length hangs on higher orders and on the prior that `k` is small. Straight lines in a
 //! straight picture tell nothing at all: there the prior, which is the field of view that the photo's own data claim, is the
-//! answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
+//! answer. A slight bend may be a usual lens's barrel or a narrow cut from a fisheye; without a claim, lenses that are made
+//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
 //! on it.
 //!
 //! **Which model.** All models are fitted; the one of least
@@ -47,6 +48,8 @@ mod tests;
 pub use error::CalibrationError;
 pub use model::LensModel;
 
+use rayon::prelude::*;
+
 use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
 use crate::math::{Point2, Vec2};
 
@@ -62,18 +65,18 @@ pub struct CalibrationOptions {
     /// The models that compete; the first of equally good ones is taken.
     pub models: Vec<LensModel>,
     /// What the photo's own data claim its field of view to be, and the share by which the focal length may be off (standard
-    /// deviation). `None`: a field of 70° along the diagonal, off by half: a guess that any line outweighs.
+    /// deviation). `None`: what lenses of a model usually have, [`LensModel::usual_field`].
     pub field_of_view: Option<(FieldOfView, f64)>,
     /// Standard deviation of the center around the middle of the picture, shares of the diagonal: sensors sit within a
     /// percent.
     pub center_sigma: f64,
-    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`.
+    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`. Corner finders reach a tenth, hands a half.
     pub mark_sigma: f64,
 }
 
 impl Default for CalibrationOptions {
     fn default() -> Self {
-        Self { models: LensModel::all(), field_of_view: None, center_sigma: 0.01, mark_sigma: 0.05 }
+        Self { models: LensModel::all(), field_of_view: None, center_sigma: 0.01, mark_sigma: 0.1 }
     }
 }
 
@@ -86,9 +89,10 @@ pub struct Calibration {
     pub model: LensModel,
     /// Standard deviation of the samples around their circles, px.
     pub noise_px: f64,
-    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model.
+    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model, and by
+    /// how much other models that fit about as well differ.
     pub focal_sigma: f64,
-    /// The field of view along the width and its standard deviation, rad; `None` where the picture's sides see nothing.
+    /// The field of view along the width and its standard deviation, likewise, rad; `None` where the picture's sides see nothing.
     pub field_of_view: Option<(f64, f64)>,
     /// Standard deviation of the center, px.
     pub center_sigma: Vec2,
@@ -129,6 +133,10 @@ pub struct Candidate {
     pub noise_px: f64,
     /// The criterion: less is better; differences below 2 mean nothing, above 10 much.
     pub score: f64,
+    /// Focal length, px.
+    pub focal: f64,
+    /// Field of view along the width, rad; `None` where the picture's sides see nothing.
+    pub field_of_view: Option<f64>,
 }
 
 /// Finds the lens under which marked lines are straight, for a picture of `size` px.
@@ -144,12 +152,12 @@ pub fn calibrate(
     options: &CalibrationOptions,
 ) -> Result<Calibration, CalibrationError> {
     let samples = Samples::new(lines, size)?;
+    let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options)).collect();
     let mut candidates = Vec::new();
     let mut best: Option<(f64, Fit)> = None;
-    for model in &options.models {
-        let Some(fit) = Fit::new(&samples, *model, options) else { continue };
+    for fit in fits.into_iter().flatten() {
         let score = fit.score(options);
-        candidates.push(Candidate { model: *model, noise_px: fit.noise_px(), score });
+        candidates.push(candidate(&fit, score));
         if best.as_ref().is_none_or(|(least, _)| score < *least) {
             best = Some((score, fit));
         }
@@ -160,6 +168,26 @@ pub fn calibrate(
         return Err(CalibrationError::LinesDisagree { used, lines: samples.lines() });
     }
     Ok(report(lines, &samples, &fit, candidates))
+}
+
+fn candidate(fit: &Fit, score: f64) -> Candidate {
+    let lens = fit.lens();
+    let field_of_view = width_field(&lens);
+    Candidate { model: fit.model(), noise_px: fit.noise_px(), score, focal: lens.focal.x, field_of_view }
+}
+
+/// Field of view along the width, rad.
+fn width_field(lens: &Lens) -> Option<f64> {
+    lens.field_of_view(FieldAxis::Horizontal).map(|fov| fov.radians)
+}
+
+/// How far a figure of the other candidates lies from the best one's, root mean square, each candidate weighing by its
+/// probability `∝ exp(−score/2)`.
+fn disagreement(candidates: &[Candidate], figure: impl Fn(&Candidate) -> Option<f64>, best: f64) -> f64 {
+    let least = candidates.iter().fold(f64::INFINITY, |m, c| m.min(c.score));
+    let weighed = candidates.iter().filter_map(|c| Some(((-0.5 * (c.score - least)).exp(), figure(c)?)));
+    let (total, squares) = weighed.fold((0.0, 0.0), |(t, s), (w, v)| (t + w, s + w * (v - best) * (v - best)));
+    if total > 0.0 { (squares / total).sqrt() } else { 0.0 }
 }
 
 fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidate>) -> Calibration {
@@ -176,10 +204,11 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
     });
     let lines = told.collect();
     let sigma = fit.sigma();
-    let (focal_sigma, center_sigma) = (sigma[0], Vec2::new(sigma[1], sigma[2]));
-    let field_of_view = lens
-        .field_of_view(FieldAxis::Horizontal)
-        .map(|fov| (fov.radians, fit.spread_of(|lens| Some(lens.field_of_view(FieldAxis::Horizontal)?.radians))));
+    let center_sigma = Vec2::new(sigma[1], sigma[2]);
+    let among_focals = disagreement(&candidates, |c| Some(c.focal.ln()), lens.focal.x.ln());
+    let field_of_view = width_field(&lens)
+        .map(|field| (field, fit.spread_of(width_field).hypot(disagreement(&candidates, |c| c.field_of_view, field))));
+    let focal_sigma = sigma[0].hypot(among_focals);
     Calibration {
         model: fit.model(),
         noise_px: fit.noise_px(),
@@ -190,11 +219,6 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
         candidates,
         lens,
     }
-}
-
-/// The field of view that is assumed where nothing is claimed, and by which share the focal length may be off.
-fn assumed_field() -> (FieldOfView, f64) {
-    (FieldOfView::degrees(70.0, FieldAxis::Diagonal), 0.5)
 }
 
 /// Logarithm of the focal length that a field of view means under a projection; a wider field than the projection can show

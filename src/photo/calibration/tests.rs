@@ -1,7 +1,7 @@
 use std::f64::consts::PI;
 
 use super::*;
-use crate::camera::Vec3;
+use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Vec3};
 use crate::photo::Orientation;
 
 const SIZE: (f64, f64) = (1000.0, 750.0);
@@ -98,6 +98,24 @@ fn lines_become_straight_under_a_lens_with_terms_of_its_own() {
     assert!(bend(&truth, &found.lens) < 1.0, "{} {:?}", bend(&truth, &found.lens), found.lens);
     let (field, sigma) = found.field_of_view.expect("sides see something");
     assert!((field.to_degrees() - field_deg(&truth)).abs() < 3.0 * sigma.to_degrees().max(1.0), "{field} {sigma}");
+}
+
+#[test]
+fn an_ordinary_lens_is_straightened_whatever_its_field_and_keeps_the_field_it_claims() {
+    let terms = DistortionTerms { radial: [-0.08, 0.01, 0.0, 0.0], ..DistortionTerms::default() };
+    let barrel = BrownConrady::new(DistortedPlane::Tangent, terms).expect("a field");
+    let mut truth = lens(Projection::Rectilinear, 70.0);
+    truth.projection = Projection::BrownConrady(barrel);
+    let lines = scene(&truth, 0.2, 9);
+    let guessed = calibrate(&lines, SIZE, &CalibrationOptions::default()).expect("a lens");
+    assert!(bend(&truth, &guessed.lens) < 0.5, "{} {:?}", bend(&truth, &guessed.lens), guessed.lens);
+    let (field, sigma) = guessed.field_of_view.expect("the sides are seen");
+    assert!((field.to_degrees() - field_deg(&truth)).abs() < 2.0 * sigma.to_degrees(), "{field} {sigma} {guessed:?}");
+    let claimed = (FieldOfView::degrees(field_deg(&truth), FieldAxis::Horizontal), 0.03);
+    let options = CalibrationOptions { field_of_view: Some(claimed), ..CalibrationOptions::default() };
+    let told = calibrate(&lines, SIZE, &options).expect("a lens");
+    assert!(bend(&truth, &told.lens) < 0.5, "{} {:?}", bend(&truth, &told.lens), told.lens);
+    assert!((field_deg(&told.lens) - field_deg(&truth)).abs() < 3.0, "{} {:?}", field_deg(&told.lens), told.candidates);
 }
 
 #[test]
