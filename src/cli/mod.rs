@@ -9,8 +9,11 @@ mod failure;
 mod graph;
 mod interrupt;
 mod motion;
+mod photo;
 mod plan;
 mod probe;
+mod rectify;
+mod retarget;
 mod run;
 mod schema;
 mod stabilize;
@@ -23,9 +26,11 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 
 use crate::pipeline::{Backend, Exit, Pipeline, PipelineFile};
 use failure::Failure;
+pub use rectify::RectifyArgs;
+pub use retarget::RetargetArgs;
 pub use stabilize::StabilizeArgs;
 
-/// Hold shaky video steady.
+/// Hold shaky video steady, make the lines of photos straight.
 #[derive(Debug, Parser)]
 #[command(name = "plumbline", version, about, max_term_width = 100, propagate_version = true)]
 pub struct Cli {
@@ -37,6 +42,10 @@ pub struct Cli {
 enum Command {
     /// Hold shaky clips steady
     Stabilize(Box<StabilizeArgs>),
+    /// Make the lines of wide-angle photos straight, and keep shapes
+    Rectify(Box<RectifyArgs>),
+    /// Give photos another shape that spares what matters
+    Retarget(Box<RetargetArgs>),
     /// Recover how the camera moved, in the picture and in space
     Motion(Box<motion::MotionArgs>),
     /// Run a pipeline file
@@ -60,7 +69,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -91,22 +100,26 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify` or `retarget` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
-pub fn stabilize_pipeline<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(
+pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(
     args: I,
 ) -> Result<PipelineFile, String> {
     match Cli::try_parse_from(args).map_err(|e| e.to_string())?.command {
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
-        _ => Err("not a stabilize command".to_owned()),
+        Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
+        Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
+        _ => Err("not a command that builds a pipeline".to_owned()),
     }
 }
 
 fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
     match command {
         Command::Stabilize(args) => args.run(backend),
+        Command::Rectify(args) => args.run(backend),
+        Command::Retarget(args) => args.run(backend),
         Command::Motion(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

@@ -26,7 +26,8 @@ impl PlanArgs {
         let mut text = String::new();
         if let (Some(batch), Some(first)) = (&pipeline.batch, first) {
             let count = instances.len();
-            text = format!("{count} items, {} at once; figures for `{}`\n", batch.jobs, first.key);
+            let jobs = if batch.jobs == 0 { "as many as fit".to_owned() } else { batch.jobs.to_string() };
+            text = format!("{count} items, {jobs} at once; figures for `{}`\n", first.key);
         }
         text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
         tell(&text);

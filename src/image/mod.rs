@@ -7,7 +7,9 @@ mod frame;
 mod luma;
 mod plane;
 mod pyramid;
+mod rgb;
 pub(crate) mod simd;
+pub mod still;
 
 pub use self::exr::write_exr;
 pub use color::ColorDescription;
@@ -16,3 +18,4 @@ pub use frame::{Frame, FrameBuffer, OwnedBuffer, PlaneRows};
 pub use luma::{analysis_luma, analysis_size};
 pub use plane::{Plane, PlaneMut, PlaneRef};
 pub use pyramid::{PADDING, PaddedPlane, Pyramid};
+pub use rgb::rgb_frame;

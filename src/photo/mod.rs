@@ -3,11 +3,17 @@
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.
 
+pub mod calibration;
 mod crop;
+mod great_circle;
 mod line;
+pub mod line_detection;
+pub mod marks;
 pub mod rectify;
 mod report;
+pub mod retarget;
 mod warp;
 
+pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
 pub use warp::{FittedLine, Forward, LineReport, PhotoWarp};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::file::{Input, Name, PipelineFile, StageEntry};
 use super::graph::{Edge, Graph, Stage};
 use super::kind::{Settings, StageKind};
-use super::port::{Arity, Port, PortType};
+use super::port::{Port, PortType};
 use super::problem::Problem;
 use super::suggest::did_you_mean;
 use super::syntax::{Entry, Span};
@@ -117,18 +117,18 @@ impl Wiring<'_> {
     fn check_arity(&self, stage: &StageEntry, port: &'static Port, found: &Found, problems: &mut Vec<Problem>) {
         let mine: Vec<&Link> = found.links.iter().filter(|l| l.port.name == port.name).collect();
         let name = &stage.name.text;
-        if port.arity != Arity::Many && mine.len() > 1 {
+        if !port.arity.is_list() && mine.len() > 1 {
             let message = format!("port `{}` of stage `{name}` takes one input, not {}", port.name, mine.len());
             problems.push(Problem::new("input", message).label(mine[1].span, "one too many"));
         }
         for (i, link) in mine.iter().enumerate() {
             let same = |l: &&Link| l.from == link.from && l.output.name == link.output.name;
-            if port.arity == Arity::Many && mine[..i].iter().any(same) {
+            if port.arity.is_list() && mine[..i].iter().any(same) {
                 let message = format!("port `{}` of stage `{name}` takes the same data twice", port.name);
                 problems.push(Problem::new("input", message).label(link.span, "named before"));
             }
         }
-        if port.arity != Arity::Optional && mine.is_empty() {
+        if port.arity.is_required() && mine.is_empty() {
             problems.extend(self.missing(stage, port, found));
         }
     }
@@ -166,7 +166,7 @@ impl Wiring<'_> {
             Some(if at == 0 { s.name.text.clone() } else { format!("{}.{}", s.name.text, outputs[at].name) })
         };
         let name = self.stages.iter().find_map(feeds).unwrap_or_else(|| "STAGE".to_owned());
-        if port.arity == Arity::Many { format!("[\"{name}\"]") } else { format!("\"{name}\"") }
+        if port.arity.is_list() { format!("[\"{name}\"]") } else { format!("\"{name}\"") }
     }
 }
 
@@ -202,7 +202,7 @@ fn in_order<'n>(
     unsound: &mut bool,
 ) -> Vec<(&'static Port, &'n Name)> {
     let mut out = Vec::new();
-    let last = kind.inputs.last().filter(|p| p.arity == Arity::Many);
+    let last = kind.inputs.last().filter(|p| p.arity.is_list());
     for (i, name) in from.iter().enumerate() {
         if let Some(port) = kind.inputs.get(i).or(last) {
             out.push((port, name));
@@ -286,7 +286,7 @@ fn assemble(file: &PipelineFile, mut prepared: Vec<Prepared>, links: &[Vec<Link>
 fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
     let writes = |s: &Stage| s.kind.outputs.iter().any(|o| o.data == PortType::File) || !s.settings.writes().is_empty();
     if !graph.stages.is_empty() && !graph.stages.iter().any(writes) && problems.is_empty() {
-        let help = "add a stage such as `use = \"video.encode\"`";
+        let help = "add a stage such as `use = \"video.encode\"` or `use = \"image.save\"`";
         problems.push(Problem::new("no-output", "the pipeline writes no file").help(help));
     }
 }
@@ -317,7 +317,7 @@ fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>
 fn check_resamples(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
     for (i, stage) in graph.stages.iter().enumerate() {
         let twice = stage.kind.resamples && graph.resamples(i) > 1;
-        let feeds_again = stage.edges.iter().find(|e| e.output.data == PortType::Frames && graph.resamples(e.from) > 0);
+        let feeds_again = stage.edges.iter().find(|e| e.output.data.is_picture() && graph.resamples(e.from) > 0);
         if let (true, Some(edge)) = (twice, feeds_again) {
             let entry = file.stages.iter().find(|s| s.name.text == stage.name);
             let first = &graph.stages[edge.from].name;

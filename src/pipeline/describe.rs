@@ -40,6 +40,7 @@ fn ports(out: &mut String, title: &str, ports: &[Port]) {
             Arity::One => "",
             Arity::Optional => ", optional",
             Arity::Many => ", list",
+            Arity::Any => ", list or nothing",
         };
         let data = format!("({}{arity})", port.data);
         writeln!(out, "  {:<10} {data:<18} {}", port.name, port.doc).expect("writing to a string cannot fail");

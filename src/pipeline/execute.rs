@@ -69,7 +69,11 @@ pub fn execute(
 ) -> Report {
     let started = Instant::now();
     let batch = pipeline.batch.clone().unwrap_or_default();
-    let jobs = (batch.jobs as usize).clamp(1, instances.len().max(1));
+    let jobs = match batch.jobs {
+        0 if pipeline.graph.is_photo() => pipeline.run.thread_count().min(photos_in_memory()),
+        n => n as usize,
+    };
+    let jobs = jobs.clamp(1, instances.len().max(1));
     let threads = (pipeline.run.thread_count() / jobs).max(1);
     let executor = Executor { run: &pipeline.run, batch: &batch, backend, progress, cancel, threads };
     progress.event(&Event::RunStart { items: instances.len() });
@@ -80,6 +84,18 @@ pub fn execute(
     let (done, failed) = (report.done().count(), report.failures().count());
     progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
     report
+}
+
+/// Memory that a still picture may take while it is at work: one of 50 MP and 8 bit, decoded, in planes and sampled.
+const BYTES_PER_PHOTO: u64 = 512 << 20;
+
+/// How many still pictures the memory that is free now has room for, at least 1.
+fn photos_in_memory() -> usize {
+    // Linux alone tells it in a file; elsewhere the number of processors decides.
+    let Ok(text) = std::fs::read_to_string("/proc/meminfo") else { return usize::MAX };
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"));
+    let kilobytes = line.and_then(|l| l.split_whitespace().next()?.parse::<u64>().ok());
+    kilobytes.map_or(usize::MAX, |kb| (kb.saturating_mul(1024) / BYTES_PER_PHOTO).max(1) as usize)
 }
 
 struct Executor<'a> {

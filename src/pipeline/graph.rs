@@ -62,10 +62,15 @@ impl Graph {
         self.stages.iter().find(|s| s.name == name)
     }
 
+    /// It works on still pictures.
+    pub fn is_photo(&self) -> bool {
+        self.stages.iter().any(|s| s.kind.outputs.iter().any(|o| o.data == PortType::Image))
+    }
+
     /// How often the pixels that `stage` gives have been interpolated since they were decoded.
     pub fn resamples(&self, stage: usize) -> usize {
         let s = &self.stages[stage];
-        let before = s.edges.iter().filter(|e| e.output.data == PortType::Frames).map(|e| self.resamples(e.from)).max();
+        let before = s.edges.iter().filter(|e| e.output.data.is_picture()).map(|e| self.resamples(e.from)).max();
         before.unwrap_or(0) + usize::from(s.kind.resamples)
     }
 

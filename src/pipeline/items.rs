@@ -1,7 +1,7 @@
 //! Finds the files that `foreach` means.
 //!
 //! A pattern that names an existing file is that file, whatever characters it holds; one that names a folder is every clip in
-//! it, told by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
+//! it, or every photo for graphs of still pictures, told by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
 
 use std::path::{Component, Path, PathBuf};
 
@@ -13,15 +13,20 @@ pub const CLIP_EXTENSIONS: [&str; 19] = [
     "webm", "wmv", "y4m",
 ];
 
-/// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`.
+/// Extensions of photos: what a folder given as input is searched for by graphs of still pictures.
+pub const PHOTO_EXTENSIONS: [&str; 11] =
+    ["avif", "heic", "heif", "jfif", "jpe", "jpeg", "jpg", "png", "tif", "tiff", "webp"];
+
+/// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`; of a folder, the
+/// files with one of `extensions` are meant.
 ///
 /// # Errors
 /// A malformed glob.
-pub fn expand(patterns: &[String], base: Option<&Path>) -> Result<Vec<PathBuf>, String> {
+pub fn expand(patterns: &[String], base: Option<&Path>, extensions: &[&str]) -> Result<Vec<PathBuf>, String> {
     let mut out: Vec<PathBuf> = Vec::new();
     for pattern in patterns {
         let full = base.map_or_else(|| PathBuf::from(pattern), |base| base.join(pattern));
-        for path in expand_one(&full)? {
+        for path in expand_one(&full, extensions)? {
             if !out.contains(&path) {
                 out.push(path);
             }
@@ -46,7 +51,7 @@ pub fn pictures(text: &str) -> Option<Vec<PathBuf>> {
     let mut found = if path.is_dir() {
         files_in(path, &PICTURE_EXTENSIONS)
     } else if is_glob(text) && !path.exists() {
-        expand_one(path).ok()?
+        expand_one(path, &PICTURE_EXTENSIONS).ok()?
     } else {
         return None;
     };
@@ -85,10 +90,10 @@ pub fn is_glob(pattern: &str) -> bool {
     choice || pattern.contains(['*', '?', '['])
 }
 
-fn expand_one(pattern: &Path) -> Result<Vec<PathBuf>, String> {
+fn expand_one(pattern: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, String> {
     let text = pattern.to_string_lossy();
     if pattern.is_dir() {
-        return Ok(files_in(pattern, &CLIP_EXTENSIONS));
+        return Ok(files_in(pattern, extensions));
     }
     if pattern.exists() || !is_glob(&text) {
         return Ok(vec![pattern.to_owned()]);
@@ -185,7 +190,7 @@ mod tests {
         }
         let find = |patterns: &[&str]| {
             let patterns: Vec<String> = patterns.iter().map(|p| (*p).to_owned()).collect();
-            expand(&patterns, Some(&folder)).map(|found| names(&found, &folder))
+            expand(&patterns, Some(&folder), &CLIP_EXTENSIONS).map(|found| names(&found, &folder))
         };
         let list = |names: &[&str]| Ok(names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
         assert_eq!(find(&["*.mp4"]), list(&["b.mp4", "odd[1].mp4"]));

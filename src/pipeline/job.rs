@@ -51,6 +51,11 @@ impl Values {
         self.0.insert((stage, port), Box::new(value));
     }
 
+    /// Drops what a stage kept.
+    pub fn forget(&mut self, stage: usize) {
+        self.0.retain(|(from, _), _| *from != stage);
+    }
+
     /// What a stage kept under `port`, if it is of this type.
     pub fn at<T: Any>(&self, stage: usize, port: &'static str) -> Option<&T> {
         self.0.get(&(stage, port)).and_then(|v| v.downcast_ref())

@@ -79,7 +79,7 @@ pub trait StageSettings:
     }
 
     /// Files it writes.
-    fn writes(&self) -> Vec<&str> {
+    fn writes(&self) -> Vec<String> {
         Vec::new()
     }
 
@@ -100,7 +100,7 @@ pub trait Settings: Any + Debug + Send + Sync {
     /// See [`StageSettings::reads`].
     fn reads(&self) -> Vec<&str>;
     /// See [`StageSettings::writes`].
-    fn writes(&self) -> Vec<&str>;
+    fn writes(&self) -> Vec<String>;
     /// See [`StageSettings::fills`].
     fn fills(&self) -> Vec<&str>;
     /// Every setting, defaults included.
@@ -124,7 +124,7 @@ impl<S: StageSettings> Settings for S {
         StageSettings::reads(self)
     }
 
-    fn writes(&self) -> Vec<&str> {
+    fn writes(&self) -> Vec<String> {
         StageSettings::writes(self)
     }
 

@@ -88,8 +88,8 @@ pub struct BatchSettings {
     pub foreach: Foreach,
     /// Names an instance in messages; must differ between items
     pub key: String,
-    /// Items at work at once
-    #[schemars(range(min = 1, max = 256))]
+    /// Items at work at once; 0 = as many as processors and memory allow, for still pictures
+    #[schemars(range(min = 0, max = 256))]
     pub jobs: u32,
     /// What to do when an item fails
     pub on_error: OnError,

@@ -74,12 +74,18 @@ impl Plan {
     }
 }
 
+/// It takes or gives frames.
+fn of_clip(stage: &Stage) -> bool {
+    stage.kind.inputs.iter().chain(stage.kind.outputs).any(|p| p.data == PortType::Frames)
+}
+
 fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
     let time = match stage.settings.over_time() {
         OverTime::Map => "frame by frame".to_owned(),
         OverTime::Window(n) => format!("looks {n} frames around"),
         OverTime::Reduce => "needs the whole clip".to_owned(),
-        OverTime::Once => "before the first frame".to_owned(),
+        OverTime::Once if of_clip(stage) => "before the first frame".to_owned(),
+        OverTime::Once => "once".to_owned(),
     };
     let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
     lines.extend(stage.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));

@@ -17,14 +17,38 @@ pub enum PortType {
     Path,
     /// A map per frame from output to source; no pixel is touched yet.
     Warp,
+    /// A still picture.
+    Image,
+    /// Lines of a picture that are straight in the world.
+    Lines,
+    /// Boxes around faces.
+    Faces,
+    /// How much each place of a picture matters.
+    Importance,
     /// A file that was written.
     File,
 }
 
 impl PortType {
     /// Every type, in the order of the data's way.
-    pub const ALL: [Self; 7] =
-        [Self::Frames, Self::Audio, Self::Tracks, Self::Motion, Self::Path, Self::Warp, Self::File];
+    pub const ALL: [Self; 11] = [
+        Self::Frames,
+        Self::Audio,
+        Self::Tracks,
+        Self::Motion,
+        Self::Path,
+        Self::Image,
+        Self::Lines,
+        Self::Faces,
+        Self::Importance,
+        Self::Warp,
+        Self::File,
+    ];
+
+    /// It carries pixels.
+    pub const fn is_picture(self) -> bool {
+        matches!(self, Self::Frames | Self::Image)
+    }
 
     /// The name in files, graphs and messages.
     pub const fn name(self) -> &'static str {
@@ -34,6 +58,10 @@ impl PortType {
             Self::Tracks => "tracks",
             Self::Motion => "motion",
             Self::Path => "path",
+            Self::Image => "image",
+            Self::Lines => "lines",
+            Self::Faces => "faces",
+            Self::Importance => "importance",
             Self::Warp => "warp",
             Self::File => "file",
         }
@@ -55,6 +83,20 @@ pub enum Arity {
     Optional,
     /// One or more, in order.
     Many,
+    /// Any number, in order; none will do.
+    Any,
+}
+
+impl Arity {
+    /// It takes a list.
+    pub const fn is_list(self) -> bool {
+        matches!(self, Self::Many | Self::Any)
+    }
+
+    /// It must be connected.
+    pub const fn is_required(self) -> bool {
+        matches!(self, Self::One | Self::Many)
+    }
 }
 
 /// One port of a stage kind.
@@ -79,6 +121,11 @@ impl Port {
     /// An input that may be left open.
     pub const fn optional(name: &'static str, data: PortType, doc: &'static str) -> Self {
         Self { name, data, arity: Arity::Optional, doc }
+    }
+
+    /// An input that takes a list, which may be empty.
+    pub const fn any(name: &'static str, data: PortType, doc: &'static str) -> Self {
+        Self { name, data, arity: Arity::Any, doc }
     }
 
     /// An input that takes a list.

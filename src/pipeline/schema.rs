@@ -6,7 +6,6 @@ use super::file::VERSION;
 use super::kind::{StageKind, schema_of};
 use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
-use super::port::Arity;
 
 const NAME_PATTERN: &str = "^[a-z][a-z0-9_-]*$";
 
@@ -72,7 +71,7 @@ fn inputs(kind: &StageKind) -> Json {
     let port = |p: &super::port::Port| {
         let many = json!({"type": "array", "items": endpoint, "description": p.doc});
         let one = json!({"type": "string", "pattern": endpoint["pattern"], "description": p.doc});
-        (p.name.to_owned(), if p.arity == Arity::Many { many } else { one })
+        (p.name.to_owned(), if p.arity.is_list() { many } else { one })
     };
     let ports: Map<String, Json> = kind.inputs.iter().map(port).collect();
     json!({

@@ -91,8 +91,28 @@ pub struct Summary {
     pub readout_s: Option<f64>,
     /// What the user should know: concealed packets, streams left out, a clip that passed unchanged.
     pub warnings: Vec<String>,
+    /// How straight the lines of a still picture became.
+    pub lines: Option<LinesSummary>,
     /// Wall time, seconds; filled by the executor.
     pub seconds: f64,
+}
+
+/// How straight the lines of a still picture became.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinesSummary {
+    /// How many there are.
+    pub count: usize,
+    /// Name of the one that is least straight, and how far it is off, px of the output.
+    pub worst: Option<(String, f64)>,
+}
+
+impl fmt::Display for LinesSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.worst {
+            None => f.write_str("none"),
+            Some((name, px)) => write!(f, "{}, off straight by at most {px:.2} px (`{name}`)", self.count),
+        }
+    }
 }
 
 impl Summary {
@@ -111,7 +131,14 @@ impl fmt::Display for Summary {
         writeln!(f, "  wrote     {}", outputs.join(", "))?;
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
         let encoder = self.encoder.as_ref().map(|e| format!(", {e}")).unwrap_or_default();
-        writeln!(f, "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)", self.frames, self.seconds, self.fps())?;
+        if self.frames > 0 {
+            writeln!(f, "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)", self.frames, self.seconds, self.fps())?;
+        } else if let Some((width, height)) = self.size {
+            writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
+        }
+        if let Some(lines) = &self.lines {
+            writeln!(f, "  lines     {lines}")?;
+        }
         if let Some(ShakeSummary { before, after }) = self.shake {
             writeln!(f, "  shake     before {before}, after {after} (RMS, against the mean over 0.5 s)")?;
         }

@@ -6,10 +6,12 @@
 //! result does not depend on the number of threads, nor on whether SIMD kernels are available.
 //!
 //! Kernels are interpolating, not smoothing: where the field minifies by more than about 2:1 the result aliases. Video
-//! stabilisation magnifies by 1 to 1.5.
+//! stabilisation magnifies by 1 to 1.5. For pictures that shrink there is [`Renderer::render_averaged`].
 
 #![allow(clippy::cast_possible_wrap)] // sizes are at most 16384, checked before any pixel is touched
 
+mod alpha;
+mod averaged;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod border;
@@ -19,6 +21,7 @@ mod kernel;
 mod plane;
 mod scan;
 mod source;
+mod still;
 
 pub use border::Border;
 pub use fill::{FillOptions, FillReport, Filler};
@@ -104,10 +107,8 @@ impl Renderer {
         check(src, lattice, dst)?;
         dst.copy_properties(src);
         for i in 0..src.format.planes() {
-            let siting = Siting::of(src.format, &src.color, i);
-            let black = black(src, i);
+            let (job, black) = self.job(src, lattice, i);
             let (bits, border) = (src.format.bits, self.border);
-            let job = Job { lattice, siting, tables: &self.tables, backend: self.backend };
             let unreadable = RenderError::Plane { plane: i, role: "source" };
             let unwritable = RenderError::Plane { plane: i, role: "destination" };
             if src.format.bytes_per_sample() == 1 {
@@ -119,6 +120,12 @@ impl Renderer {
             }
         }
         Ok(())
+    }
+
+    /// What to do with plane `i`, and the value that stands for black in it.
+    fn job<'a>(&'a self, src: &Frame, lattice: &'a Lattice, i: usize) -> (Job<'a>, i32) {
+        let siting = Siting::of(src.format, &src.color, i);
+        (Job { lattice, siting, tables: &self.tables, backend: self.backend }, black(src, i))
     }
 }
 

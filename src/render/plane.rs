@@ -16,7 +16,7 @@ use super::source::Sample as Kernels;
 
 /// Rows per parallel task: enough that neighboring rows find their source rows in cache and that a task outweighs its
 /// scheduling (0.1 ms at 1080p), few enough that small planes still split.
-const ROWS_PER_TASK: usize = 16;
+pub(super) const ROWS_PER_TASK: usize = 16;
 
 /// The code that samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +78,11 @@ impl Job<'_> {
                 }
             },
         );
+    }
+
+    /// Samples `source` at positions in units of 1/256 px.
+    pub(super) fn sample<S: Kernels>(&self, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
+        self.backend.sample(self.tables, source, at, out);
     }
 
     fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, (xs, ys): (&mut [i32], &mut [i32]), out: &mut [S]) {

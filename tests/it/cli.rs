@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use plumbline::cli::stabilize_pipeline;
+use plumbline::cli::pipeline_of;
 use plumbline::pipeline::draw::{GraphFormat, draw};
 use plumbline::pipeline::shipped::shipped;
 use plumbline::pipeline::{check, print, read};
@@ -18,7 +18,7 @@ fn plumbline(args: &[&str]) -> Output {
 #[test]
 fn help_says_what_there_is() {
     insta::assert_snapshot!("help", out(&plumbline(&["--help"])));
-    for command in ["stabilize", "motion", "run", "check", "plan", "graph", "stages", "schema", "probe", "completions"]
+    for command in ["stabilize", "rectify", "retarget", "motion", "run", "check", "plan", "graph", "stages", "schema", "probe", "completions"]
     {
         insta::assert_snapshot!(format!("help_{command}"), out(&plumbline(&[command, "--help"])));
     }
@@ -175,7 +175,7 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
     ];
     for (i, options) in cases.into_iter().enumerate() {
         let args = ["plumbline", "stabilize"].iter().chain(options);
-        let file = stabilize_pipeline(args).expect("options in order");
+        let file = pipeline_of(args).expect("options in order");
         let printed = print(&file);
         let built = check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         let loaded = read(source(&printed), &[]).unwrap_or_else(|p| panic!("{printed}\n{}", p.render(false, 100)));
@@ -188,7 +188,7 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
 fn the_command_builds_the_shipped_graphs() {
     for (name, options) in [("stabilize", &[][..]), ("stabilize-3d", &["--mode", "3d"])] {
         let args = ["plumbline", "stabilize", "a.mp4", "--out-dir", "d"].iter().chain(options);
-        let file = stabilize_pipeline(args).expect("options in order");
+        let file = pipeline_of(args).expect("options in order");
         let built = check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         let read = read(shipped(name).expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&read.graph, GraphFormat::Mermaid));

@@ -95,7 +95,7 @@ fn no_pipeline_file_makes_the_reader_panic() {
             .to_vec(),
     ];
     let all = ["plumbline", "stabilize", "f/%d.png", "-o", "x.mkv", "--fps", "29.97", "--border", "fill", "--compare"];
-    let built = plumbline::cli::stabilize_pipeline(all).expect("options in order");
+    let built = plumbline::cli::pipeline_of(all).expect("options in order");
     examples.push(plumbline::pipeline::print(&built).into_bytes());
     hammer(&examples, bodies::pipeline_file, 1);
 }

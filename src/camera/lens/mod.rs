@@ -9,23 +9,32 @@
 //! image: formulas are inverted only on the branch that leads from the axis to the first angle at which the image turns
 //! back, [`Lens::max_angle`]. NaN and infinities have no image and no direction.
 
+mod brown_conrady;
+mod division;
 mod error;
 mod field_of_view;
 mod invert;
 mod kannala_brandt;
+mod ocam;
 mod panoramic;
 mod polynomial;
 mod projection;
 mod radial;
+mod radial_polynomial;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
+mod unified;
 
 use nalgebra::{Matrix2, Matrix2x3};
 
+pub use brown_conrady::{BrownConrady, DistortedPlane, DistortionTerms};
 pub use error::LensError;
 pub use field_of_view::{FieldAxis, FieldOfView};
 pub use kannala_brandt::{AnglePolynomial, KannalaBrandt};
+pub use ocam::Ocam;
 pub use projection::Projection;
+pub use radial_polynomial::RadialPolynomial;
+pub use unified::Unified;
 
 use super::Vec3;
 use crate::math::{Point2, Vec2};

@@ -1,8 +1,9 @@
 //! The projections by name.
 
+use super::division::{ArcTangent, Division};
 use super::panoramic::Panoramic;
 use super::radial::Radial;
-use super::{AnglePolynomial, KannalaBrandt, PlaneModel};
+use super::{AnglePolynomial, BrownConrady, KannalaBrandt, Ocam, PlaneModel, RadialPolynomial, Unified};
 
 /// How directions lie in the plane of unit focal length.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,18 @@ pub enum Projection {
     KannalaBrandt(KannalaBrandt),
     /// Polynomial of the angle with all powers.
     AnglePolynomial(AnglePolynomial),
+    /// One division parameter `λ`, dimensionless (in focal lengths).
+    Division(f64),
+    /// `tan(t r) = t tan θ`, given `t = 2 tan(ω/2)`: the field-of-view model, with slope 1 on the axis.
+    ArcTangent(f64),
+    /// Sphere models.
+    Unified(Unified),
+    /// Polynomial along the ray.
+    Ocam(Ocam),
+    /// Radial, decentering and prism distortion of a plane.
+    BrownConrady(BrownConrady),
+    /// A classical projection with a polynomial of its radius.
+    RadialPolynomial(RadialPolynomial),
     /// Longitude and latitude.
     Equirectangular,
     /// Longitude and height on a cylinder.
@@ -47,6 +60,12 @@ impl Projection {
             Self::Orthographic => "orthographic",
             Self::KannalaBrandt(_) => "kannala-brandt",
             Self::AnglePolynomial(_) => "angle-polynomial",
+            Self::Division(_) => "division",
+            Self::ArcTangent(_) => "arc-tangent",
+            Self::Unified(_) => "unified",
+            Self::Ocam(_) => "ocam",
+            Self::BrownConrady(_) => "brown-conrady",
+            Self::RadialPolynomial(_) => "radial-polynomial",
             Self::Equirectangular => "equirectangular",
             Self::Cylindrical => "cylindrical",
             Self::Mercator => "mercator",
@@ -57,6 +76,18 @@ impl Projection {
     /// Whether longitude and latitude are drawn, rather than the angle off an axis.
     pub fn is_panoramic(&self) -> bool {
         self.panoramic().is_some()
+    }
+
+    /// One of the five without parameters.
+    pub(super) fn classical(&self) -> Option<Radial> {
+        match self {
+            Self::Rectilinear => Some(Radial::Rectilinear),
+            Self::Equidistant => Some(Radial::Equidistant),
+            Self::Equisolid => Some(Radial::Equisolid),
+            Self::Stereographic => Some(Radial::Stereographic),
+            Self::Orthographic => Some(Radial::Orthographic),
+            _ => None,
+        }
     }
 
     pub(super) fn panoramic(&self) -> Option<Panoramic> {
@@ -80,10 +111,28 @@ impl Projection {
             Self::Orthographic => with(&Radial::Orthographic),
             Self::KannalaBrandt(model) => with(model),
             Self::AnglePolynomial(model) => with(model),
+            Self::Division(lambda) => with(&Division(*lambda)),
+            Self::ArcTangent(t) => with(&ArcTangent(*t)),
+            Self::Unified(model) => with(model),
+            Self::Ocam(model) => with(model),
+            Self::BrownConrady(model) => with(model),
+            Self::RadialPolynomial(model) => with(model),
             Self::Equirectangular => with(&Panoramic::Equirectangular),
             Self::Cylindrical => with(&Panoramic::Cylindrical),
             Self::Mercator => with(&Panoramic::Mercator),
             Self::Panini(d) => with(&Panoramic::Panini(*d)),
+        }
+    }
+}
+
+impl From<Radial> for Projection {
+    fn from(radial: Radial) -> Self {
+        match radial {
+            Radial::Rectilinear => Self::Rectilinear,
+            Radial::Equidistant => Self::Equidistant,
+            Radial::Equisolid => Self::Equisolid,
+            Radial::Stereographic => Self::Stereographic,
+            Radial::Orthographic => Self::Orthographic,
         }
     }
 }

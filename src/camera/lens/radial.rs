@@ -68,8 +68,9 @@ impl<T: RadialModel> PlaneModel for T {
     }
 
     fn ray(&self, m: Vec2) -> Option<Vec3> {
-        let r = m.norm();
-        let theta = self.angle(r)?;
+        // `norm` overflows at 1e154.
+        let r = m.x.hypot(m.y);
+        let theta = self.angle(r).filter(|_| r.is_finite())?;
         if r == 0.0 {
             return Some(Vec3::z());
         }

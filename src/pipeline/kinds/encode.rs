@@ -76,7 +76,7 @@ impl StageSettings for EncodeSettings {
         self.crf_conflict().into_iter().collect()
     }
 
-    fn writes(&self) -> Vec<&str> {
-        vec![&self.path]
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
     }
 }

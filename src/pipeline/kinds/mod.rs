@@ -2,9 +2,22 @@
 
 mod decode;
 mod encode;
+mod faces_detect;
+mod faces_load;
+mod image_grid;
+mod image_load;
+mod image_render;
+mod image_save;
+mod importance;
+mod lines_detect;
+mod lines_load;
+mod map_export;
 mod motion;
 mod motion_export;
 mod motion_import;
+mod photo_rectify;
+mod photo_report;
+mod photo_retarget;
 mod render;
 mod report;
 mod smooth;
@@ -15,9 +28,22 @@ mod warp;
 pub use crate::media::{Codec, EncoderWish};
 pub use decode::{DecodeSettings, Deinterlace};
 pub use encode::EncodeSettings;
+pub use faces_detect::FacesDetectSettings;
+pub use faces_load::FacesLoadSettings;
+pub use image_grid::ImageGridSettings;
+pub use image_load::ImageLoadSettings;
+pub use image_render::{ImageRenderSettings, PhotoBorder};
+pub use image_save::ImageSaveSettings;
+pub use importance::ImportanceSettings;
+pub use lines_detect::LinesDetectSettings;
+pub use lines_load::LinesLoadSettings;
+pub use map_export::MapExportSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
+pub use photo_rectify::{FovAxis, PhotoRectifySettings};
+pub use photo_report::PhotoReportSettings;
+pub use photo_retarget::PhotoRetargetSettings;
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
@@ -28,7 +54,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 11] = [
+pub static KINDS: [StageKind; 24] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<TrackSettings>(),
     StageKind::of::<MotionSettings>(),
@@ -40,6 +66,19 @@ pub static KINDS: [StageKind; 11] = [
     StageKind::of::<RenderSettings>(),
     StageKind::of::<EncodeSettings>(),
     StageKind::of::<ReportSettings>(),
+    StageKind::of::<ImageLoadSettings>(),
+    StageKind::of::<LinesLoadSettings>(),
+    StageKind::of::<LinesDetectSettings>(),
+    StageKind::of::<FacesLoadSettings>(),
+    StageKind::of::<FacesDetectSettings>(),
+    StageKind::of::<ImportanceSettings>(),
+    StageKind::of::<PhotoRectifySettings>(),
+    StageKind::of::<PhotoRetargetSettings>(),
+    StageKind::of::<ImageRenderSettings>(),
+    StageKind::of::<ImageGridSettings>(),
+    StageKind::of::<ImageSaveSettings>(),
+    StageKind::of::<MapExportSettings>(),
+    StageKind::of::<PhotoReportSettings>(),
 ];
 
 /// The kind called `name`.

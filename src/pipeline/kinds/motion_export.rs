@@ -40,8 +40,8 @@ impl StageSettings for MotionExportSettings {
         nothing.then_some(Conflict { key: "path", message, help }).into_iter().collect()
     }
 
-    fn writes(&self) -> Vec<&str> {
-        [&self.path, &self.gltf, &self.csv].into_iter().flatten().map(String::as_str).collect()
+    fn writes(&self) -> Vec<String> {
+        [&self.path, &self.gltf, &self.csv].into_iter().flatten().cloned().collect()
     }
 
     fn fills(&self) -> Vec<&str> {

@@ -40,7 +40,7 @@ impl StageSettings for ReportSettings {
         (self.path == "-").then(conflict).into_iter().collect()
     }
 
-    fn writes(&self) -> Vec<&str> {
-        vec![&self.path]
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
     }
 }

@@ -1,0 +1,246 @@
+//! Options of the commands on still pictures: what is read and written, which lines and faces count.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::failure::Failure;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::items::is_glob;
+use crate::pipeline::kinds::{
+    FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
+    ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, MapExportSettings, PhotoReportSettings,
+};
+use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::reference::escape;
+use crate::pipeline::{PipelineFile, StageEntry};
+
+/// Extensions that results keep; of other inputs they are PNG.
+const KEPT_FORMATS: [&str; 8] = ["jpg", "jpeg", "jpe", "jfif", "png", "tif", "tiff", "webp"];
+
+/// Options that `rectify` and `retarget` share.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
+pub(super) struct PhotoArgs {
+    /// Pictures: files, globs, or folders (jpg png tif webp heic avif)
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<String>,
+    /// The file to write, for one input; its extension chooses the format: jpg, png, tif or webp
+    #[arg(short, long, value_name = "OUTPUT")]
+    output: Option<PathBuf>,
+    /// The folder to write to; results keep the names of their inputs
+    #[arg(long, value_name = "DIR")]
+    out_dir: Option<PathBuf>,
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+
+    /// Lines that shall be straight: auto finds them, off takes none; NAME.lines.json beside the picture if left out, and where
+    /// there is none, auto
+    #[arg(long, value_name = "auto|off|FILE", help_heading = "What to spare")]
+    lines: Option<String>,
+    /// Faces that shall keep their shape
+    #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to spare")]
+    faces: String,
+
+    /// JPEG quality, 1 to 100; from 90 on colors keep their full resolution
+    #[arg(long, default_value_t = ImageSaveSettings::default().quality, value_name = "Q", help_heading = "Writing")]
+    #[arg(value_parser = clap::value_parser!(u8).range(1..=100))]
+    quality: u8,
+    /// Draw the grid of the map over the result
+    #[arg(long, help_heading = "Writing")]
+    grid: bool,
+    /// Also write the map: PREFIX_x.npy, PREFIX_y.npy, PREFIX_mesh.npy (pixel centers at integers), PREFIX.exr
+    #[arg(long, value_name = "PREFIX", help_heading = "Writing")]
+    export_map: Option<PathBuf>,
+    /// Also write how straight each line became, as JSON
+    #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
+    report: Option<PathBuf>,
+
+    /// Most pixels of a picture; larger ones are refused before memory is taken for them
+    #[arg(long, default_value_t = ImageLoadSettings::default().max_pixels, value_name = "N")]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..))]
+    max_pixels: u64,
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    pub(super) print_pipeline: bool,
+    /// Pictures at work at once; 0 = as many as processors and memory allow
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
+    jobs: u32,
+    /// Threads for the whole run; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+/// Where the names of one job come from: the options, or the item of the batch.
+struct Names {
+    /// The picture.
+    source: String,
+    /// The lines file beside it.
+    lines: String,
+    /// The result.
+    output: String,
+}
+
+impl PhotoArgs {
+    /// The pipeline of a command: the shared stages around those that make the map, the last of which is called `map`. `stages`
+    /// is told whether lines and faces are wanted.
+    pub(super) fn pipeline(
+        &self,
+        name: &str,
+        render: &ImageRenderSettings,
+        stages: impl FnOnce(Wanted) -> Vec<StageEntry>,
+    ) -> Result<PipelineFile, Failure> {
+        let names = self.names()?;
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        let load = ImageLoadSettings { path: names.source.clone(), max_pixels: self.max_pixels };
+        let mut all = vec![StageEntry::built("photo", &load)];
+        let wanted = Wanted { lines: self.push_lines(&names, &mut all), faces: self.push_faces(&mut all) };
+        all.extend(stages(wanted));
+        all.extend(self.writing(&names, render));
+        Ok(PipelineFile {
+            name: Some(name.to_owned()),
+            run: entries_of(&run, &RunSettings::default()),
+            batch: self.output.is_none().then(|| self.batch()),
+            stages: all,
+            ..PipelineFile::default()
+        })
+    }
+
+    fn names(&self) -> Result<Names, Failure> {
+        if self.inputs.iter().any(|i| i == "-") {
+            return Err(Failure::usage("pictures are not read from standard input; give the path of a file"));
+        }
+        let Some(output) = &self.output else { return self.batch_names() };
+        let [input] = self.inputs.as_slice() else {
+            let count = self.inputs.len();
+            let message = format!("--output names one file, but there are {count} inputs; use --out-dir");
+            return Err(Failure::usage(message));
+        };
+        let path = Path::new(input);
+        if path.is_dir() || (is_glob(input) && !path.exists()) {
+            let message = format!("`{input}` may be many pictures, but --output names one file; use --out-dir");
+            return Err(Failure::usage(message));
+        }
+        let lines = path.with_extension("lines.json");
+        Ok(Names { source: escape(input), lines: literal_path(&lines), output: literal_path(output) })
+    }
+
+    fn batch_names(&self) -> Result<Names, Failure> {
+        let one_by_one = [(&self.export_map, "--export-map", "map"), (&self.report, "--report", "report")];
+        if let Some((_, option, kind)) = one_by_one.iter().find(|(given, ..)| given.is_some()) {
+            let help = format!("use --output, or a pipeline file with ${{item.stem}} in the path of its {kind} stage");
+            return Err(Failure::usage(format!("{option} is for one picture, but --out-dir is for many; {help}")));
+        }
+        if let Some(file) = [self.lines.as_deref(), Some(&self.faces)].into_iter().flatten().find(|t| is_file(t)) {
+            let help = "leave --lines out to take NAME.lines.json beside each picture";
+            let message = format!("`{file}` is for one picture, but --out-dir is for many; {help}");
+            return Err(Failure::usage(message));
+        }
+        let kept = |input: &String| {
+            let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+            extension.is_some_and(|e| KEPT_FORMATS.contains(&e.as_str()))
+        };
+        let extension = if self.inputs.iter().all(kept) { "${item.ext}" } else { "png" };
+        let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
+        Ok(Names {
+            source: "${item.path}".to_owned(),
+            lines: "${item.dir}/${item.stem}.lines.json".to_owned(),
+            output: format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')),
+        })
+    }
+
+    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
+        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
+        let foreach = match patterns.as_slice() {
+            [one] => Foreach::One(one.clone()),
+            _ => Foreach::List(patterns),
+        };
+        entries_of(&BatchSettings { foreach, jobs: self.jobs, ..BatchSettings::default() }, &BatchSettings::default())
+    }
+
+    /// Appends the stages that give lines; the name of the last.
+    fn push_lines(&self, names: &Names, stages: &mut Vec<StageEntry>) -> Option<&'static str> {
+        let detect = || StageEntry::built("found", &LinesDetectSettings::default()).input("image", "photo");
+        let load = |path: String, optional| {
+            StageEntry::built("lines", &LinesLoadSettings { path, optional }).input("image", "photo")
+        };
+        match self.lines.as_deref() {
+            Some("off") => None,
+            Some("auto") => {
+                stages.push(detect());
+                Some("found")
+            }
+            Some(file) => {
+                stages.push(load(literal_path(Path::new(file)), false));
+                Some("lines")
+            }
+            None => {
+                stages.push(load(names.lines.clone(), true));
+                stages.push(detect().input("marked", "lines"));
+                Some("found")
+            }
+        }
+    }
+
+    /// Appends the stage that gives faces; its name.
+    fn push_faces(&self, stages: &mut Vec<StageEntry>) -> Option<&'static str> {
+        let stage = match self.faces.as_str() {
+            "off" => return None,
+            "auto" => StageEntry::built("faces", &FacesDetectSettings::default()),
+            file => StageEntry::built("faces", &FacesLoadSettings { path: literal_path(Path::new(file)) }),
+        };
+        stages.push(stage.input("image", "photo"));
+        Some("faces")
+    }
+
+    fn writing(&self, names: &Names, render: &ImageRenderSettings) -> Vec<StageEntry> {
+        let mut stages = vec![StageEntry::built("drawn", render).input("image", "photo").inputs("warps", &["map"])];
+        let mut shown = "drawn";
+        if self.grid {
+            let grid = StageEntry::built("grid", &ImageGridSettings::default());
+            stages.push(grid.input("image", "drawn").input("warp", "map"));
+            shown = "grid";
+        }
+        let save = ImageSaveSettings { path: names.output.clone(), quality: self.quality };
+        stages.push(StageEntry::built("out", &save).input("image", shown));
+        if let Some(prefix) = &self.export_map {
+            let export = MapExportSettings { path: literal_path(prefix), ..MapExportSettings::default() };
+            stages.push(StageEntry::built("exported", &export).input("image", "photo").input("warp", "map"));
+        }
+        if let Some(path) = &self.report {
+            let report = PhotoReportSettings { path: literal_path(path) };
+            stages.push(StageEntry::built("report", &report).input("image", "photo").input("warp", "map"));
+        }
+        stages
+    }
+}
+
+/// Stages that give what a map spares, by name.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub(super) lines: Option<&'static str>,
+    pub(super) faces: Option<&'static str>,
+}
+
+impl Wanted {
+    /// Connects them to a stage that has ports for both.
+    pub(super) fn connect(self, stage: StageEntry) -> StageEntry {
+        let stage = match self.lines {
+            Some(name) => stage.inputs("lines", &[name]),
+            None => stage,
+        };
+        match self.faces {
+            Some(name) => stage.input("faces", name),
+            None => stage,
+        }
+    }
+}
+
+/// The text is neither `auto` nor `off`.
+fn is_file(text: &str) -> bool {
+    !matches!(text, "auto" | "off")
+}

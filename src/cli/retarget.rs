@@ -1,0 +1,62 @@
+//! `plumbline retarget`: pictures in another shape. Builds the same graph as `pipeline/retarget.toml`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::photo::PhotoArgs;
+use super::run::run_pipeline;
+use super::tell;
+use crate::pipeline::file::literal_path;
+use crate::pipeline::kinds::{
+    ImageRenderSettings, ImportanceSettings, Interpolation, PhotoBorder, PhotoRetargetSettings,
+};
+use crate::pipeline::sizes::TargetSize;
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
+
+/// Options of `plumbline retarget`.
+#[derive(Debug, Args)]
+pub struct RetargetArgs {
+    #[command(flatten)]
+    photo: PhotoArgs,
+
+    /// The new size in pixels, or the new shape: the largest of it inside the picture
+    #[arg(long, value_name = "WxH|W:H", help_heading = "Result")]
+    size: TargetSize,
+    /// A picture of the same size, painted by hand: white matters, black does not, mid-gray leaves what was found
+    #[arg(long, value_name = "FILE", help_heading = "What to spare")]
+    importance: Option<PathBuf>,
+    /// How pixels are interpolated
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Result")]
+    interpolation: Interpolation,
+}
+
+impl RetargetArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        let file = self.pipeline()?;
+        if self.photo.print_pipeline {
+            tell(&print(&file));
+            return Ok(Exit::Done);
+        }
+        run_pipeline(&check(file)?, backend)
+    }
+
+    /// The pipeline that the options mean.
+    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        // The map covers its output, but kernels reach over the edge: black would darken the outermost pixels.
+        let border = PhotoBorder::Replicate;
+        let render = ImageRenderSettings { interpolation: self.interpolation, border, ..Default::default() };
+        let mask = self.importance.as_ref().map(|path| literal_path(path));
+        let settings = PhotoRetargetSettings { size: self.size };
+        self.photo.pipeline("retarget", &render, |wanted| {
+            let judged = StageEntry::built("importance", &ImportanceSettings { mask }).input("image", "photo");
+            let judged = match wanted.faces {
+                Some(faces) => judged.input("faces", faces),
+                None => judged,
+            };
+            let stage = StageEntry::built("map", &settings).input("image", "photo").input("importance", "importance");
+            vec![judged, wanted.connect(stage)]
+        })
+    }
+}

@@ -1,0 +1,66 @@
+//! Still pictures as files: JPEG, PNG, TIFF and WebP, read into a planar [`Frame`] and written from one.
+//!
+//! Samples keep their depth (8 or 16 bit) and alpha; ICC profile and EXIF travel along as bytes. A picture is upright once
+//! it is read: the orientation that EXIF asks for is applied to the pixels and the tag set to 1, so that neither a viewer nor
+//! a second program turns it again. What EXIF says of the picture's size is corrected when it is written, its thumbnail
+//! unlinked, and nothing else touched ([`exif`]).
+//!
+//! Sizes are checked before memory is taken for pixels, whatever the file claims.
+//!
+//! | format | read | written |
+//! | --- | --- | --- |
+//! | JPEG | 8 bit, gray and color, baseline and progressive | baseline, in bands on all threads ([`jpeg`]); 8 bit |
+//! | PNG | all but animated | 8 and 16 bit, alpha |
+//! | TIFF | 8 and 16 bit, gray and RGB | uncompressed, 8 and 16 bit, alpha ([`tiff`]) |
+//! | WebP | lossy and lossless, not animated | lossless; 8 bit |
+//!
+//! Other kinds are told by their first bytes and refused with what to do; HEIF pictures (HEIC, AVIF) are left to the layer
+//! that knows a decoder for them ([`StillError::Heif`]).
+
+mod error;
+mod exif;
+mod facts;
+mod jpeg;
+mod load;
+mod orientation;
+mod packed;
+mod reduce;
+mod save;
+mod sniff;
+#[cfg(test)]
+mod tests;
+mod tiff;
+
+pub use error::StillError;
+pub use facts::ExifTags;
+pub use exif::exif_of_container;
+pub use load::{LoadOptions, decode, load, size};
+pub use orientation::Turn;
+pub use reduce::flattened;
+pub use packed::{frame_of_rgb, rgb_of_frame, turned};
+pub use save::{SaveOptions, Saved, encode};
+pub use sniff::{RAW_EXTENSIONS, StillFormat};
+
+use super::Frame;
+
+/// A picture and what its file says of it.
+#[derive(Debug)]
+pub struct Photo {
+    /// The pixels, upright: gray or GBR, 8 or 16 bit, with or without alpha.
+    pub frame: Frame,
+    /// EXIF, from its TIFF header on; the orientation in it is 1.
+    pub exif: Option<Vec<u8>>,
+    /// ICC profile of the samples.
+    pub icc: Option<Vec<u8>>,
+    /// The file's format; `None` where another layer decoded it.
+    pub format: Option<StillFormat>,
+    /// What the user should know of how it was read.
+    pub warnings: Vec<String>,
+}
+
+impl Photo {
+    /// What EXIF says of camera and lens.
+    pub fn tags(&self) -> ExifTags {
+        self.exif.as_deref().map(ExifTags::of).unwrap_or_default()
+    }
+}

@@ -1,0 +1,230 @@
+//! Between the packed samples of files, `R G B A R G B A …`, and planes.
+
+use bytemuck::Pod;
+use rayon::prelude::*;
+
+use super::reduce::{over_white, to_8_bit};
+use super::{StillError, Turn};
+use crate::image::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
+
+/// Rows per parallel task.
+const ROWS: usize = 32;
+
+/// A sample type: `u8` or `u16`.
+pub(super) trait Sample: Pod + Send + Sync {
+    /// Plane `i` of a frame of this depth.
+    fn plane(frame: &Frame, i: usize) -> Option<PlaneRef<'_, Self>>;
+
+    /// Plane `i` for writing.
+    fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>>;
+}
+
+impl Sample for u8 {
+    fn plane(frame: &Frame, i: usize) -> Option<PlaneRef<'_, Self>> {
+        frame.plane8(i)
+    }
+
+    fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
+        frame.plane8_mut(i)
+    }
+}
+
+impl Sample for u16 {
+    fn plane(frame: &Frame, i: usize) -> Option<PlaneRef<'_, Self>> {
+        frame.plane16(i)
+    }
+
+    fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
+        frame.plane16_mut(i)
+    }
+}
+
+/// True for gray and GBR of 8 or 16 bit.
+pub(super) fn is_still(format: PixelFormat) -> bool {
+    matches!(format.layout, Layout::Gray | Layout::Gbr) && matches!(format.bits, 8 | 16)
+}
+
+/// Which plane holds each sample of a pixel, in the order of files: red, green, blue, alpha, or gray, alpha.
+pub(super) fn planes_of(format: PixelFormat) -> &'static [usize] {
+    match (format.layout, format.alpha) {
+        (Layout::Gray, false) => &[0],
+        (Layout::Gray, true) => &[0, 1],
+        (_, false) => &[2, 0, 1],
+        (_, true) => &[2, 0, 1, 3],
+    }
+}
+
+/// The upright frame of packed samples of a stored picture of `width × height` px; `None` where their number is wrong.
+pub(super) fn unpack<S: Sample>(
+    samples: &[S],
+    (width, height): (usize, usize),
+    format: PixelFormat,
+    turn: Turn,
+) -> Option<Frame> {
+    let order = planes_of(format);
+    let channels = order.len();
+    if samples.len() != width * height * channels || samples.is_empty() {
+        return None;
+    }
+    let (w, h) = turn.size(width, height);
+    let mut frame = Frame::new(format, w, h);
+    frame.color.full_range = Some(true);
+    for (channel, &plane) in order.iter().enumerate() {
+        let (data, stride) = S::plane_mut(&mut frame, plane)?.into_data();
+        data.par_chunks_mut(stride * ROWS).enumerate().for_each(|(task, rows)| {
+            for (j, row) in (task * ROWS..h).zip(rows.chunks_mut(stride)) {
+                fill_row(&mut row[..w], samples, (width, height), (channel, channels), turn, j);
+            }
+        });
+    }
+    Some(frame)
+}
+
+/// Row `j` of one plane of the upright picture.
+fn fill_row<S: Sample>(
+    row: &mut [S],
+    samples: &[S],
+    (width, height): (usize, usize),
+    (channel, channels): (usize, usize),
+    turn: Turn,
+    j: usize,
+) {
+    if turn.swap {
+        for (i, sample) in row.iter_mut().enumerate() {
+            let (x, y) = turn.stored((i, j), width, height);
+            *sample = samples[(y * width + x) * channels + channel];
+        }
+        return;
+    }
+    let y = turn.stored((0, j), width, height).1;
+    let stored = samples[y * width * channels..][..width * channels].chunks_exact(channels).map(|p| p[channel]);
+    if turn.flip_x {
+        row.iter_mut().rev().zip(stored).for_each(|(to, from)| *to = from);
+    } else {
+        row.iter_mut().zip(stored).for_each(|(to, from)| *to = from);
+    }
+}
+
+/// Packed samples of the planes `order`, of rows `from..from + out.len() / (width · channels)`.
+pub(super) fn pack_rows<S: Sample>(
+    frame: &Frame,
+    order: &[usize],
+    from: usize,
+    out: &mut [S],
+) -> Result<(), StillError> {
+    let channels = order.len();
+    for (channel, &plane) in order.iter().enumerate() {
+        let plane = S::plane(frame, plane).ok_or(StillError::Layout)?;
+        let rows = out.chunks_exact_mut(frame.width * channels).enumerate();
+        for (j, row) in rows {
+            let samples = row.iter_mut().skip(channel).step_by(channels);
+            samples.zip(plane.row(from + j)).for_each(|(to, from)| *to = *from);
+        }
+    }
+    Ok(())
+}
+
+/// All samples of a frame, packed.
+pub(super) fn pack<S: Sample>(frame: &Frame) -> Result<Vec<S>, StillError> {
+    let order = planes_of(frame.format);
+    let row = frame.width * order.len();
+    let mut out = vec![S::zeroed(); row * frame.height];
+    let chunks = out.par_chunks_mut(row * ROWS).enumerate();
+    chunks.map(|(task, rows)| pack_rows(frame, order, task * ROWS, rows)).collect::<Result<(), _>>()?;
+    Ok(out)
+}
+
+/// A frame turned upright; `None` where its memory does not hold its planes, or its chroma is subsampled.
+pub fn turned(frame: &Frame, turn: Turn) -> Option<Frame> {
+    let (w, h) = turn.size(frame.width, frame.height);
+    let mut out = Frame::new(frame.format, w, h);
+    out.copy_properties(frame);
+    for i in 0..frame.format.planes() {
+        let plain = frame.format.subsampling(i) == (0, 0);
+        let turned =
+            if frame.format.bits == 8 { turned_plane::<u8>(frame, &mut out, i, turn) } else { turned_plane::<u16>(frame, &mut out, i, turn) };
+        turned.filter(|()| plain)?;
+    }
+    Some(out)
+}
+
+fn turned_plane<S: Sample>(frame: &Frame, out: &mut Frame, i: usize, turn: Turn) -> Option<()> {
+    let from = S::plane(frame, i)?;
+    let (width, height) = (out.width, out.height);
+    let (data, stride) = S::plane_mut(out, i)?.into_data();
+    data.par_chunks_mut(stride).take(height).enumerate().for_each(|(j, row)| {
+        for (i, sample) in row[..width].iter_mut().enumerate() {
+            let (x, y) = turn.stored((i, j), frame.width, frame.height);
+            *sample = from.row(y)[x];
+        }
+    });
+    Some(())
+}
+
+/// Red, green and blue of a still frame in 8 bit, over white where it is transparent.
+///
+/// # Errors
+/// [`StillError::Layout`].
+pub fn rgb_of_frame(frame: &Frame) -> Result<Vec<[u8; 3]>, StillError> {
+    let flat = if frame.format.alpha { Some(over_white(frame)?) } else { None };
+    let flat = flat.as_ref().unwrap_or(frame);
+    let eight = if flat.format.bits > 8 { Some(to_8_bit(flat)?) } else { None };
+    let eight = eight.as_ref().unwrap_or(flat);
+    let gray = eight.format.layout == Layout::Gray;
+    let order: &[usize] = if gray { &[0, 0, 0] } else { &[2, 0, 1] };
+    let mut out = vec![[0_u8; 3]; eight.width * eight.height];
+    let chunks = out.par_chunks_mut(eight.width * ROWS).enumerate();
+    let packed = chunks.map(|(task, rows)| pack_rows::<u8>(eight, order, task * ROWS, bytemuck::cast_slice_mut(rows)));
+    packed.collect::<Result<(), _>>()?;
+    Ok(out)
+}
+
+/// An 8-bit frame of packed red, green and blue.
+///
+/// # Errors
+/// [`StillError::Layout`] where their number is wrong.
+pub fn frame_of_rgb(samples: &[u8], width: usize, height: usize) -> Result<Frame, StillError> {
+    let format = PixelFormat::opaque(Layout::Gbr, 8);
+    unpack(samples, (width, height), format, Turn::default()).ok_or(StillError::Layout)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packing_undoes_unpacking_in_every_format() {
+        for (layout, alpha) in [(Layout::Gray, false), (Layout::Gray, true), (Layout::Gbr, false), (Layout::Gbr, true)] {
+            let format = PixelFormat { layout, bits: 16, alpha };
+            let count = 37 * 70 * planes_of(format).len();
+            let samples: Vec<u16> = (0..count).map(|i| (i * 7) as u16).collect();
+            let frame = unpack(&samples, (37, 70), format, Turn::default()).expect("as many as it takes");
+            assert_eq!(pack::<u16>(&frame).expect("a still format"), samples);
+            assert!(unpack(&samples[1..], (37, 70), format, Turn::default()).is_none());
+        }
+    }
+
+    #[test]
+    fn red_green_and_blue_go_to_their_planes() {
+        let format = PixelFormat::opaque(Layout::Gbr, 8);
+        let frame = unpack(&[1_u8, 2, 3, 4, 5, 6], (2, 1), format, Turn::of_tag(2)).expect("six samples");
+        let plane = |i| frame.plane8(i).expect("8 bit").row(0).to_vec();
+        assert_eq!((plane(0), plane(1), plane(2)), (vec![5, 2], vec![6, 3], vec![4, 1]), "mirrored, green first");
+    }
+
+    #[test]
+    fn turned_pictures_hold_what_the_turn_says() {
+        let (w, h) = (41, 33);
+        let samples: Vec<u16> = (0..w * h).map(|i| i as u16).collect();
+        for value in 1..=8 {
+            let turn = Turn::of_tag(value);
+            let frame = unpack(&samples, (w, h), PixelFormat::opaque(Layout::Gray, 16), turn).expect("as many");
+            assert_eq!((frame.width, frame.height), turn.size(w, h));
+            let plane = frame.plane16(0).expect("16 bit");
+            for (i, j) in [(0, 0), (frame.width - 1, 0), (3, frame.height - 1), (17, 32)] {
+                let (x, y) = turn.stored((i, j), w, h);
+                assert_eq!(usize::from(plane.row(j)[i]), y * w + x, "{value}");
+            }
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Plumb-line calibration: the lens from lines that are known to be straight, and nothing else.
+//!
+//! Unknown are focal length `f`, center `c` and up to two radial terms `k`; each marked line has an unknown great circle.
+//! With `d` the distance in pixels of a sample from its line's best circle under the lens ([`great_circle`](super::great_circle)),
+//!
+//! ```text
+//! E(f, c, k) = Σ_lines w_l Σ_samples (d/σ)² + ‖c − middle‖²/σ_c² + Σᵢ (kᵢ/σ_k)² + (ln f − ln f₀)²/σ_f².
+//! ```
+//!
+//! The circles are eliminated: they are fitted anew for every trial lens. The weights `w_l` fall where a line as a whole does
+//! not fit (Geman–McClure on its rms); a line that does not fit in the end is left out and named. `σ` is estimated.
+//!
+//! **What lines tell, and what they do not.** Straightness is kept by every projective map: lines fix the radial function
+//! `r ↦ tan θ` up to a factor. How it bends tells the focal length only within a family: `tan(r/f)` of the equidistant one
+//! bends by its third order term `r³/(3f²)`, which the first radial term can take the place of,
+//!
+//! ```text
+//! tan θ = r/f + (1/3 − k₁) (r/f)³ + …
+//! ```
+//!
+//! so with free terms the focal length hangs on higher orders and on the prior that `k` is small. Straight lines in a
+//! straight picture tell nothing at all: there the prior, which is the field of view that the photo's own data claim, is the
+//! answer. A slight bend may be a usual lens's barrel or a narrow cut from a fisheye; without a claim, lenses that are made
+//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
+//! on it.
+//!
+//! **Which model.** All models are fitted; the one of least
+//!
+//! ```text
+//! n ln max(σ̂², σ₀²) + p ln n + priors
+//! ```
+//!
+//! is taken (Schwarz), `p` being its number of parameters, `n` the number of samples less two per line, and `σ₀` the
+//! accuracy of marks below which a better fit means nothing.
+//!
+//! # References
+//! D. C. Brown, *Close-Range Camera Calibration*, Photogrammetric Engineering 37(8), 1971 (the plumb-line method).
+//! F. Devernay, O. Faugeras, *Straight Lines Have to Be Straight*, Machine Vision and Applications 13, 2001.
+//! J. Kannala, S. S. Brandt, *A Generic Camera Model …*, PAMI 28(8), 2006.
+//! G. Schwarz, *Estimating the Dimension of a Model*, Annals of Statistics 6, 1978.
+
+mod error;
+mod fit;
+mod model;
+#[cfg(test)]
+mod tests;
+
+pub use error::CalibrationError;
+pub use model::LensModel;
+
+use rayon::prelude::*;
+
+use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
+use crate::math::{Point2, Vec2};
+
+use super::Line;
+use fit::{Fit, Samples};
+
+/// Lines with this many samples or more tell a bend.
+const LEAST_SAMPLES: usize = 3;
+
+/// Settings of [`calibrate`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrationOptions {
+    /// The models that compete; the first of equally good ones is taken.
+    pub models: Vec<LensModel>,
+    /// What the photo's own data claim its field of view to be, and the share by which the focal length may be off (standard
+    /// deviation). `None`: what lenses of a model usually have, [`LensModel::usual_field`].
+    pub field_of_view: Option<(FieldOfView, f64)>,
+    /// Standard deviation of the center around the middle of the picture, shares of the diagonal: sensors sit within a
+    /// percent.
+    pub center_sigma: f64,
+    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`. Corner finders reach a tenth, hands a half.
+    pub mark_sigma: f64,
+}
+
+impl Default for CalibrationOptions {
+    fn default() -> Self {
+        Self { models: LensModel::all(), field_of_view: None, center_sigma: 0.01, mark_sigma: 0.1 }
+    }
+}
+
+/// A lens found from lines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibration {
+    /// The lens.
+    pub lens: Lens,
+    /// Its model.
+    pub model: LensModel,
+    /// Standard deviation of the samples around their circles, px.
+    pub noise_px: f64,
+    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model, and by
+    /// how much other models that fit about as well differ.
+    pub focal_sigma: f64,
+    /// The field of view along the width and its standard deviation, likewise, rad; `None` where the picture's sides see nothing.
+    pub field_of_view: Option<(f64, f64)>,
+    /// Standard deviation of the center, px.
+    pub center_sigma: Vec2,
+    /// How each line fits, in the order given.
+    pub lines: Vec<LineFit>,
+    /// How all models fared, in the order of the options; those that could not be fitted are missing.
+    pub candidates: Vec<Candidate>,
+}
+
+/// How a line fits the lens.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LineFit {
+    /// Its name.
+    pub name: String,
+    /// Root mean square and largest distance of its samples from their great circle, px of the source.
+    pub distance_px: Option<(f64, f64)>,
+    /// What it did.
+    pub role: LineRole,
+}
+
+/// What a line did for a calibration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineRole {
+    /// It took part.
+    Used,
+    /// It does not fit with the others under any lens: it is not straight in the world, or marked wrongly.
+    Bent,
+    /// It has fewer than three points, which tell no bend.
+    TooShort,
+}
+
+/// How a model fared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// The model.
+    pub model: LensModel,
+    /// Standard deviation of the samples around their circles, px.
+    pub noise_px: f64,
+    /// The criterion: less is better; differences below 2 mean nothing, above 10 much.
+    pub score: f64,
+    /// Focal length, px.
+    pub focal: f64,
+    /// Field of view along the width, rad; `None` where the picture's sides see nothing.
+    pub field_of_view: Option<f64>,
+}
+
+/// Finds the lens under which marked lines are straight, for a picture of `size` px.
+///
+/// Lines of two points are passed over; orientations are not looked at.
+///
+/// # Errors
+/// [`CalibrationError`]: a size that is none, marks that are no numbers, too few lines or samples, or lines that no lens
+/// makes straight.
+pub fn calibrate(
+    lines: &[Line],
+    size: (f64, f64),
+    options: &CalibrationOptions,
+) -> Result<Calibration, CalibrationError> {
+    let samples = Samples::new(lines, size)?;
+    let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options)).collect();
+    let mut candidates = Vec::new();
+    let mut best: Option<(f64, Fit)> = None;
+    for fit in fits.into_iter().flatten() {
+        let score = fit.score(options);
+        candidates.push(candidate(&fit, score));
+        if best.as_ref().is_none_or(|(least, _)| score < *least) {
+            best = Some((score, fit));
+        }
+    }
+    let (_, fit) = best.ok_or(CalibrationError::NoLens)?;
+    let used = fit.used();
+    if 2 * used < samples.lines() {
+        return Err(CalibrationError::LinesDisagree { used, lines: samples.lines() });
+    }
+    Ok(report(lines, &samples, &fit, candidates))
+}
+
+fn candidate(fit: &Fit, score: f64) -> Candidate {
+    let lens = fit.lens();
+    let field_of_view = width_field(&lens);
+    Candidate { model: fit.model(), noise_px: fit.noise_px(), score, focal: lens.focal.x, field_of_view }
+}
+
+/// Field of view along the width, rad.
+fn width_field(lens: &Lens) -> Option<f64> {
+    lens.field_of_view(FieldAxis::Horizontal).map(|fov| fov.radians)
+}
+
+/// How far a figure of the other candidates lies from the best one's, root mean square, each candidate weighing by its
+/// probability `∝ exp(−score/2)`.
+fn disagreement(candidates: &[Candidate], figure: impl Fn(&Candidate) -> Option<f64>, best: f64) -> f64 {
+    let least = candidates.iter().fold(f64::INFINITY, |m, c| m.min(c.score));
+    let weighed = candidates.iter().filter_map(|c| Some(((-0.5 * (c.score - least)).exp(), figure(c)?)));
+    let (total, squares) = weighed.fold((0.0, 0.0), |(t, s), (w, v)| (t + w, s + w * (v - best) * (v - best)));
+    if total > 0.0 { (squares / total).sqrt() } else { 0.0 }
+}
+
+fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidate>) -> Calibration {
+    let lens = fit.lens();
+    let mut fits = fit.line_fits(samples).into_iter();
+    let told = lines.iter().map(|line| {
+        let (distance_px, role) = if line.points.len() < LEAST_SAMPLES {
+            (None, LineRole::TooShort)
+        } else {
+            let (rms, max, used) = fits.next().expect("one fit per line of three points or more");
+            (Some((rms, max)), if used { LineRole::Used } else { LineRole::Bent })
+        };
+        LineFit { name: line.name.clone(), distance_px, role }
+    });
+    let lines = told.collect();
+    let sigma = fit.sigma();
+    let center_sigma = Vec2::new(sigma[1], sigma[2]);
+    let among_focals = disagreement(&candidates, |c| Some(c.focal.ln()), lens.focal.x.ln());
+    let field_of_view = width_field(&lens)
+        .map(|field| (field, fit.spread_of(width_field).hypot(disagreement(&candidates, |c| c.field_of_view, field))));
+    let focal_sigma = sigma[0].hypot(among_focals);
+    Calibration {
+        model: fit.model(),
+        noise_px: fit.noise_px(),
+        focal_sigma,
+        field_of_view,
+        center_sigma,
+        lines,
+        candidates,
+        lens,
+    }
+}
+
+/// Logarithm of the focal length that a field of view means under a projection; a wider field than the projection can show
+/// gives what it nearly can.
+fn log_focal(projection: &Projection, fov: FieldOfView, size: (f64, f64)) -> f64 {
+    let narrower = std::iter::successors(Some(fov.radians), |radians| Some(0.9 * radians));
+    let focal = narrower.take(40).find_map(|radians| {
+        Lens::from_field_of_view(projection.clone(), FieldOfView { radians, ..fov }, size).ok().map(|l| l.focal.x)
+    });
+    focal.unwrap_or(0.5 * size.0.hypot(size.1)).ln()
+}
+
+/// The middle of a picture.
+fn middle(size: (f64, f64)) -> Point2 {
+    Point2::new(0.5 * size.0, 0.5 * size.1)
+}

@@ -1,0 +1,137 @@
+//! How far samples of a line lie from one great circle, in pixels.
+//!
+//! What is straight in space is seen in directions `u` of one plane through the camera, `n·u = 0`: a great circle. A sample
+//! at pixel `p` looks in direction `u(p)`; its distance from the image of the circle is, to first order,
+//!
+//! ```text
+//! d = n·u(p) / ‖Gᵀ n‖  px,      G = ∂u/∂p      (3×2),
+//! ```
+//!
+//! positive on the side that `n` points to. Measured in pixels rather than angles, every sample counts by what its marking
+//! is worth, however much the lens squeezes the world there. The best circle minimizes `Σ d²`; as `‖Gᵀ n‖` hardly changes
+//! with `n`, a few rounds of the smallest eigenvector of `Σ u uᵀ / ‖Gᵀ n‖²` suffice.
+//!
+//! # Reference
+//! P. D. Sampson, *Fitting conic sections to "very scattered" data*, CGIP 18, 1982 (the first-order distance).
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SymmetricEigen};
+
+use crate::camera::Lens;
+use crate::camera::Vec3;
+use crate::math::Point2;
+
+/// Rounds of reweighting: the distances change by less than a thousandth after the second.
+const ROUNDS: usize = 3;
+/// Least slope of `n·u`, 1/px: a guard where a sample looks along `n`, far off the circle.
+const LEAST_SLOPE: f64 = 1e-12;
+
+/// What a pixel sees: the direction, and how it turns with the pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Unit direction.
+    pub ray: Vec3,
+    /// `∂u/∂p`, rad/px.
+    pub turn: Matrix3x2<f64>,
+}
+
+impl Sight {
+    /// What `lens` sees at `p`; `None` outside its field.
+    pub fn new(lens: &Lens, p: Point2) -> Option<Self> {
+        let ray = lens.unproject(p)?;
+        let (_, jacobian) = lens.project_with_jacobian(&ray)?;
+        Some(Self { ray, turn: inverse_on_tangent(&jacobian, &ray)? })
+    }
+
+    /// Signed distance from the great circle with unit normal `n`, px.
+    pub fn distance(&self, n: &Vec3) -> f64 {
+        n.dot(&self.ray) / self.slope(n)
+    }
+
+    fn slope(&self, n: &Vec3) -> f64 {
+        self.turn.tr_mul(n).norm().max(LEAST_SLOPE)
+    }
+}
+
+/// `∂u/∂p` from `∂p/∂u`, on the tangent plane of the unit sphere at `ray`.
+fn inverse_on_tangent(jacobian: &Matrix2x3<f64>, ray: &Vec3) -> Option<Matrix3x2<f64>> {
+    let aside = Vec3::ith(ray.iamin(), 1.0);
+    let first = ray.cross(&aside).normalize();
+    let tangent = Matrix3x2::from_columns(&[first, ray.cross(&first)]);
+    let flat: Matrix2<f64> = jacobian * tangent;
+    Some(tangent * flat.try_inverse()?)
+}
+
+/// Unit normal of the best great circle through `sights`; `None` for fewer than two or where they do not tell one.
+pub fn best_circle(sights: &[Sight]) -> Option<Vec3> {
+    if sights.len() < 2 {
+        return None;
+    }
+    let mut weights: Vec<f64> = sights.iter().map(|s| s.turn.norm_squared().recip()).collect();
+    let mut normal = None;
+    for _ in 0..ROUNDS {
+        let moment: Matrix3<f64> = sights.iter().zip(&weights).map(|(s, w)| s.ray * s.ray.transpose() * *w).sum();
+        let trace = moment.trace();
+        if !(trace > 0.0 && trace.is_finite()) {
+            return None;
+        }
+        let eigen = SymmetricEigen::new(moment / trace);
+        let n: Vec3 = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+        for (w, s) in weights.iter_mut().zip(sights) {
+            *w = s.slope(&n).powi(-2);
+        }
+        normal = Some(n);
+    }
+    normal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{FieldAxis, FieldOfView, Projection};
+
+    fn lens() -> Lens {
+        let fov = FieldOfView::degrees(150.0, FieldAxis::Horizontal);
+        Lens::from_field_of_view(Projection::Equidistant, fov, (1000.0, 800.0)).expect("below 360°")
+    }
+
+    #[test]
+    fn samples_beside_a_circle_lie_as_many_pixels_off_as_they_were_moved() {
+        let (lens, n) = (lens(), Vec3::new(0.3, 0.9, -0.2).normalize());
+        let along = n.cross(&Vec3::x()).normalize();
+        for (angle, off) in [(-0.9, 0.5), (-0.2, -2.0), (0.4, 1.0), (1.0, 3.0)] {
+            let on = |a: f64| lens.project(&(along * a.sin() + along.cross(&n) * -a.cos())).expect("inside the field");
+            let (p, tangent) = (on(angle), (on(angle + 1e-5) - on(angle - 1e-5)).normalize());
+            let moved = p + off * nalgebra::Vector2::new(-tangent.y, tangent.x);
+            let distance = Sight::new(&lens, moved).expect("inside the field").distance(&n);
+            assert!((distance.abs() - f64::abs(off)).abs() < 0.01 * f64::abs(off), "{distance} for {off}");
+        }
+    }
+
+    #[test]
+    fn the_turn_of_a_sight_is_the_derivative_of_its_ray() {
+        let lens = lens();
+        for p in [Point2::new(500.0, 400.0), Point2::new(100.0, 700.0), Point2::new(990.0, 15.0)] {
+            let sight = Sight::new(&lens, p).expect("inside the field");
+            for axis in 0..2 {
+                let step = 1e-4 * nalgebra::Vector2::ith(axis, 1.0);
+                let ray = |q| lens.unproject(q).expect("inside the field");
+                let slope = (ray(p + step) - ray(p - step)) / 2e-4;
+                assert!((slope - sight.turn.column(axis)).norm() < 1e-9, "{p} {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_circle_is_found_from_its_samples_and_needs_two() {
+        let (lens, n) = (lens(), Vec3::new(0.1, -0.8, 0.5).normalize());
+        let along = n.cross(&Vec3::x()).normalize();
+        let ahead = n.cross(&along) * n.cross(&along).z.signum();
+        let sights: Vec<_> = (-5..=5)
+            .filter_map(|i| lens.project(&(along * (0.2 * f64::from(i)).sin() + ahead * (0.2 * f64::from(i)).cos())))
+            .filter_map(|p| Sight::new(&lens, p))
+            .collect();
+        assert!(sights.len() > 6);
+        assert!(best_circle(&sights).expect("a circle").dot(&n).abs() > 1.0 - 1e-12);
+        assert!(best_circle(&sights[..1]).is_none() && best_circle(&[]).is_none());
+    }
+}

@@ -1,0 +1,163 @@
+//! Pieces of great circles, and joining those of one line.
+
+use nalgebra::{Matrix3, SymmetricEigen};
+
+use super::view::View;
+use crate::camera::Vec3;
+use crate::feature::Segment;
+
+/// Distance of samples along an edge, px of the view.
+const SAMPLE: f64 = 4.0;
+/// Pieces are tried for joining where their ends lie within this many pixels of the other's circle: short pieces point a
+/// little beside.
+const REACH: f64 = 4.0;
+/// Root mean square distance from the common circle, px, up to which pieces are one line. Ends of edges are known to a few
+/// tenths.
+const FIT: f64 = 0.7;
+/// Largest gap between pieces, as a share of their lengths: beyond, chance joins more than straightness does.
+const GAP: f64 = 0.4;
+/// Lines repeat another where they lie within this many pixels of it along most of their length: the two edges of a bar.
+const REPEAT: f64 = 5.0;
+/// Share of a repeat's length that the other line covers.
+const REPEAT_SHARE: f64 = 0.6;
+
+/// A piece of a great circle that an edge was seen along.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Arc {
+    /// Unit normal of the circle; the brighter side lies towards it.
+    pub(super) normal: Vec3,
+    /// Unit direction of the middle.
+    pub(super) middle: Vec3,
+    /// Half the extent, rad.
+    pub(super) half: f64,
+    /// Extent along which edges were seen, rad.
+    pub(super) seen: f64,
+    /// Angle of a pixel of the views, rad.
+    pub(super) pixel: f64,
+    /// `Σ u uᵀ` over samples.
+    moment: Matrix3<f64>,
+}
+
+impl Arc {
+    /// The arc of an edge of a view; `None` where the view does not look along it.
+    pub(super) fn of_segment(view: &View, segment: &Segment) -> Option<Self> {
+        let samples = (segment.length() / SAMPLE).ceil().max(2.0) as usize;
+        let at = |k: usize| segment.start + (segment.end - segment.start) * (k as f64 / samples as f64);
+        let rays: Option<Vec<Vec3>> = (0..=samples).map(|k| view.ray(at(k))).collect();
+        let rays = rays?;
+        let (first, last) = (rays[0], rays[samples]);
+        let normal = last.cross(&first).try_normalize(1e-9)?;
+        let moment = rays.iter().map(|u| u * u.transpose()).sum();
+        let middle = (first + last).normalize();
+        let half = 0.5 * first.angle(&last);
+        Some(Self { normal, middle, half, seen: 2.0 * half, pixel: view.pixel_angle(), moment })
+    }
+
+    /// The direction at an angle from the middle, rad.
+    pub(super) fn at(&self, angle: f64) -> Vec3 {
+        self.middle * angle.cos() + self.ahead() * angle.sin()
+    }
+
+    /// Unit direction from the middle onwards.
+    fn ahead(&self) -> Vec3 {
+        self.middle.cross(&self.normal)
+    }
+
+    /// Angle of a direction's foot on the circle from the middle, rad.
+    fn angle_of(&self, u: &Vec3) -> f64 {
+        u.dot(&self.ahead()).atan2(u.dot(&self.middle))
+    }
+
+    /// Both ends.
+    fn ends(&self) -> [Vec3; 2] {
+        [self.at(-self.half), self.at(self.half)]
+    }
+
+    /// Extent of another arc from the middle of this one.
+    fn extent_of(&self, other: &Self) -> [f64; 2] {
+        let [a, b] = other.ends().map(|u| self.angle_of(&u));
+        let m = self.angle_of(&other.middle);
+        // The middle tells on which side of the far point the ends lie.
+        let near = |v: f64| v + std::f64::consts::TAU * ((m - v) / std::f64::consts::TAU).round();
+        let (a, b) = (near(a), near(b));
+        [a.min(b), a.max(b)]
+    }
+
+    /// The arc of both pieces, where they are pieces of one line.
+    fn joined(&self, other: &Self) -> Option<Self> {
+        let tolerance = REACH * self.pixel.max(other.pixel);
+        if !(self.normal.dot(&other.normal) > 0.9) || other.ends().iter().any(|u| self.normal.dot(u).abs() > tolerance)
+        {
+            return None;
+        }
+        let [from, to] = self.extent_of(other);
+        let gap = (from - self.half).max(-self.half - to);
+        let lengths = 2.0 * (self.half + other.half);
+        if gap > GAP * lengths {
+            return None;
+        }
+        let moment = self.moment + other.moment;
+        let eigen = SymmetricEigen::new(moment);
+        let least = eigen.eigenvalues.imin();
+        let rms = (eigen.eigenvalues[least].max(0.0) / moment.trace()).sqrt();
+        if !(rms <= FIT * self.pixel.max(other.pixel)) {
+            return None;
+        }
+        let normal: Vec3 = eigen.eigenvectors.column(least).into_owned();
+        let normal = normal * normal.dot(&self.normal).signum();
+        let (from, to) = (from.min(-self.half), to.max(self.half));
+        let middle = self.at(0.5 * (from + to));
+        let middle = (middle - normal * normal.dot(&middle)).try_normalize(0.5)?;
+        let overlap = lengths - (to - from);
+        let seen = (self.seen + other.seen - overlap.max(0.0)).min(to - from);
+        let pixel = self.pixel.max(other.pixel);
+        Some(Self { normal, middle, half: 0.5 * (to - from), seen, pixel, moment })
+    }
+
+    /// Whether this one, the shorter, adds nothing to `other`.
+    fn repeats(&self, other: &Self) -> bool {
+        let near = |u: &Vec3| other.normal.dot(u).abs() < REPEAT * self.pixel;
+        if !self.ends().iter().all(near) {
+            return false;
+        }
+        let [from, to] = other.extent_of(self);
+        let common = to.min(other.half) - from.max(-other.half);
+        common > REPEAT_SHARE * (to - from)
+    }
+}
+
+/// Joins pieces of one line, long ones first, until no two are left that fit.
+pub(super) fn joined(mut arcs: Vec<Arc>) -> Vec<Arc> {
+    loop {
+        let before = arcs.len();
+        longest_first(&mut arcs);
+        let mut lines: Vec<Arc> = Vec::with_capacity(before);
+        for arc in arcs {
+            let fit = lines.iter().enumerate().find_map(|(i, line)| Some((i, line.joined(&arc)?)));
+            match fit {
+                Some((i, line)) => lines[i] = line,
+                None => lines.push(arc),
+            }
+        }
+        if lines.len() == before {
+            return lines;
+        }
+        arcs = lines;
+    }
+}
+
+/// Drops lines that lie along a longer one, as the second edge of a bar does.
+pub(super) fn without_repeats(mut arcs: Vec<Arc>) -> Vec<Arc> {
+    longest_first(&mut arcs);
+    let mut kept: Vec<Arc> = Vec::with_capacity(arcs.len());
+    for arc in arcs {
+        if !kept.iter().any(|other| arc.repeats(other)) {
+            kept.push(arc);
+        }
+    }
+    kept
+}
+
+fn longest_first(arcs: &mut [Arc]) {
+    arcs.sort_by(|a, b| b.seen.total_cmp(&a.seen));
+}

@@ -1,0 +1,118 @@
+//! Straight lines of a photo, found by themselves.
+//!
+//! What is straight in the world is bent by a wide lens, so edges are not looked for on the photo but on perspective views of
+//! it (`view`), where they are straight. Each edge is a piece of a great circle on the viewing sphere; pieces of one circle
+//! that nearly touch are joined (`arc`), the sphere being the one place where pieces of all views meet. Circles whose lines are
+//! parallel in space meet in a vanishing point (`vanishing`): the vertical one first, then horizontal ones. Lines that run
+//! to a vanishing point are likely to be built ones, which decides what is kept (`select`): long lines, spread over the
+//! picture, with lines of no group only where they are long.
+//!
+//! Only verticals of a camera held nearly level, and horizontals that face it, are given an orientation: to force others
+//! upright would bend the picture more than it helps. Each line has a name and can be switched off by it.
+//!
+//! Without a lens the photo is the view, and is taken as a perspective one.
+
+mod arc;
+mod select;
+#[cfg(test)]
+mod tests;
+mod vanishing;
+mod view;
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::{Line, Orientation};
+use crate::camera::{Lens, Projection, Vec3};
+use crate::feature::{SegmentOptions, segments};
+use crate::image::PlaneRef;
+use crate::math::{Point2, Vec2};
+
+use arc::Arc;
+use vanishing::Directions;
+use view::View;
+
+/// Settings of [`detect_lines`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineDetectionOptions {
+    /// Longest side on which edges are looked for, px: finer ones are too short to matter for a warp.
+    pub max_side: usize,
+    /// Most lines.
+    pub max_lines: usize,
+    /// Least length of a line that runs to a vanishing point, as a share of the photo's diagonal.
+    pub min_length: f64,
+    /// Least length of a line that does not, likewise: foliage and clothes have short edges.
+    pub min_free_length: f64,
+}
+
+impl Default for LineDetectionOptions {
+    fn default() -> Self {
+        Self { max_side: 1400, max_lines: 60, min_length: 0.07, min_free_length: 0.12 }
+    }
+}
+
+/// The lines of a photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LineDetection {
+    /// The best lines, the best first.
+    pub lines: Vec<DetectedLine>,
+    /// The direction of down in the lens's axes, where vertical lines tell it.
+    pub down: Option<Vec3>,
+    /// Directions of horizontal groups, the strongest first.
+    pub horizontals: Vec<Vec3>,
+}
+
+/// A line of a photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DetectedLine {
+    /// The line: its course in source px.
+    pub line: Line,
+    /// Which lines it is parallel to in space.
+    pub group: LineGroup,
+    /// Length, source px.
+    pub length_px: f64,
+    /// Share of the length along which an edge is seen, in [0, 1].
+    pub coverage: f64,
+}
+
+/// Lines that are parallel in space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineGroup {
+    /// Along gravity.
+    Vertical,
+    /// Along one of [`LineDetection::horizontals`], by index.
+    Horizontal(usize),
+    /// None.
+    Free,
+}
+
+/// Finds the lines of a photo of gray levels 0 to 255, whose directions `lens` tells; the lens's size is the photo's.
+pub fn detect_lines(luma: PlaneRef<'_, f32>, lens: Option<&Lens>, options: &LineDetectionOptions) -> LineDetection {
+    let size = (luma.width() as f64, luma.height() as f64);
+    if luma.width() < 8 || luma.height() < 8 {
+        return LineDetection { lines: Vec::new(), down: None, horizontals: Vec::new() };
+    }
+    let flat = flat_lens(size);
+    let sight = lens.unwrap_or(&flat);
+    let views = View::all(luma, sight, options.max_side);
+    let arcs: Vec<Arc> = views.par_iter().flat_map_iter(|v| arcs_of(v)).collect();
+    let arcs = arc::without_repeats(arc::joined(arcs));
+    let directions = if lens.is_some() { Directions::find(&arcs) } else { Directions::default() };
+    let lines = select::best(&arcs, &directions, sight, lens.is_none(), options);
+    LineDetection { lines, down: directions.down, horizontals: directions.horizontals }
+}
+
+/// The edges of a view as pieces of great circles.
+fn arcs_of(view: &View) -> Vec<Arc> {
+    let options = SegmentOptions { min_length: 12.0, ..SegmentOptions::default() };
+    let found = segments(view.luma(), &options);
+    found.iter().filter_map(|s| Arc::of_segment(view, s)).collect()
+}
+
+/// A photo without a lens is taken as a perspective one, as wide as a usual camera's.
+fn flat_lens(size: (f64, f64)) -> Lens {
+    let focal = size.0.max(size.1);
+    let center = Point2::new(0.5 * size.0, 0.5 * size.1);
+    Lens { projection: Projection::Rectilinear, focal: Vec2::new(focal, focal), center, size }
+}

@@ -1,0 +1,161 @@
+use super::*;
+use crate::camera::{FieldAxis, FieldOfView};
+use crate::image::Plane;
+
+/// A room of dark slats on bright walls, seen by a lens: slats along x, y and z in a frame that is pitched and yawed.
+struct Room {
+    lens: Lens,
+    lens_from_room: nalgebra::Rotation3<f64>,
+}
+
+impl Room {
+    fn new(projection: Projection, degrees: f64, pitch_deg: f64) -> Self {
+        let fov = FieldOfView::degrees(degrees, FieldAxis::Horizontal);
+        let lens = Lens::from_field_of_view(projection, fov, (640.0, 480.0)).expect("a lens");
+        let pitch = nalgebra::Rotation3::new(Vec3::x() * pitch_deg.to_radians());
+        let yaw = nalgebra::Rotation3::new(Vec3::y() * 25_f64.to_radians());
+        Self { lens, lens_from_room: pitch * yaw }
+    }
+
+    /// Gray level in a direction: the room is a box of 4 × 3 × 6 m around the camera.
+    fn gray(&self, ray: &Vec3) -> f32 {
+        let d = self.lens_from_room.inverse() * ray;
+        let half = Vec3::new(2.0, 1.5, 3.0);
+        let reach = half.component_div(&d.abs().map(|v| v.max(1e-9)));
+        let wall = reach.imin();
+        let p = d * reach[wall];
+        let (u, v) = ((wall + 1) % 3, (wall + 2) % 3);
+        let slat = |a: f64| (a / 0.9).rem_euclid(1.0) < 0.12;
+        let shade = [190.0, 215.0, 160.0][wall];
+        if slat(p[u] + 0.2) != slat(p[v] + 0.35) { shade - 120.0 } else { shade }
+    }
+
+    fn photo(&self) -> Plane<f32> {
+        let (w, h) = (self.lens.size.0 as usize, self.lens.size.1 as usize);
+        Plane::from_fn(w, h, |x, y| {
+            let sample = |k: usize| {
+                let p = Point2::new(x as f64 + ((k % 3) as f64 + 0.5) / 3.0, y as f64 + ((k / 3) as f64 + 0.5) / 3.0);
+                self.lens.unproject(p).map_or(0.0, |r| self.gray(&r))
+            };
+            (0..9).map(sample).sum::<f32>() / 9.0
+        })
+    }
+
+    fn detect(&self) -> LineDetection {
+        detect_lines(self.photo().as_ref(), Some(&self.lens), &LineDetectionOptions::default())
+    }
+}
+
+/// Largest distance of a line's points from its best great circle, px.
+fn bend(line: &DetectedLine, lens: &Lens) -> f64 {
+    let sights: Vec<_> =
+        line.line.points.iter().filter_map(|p| crate::photo::great_circle::Sight::new(lens, *p)).collect();
+    let n = crate::photo::great_circle::best_circle(&sights).expect("two points");
+    sights.iter().map(|s| s.distance(&n).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_slats_of_a_room_are_found_under_every_lens_and_grouped_by_direction() {
+    for (projection, degrees) in [
+        (Projection::Rectilinear, 80.0),
+        (Projection::Equidistant, 120.0),
+        (Projection::Stereographic, 150.0),
+        (Projection::Equirectangular, 270.0),
+    ] {
+        let room = Room::new(projection, degrees, 8.0);
+        let found = room.detect();
+        let name = room.lens.projection.name();
+        assert!(found.lines.len() >= 20, "{name}: {} lines", found.lines.len());
+        let down = found.down.expect("verticals");
+        let off = down.angle(&(room.lens_from_room * Vec3::y())).to_degrees();
+        assert!(off < 0.5, "{name}: down is {off}° off");
+        for axis in [Vec3::x(), Vec3::z()] {
+            let axis = room.lens_from_room * axis;
+            let near = found.horizontals.iter().map(|h| h.cross(&axis).norm()).fold(1.0, f64::min);
+            assert!(near < 0.01, "{name}: no horizontal direction within {near} of {axis}");
+        }
+        for line in &found.lines {
+            assert!(bend(line, &room.lens) < 0.01, "{name}: a line's points lie on its circle");
+            let rays: Vec<_> = line.line.points.iter().filter_map(|p| room.lens.unproject(*p)).collect();
+            let normal = rays[0].cross(&rays[rays.len() - 1]).normalize();
+            let axes = [Vec3::x(), Vec3::y(), Vec3::z()].map(|a| (room.lens_from_room * a).dot(&normal).abs());
+            assert!(
+                axes.into_iter().fold(1.0, f64::min) < 0.03,
+                "{name}: {} runs along no axis: {axes:?}",
+                line.line.name
+            );
+        }
+    }
+}
+
+#[test]
+fn verticals_shall_be_upright_only_where_the_camera_is_nearly_level() {
+    for (pitch, upright) in [(0.0, true), (12.0, true), (-12.0, true), (30.0, false)] {
+        let found = Room::new(Projection::Equidistant, 120.0, pitch).detect();
+        let verticals: Vec<_> = found.lines.iter().filter(|l| l.group == LineGroup::Vertical).collect();
+        assert!(verticals.len() >= 4, "{pitch}°: {}", verticals.len());
+        let wanted = if upright { Orientation::Vertical } else { Orientation::Free };
+        assert!(verticals.iter().all(|l| l.line.orientation == wanted), "{pitch}°");
+    }
+}
+
+#[test]
+fn edges_on_a_fisheye_become_whole_lines_not_chords() {
+    let room = Room::new(Projection::Equidistant, 150.0, 0.0);
+    let found = room.detect();
+    let diagonal = 800.0;
+    let long = found.lines.iter().filter(|l| l.length_px > 0.25 * diagonal).count();
+    assert!(long >= 8, "{long} lines longer than a quarter of the diagonal");
+    let chord = |l: &DetectedLine| {
+        let (a, b) = (l.line.points[0], l.line.points[l.line.points.len() - 1]);
+        let n = Vec2::new(-(b - a).y, (b - a).x).normalize();
+        l.line.points.iter().map(|p| (p - a).dot(&n).abs()).fold(0.0, f64::max)
+    };
+    assert!(found.lines.iter().map(chord).fold(0.0, f64::max) > 10.0, "some lines are bent on the photo");
+}
+
+#[test]
+fn names_tell_lines_apart_and_the_most_is_kept_to() {
+    let room = Room::new(Projection::Equidistant, 120.0, 0.0);
+    let options = LineDetectionOptions { max_lines: 15, ..LineDetectionOptions::default() };
+    let found = detect_lines(room.photo().as_ref(), Some(&room.lens), &options);
+    assert_eq!(found.lines.len(), 15);
+    let names: std::collections::BTreeSet<_> = found.lines.iter().map(|l| l.line.name.as_str()).collect();
+    assert_eq!(names.len(), 15);
+    assert!(names.contains("vertical 1"), "{names:?}");
+    assert_eq!(found, detect_lines(room.photo().as_ref(), Some(&room.lens), &options), "the same again");
+}
+
+#[test]
+fn without_a_lens_straight_edges_are_taken_from_the_photo_itself() {
+    let bar = Plane::from_fn(300, 200, |x, y| {
+        let slanted = (x as f32 + 0.5 - 0.25 * (y as f32 + 0.5) - 200.0).clamp(0.0, 1.0);
+        let flat = if (61..65).contains(&y) && x < 180 { 1.0 } else { 0.0 };
+        40.0 + 160.0 * slanted.max(flat)
+    });
+    let found = detect_lines(bar.as_ref(), None, &LineDetectionOptions::default());
+    let orientations: Vec<_> = found.lines.iter().map(|l| l.line.orientation).collect();
+    assert!(orientations.contains(&Orientation::Horizontal) && orientations.contains(&Orientation::Free), "{found:?}");
+    assert_eq!(orientations.len(), 2, "the two edges of the bar are one line: {found:?}");
+    assert!(found.lines.iter().all(|l| l.line.points.len() == 2 && l.group == LineGroup::Free));
+}
+
+#[test]
+fn pictures_without_lines_have_none_and_no_size_is_too_small() {
+    let fov = FieldOfView::degrees(120.0, FieldAxis::Horizontal);
+    let mut rng = fastrand::Rng::with_seed(4);
+    for (w, h) in [(1, 1), (1, 90), (9, 8), (64, 3), (150, 120)] {
+        let size = (w as f64, h as f64);
+        let fisheye = Lens::from_field_of_view(Projection::Equidistant, fov, size).expect("a lens");
+        for photo in [
+            Plane::from_fn(w, h, |_, _| 99.0),
+            Plane::from_fn(w, h, |_, _| f32::NAN),
+            Plane::from_fn(w, h, |_, _| 255.0 * rng.f32()),
+        ] {
+            for lens in [None, Some(&fisheye)] {
+                let found = detect_lines(photo.as_ref(), lens, &LineDetectionOptions::default());
+                assert!(found.lines.len() <= 1, "{w}×{h}: {found:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What a marked line may not be.
+
+use std::collections::HashMap;
+
+use super::orientation::Written;
+use super::{MarkedLine, MarksError};
+use crate::math::{Point2, Rect};
+use crate::photo::Orientation;
+
+/// Most lines of a file.
+pub(super) const MOST_MARKS: usize = 10_000;
+/// Most points of a file.
+const MOST_POINTS: usize = 100_000;
+/// Points may lie this far outside the picture, px: marks on the outermost pixel's outer edge, whatever the convention.
+const SLACK: f64 = 0.5;
+/// A line with all points within this distance of its first has no direction, px.
+const LEAST_EXTENT: f64 = 1.0;
+/// Lines whose ends lie within this distance of each other are the same, px: less than marks by hand repeat.
+const SAME: f64 = 0.5;
+
+/// A mark by its place, from 1, and its name.
+pub(super) fn told(kind: &str, index: usize, name: &str) -> String {
+    format!("{kind} {} ({name:?})", index + 1)
+}
+
+/// Refuses too many marks.
+pub(super) fn count(what: &'static str, found: usize, limit: usize) -> Result<(), MarksError> {
+    let too_many = || MarksError::TooMany { what, found: found as u64, limit: limit as u64 };
+    if found <= limit { Ok(()) } else { Err(too_many()) }
+}
+
+/// Refuses two marks of one name.
+pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), MarksError> {
+    let mut seen = HashMap::new();
+    for (i, name) in names.enumerate() {
+        if let Some(first) = seen.insert(name, i) {
+            return Err(MarksError::SameName { first: told(kind, first, name), second: told(kind, i, name) });
+        }
+    }
+    Ok(())
+}
+
+/// Checks all lines on a picture of `size`, and drops those that repeat an earlier one; what was dropped is told.
+pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<MarkedLine>, Vec<String>), MarksError> {
+    count("lines", marked.len(), MOST_MARKS)?;
+    count("points", marked.iter().map(|m| m.line.points.len()).sum(), MOST_POINTS)?;
+    names("line", marked.iter().map(|m| m.line.name.as_str()))?;
+    for (i, m) in marked.iter().enumerate() {
+        line(&told("line", i, &m.line.name), &m.line.points, size)?;
+    }
+    let (mut kept, mut notes) = (Vec::<(usize, MarkedLine)>::new(), Vec::new());
+    let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
+    for (i, m) in marked.into_iter().enumerate() {
+        let here = told("line", i, &m.line.name);
+        let twin = neighbors(&m).filter_map(|c| cells.get(&c)).flatten().map(|k| &kept[*k]).find(|(_, k)| same(k, &m));
+        if let Some((first, twin)) = twin {
+            let there = told("line", *first, &twin.line.name);
+            let (one, other) = (twin.line.orientation, m.line.orientation);
+            if one != other {
+                let [one, other] = [one, other].map(|o| Written(o).to_string());
+                return Err(MarksError::Contradiction { first: there, second: here, one, other });
+            }
+            notes.push(format!("{here} is left out: it is the same as {there}"));
+            continue;
+        }
+        if !m.off {
+            cells.entry(cell(middle(&m))).or_default().push(kept.len());
+        }
+        kept.push((i, m));
+    }
+    Ok((kept.into_iter().map(|(_, m)| m).collect(), notes))
+}
+
+/// Checks one line.
+fn line(mark: &str, points: &[Point2], (w, h): (u32, u32)) -> Result<(), MarksError> {
+    let refused = |field: String, value: String, expected: String| {
+        Err(MarksError::Value { mark: mark.to_owned(), field, value, expected })
+    };
+    if points.len() < 2 {
+        return refused("points".into(), format!("a list of {}", points.len()), "two or more".into());
+    }
+    let mut allowed = Rect::of_size(f64::from(w), f64::from(h));
+    (allowed.min, allowed.max) = (allowed.min.map(|v| v - SLACK), allowed.max.map(|v| v + SLACK));
+    for (i, p) in points.iter().enumerate() {
+        if !allowed.contains(*p) {
+            let expected = format!("a point inside the picture of {w}×{h} px");
+            return refused(format!("points[{i}]"), format!("({}, {})", p.x, p.y), expected);
+        }
+    }
+    if points.iter().all(|p| (p - points[0]).norm() < LEAST_EXTENT) {
+        return Err(MarksError::ZeroLength { mark: mark.to_owned() });
+    }
+    Ok(())
+}
+
+/// Whether two lines in use are one, marked in either direction. A free line beside one with an orientation is the same.
+fn same(a: &MarkedLine, b: &MarkedLine) -> bool {
+    let ends = |m: &MarkedLine| [m.line.points[0], m.line.points[m.line.points.len() - 1]];
+    let near = |p: Point2, q: Point2| (p - q).norm() < SAME;
+    let ([a0, a1], [b0, b1]) = (ends(a), ends(b));
+    !a.off && !b.off && (near(a0, b0) && near(a1, b1) || near(a0, b1) && near(a1, b0))
+}
+
+/// The middle between the ends.
+fn middle(m: &MarkedLine) -> Point2 {
+    nalgebra::center(&m.line.points[0], &m.line.points[m.line.points.len() - 1])
+}
+
+/// Cells of the side `SAME`: middles of equal lines lie in the same one or in neighbors.
+fn cell(p: Point2) -> (i64, i64) {
+    ((p.x / SAME).floor() as i64, (p.y / SAME).floor() as i64)
+}
+
+fn neighbors(m: &MarkedLine) -> impl Iterator<Item = (i64, i64)> {
+    let (x, y) = cell(middle(m));
+    (0..9).map(move |k| (x + k % 3 - 1, y + k / 3 - 1))
+}
+
+/// Free where nothing is asked.
+pub(super) fn is_free(orientation: &Written) -> bool {
+    orientation.0 == Orientation::Free
+}

@@ -1,0 +1,104 @@
+//! Why a file with marks was refused.
+
+use std::io;
+
+/// A file with marks that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MarksError {
+    /// Not JSON of the expected shape; the message ends with line and column.
+    #[error("not a file of marked {kind}: {fault}")]
+    Syntax {
+        /// `lines` or `faces`.
+        kind: &'static str,
+        /// What the parser says.
+        #[source]
+        fault: serde_json::Error,
+    },
+    /// Some other JSON.
+    #[error("format {found:?} is not a file of marked {kind} (expected {expected:?})")]
+    Format {
+        /// `lines` or `faces`.
+        kind: &'static str,
+        /// What `format` says.
+        found: String,
+        /// What it should say.
+        expected: &'static str,
+    },
+    /// Made by a program of another version.
+    #[error("version {found} of a file of marked {kind} is not supported (expected 1)")]
+    Version {
+        /// `lines` or `faces`.
+        kind: &'static str,
+        /// What `version` says.
+        found: u64,
+    },
+    /// Pixel centers that are neither at the corner nor in the middle.
+    #[error("pixel_centre is {found} (expected 0.5 or 0)")]
+    PixelCenter {
+        /// What stands there.
+        found: f64,
+    },
+    /// Marked in another picture, or in this one at another size.
+    #[error(
+        "the file is for a picture of {}×{} px and this one has {}×{}: mark this picture, or scale the file's positions",
+        .file.0, .file.1, .picture.0, .picture.1
+    )]
+    Size {
+        /// Width and height in the file, px.
+        file: (u32, u32),
+        /// Width and height of the picture, px.
+        picture: (u32, u32),
+    },
+    /// A mark with a value that it cannot have.
+    #[error("{mark}: {field} is {value} (expected {expected})")]
+    Value {
+        /// The mark by its place in the file and its name.
+        mark: String,
+        /// The key.
+        field: String,
+        /// What stands there.
+        value: String,
+        /// What may stand there.
+        expected: String,
+    },
+    /// A line without extent.
+    #[error("{mark}: all points lie within a pixel; mark two points that are apart, or remove the line")]
+    ZeroLength {
+        /// The line.
+        mark: String,
+    },
+    /// Two marks of one name.
+    #[error("{first} and {second} have the same name: give each its own")]
+    SameName {
+        /// The earlier mark.
+        first: String,
+        /// The later mark.
+        second: String,
+    },
+    /// The same line twice, to lie differently.
+    #[error("{first} and {second} are the same line and shall be {one} and {other}: remove one, or switch it off")]
+    Contradiction {
+        /// The earlier line.
+        first: String,
+        /// The later line.
+        second: String,
+        /// Orientation of the earlier.
+        one: String,
+        /// Orientation of the later.
+        other: String,
+    },
+    /// More than any person marks.
+    #[error("{found} {what} are too many (at most {limit}): is this the right file?")]
+    TooMany {
+        /// `lines`, `faces`, `points` or `bytes`.
+        what: &'static str,
+        /// How many there are.
+        found: u64,
+        /// How many may be.
+        limit: u64,
+    },
+    /// Reading failed.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}

@@ -1,0 +1,159 @@
+//! `NAME.faces.json`.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text};
+use super::lines::Id;
+use super::{MarksError, check};
+use crate::math::{Point2, Rect, Vec2};
+
+const KIND: Kind = Kind { name: "faces", format: "plumbline.faces" };
+
+/// A face with its switch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkedFace {
+    /// What messages call it.
+    pub name: String,
+    /// Where it is, px.
+    pub rect: Rect,
+    /// Kept in the file and not used.
+    pub off: bool,
+}
+
+/// Faces of a picture, as they stand in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FacesFile {
+    /// Width and height of the picture as shown, px.
+    pub size: (u32, u32),
+    /// All faces, in the order of the file.
+    pub faces: Vec<MarkedFace>,
+}
+
+/// A file of marked faces.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    /// Always `plumbline.faces`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// The picture that was marked.
+    source: Source,
+    /// The faces.
+    faces: Vec<Entry>,
+}
+
+/// The rectangle from `(x, y)` to `(x + w, y + h)`, px, edges of pixels at integers.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    /// What messages call it; left out, its place in the file does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
+    /// Left edge.
+    x: f64,
+    /// Top edge.
+    y: f64,
+    /// Width, above 0.
+    w: f64,
+    /// Height, above 0.
+    h: f64,
+    /// Kept in the file and not used.
+    #[serde(default)]
+    off: bool,
+}
+
+/// A face of a bare list.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BareEntry {
+    #[serde(default)]
+    id: Option<Id>,
+    x: f64,
+    y: f64,
+    w: f64,
+    h: f64,
+}
+
+/// The JSON schema of the faces file.
+pub fn faces_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+impl FacesFile {
+    /// Reads the faces of a picture of `size` px from a file.
+    ///
+    /// # Errors
+    /// [`MarksError`]: what [`FacesFile::parse`] refuses, a file that is too large or cannot be read.
+    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
+        Self::parse(&read_text(path)?, size)
+    }
+
+    /// The faces of a picture of `size` px from a file's text. A face may reach beyond the picture, as detectors' boxes do,
+    /// but its middle must lie inside.
+    ///
+    /// # Errors
+    /// [`MarksError`]: not JSON of this shape, another version, another picture's size, a face without area or outside the
+    /// picture, equal names, or too many.
+    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
+        let entries: Vec<Entry> = match KIND.parse::<Document, BareEntry>(text)? {
+            Parsed::Document(document) => {
+                check_size(document.source, size)?;
+                document.faces
+            }
+            Parsed::List(list) => {
+                let entry =
+                    |b: BareEntry| Entry { name: b.id.map(Id::name), x: b.x, y: b.y, w: b.w, h: b.h, off: false };
+                list.into_iter().map(entry).collect()
+            }
+        };
+        check::count("faces", entries.len(), check::MOST_MARKS)?;
+        let faces: Result<Vec<_>, _> = entries.into_iter().enumerate().map(|(i, e)| face(i, e, size)).collect();
+        let faces = faces?;
+        check::names("face", faces.iter().map(|f| f.name.as_str()))?;
+        Ok(Self { size, faces })
+    }
+
+    /// The text of the file, one face per line.
+    pub fn to_json(&self) -> String {
+        let entry = |f: &MarkedFace| Entry {
+            name: Some(f.name.clone()),
+            x: f.rect.min.x,
+            y: f.rect.min.y,
+            w: f.rect.width(),
+            h: f.rect.height(),
+            off: f.off,
+        };
+        let (format, source) = (KIND.format.into(), Source::of(self.size));
+        let document = Document { format, version: VERSION, source, faces: Vec::new() };
+        one_per_line(&document, self.faces.iter().map(entry))
+    }
+
+    /// The faces in use.
+    pub fn in_use(&self) -> impl Iterator<Item = &MarkedFace> {
+        self.faces.iter().filter(|f| !f.off)
+    }
+}
+
+fn face(i: usize, e: Entry, (width, height): (u32, u32)) -> Result<MarkedFace, MarksError> {
+    let name = e.name.unwrap_or_else(|| format!("face {}", i + 1));
+    let refused = |field: &str, value: String, expected: String| {
+        Err(MarksError::Value { mark: check::told("face", i, &name), field: field.into(), value, expected })
+    };
+    for (field, side) in [("w", e.w), ("h", e.h)] {
+        if !(side > 0.0 && side.is_finite()) {
+            return refused(field, side.to_string(), "a finite number above 0".into());
+        }
+    }
+    let min = Point2::new(e.x, e.y);
+    let rect = Rect { min, max: min + Vec2::new(e.w, e.h) };
+    let middle = rect.center();
+    if !Rect::of_size(f64::from(width), f64::from(height)).contains(middle) {
+        let expected = format!("inside the picture of {width}×{height} px");
+        return refused("the middle", format!("({}, {})", middle.x, middle.y), expected);
+    }
+    Ok(MarkedFace { name, rect, off: e.off })
+}

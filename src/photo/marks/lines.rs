@@ -1,0 +1,184 @@
+//! `NAME.lines.json`.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text, shift};
+use super::orientation::Written;
+use super::{MarksError, check};
+use crate::math::{Point2, Vec2};
+use crate::photo::Line;
+
+const KIND: Kind = Kind { name: "lines", format: "plumbline.lines" };
+
+/// A line with its switch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkedLine {
+    /// The line.
+    pub line: Line,
+    /// Kept in the file and not used.
+    pub off: bool,
+}
+
+/// Lines of a picture, as they stand in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinesFile {
+    /// Width and height of the picture as shown, px.
+    pub size: (u32, u32),
+    /// All lines, in the order of the file.
+    pub lines: Vec<MarkedLine>,
+    /// What was put right in reading, for the user.
+    pub notes: Vec<String>,
+}
+
+/// A file of marked lines.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    /// Always `plumbline.lines`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// Where the center of the first pixel lies: 0.5, or 0.
+    #[serde(default = "half")]
+    pixel_centre: f64,
+    /// The picture that was marked.
+    source: Source,
+    /// The lines.
+    lines: Vec<Entry>,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+/// A marked line.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    /// What messages call it; left out, its place in the file does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
+    /// Two or more positions in order along the line, px.
+    #[schemars(length(min = 2))]
+    points: Vec<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "check::is_free")]
+    orientation: Written,
+    /// Kept in the file and not used.
+    #[serde(default, skip_serializing_if = "is_false")]
+    off: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it this way")]
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
+/// A line of a bare list.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BareEntry {
+    #[serde(default)]
+    id: Option<Id>,
+    points: Vec<[f64; 2]>,
+    #[serde(default)]
+    orientation: Written,
+}
+
+/// A name or a number.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a name or a whole number")]
+pub(super) enum Id {
+    Name(String),
+    Number(i64),
+}
+
+impl Id {
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Name(name) => name,
+            Self::Number(n) => n.to_string(),
+        }
+    }
+}
+
+/// The JSON schema of the lines file.
+pub fn lines_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+impl LinesFile {
+    /// A file of lines that are all in use.
+    pub fn new(size: (u32, u32), lines: Vec<Line>) -> Self {
+        let lines = lines.into_iter().map(|line| MarkedLine { line, off: false }).collect();
+        Self { size, lines, notes: Vec::new() }
+    }
+
+    /// Reads the lines of a picture of `size` px from a file.
+    ///
+    /// # Errors
+    /// [`MarksError`]: what [`LinesFile::parse`] refuses, a file that is too large or cannot be read.
+    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
+        Self::parse(&read_text(path)?, size)
+    }
+
+    /// The lines of a picture of `size` px from a file's text.
+    ///
+    /// # Errors
+    /// [`MarksError`]: not JSON of this shape, another version, another picture's size, points outside the picture, lines
+    /// without extent, equal names, the same line with different orientations, or too many.
+    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
+        let lines = match KIND.parse::<Document, BareEntry>(text)? {
+            Parsed::Document(document) => {
+                check_size(document.source, size)?;
+                let by = shift(document.pixel_centre)?;
+                let entries = document.lines.into_iter();
+                entries.enumerate().map(|(i, e)| marked(i, e.name, &e.points, e.orientation, e.off, by)).collect()
+            }
+            Parsed::List(list) => {
+                let by = shift(0.0)?;
+                let entries = list.into_iter().enumerate();
+                entries.map(|(i, e)| marked(i, e.id.map(Id::name), &e.points, e.orientation, false, by)).collect()
+            }
+        };
+        let (lines, notes) = check::lines(lines, size)?;
+        Ok(Self { size, lines, notes })
+    }
+
+    /// The text of the file, one line of the picture per line of text.
+    pub fn to_json(&self) -> String {
+        let entry = |m: &MarkedLine| Entry {
+            name: Some(m.line.name.clone()),
+            points: m.line.points.iter().map(|p| [p.x, p.y].map(rounded)).collect(),
+            orientation: Written(m.line.orientation),
+            off: m.off,
+        };
+        let document = Document {
+            format: KIND.format.into(),
+            version: VERSION,
+            pixel_centre: half(),
+            source: Source::of(self.size),
+            lines: Vec::new(),
+        };
+        let entries = self.lines.iter().map(entry);
+        one_per_line(&document, entries)
+    }
+
+    /// The lines in use.
+    pub fn in_use(&self) -> impl Iterator<Item = &Line> {
+        self.lines.iter().filter(|m| !m.off).map(|m| &m.line)
+    }
+}
+
+fn marked(i: usize, name: Option<String>, points: &[[f64; 2]], orientation: Written, off: bool, by: f64) -> MarkedLine {
+    let points = points.iter().map(|[x, y]| Point2::new(*x, *y) + Vec2::new(by, by)).collect();
+    let name = name.unwrap_or_else(|| format!("line {}", i + 1));
+    MarkedLine { line: Line { name, points, orientation: orientation.0 }, off }
+}
+
+/// To a thousandth of a pixel: what is left is not measured.
+fn rounded(v: f64) -> f64 {
+    (v * 1e3).round() / 1e3
+}

@@ -1,0 +1,61 @@
+//! What retargeting can refuse.
+
+use crate::energy::EnergyError;
+use crate::optim::qp::QpError;
+use crate::warp::FieldError;
+
+/// Why a picture cannot be given another shape.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RetargetError {
+    /// Input: a picture without pixels, or beyond what maps address.
+    #[error("the picture has {width}×{height} px (expected 1 to {MAX_SIDE} each way)")]
+    SourceSize {
+        /// Width, px.
+        width: usize,
+        /// Height, px.
+        height: usize,
+    },
+    /// Input: an output that cannot be.
+    #[error("target size {width}×{height} px is invalid (expected 1 to {MAX_SIDE} each way)")]
+    TargetSize {
+        /// Width, px.
+        width: usize,
+        /// Height, px.
+        height: usize,
+    },
+    /// Input: a marked line with a point that is no place.
+    #[error("line {name:?} has a point that is not finite; mark it again")]
+    Line {
+        /// The line's name.
+        name: String,
+    },
+    /// Input: a face whose box is empty or not finite.
+    #[error("face {index} has an empty box or one that is not finite")]
+    Face {
+        /// Its index.
+        index: usize,
+    },
+    /// Settings: an option out of its range.
+    #[error("{name} {value} is invalid (expected {range})")]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// What it was set to.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// Numerics: the start could not be solved.
+    #[error("rows and columns could not be sized: {0}")]
+    Start(#[from] QpError),
+    /// Numerics: the mesh could not be solved.
+    #[error("the mesh could not be solved: {0}")]
+    Solve(#[from] EnergyError),
+    /// Numerics: the mesh cannot be inverted.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+}
+
+/// Largest side of a picture, px: the largest that JPEG can hold.
+pub(super) const MAX_SIDE: usize = 65_535;

@@ -1,0 +1,350 @@
+//! New shapes for pictures: what matters keeps its proportions, lines stay straight, the rest gives way.
+//!
+//! A grid is laid over the picture, or over the window that is kept of it where the change of shape is extreme
+//! (`window.rs`). Each cell weighs what the importance of its place says. Row heights and column widths give a
+//! start without folds (`axis_aligned.rs`), from which scale-and-stretch with straight lines descends
+//! (`scale_and_stretch.rs`, `straight.rs`). The border is exact and no cell folds, whatever the size.
+//!
+//! [`retarget`] is the one-line door; a [`Retargeter`] keeps what does not depend on the size, for a size that is dragged.
+
+mod axis_aligned;
+mod error;
+mod scale_and_stretch;
+mod straight;
+mod virtual_points;
+mod window;
+
+use nalgebra::Matrix2x3;
+
+use super::{FittedLine, Line, LineReport, Orientation, PhotoWarp};
+use crate::feature::{Face, Importance};
+use crate::math::{Point2, Rect, Vec2};
+use crate::mesh::{Grid, GridMesh};
+use crate::warp::{Map, WarpField};
+use axis_aligned::axis_aligned;
+use error::MAX_SIDE;
+pub use error::RetargetError;
+use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
+use straight::Straight;
+use virtual_points::virtual_points;
+
+/// Points at which a line is measured, besides those marked.
+const SAMPLES: usize = 64;
+/// A line off its wanted direction by more than this, rad, counts as one that could not be held: half a degree.
+const TURNED: f64 = 0.01;
+
+/// What a picture's new shape is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RetargetOptions {
+    /// Cells of the grid, about; 64 to 10 000. Fewer than 400 cannot follow small objects, more than 2000 take longer than a
+    /// frame of a display to re-solve.
+    pub cells: usize,
+    /// Least scale of a cell relative to the plain resize, in (0, 1). At 0.1 unimportant strips all but vanish and what
+    /// texture they have shows it; at 0.8 hardly anything is left to be gained over the plain resize.
+    pub least_scale: f64,
+    /// How stiff grid lines are against turning, relative to a cell that matters fully; ≥ 0. At 0 important objects make the
+    /// picture around them bulge; at 10 and more rows and columns stay rows and columns.
+    pub bending: f64,
+    /// Weight of faces relative to a cell that matters fully, ≥ 1.
+    pub face_weight: f64,
+    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops.
+    pub crop_below: f64,
+    /// Refine rows and columns by scale-and-stretch. Without, lines that are neither horizontal nor vertical may bend.
+    pub refine: bool,
+}
+
+impl Default for RetargetOptions {
+    fn default() -> Self {
+        Self { cells: 1200, least_scale: 0.3, bending: 1.0, face_weight: 10.0, crop_below: 0.4, refine: true }
+    }
+}
+
+impl RetargetOptions {
+    fn check(&self) -> Result<(), RetargetError> {
+        let bad = |name, value, range| Err(RetargetError::Option { name, value, range });
+        if !(64..=10_000).contains(&self.cells) {
+            return bad("cells", self.cells as f64, "64 to 10000");
+        }
+        if !(self.least_scale > 0.0 && self.least_scale < 1.0) {
+            return bad("least_scale", self.least_scale, "above 0, below 1");
+        }
+        if !(self.bending >= 0.0 && self.bending <= 1e6) {
+            return bad("bending", self.bending, "0 to 1000000");
+        }
+        if !(self.face_weight >= 1.0 && self.face_weight <= 1e6) {
+            return bad("face_weight", self.face_weight, "1 to 1000000");
+        }
+        if !(self.crop_below >= 0.0 && self.crop_below <= 1.0) {
+            return bad("crop_below", self.crop_below, "0 to 1");
+        }
+        Ok(())
+    }
+}
+
+/// A picture's new shape.
+#[derive(Debug)]
+pub struct Retargeted {
+    /// The map, the grid as it lies in the output, and the lines.
+    pub warp: PhotoWarp,
+    /// The part of the picture that the output shows, source px; the grid covers it.
+    pub window: Rect,
+    /// The energy at the start and after every step; never rising.
+    pub energies: Vec<f64>,
+    /// Names of lines that could not be straight and were let go, so that the others could.
+    pub released: Vec<String>,
+}
+
+/// Gives a picture of `source` px the size `out` px: [`Retargeter::new`] and [`Retargeter::solve`] in one.
+///
+/// # Errors
+/// As those two.
+pub fn retarget(
+    source: (usize, usize),
+    out: (usize, usize),
+    importance: &Importance,
+    lines: &[Line],
+    faces: &[Face],
+    options: &RetargetOptions,
+) -> Result<Retargeted, RetargetError> {
+    Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out)
+}
+
+/// A picture ready to be given any size.
+#[derive(Debug)]
+pub struct Retargeter {
+    source: (f64, f64),
+    importance: Importance,
+    lines: Vec<Line>,
+    faces: Vec<Face>,
+    options: RetargetOptions,
+    /// What depends on the window alone, of the last window.
+    prepared: Option<Prepared>,
+}
+
+/// The grid over a window, its weights and its energy.
+#[derive(Debug)]
+struct Prepared {
+    window: Rect,
+    grid: Grid,
+    weights: Vec<f64>,
+    /// Lines in px of the window.
+    lines: Vec<Line>,
+    energy: ScaleAndStretch,
+    /// Numbers of lines let go.
+    released: Vec<usize>,
+}
+
+impl Retargeter {
+    /// Takes a picture of `source` px; lines and faces are in px of it.
+    ///
+    /// # Errors
+    /// [`RetargetError::SourceSize`], [`RetargetError::Line`], [`RetargetError::Face`], [`RetargetError::Option`].
+    pub fn new(
+        source: (usize, usize),
+        importance: Importance,
+        lines: Vec<Line>,
+        faces: Vec<Face>,
+        options: RetargetOptions,
+    ) -> Result<Self, RetargetError> {
+        options.check()?;
+        let (width, height) = source;
+        if !is_size(source) {
+            return Err(RetargetError::SourceSize { width, height });
+        }
+        let finite = |p: &Point2| p.x.is_finite() && p.y.is_finite();
+        let given = |o: Orientation| !matches!(o, Orientation::Angle(a) if !a.is_finite());
+        if let Some(line) = lines.iter().find(|l| !(l.points.iter().all(finite) && given(l.orientation))) {
+            return Err(RetargetError::Line { name: line.name.clone() });
+        }
+        let sound = |r: &Rect| finite(&r.min) && finite(&r.max) && r.width() > 0.0 && r.height() > 0.0;
+        if let Some(index) = faces.iter().position(|f| !sound(&f.rect)) {
+            return Err(RetargetError::Face { index });
+        }
+        let source = (width as f64, height as f64);
+        Ok(Self { source, importance, lines, faces, options, prepared: None })
+    }
+
+    /// The shape for an output of `out` px. What depends on the picture alone is kept from one call to the next; the result
+    /// does not depend on earlier calls.
+    ///
+    /// # Errors
+    /// [`RetargetError::TargetSize`]; [`RetargetError::Start`], [`RetargetError::Solve`] where numerics fail.
+    pub fn solve(&mut self, out: (usize, usize)) -> Result<Retargeted, RetargetError> {
+        let (width, height) = out;
+        if !is_size(out) {
+            return Err(RetargetError::TargetSize { width, height });
+        }
+        let size = (width as f64, height as f64);
+        let window = window::window(self.source, size, &self.importance, self.options.crop_below);
+        if self.prepared.as_ref().is_none_or(|p| p.window != window || !p.released.is_empty()) {
+            self.prepared = Some(self.prepare(window, Vec::new())?);
+        }
+        loop {
+            let prepared = self.prepared.as_mut().expect("set above");
+            let (mesh, descent) = prepared.solve(size, &self.options)?;
+            let reports = prepared.measure(&mesh);
+            let bent = prepared.bent(&reports);
+            if bent.is_empty() || !self.options.refine {
+                return prepared.retargeted(mesh, &descent, reports, out);
+            }
+            let released = [std::mem::take(&mut prepared.released), bent].concat();
+            self.prepared = Some(self.prepare(window, released)?);
+        }
+    }
+
+    fn prepare(&self, window: Rect, released: Vec<usize>) -> Result<Prepared, RetargetError> {
+        let (w, h) = (window.width(), window.height());
+        let grid = grid_over(w, h, self.options.cells);
+        let weights = self.weights(&window, &grid);
+        let lines: Vec<Line> = self.lines.iter().map(|line| moved(line, -window.min.coords)).collect();
+        let held = lines.iter().enumerate().filter(|(i, _)| !released.contains(i));
+        let straight =
+            held.filter_map(|(_, line)| Straight::new(virtual_points(line, &grid), line.orientation)).collect();
+        let settings =
+            Settings { bending: self.options.bending, least: self.options.least_scale, rounds: 40, tolerance: 1e-6 };
+        let energy = ScaleAndStretch::new(grid, weights.clone(), straight, settings)?;
+        Ok(Prepared { window, grid, weights, lines, energy, released })
+    }
+
+    /// Weights of the cells: importance, and more where faces are.
+    fn weights(&self, window: &Rect, grid: &Grid) -> Vec<f64> {
+        let fraction = |p: Point2| Point2::new(p.x / self.source.0, p.y / self.source.1);
+        let in_picture = Rect { min: fraction(window.min), max: fraction(window.max) };
+        let mut weights = self.importance.cell_means(&in_picture, grid.cols, grid.rows);
+        let (cw, ch) = grid.cell_size();
+        for face in &self.faces {
+            // Hair, ears and chin stand outside the detector's box.
+            let margin = Vec2::new(0.25 * face.rect.width(), 0.4 * face.rect.height()) + Vec2::new(0.5 * cw, 0.5 * ch);
+            let reach = Rect { min: face.rect.min - margin, max: face.rect.max + margin };
+            for (cell, w) in weights.iter_mut().enumerate() {
+                let (c, r) = ((cell % grid.cols) as f64 + 0.5, (cell / grid.cols) as f64 + 0.5);
+                if reach.contains(window.min + Vec2::new(c * cw, r * ch)) {
+                    *w = self.options.face_weight;
+                }
+            }
+        }
+        // Nothing at all would leave cells free to be anything; a mask may say so nevertheless.
+        weights.iter_mut().for_each(|w| *w = w.max(LEAST_WEIGHT));
+        weights
+    }
+}
+
+/// Least weight of a cell.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+fn is_size((width, height): (usize, usize)) -> bool {
+    (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height)
+}
+
+/// A grid of about square cells.
+fn grid_over(width: f64, height: f64, cells: usize) -> Grid {
+    let along = |a: f64, b: f64| ((cells as f64 * a / b).sqrt().round() as usize).clamp(4, cells / 4);
+    Grid { cols: along(width, height), rows: along(height, width), width, height }
+}
+
+fn moved(line: &Line, by: Vec2) -> Line {
+    Line { points: line.points.iter().map(|p| p + by).collect(), ..line.clone() }
+}
+
+impl Prepared {
+    fn solve(&mut self, size: (f64, f64), options: &RetargetOptions) -> Result<(GridMesh, Descent), RetargetError> {
+        let plain = plain_resize(&self.grid, size);
+        let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
+        let mut mesh =
+            if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, options.least_scale)? };
+        if !options.refine {
+            return Ok((mesh, Descent { energies: Vec::new(), converged: true }));
+        }
+        let descent = self.energy.minimize(&mut mesh, size)?;
+        Ok((mesh, descent))
+    }
+
+    fn measure(&self, mesh: &GridMesh) -> Vec<LineReport> {
+        self.lines.iter().map(|line| report(line, &self.grid, mesh)).collect()
+    }
+
+    /// Numbers of the lines that are bent or turned, and have not been let go yet.
+    fn bent(&self, reports: &[LineReport]) -> Vec<usize> {
+        let bent = |r: &LineReport| r.is_bent() || r.angle_error.is_some_and(|e| e.abs() > TURNED);
+        (0..reports.len()).filter(|i| bent(&reports[*i]) && !self.released.contains(i)).collect()
+    }
+
+    fn retargeted(
+        &self,
+        mesh: GridMesh,
+        descent: &Descent,
+        lines: Vec<LineReport>,
+        size: (usize, usize),
+    ) -> Result<Retargeted, RetargetError> {
+        let mut field = WarpField::from_forward_mesh(&mesh, self.grid.width, self.grid.height)?;
+        if self.window.min != Point2::origin() {
+            let (x, y) = (self.window.min.x, self.window.min.y);
+            field = field.then(Map::Affine(Matrix2x3::new(1.0, 0.0, x, 0.0, 1.0, y)));
+        }
+        let iterations = descent.energies.len().saturating_sub(1);
+        let (grid, moved, corner) = (self.grid, mesh.clone(), self.window.min.coords);
+        let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(p - corner)?)));
+        let warp = PhotoWarp { field, size, mesh, forward, lines, iterations };
+        let released = self.released.iter().map(|&i| self.lines[i].name.clone()).collect();
+        let energies = descent.energies.clone();
+        Ok(Retargeted { warp, window: self.window, energies, released })
+    }
+}
+
+/// The grid scaled to `size`.
+fn plain_resize(grid: &Grid, size: (f64, f64)) -> GridMesh {
+    let at = |i: usize, n: usize, extent: f64| if i == n { extent } else { extent * i as f64 / n as f64 };
+    let vertex = |i: usize| {
+        let (col, row) = (i % (grid.cols + 1), i / (grid.cols + 1));
+        Point2::new(at(col, grid.cols, size.0), at(row, grid.rows, size.1))
+    };
+    GridMesh { cols: grid.cols, rows: grid.rows, vertices: (0..grid.vertex_count()).map(vertex).collect() }
+}
+
+/// How a line lies in the output.
+fn report(line: &Line, grid: &Grid, mesh: &GridMesh) -> LineReport {
+    let samples = sampled(line);
+    let shown: Vec<Point2> = samples.iter().filter_map(|&p| grid.locate(p)).map(|p| mesh.at(p)).collect();
+    let fitted = FittedLine::through(&shown);
+    let off = |p: &Point2| fitted.map_or(0.0, |line| line.off(*p).abs());
+    let squares: f64 = shown.iter().map(|p| off(p).powi(2)).sum();
+    let direction = fitted.map_or(Vec2::x(), |line| line.direction);
+    let angle = within_half_turn(direction.y.atan2(direction.x));
+    let wanted = match line.orientation {
+        Orientation::Free => None,
+        Orientation::Horizontal => Some(0.0),
+        Orientation::Vertical => Some(std::f64::consts::FRAC_PI_2),
+        Orientation::Angle(angle) => Some(angle),
+    };
+    LineReport {
+        name: line.name.clone(),
+        max_px: shown.iter().map(off).fold(0.0, f64::max),
+        rms_px: (squares / shown.len().max(1) as f64).sqrt(),
+        length_px: match (shown.first(), shown.last()) {
+            (Some(a), Some(b)) => (b - a).norm(),
+            _ => 0.0,
+        },
+        angle,
+        angle_error: wanted.filter(|_| fitted.is_some()).map(|wanted| within_half_turn(angle - wanted)),
+        off_lens_px: None,
+        shown: shown.len() as f64 / samples.len().max(1) as f64,
+    }
+}
+
+/// An angle of a line without direction: in (−π/2, π/2].
+fn within_half_turn(angle: f64) -> f64 {
+    let turned = angle.rem_euclid(std::f64::consts::PI);
+    if turned > std::f64::consts::FRAC_PI_2 { turned - std::f64::consts::PI } else { turned }
+}
+
+/// The marked points and points between them, about evenly spread.
+fn sampled(line: &Line) -> Vec<Point2> {
+    let length = |ends: &[Point2]| (ends[1] - ends[0]).norm();
+    let total: f64 = line.points.windows(2).map(length).sum();
+    let mut samples: Vec<Point2> = line.points.first().copied().into_iter().collect();
+    for ends in line.points.windows(2) {
+        let pieces = if total > 0.0 { (SAMPLES as f64 * length(ends) / total).ceil().max(1.0) as usize } else { 1 };
+        samples.extend((1..=pieces).map(|k| ends[0] + (ends[1] - ends[0]) * (k as f64 / pieces as f64)));
+    }
+    samples
+}

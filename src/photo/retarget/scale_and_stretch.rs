@@ -1,0 +1,325 @@
+//! Scale-and-stretch: cells that matter change size alike both ways, the others take up the rest.
+//!
+//! Each cell `f` would like to be scaled by some `s_f`, the same along x and y; grid lines would like to keep their
+//! direction. Over the edges `e = v_i − v_j` of the cells, with `'` for the output,
+//!
+//! ```text
+//! E = Σ_f w_f Σ_{e ∈ f} |e' − s_f e|²  +  λ Σ_f Σ_{e ∈ f} |e' − l_e e|²  +  κ Σ_f Σ_{e ∈ f} [2 m |e| / (e'·ê) − 1]₊²  +  lines,
+//! ```
+//!
+//! border vertices sliding along their sides. The paper alternates between `s_f`, `l_e` (closed forms of the present mesh)
+//! and the mesh. For a given mesh the best `s_f` is the mean over the cell's edges of `a_e = (e'·e)/|e|²`, which makes the
+//! first sum a quadratic form in the mesh alone: the spread of the four `a_e` about their mean, plus what edges deviate
+//! sideways. The same holds for `l_e = a_e` of the second sum, which is left with the sideways deviations. So `s` and `l` are
+//! eliminated and the fixed point of the alternation is reached in one solve. (The paper's `l_e = |e'|/|e|` differs at second
+//! order of the deviation.)
+//!
+//! The third sum is ours. Quadratic energies let cells that matter little vanish or turn over; it rises without bound as an
+//! edge shortens towards nothing, is zero beyond twice the least scale `m`, and convex, so that without free lines the whole
+//! has one minimum. It is minimized by Gauss–Newton steps from the axis-aligned start; a line search halves a step until `E`
+//! falls and no cell folds. Lines: see `straight.rs`.
+//!
+//! A plain resize of equal weights costs the same in every cell, hence is stationary; of one scale both ways it costs nothing.
+//!
+//! # Reference
+//! Y.-S. Wang, C.-L. Tai, O. Sorkine, T.-Y. Lee, *Optimized scale-and-stretch for image resizing*, ACM Trans. Graph.
+//! (SIGGRAPH Asia) 27 (2008), section 3.3.
+
+use super::RetargetError;
+use super::straight::{Lie, Straight};
+use crate::energy::{Ordering, QuadraticEnergy};
+use crate::math::Point2;
+use crate::mesh::{Grid, GridMesh, Quad};
+
+/// `κ`: at 0.01 the least important cells end at 1.05 `m`, at 1 near 2 `m`.
+const BARRIER: f64 = 0.1;
+/// A cell's Jacobian may not fall below this share of its least area `m_x m_y |cell|`: rounding stays far from a fold.
+const LEAST_DETERMINANT: f64 = 0.02;
+/// Halvings of a step before the mesh is taken for solved.
+const HALVINGS: usize = 20;
+
+/// Weights and stopping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    /// `λ`.
+    pub(super) bending: f64,
+    /// `m` relative to the plain resize.
+    pub(super) least: f64,
+    /// Steps at most.
+    pub(super) rounds: usize,
+    /// A step that lowers the energy by less than this share of it is the last.
+    pub(super) tolerance: f64,
+}
+
+/// How a minimization went.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Descent {
+    /// The energy at the start and after every step: never rising.
+    pub(super) energies: Vec<f64>,
+    /// True where the tolerance was reached.
+    pub(super) converged: bool,
+}
+
+/// The energy of one grid, its weights and its lines: the pattern is analyzed once, sizes may follow.
+#[derive(Debug)]
+pub(super) struct ScaleAndStretch {
+    grid: Grid,
+    weights: Vec<f64>,
+    lines: Vec<Straight>,
+    settings: Settings,
+    /// Whether each coordinate (x of vertex 0, y of vertex 0, x of vertex 1, …) is free, and if so its unknown.
+    unknown_of: Vec<Option<u32>>,
+    energy: QuadraticEnergy,
+}
+
+/// Scales and sideways deviations of a cell's edges: top, bottom, left, right.
+#[derive(Clone, Copy)]
+struct Edges {
+    along: [f64; 4],
+    aside: [f64; 4],
+}
+
+/// Corners of the edges, from → to.
+const EDGES: [[usize; 2]; 4] = [[0, 1], [2, 3], [0, 2], [1, 3]];
+/// An orthonormal basis of what is left of four edge scales without their mean.
+const SPREAD: [[f64; 4]; 3] = [
+    [std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0],
+    [0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2],
+    [0.5, 0.5, -0.5, -0.5],
+];
+
+impl ScaleAndStretch {
+    /// Analyzes the pattern.
+    ///
+    /// # Errors
+    /// [`RetargetError::Solve`] where the pattern cannot be analyzed.
+    pub(super) fn new(
+        grid: Grid,
+        weights: Vec<f64>,
+        lines: Vec<Straight>,
+        settings: Settings,
+    ) -> Result<Self, RetargetError> {
+        let (unknown_of, mut count) = number_free_coordinates(&grid);
+        let of_cell = |cell: usize| -> Vec<usize> {
+            let coordinates = grid.corners(cell).into_iter().flat_map(|v| [2 * v, 2 * v + 1]);
+            coordinates.filter_map(|c| unknown_of[c].map(|u| u as usize)).collect()
+        };
+        let mut elements: Vec<Vec<usize>> = (0..grid.cell_count()).map(of_cell).collect();
+        for line in &lines {
+            let offsets = count..count + line.offsets();
+            elements.extend(line.points.iter().map(|p| of_cell(p.cell).into_iter().chain(offsets.clone()).collect()));
+            count = offsets.end;
+        }
+        let energy = QuadraticEnergy::new(count, elements.iter().map(|e| &e[..]), &Ordering::Amd)?;
+        Ok(Self { grid, weights, lines, settings, unknown_of, energy })
+    }
+
+    /// Minimizes from `mesh`, which must have no fold and its border in place.
+    ///
+    /// # Errors
+    /// [`RetargetError::Solve`] where a step cannot be solved.
+    pub(super) fn minimize(&mut self, mesh: &mut GridMesh, size: (f64, f64)) -> Result<Descent, RetargetError> {
+        let scales = Scales::new(&self.grid, size, self.settings.least);
+        let mut energies = vec![self.cost(mesh, &scales)];
+        let mut trial = mesh.clone();
+        for round in 0..self.settings.rounds {
+            self.assemble(mesh, &scales);
+            self.energy.minimize()?;
+            let before = energies[round];
+            let mut share = 1.0;
+            let after = (0..HALVINGS).find_map(|_| {
+                self.moved(mesh, share, &mut trial);
+                share *= 0.5;
+                let cost = if scales.allow(&self.grid, &trial) { self.cost(&trial, &scales) } else { f64::NAN };
+                (cost < before).then_some(cost)
+            });
+            let Some(after) = after else { return Ok(Descent { energies, converged: true }) };
+            mesh.copy_from(&trial);
+            energies.push(after);
+            // A step cut short says nothing of how near the minimum is.
+            if share == 0.5 && before - after <= self.settings.tolerance * before {
+                return Ok(Descent { energies, converged: true });
+            }
+        }
+        Ok(Descent { energies, converged: false })
+    }
+
+    /// `mesh` after `share` of the last step.
+    fn moved(&self, mesh: &GridMesh, share: f64, trial: &mut GridMesh) {
+        trial.copy_from(mesh);
+        let step = self.energy.solution();
+        for (i, v) in trial.vertices.iter_mut().enumerate() {
+            let by = |c: usize| self.unknown_of[c].map_or(0.0, |u| share * step[u as usize]);
+            *v = Point2::new(v.x + by(2 * i), v.y + by(2 * i + 1));
+        }
+    }
+
+    fn cost(&self, mesh: &GridMesh, scales: &Scales) -> f64 {
+        let cells: f64 = (0..self.grid.cell_count()).map(|cell| self.cell_cost(cell, &mesh.quad(cell), scales)).sum();
+        let lines: f64 = self.lines.iter().map(|line| line.weight() * line.squared_distances(mesh)).sum();
+        cells + lines / (scales.cell_px * scales.cell_px)
+    }
+
+    fn cell_cost(&self, cell: usize, quad: &Quad, scales: &Scales) -> f64 {
+        let edges = scales.edges(quad);
+        let w = self.weights[cell];
+        let spread: f64 = SPREAD.iter().map(|row| dot(row, &edges.along).powi(2)).sum();
+        let aside: f64 = edges.aside.iter().map(|b| b * b).sum();
+        let short: f64 = (0..4).map(|e| scales.shortness(e, edges.along[e]).0.powi(2)).sum();
+        w * spread + (w + self.settings.bending) * aside + BARRIER * short
+    }
+
+    /// The quadratic about `mesh`, in steps from it.
+    fn assemble(&mut self, mesh: &GridMesh, scales: &Scales) {
+        self.energy.clear();
+        for cell in 0..self.grid.cell_count() {
+            self.add_cell(cell, &scales.edges(&mesh.quad(cell)), scales);
+        }
+        let mut element = self.grid.cell_count();
+        for l in 0..self.lines.len() {
+            let lie = self.lines[l].lie(mesh);
+            self.add_line(l, lie.as_ref(), element, scales);
+            element += self.lines[l].points.len();
+        }
+    }
+
+    fn add_cell(&mut self, cell: usize, edges: &Edges, scales: &Scales) {
+        let (w, stiff) = (self.weights[cell], self.weights[cell] + self.settings.bending);
+        for row in &SPREAD {
+            let mut a = [0.0; 8];
+            (0..4).for_each(|e| scales.add_along(e, row[e], &mut a));
+            self.add_row(cell, cell, w, &a, &[], dot(row, &edges.along));
+        }
+        for e in 0..4 {
+            let mut a = [0.0; 8];
+            scales.add_aside(e, &mut a);
+            self.add_row(cell, cell, stiff, &a, &[], edges.aside[e]);
+            let (short, slope) = scales.shortness(e, edges.along[e]);
+            if short > 0.0 {
+                let mut a = [0.0; 8];
+                scales.add_along(e, slope, &mut a);
+                self.add_row(cell, cell, BARRIER, &a, &[], short);
+            }
+        }
+    }
+
+    /// The rows of a line's virtual vertices, whose elements start at `first`.
+    fn add_line(&mut self, l: usize, lie: Option<&Lie>, first: usize, scales: &Scales) {
+        let unit = 1.0 / scales.cell_px;
+        let weight = self.lines[l].weight();
+        for k in 0..self.lines[l].points.len() {
+            let point = self.lines[l].points[k];
+            let mut a = [0.0; 8];
+            let Some(lie) = lie else {
+                // A line shrunk to a point asks nothing; its offsets are kept in place all the same.
+                let offsets = [1.0, 1.0];
+                self.add_row(first + k, point.cell, 1.0, &a, &offsets[..self.lines[l].offsets()], 0.0);
+                continue;
+            };
+            for (corner, beta) in Quad::weights(point.s, point.t).into_iter().enumerate() {
+                a[2 * corner] = beta * lie.normal.x * unit;
+                a[2 * corner + 1] = beta * lie.normal.y * unit;
+            }
+            let s = lie.along[k];
+            let offsets = if self.lines[l].offsets() == 1 { [-unit, 0.0] } else { [(s - 1.0) * unit, -s * unit] };
+            let offsets = &offsets[..self.lines[l].offsets()];
+            self.add_row(first + k, point.cell, weight, &a, offsets, lie.off[k] * unit);
+        }
+    }
+
+    /// Adds `w (a · step + offsets · q + residual)²`; `a` is over the eight coordinates of the cell's corners.
+    fn add_row(&mut self, element: usize, cell: usize, w: f64, a: &[f64; 8], offsets: &[f64], residual: f64) {
+        let mut row = [0.0; 10];
+        let mut n = 0;
+        for (k, &a) in a.iter().enumerate() {
+            if self.unknown_of[2 * self.grid.corners(cell)[k / 2] + k % 2].is_some() {
+                row[n] = a;
+                n += 1;
+            }
+        }
+        for &q in offsets {
+            row[n] = q;
+            n += 1;
+        }
+        self.energy.add(element, w, &row[..n], -residual);
+    }
+}
+
+/// Unknowns of the coordinates: x is fixed on the left and right side, y on the top and bottom side.
+fn number_free_coordinates(grid: &Grid) -> (Vec<Option<u32>>, usize) {
+    let mut count = 0;
+    let mut number = |free: bool| {
+        count += usize::from(free);
+        free.then(|| count as u32 - 1)
+    };
+    let mut unknown_of = Vec::with_capacity(2 * grid.vertex_count());
+    for i in 0..grid.vertex_count() {
+        let (col, row) = (i % (grid.cols + 1), i / (grid.cols + 1));
+        unknown_of.push(number(col != 0 && col != grid.cols));
+        unknown_of.push(number(row != 0 && row != grid.rows));
+    }
+    (unknown_of, count)
+}
+
+fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Lengths of the cells before, and least scales after.
+struct Scales {
+    /// Width and height of a source cell, px.
+    cell: (f64, f64),
+    /// `m` along x and y.
+    least: (f64, f64),
+    /// Length of an output cell under the plain resize, px.
+    cell_px: f64,
+}
+
+impl Scales {
+    fn new(grid: &Grid, size: (f64, f64), least: f64) -> Self {
+        let cell = grid.cell_size();
+        let (sx, sy) = (size.0 / grid.width, size.1 / grid.height);
+        Self { cell, least: (least * sx, least * sy), cell_px: (cell.0 * sx * cell.1 * sy).sqrt() }
+    }
+
+    /// Length of edge `e` in the source, px.
+    fn length(&self, e: usize) -> f64 {
+        if e < 2 { self.cell.0 } else { self.cell.1 }
+    }
+
+    fn edges(&self, quad: &Quad) -> Edges {
+        let vector = |e: usize| (quad.0[EDGES[e][1]] - quad.0[EDGES[e][0]]) / self.length(e);
+        let v = [vector(0), vector(1), vector(2), vector(3)];
+        Edges { along: [v[0].x, v[1].x, v[2].y, v[3].y], aside: [v[0].y, v[1].y, v[2].x, v[3].x] }
+    }
+
+    /// `[2m/a − 1]₊` of an edge of scale `a`, and its derivative.
+    fn shortness(&self, e: usize, a: f64) -> (f64, f64) {
+        let twice = 2.0 * if e < 2 { self.least.0 } else { self.least.1 };
+        let short = twice / a - 1.0;
+        if short > 0.0 { (short, -twice / (a * a)) } else { (0.0, 0.0) }
+    }
+
+    /// Adds `c` times the gradient of edge `e`'s scale to the coefficients of the corners' coordinates.
+    fn add_along(&self, e: usize, c: f64, a: &mut [f64; 8]) {
+        let coordinate = usize::from(e >= 2);
+        a[2 * EDGES[e][0] + coordinate] -= c / self.length(e);
+        a[2 * EDGES[e][1] + coordinate] += c / self.length(e);
+    }
+
+    /// Adds the gradient of edge `e`'s sideways deviation.
+    fn add_aside(&self, e: usize, a: &mut [f64; 8]) {
+        let coordinate = usize::from(e < 2);
+        a[2 * EDGES[e][0] + coordinate] -= 1.0 / self.length(e);
+        a[2 * EDGES[e][1] + coordinate] += 1.0 / self.length(e);
+    }
+
+    /// True where every cell keeps its orientation with some room and no edge runs backward.
+    fn allow(&self, grid: &Grid, mesh: &GridMesh) -> bool {
+        let least = LEAST_DETERMINANT * self.least.0 * self.least.1 * self.cell.0 * self.cell.1;
+        (0..grid.cell_count()).all(|cell| {
+            let quad = mesh.quad(cell);
+            quad.least_jacobian() > least && self.edges(&quad).along.iter().all(|a| *a > 0.0)
+        })
+    }
+}

@@ -1,0 +1,101 @@
+//! Where to crop before warping.
+//!
+//! A change of shape by the factor `ρ = min(s_x/s_y, s_y/s_x)` squeezes everything that matters once there is too little left
+//! that does not: below some 40 % no warp looks right. Then the side squeezed more is cropped first, to the window that
+//! leaves just that factor to the warp, and the window is laid where it keeps most of the importance.
+
+use crate::feature::Importance;
+use crate::math::{Point2, Rect};
+
+/// Importance counts to this power: a face outweighs a hundred times its area of sky.
+const POWER: i32 = 2;
+/// Columns (or rows) that the importance is summed over.
+const STRIPS: usize = 400;
+/// What it costs to cut through something, relative to what it would be worth to show as much again in full. At 0 the window
+/// may cut a person in two to show half a chair more.
+const CUT: f64 = 0.05;
+
+/// The part of the picture to keep, source px; the whole picture where `ρ ≥ least`.
+pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importance, least: f64) -> Rect {
+    let (sx, sy) = (out.0 / source.0, out.1 / source.1);
+    if sx.min(sy) >= least * sx.max(sy) {
+        return Rect::of_size(source.0, source.1);
+    }
+    let share = sx.min(sy) / (least * sx.max(sy));
+    let first = best_start(&profile(importance, sx < sy), share);
+    if sx < sy {
+        Rect { min: Point2::new(first * source.0, 0.0), max: Point2::new((first + share) * source.0, source.1) }
+    } else {
+        Rect { min: Point2::new(0.0, first * source.1), max: Point2::new(source.0, (first + share) * source.1) }
+    }
+}
+
+/// Importance of columns (or rows), summed.
+fn profile(importance: &Importance, columns: bool) -> Vec<f64> {
+    const ACROSS: usize = 100;
+    let whole = Rect::of_size(1.0, 1.0);
+    let (cols, rows) = if columns { (STRIPS, ACROSS) } else { (ACROSS, STRIPS) };
+    let mut sums = vec![0.0; STRIPS];
+    for (i, v) in importance.cell_means(&whole, cols, rows).into_iter().enumerate() {
+        sums[if columns { i % cols } else { i / cols }] += v.powi(POWER);
+    }
+    sums
+}
+
+/// Where, in [0, 1 − share], the window starts that is worth most; of equals the one nearest to the middle.
+fn best_start(profile: &[f64], share: f64) -> f64 {
+    let n = profile.len();
+    let length = ((share * n as f64).round() as usize).clamp(1, n);
+    let total: f64 = profile.iter().sum();
+    let worth = |first: usize| -> f64 {
+        let inside: f64 = profile[first..first + length].iter().sum();
+        let cut = |strip: usize| profile[strip] * CUT * length as f64;
+        let left = if first == 0 { 0.0 } else { cut(first) };
+        let right = if first + length == n { 0.0 } else { cut(first + length - 1) };
+        let off_center = (first as f64 - 0.5 * (n - length) as f64).abs() / n as f64;
+        inside - left - right - 1e-3 * total * off_center
+    };
+    let better = |a: &usize, b: &usize| worth(*a).total_cmp(&worth(*b));
+    let first = (0..=n - length).max_by(better).unwrap_or(0);
+    (first as f64 / n as f64).min(1.0 - share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    fn spot(s: f64) -> Importance {
+        let plane = Plane::from_fn(200, 100, |x, _| if (x as f64 / 200.0 - s).abs() < 0.05 { 1.0 } else { 0.1 });
+        Importance::from_plane(plane).expect("in range")
+    }
+
+    #[test]
+    fn mild_changes_of_shape_crop_nothing() {
+        for out in [(400.0, 100.0), (160.0, 200.0), (1000.0, 200.0), (80.0, 40.0)] {
+            let found = window((400.0, 200.0), out, &spot(0.2), 0.4);
+            let ratio: f64 = out.0 / 400.0 / (out.1 / 200.0);
+            if (0.4..=2.5).contains(&ratio) {
+                assert_eq!(found, Rect::of_size(400.0, 200.0), "{out:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_window_leaves_the_least_factor_and_keeps_what_matters() {
+        for (s, out) in [(0.2, (100.0, 200.0)), (0.85, (60.0, 300.0))] {
+            let found = window((400.0, 200.0), out, &spot(s), 0.4);
+            let left = (out.0 / found.width()) / (out.1 / found.height());
+            assert!((left - 0.4).abs() < 1e-9, "{left}");
+            assert!(found.min.x >= 0.0 && found.max.x <= 400.0 + 1e-9 && found.height() == 200.0, "{found:?}");
+            assert!(found.min.x < (s - 0.05) * 400.0 && found.max.x > (s + 0.05) * 400.0, "{found:?} cuts {s}");
+        }
+    }
+
+    #[test]
+    fn the_other_axis_is_cropped_alike() {
+        let found = window((400.0, 200.0), (400.0, 50.0), &Importance::even(), 0.4);
+        assert!((found.height() - 125.0).abs() < 1e-9 && found.width() == 400.0);
+        assert!((found.min.y - 37.5).abs() <= 0.5, "an even picture is cropped in the middle: {found:?}");
+    }
+}

@@ -1,0 +1,345 @@
+//! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `16:9`, `panini:0.8`, `10,-5,0`.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::str::FromStr;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::Deserializer;
+use serde::{Deserialize, Serialize, Serializer};
+
+use super::units::number_or_text;
+
+/// Largest side of a picture that is rendered, px.
+pub const MOST_SIDE: u32 = 16_384;
+/// Most that a ratio may be from 1, either way.
+const MOST_RATIO: f64 = 100.0;
+
+/// Width and height, px, 1 to 16384 each. Written `"1600x1200"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelSize {
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+}
+
+/// Width to height. Written `"16:9"`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ratio {
+    /// Width, in any unit.
+    pub across: f64,
+    /// Height, in the same unit.
+    pub down: f64,
+}
+
+/// A size in pixels, or a shape. Written `"1080x1920"` or `"9:16"`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TargetSize {
+    /// So many pixels.
+    Pixels(PixelSize),
+    /// A shape: the picture keeps one side and loses from the other.
+    Shape(Ratio),
+}
+
+/// What is cut away. Written `"auto"`, `"none"` or `"3:2"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum CropWish {
+    /// All outside the largest rectangle that the picture fills
+    #[default]
+    Auto,
+    /// Nothing: the border may be curved
+    None,
+    /// All outside the largest such rectangle of this shape
+    Shape(Ratio),
+}
+
+/// How directions become a picture. Written `"optimized"`, `"perspective"`, `"panini:0.8"` …
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ProjectionWish {
+    /// Straight lines straight, all else in shape
+    #[default]
+    Optimized,
+    /// All lines straight, edges stretched
+    Perspective,
+    /// All shapes true, lines bent
+    Stereographic,
+    /// Vertical lines straight, and those through the center; the distance of the eye, 0 to 10
+    Panini(f64),
+    /// Shapes true, vertical lines straight
+    Mercator,
+    /// Vertical lines straight
+    Cylindrical,
+    /// Longitude and latitude
+    Equirectangular,
+}
+
+/// Where the viewer looks, degrees from where the camera looked. Written `"YAW,PITCH,ROLL"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ViewAngles {
+    /// To the right.
+    pub yaw: f64,
+    /// Up.
+    pub pitch: f64,
+    /// Clockwise.
+    pub roll: f64,
+}
+
+fn positive(text: &str) -> Option<f64> {
+    let x: f64 = text.trim().parse().ok()?;
+    (x > 0.0 && x.is_finite()).then_some(x)
+}
+
+impl FromStr for PixelSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MOST_SIDE} each, such as 1600x1200)");
+        let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MOST_SIDE).contains(s));
+        let (w, h) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
+        side(w).zip(side(h)).map(|(width, height)| Self { width, height }).ok_or_else(wrong)
+    }
+}
+
+impl fmt::Display for PixelSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+impl Ratio {
+    /// Width over height.
+    pub fn value(self) -> f64 {
+        self.across / self.down
+    }
+}
+
+impl FromStr for Ratio {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is no shape (expected WIDTH:HEIGHT between 1:100 and 100:1, such as 16:9)");
+        let (w, h) = text.split_once(':').ok_or_else(wrong)?;
+        let ratio = positive(w).zip(positive(h)).map(|(across, down)| Self { across, down });
+        ratio.filter(|r| (1.0 / MOST_RATIO..=MOST_RATIO).contains(&r.value())).ok_or_else(wrong)
+    }
+}
+
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.across, self.down)
+    }
+}
+
+impl TargetSize {
+    /// Pixels for a picture of `source` px: of a shape, the largest that is nowhere larger than the picture.
+    pub fn pixels(self, source: (usize, usize)) -> (usize, usize) {
+        match self {
+            Self::Pixels(size) => (size.width as usize, size.height as usize),
+            Self::Shape(ratio) => {
+                let (w, h) = (source.0 as f64, source.1 as f64);
+                let width = w.min(h * ratio.value());
+                let height = h.min(w / ratio.value());
+                ((width.round() as usize).max(1), (height.round() as usize).max(1))
+            }
+        }
+    }
+}
+
+impl Default for TargetSize {
+    fn default() -> Self {
+        Self::Shape(Ratio { across: 1.0, down: 1.0 })
+    }
+}
+
+impl FromStr for TargetSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.contains(':') { text.parse().map(Self::Shape) } else { text.parse().map(Self::Pixels) }
+    }
+}
+
+impl fmt::Display for TargetSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pixels(size) => size.fmt(f),
+            Self::Shape(ratio) => ratio.fmt(f),
+        }
+    }
+}
+
+impl FromStr for CropWish {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "auto" => Ok(Self::Auto),
+            "none" => Ok(Self::None),
+            shape => shape.parse().map(Self::Shape).map_err(|e| format!("{e}; or `auto`, or `none`")),
+        }
+    }
+}
+
+impl fmt::Display for CropWish {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::None => f.write_str("none"),
+            Self::Shape(ratio) => ratio.fmt(f),
+        }
+    }
+}
+
+impl FromStr for ProjectionWish {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        match text {
+            "optimized" => return Ok(Self::Optimized),
+            "perspective" => return Ok(Self::Perspective),
+            "stereographic" => return Ok(Self::Stereographic),
+            "panini" => return Ok(Self::Panini(1.0)),
+            "mercator" => return Ok(Self::Mercator),
+            "cylindrical" => return Ok(Self::Cylindrical),
+            "equirectangular" => return Ok(Self::Equirectangular),
+            _ => {}
+        }
+        let distance = text.strip_prefix("panini:").and_then(|d| d.parse::<f64>().ok());
+        distance.filter(|d| (0.0..=10.0).contains(d)).map(Self::Panini).ok_or_else(|| {
+            format!(
+                "`{text}` is no projection (expected optimized, perspective, stereographic, panini, panini:D with D from 0 to 10, \
+                 mercator, cylindrical or equirectangular)"
+            )
+        })
+    }
+}
+
+impl fmt::Display for ProjectionWish {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Optimized => "optimized",
+            Self::Perspective => "perspective",
+            Self::Stereographic => "stereographic",
+            Self::Panini(1.0) => "panini",
+            Self::Panini(distance) => return write!(f, "panini:{distance}"),
+            Self::Mercator => "mercator",
+            Self::Cylindrical => "cylindrical",
+            Self::Equirectangular => "equirectangular",
+        })
+    }
+}
+
+impl FromStr for ViewAngles {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "`{text}` is no direction (expected YAW,PITCH,ROLL in degrees: -180 to 180, -90 to 90, -180 to 180; the last may \
+                 be left out)"
+            )
+        };
+        let numbers: Option<Vec<f64>> = text.split(',').map(|t| t.trim().parse().ok()).collect();
+        let angle = |i: usize, most: f64| {
+            let value = numbers.as_ref()?.get(i).copied().unwrap_or(0.0);
+            (-most..=most).contains(&value).then_some(value)
+        };
+        if numbers.as_ref().is_none_or(|n| n.is_empty() || n.len() > 3) {
+            return Err(wrong());
+        }
+        let angles = angle(0, 180.0).zip(angle(1, 90.0)).zip(angle(2, 180.0));
+        angles.map(|((yaw, pitch), roll)| Self { yaw, pitch, roll }).ok_or_else(wrong)
+    }
+}
+
+impl fmt::Display for ViewAngles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{},{}", self.yaw, self.pitch, self.roll)
+    }
+}
+
+/// Read from and written as text.
+macro_rules! as_text {
+    ($($name:ident: $expected:literal, $pattern:literal;)*) => {$(
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+                number_or_text(d, $expected)
+            }
+        }
+
+        impl Serialize for $name {
+            fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+                s.collect_str(self)
+            }
+        }
+
+        impl JsonSchema for $name {
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({"type": "string", "pattern": $pattern})
+            }
+        }
+    )*};
+}
+
+as_text! {
+    PixelSize: "a size such as \"1600x1200\"", "^[0-9]+[xX×][0-9]+$";
+    TargetSize: "a size such as \"1080x1920\", or a shape such as \"9:16\"", "^[0-9]+[xX×][0-9]+$|^[0-9.]+:[0-9.]+$";
+    CropWish: "\"auto\", \"none\" or a shape such as \"3:2\"", "^auto$|^none$|^[0-9.]+:[0-9.]+$";
+    ProjectionWish: "a projection such as \"optimized\" or \"panini:0.8\"", "^[a-z]+(:[0-9.]+)?$";
+    ViewAngles: "\"YAW,PITCH,ROLL\" in degrees", "^-?[0-9.]+(,-?[0-9.]+){0,2}$";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round_trip<T: FromStr<Err = String> + fmt::Display + PartialEq + fmt::Debug>(text: &str) {
+        let value: T = text.parse().unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(value.to_string(), text);
+        assert_eq!(value.to_string().parse::<T>().as_ref(), Ok(&value));
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        ["1x1", "16384x2", "1600x1200"].iter().for_each(|t| round_trip::<PixelSize>(t));
+        ["9:16", "1.91:1", "640x480"].iter().for_each(|t| round_trip::<TargetSize>(t));
+        ["auto", "none", "3:2"].iter().for_each(|t| round_trip::<CropWish>(t));
+        ["optimized", "panini", "panini:0.8", "equirectangular"].iter().for_each(|t| round_trip::<ProjectionWish>(t));
+        ["0,0,0", "10,-5.5,180"].iter().for_each(|t| round_trip::<ViewAngles>(t));
+        assert_eq!("30".parse(), Ok(ViewAngles { yaw: 30.0, ..ViewAngles::default() }));
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_what_is_expected() {
+        for text in ["", "0x5", "5x0", "100000x5", "5", "-5x5", "5x5x5", "nanxnan"] {
+            assert!(text.parse::<PixelSize>().is_err_and(|e| e.contains("1600x1200")), "{text}");
+        }
+        for text in ["0:1", "1:0", "nan:1", "1:1000", ":", "inf:inf"] {
+            assert!(text.parse::<TargetSize>().is_err_and(|e| e.contains("16:9")), "{text}");
+        }
+        assert!("fill".parse::<CropWish>().is_err_and(|e| e.contains("`none`")));
+        for text in ["panini:", "panini:11", "panini:nan", "fisheye"] {
+            assert!(text.parse::<ProjectionWish>().is_err_and(|e| e.contains("panini:D")), "{text}");
+        }
+        for text in ["", "1,2,3,4", "0,91,0", "nan,0,0", "a"] {
+            assert!(text.parse::<ViewAngles>().is_err_and(|e| e.contains("PITCH")), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_shape_is_the_largest_inside_the_picture() {
+        let pixels = |text: &str, source| text.parse::<TargetSize>().expect("a size").pixels(source);
+        assert_eq!(pixels("9:16", (1920, 1080)), (608, 1080));
+        assert_eq!(pixels("16:9", (1000, 1000)), (1000, 563));
+        assert_eq!(pixels("3:2", (3000, 2000)), (3000, 2000));
+        assert_eq!(pixels("100:1", (3, 3)), (3, 1));
+        assert_eq!(pixels("640x48", (3, 3)), (640, 48));
+    }
+}

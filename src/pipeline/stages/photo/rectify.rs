@@ -1,0 +1,87 @@
+//! `photo.rectify`: lens, lines and faces to a map.
+
+use std::sync::Arc;
+
+use serde_json::{Map, json};
+
+use super::{PhotoMap, lens, marked_lines, picture, tell_lines};
+use crate::camera::Projection;
+use crate::feature::{Face, Importance};
+use crate::math::Rect;
+use crate::photo::rectify::{
+    Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, rectify,
+};
+use crate::pipeline::kinds::PhotoRectifySettings;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::{CropWish, ProjectionWish};
+use crate::pipeline::stages::context::Context;
+
+/// Finds the map.
+pub(super) fn run(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &PhotoRectifySettings,
+) -> Result<(), RunError> {
+    let photo = picture(context, stage, "image")?;
+    let lines = marked_lines(context, stage)?;
+    let faces: Vec<Rect> = match context.edge(stage, "faces") {
+        Some(edge) => context.values.get::<Vec<Face>>(edge)?.iter().map(|f| f.rect).collect(),
+        None => Vec::new(),
+    };
+    let salience = match context.edge(stage, "importance") {
+        Some(edge) => Some(context.values.get::<Importance>(edge)?.plane().clone()),
+        None => None,
+    };
+    let found = lens::find(&photo, &lines, settings)?;
+    found.warnings.into_iter().for_each(|w| context.warn(w));
+    context.job.check_cancel()?;
+    let input = RectifyInput { lens: &found.lens, lines: &lines, faces: &faces, salience: salience.as_ref() };
+    let warp = rectify(&input, &options(settings)).map_err(|e| rectify_error(&e))?;
+    tell_lines(context, &warp.lines);
+    let mut told = Map::new();
+    let lens = &found.lens;
+    told.insert(
+        "lens".into(),
+        json!({
+            "found": found.how,
+            "projection": lens.projection.name(),
+            "focal_px": [lens.focal.x, lens.focal.y],
+            "center_px": [lens.center.x, lens.center.y],
+        }),
+    );
+    told.insert("faces".into(), faces.len().into());
+    context.values.put(stage, "warp", Arc::new(PhotoMap { warp, told }));
+    Ok(())
+}
+
+fn options(settings: &PhotoRectifySettings) -> RectifyOptions {
+    let view = settings.view;
+    RectifyOptions {
+        target: match settings.to {
+            ProjectionWish::Optimized => Target::Optimized,
+            ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
+            ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
+            ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
+            ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
+            ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
+            ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
+        },
+        view: View { yaw: view.yaw.to_radians(), pitch: view.pitch.to_radians(), roll: view.roll.to_radians() },
+        crop: match settings.crop {
+            CropWish::Auto => Crop::Auto,
+            CropWish::None => Crop::None,
+            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
+        },
+        size: settings.size.map_or(OutputSize::Source, |s| OutputSize::Exact(s.width as usize, s.height as usize)),
+        ..RectifyOptions::default()
+    }
+}
+
+fn rectify_error(error: &RectifyError) -> RunError {
+    match error {
+        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
+            RunError::Usage(error.to_string())
+        }
+        other => RunError::Input(other.to_string()),
+    }
+}
