@@ -92,13 +92,14 @@ impl PhotoArgs {
         &self,
         name: &str,
         render: &ImageRenderSettings,
+        detect: &LinesDetectSettings,
         stages: impl FnOnce(Wanted) -> Vec<StageEntry>,
     ) -> Result<PipelineFile, Failure> {
         let names = self.names()?;
         let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         let load = ImageLoadSettings { path: names.source.clone(), max_pixels: self.max_pixels };
         let mut all = vec![StageEntry::built("photo", &load)];
-        let wanted = Wanted { lines: self.push_lines(&names, &mut all), faces: self.push_faces(&mut all) };
+        let wanted = Wanted { lines: self.push_lines(&names, detect, &mut all), faces: self.push_faces(&mut all) };
         all.extend(stages(wanted));
         all.extend(self.writing(&names, render));
         Ok(PipelineFile {
@@ -163,8 +164,13 @@ impl PhotoArgs {
     }
 
     /// Appends the stages that give lines; the name of the last.
-    fn push_lines(&self, names: &Names, stages: &mut Vec<StageEntry>) -> Option<&'static str> {
-        let detect = || StageEntry::built("found", &LinesDetectSettings::default()).input("image", "photo");
+    fn push_lines(
+        &self,
+        names: &Names,
+        detect: &LinesDetectSettings,
+        stages: &mut Vec<StageEntry>,
+    ) -> Option<&'static str> {
+        let detect = || StageEntry::built("found", detect).input("image", "photo");
         let load = |path: String, optional| {
             StageEntry::built("lines", &LinesLoadSettings { path, optional }).input("image", "photo")
         };

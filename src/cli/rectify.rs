@@ -8,7 +8,8 @@ use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, PhotoBorder, PhotoRectifySettings,
+    FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LinesDetectSettings, PhotoBorder,
+    PhotoRectifySettings,
 };
 use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
@@ -74,7 +75,13 @@ impl RectifyArgs {
             crop: self.crop,
             size: self.size,
         };
-        self.photo.pipeline("rectify", &render, |wanted| {
+        let detect = LinesDetectSettings {
+            lens: settings.lens.clone(),
+            fov: self.fov,
+            fov_axis: self.fov_axis,
+            ..LinesDetectSettings::default()
+        };
+        self.photo.pipeline("rectify", &render, &detect, |wanted| {
             let stage = wanted.connect(StageEntry::built("map", &settings).input("image", "photo"));
             if self.to != ProjectionWish::Optimized {
                 return vec![stage];

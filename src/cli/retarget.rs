@@ -10,7 +10,7 @@ use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    ImageRenderSettings, ImportanceSettings, Interpolation, PhotoBorder, PhotoRetargetSettings,
+    ImageRenderSettings, ImportanceSettings, Interpolation, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
 };
 use crate::pipeline::sizes::TargetSize;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
@@ -49,7 +49,7 @@ impl RetargetArgs {
         let render = ImageRenderSettings { interpolation: self.interpolation, border, ..Default::default() };
         let mask = self.importance.as_ref().map(|path| literal_path(path));
         let settings = PhotoRetargetSettings { size: self.size };
-        self.photo.pipeline("retarget", &render, |wanted| {
+        self.photo.pipeline("retarget", &render, &LinesDetectSettings::default(), |wanted| {
             let judged = StageEntry::built("importance", &ImportanceSettings { mask }).input("image", "photo");
             let judged = match wanted.faces {
                 Some(faces) => judged.input("faces", faces),

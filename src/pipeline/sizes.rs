@@ -94,8 +94,9 @@ impl FromStr for PixelSize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MOST_SIDE} each, such as 1600x1200)");
+        let wrong = || {
+            format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MOST_SIDE} each, such as 1600x1200)")
+        };
         let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MOST_SIDE).contains(s));
         let (w, h) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
         side(w).zip(side(h)).map(|(width, height)| Self { width, height }).ok_or_else(wrong)

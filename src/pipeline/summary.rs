@@ -132,7 +132,13 @@ impl fmt::Display for Summary {
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
         let encoder = self.encoder.as_ref().map(|e| format!(", {e}")).unwrap_or_default();
         if self.frames > 0 {
-            writeln!(f, "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)", self.frames, self.seconds, self.fps())?;
+            writeln!(
+                f,
+                "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)",
+                self.frames,
+                self.seconds,
+                self.fps()
+            )?;
         } else if let Some((width, height)) = self.size {
             writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
         }

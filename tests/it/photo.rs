@@ -6,7 +6,7 @@ use std::path::Path;
 
 use plumbline::cli::pipeline_of;
 use plumbline::image::still::{
-    LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame, size,
+    ExifTags, LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame, size,
 };
 use plumbline::image::{Frame, Layout, PixelFormat};
 use plumbline::pipeline::draw::{GraphFormat, draw};
@@ -29,7 +29,7 @@ fn rgb(width: usize, height: usize) -> Vec<u8> {
 
 fn photo(width: usize, height: usize) -> Photo {
     let frame = frame_of_rgb(&rgb(width, height), width, height).expect("as many as it takes");
-    Photo { frame, exif: None, icc: None, format: None, warnings: Vec::new() }
+    Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() }
 }
 
 fn write(photo: &Photo, path: &Path) {
@@ -48,7 +48,9 @@ fn pixels(path: &Path) -> (Vec<[u8; 3]>, (usize, usize)) {
 fn a_graph_without_a_map_resizes_and_one_that_changes_nothing_copies_every_sample() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(&photo(300, 200), &folder.path().join("in.png"));
-    for (setting, expected) in [("", (300, 200)), ("size = \"150x50\"\n", (150, 50)), ("size = \"450x300\"\n", (450, 300))] {
+    for (setting, expected) in
+        [("", (300, 200)), ("size = \"150x50\"\n", (150, 50)), ("size = \"450x300\"\n", (450, 300))]
+    {
         let text = format!(
             "version = 1\n[stage.photo]\nuse = \"image.load\"\npath = \"in.png\"\n[stage.drawn]\nuse = \"image.render\"\n\
              inputs = [\"photo\"]\n{setting}[stage.out]\nuse = \"image.save\"\ninputs = [\"drawn\"]\npath = \"out.png\"\n"
@@ -93,12 +95,20 @@ fn retarget_writes_picture_map_grid_and_report() {
     assert!(header.contains("'shape': (320, 300,)"), "{header}");
     let value = |i: usize| f32::from_le_bytes(x[128 + 4 * i..132 + 4 * i].try_into().expect("four bytes"));
     // The border is exact: the outer half pixels of the output lie in those of the source.
-    assert!(value(0) > -0.5 && value(0) < 1.0 && value(299) < 479.5 && value(299) > 478.0, "{} {}", value(0), value(299));
+    assert!(
+        value(0) > -0.5 && value(0) < 1.0 && value(299) < 479.5 && value(299) > 478.0,
+        "{} {}",
+        value(0),
+        value(299)
+    );
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(folder.path().join("r.json")).expect("written")).expect("JSON");
     assert_eq!(report["grid"]["folds"], 0);
     assert_eq!(report["output"]["size"], serde_json::json!([300, 320]));
-    let grid = plumbline_in(folder.path(), &["retarget", "a.jpg", "-o", "g.png", "--size", "300x320", "--grid", "--faces", "off"]);
+    let grid = plumbline_in(
+        folder.path(),
+        &["retarget", "a.jpg", "-o", "g.png", "--size", "300x320", "--grid", "--faces", "off"],
+    );
     assert_eq!(grid.status.code(), Some(0), "{}", err(&grid));
     assert_ne!(pixels(&folder.path().join("g.png")).0, pixels(&folder.path().join("b.png")).0);
 }
@@ -108,7 +118,8 @@ fn rectify_takes_a_lens_by_its_model_and_makes_fixed_projections_and_optimized_o
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(&photo(480, 360), &folder.path().join("a.jpg"));
     for to in ["perspective", "stereographic", "panini:0.7", "optimized"] {
-        let args = ["rectify", "a.jpg", "-o", "b.png", "--lens", "equidistant", "--fov", "110", "--to", to, "--overwrite"];
+        let args =
+            ["rectify", "a.jpg", "-o", "b.png", "--lens", "equidistant", "--fov", "110", "--to", to, "--overwrite"];
         let run = plumbline_in(folder.path(), &[&args[..], &["--faces", "off", "--lines", "off"]].concat());
         assert_eq!(run.status.code(), Some(0), "{to}: {}", err(&run));
         let (w, h) = size(&folder.path().join("b.png"), LoadOptions::default()).expect("a picture");
@@ -176,7 +187,12 @@ fn bad_input_and_bad_options_are_refused_with_words() {
         ("itself", base("a.png", "a.png", "9:16"), 2, "written over its input"),
         ("bomb", [base("a.png", "o.png", "9:16"), vec!["--max-pixels", "1000"]].concat(), 65, "--max-pixels"),
         ("stdin", base("-", "o.png", "9:16"), 2, "not read from standard input"),
-        ("mask", [base("a.png", "o.png", "9:16"), vec!["--importance", "empty.jpg"]].concat(), 65, "empty.jpg: an empty"),
+        (
+            "mask",
+            [base("a.png", "o.png", "9:16"), vec!["--importance", "empty.jpg"]].concat(),
+            65,
+            "empty.jpg: an empty",
+        ),
     ];
     for (name, args, code, message) in cases {
         let run = plumbline_in(folder.path(), &args);

@@ -7,13 +7,17 @@
 
 use std::io::{BufRead, Seek};
 
-/// The EXIF block of any container that has one (HEIF too), for an upright picture of `width × height` px.
-pub fn exif_of_container(mut reader: impl BufRead + Seek, width: usize, height: usize) -> Option<Vec<u8>> {
+use super::ExifTags;
+
+/// The EXIF block of any container that has one (HEIF too), for an upright picture of `width × height` px, and what it said of
+/// camera and lens.
+pub fn exif_of_container(mut reader: impl BufRead + Seek, width: usize, height: usize) -> Option<(Vec<u8>, ExifTags)> {
     let mut exif = ::exif::Reader::new();
     exif.continue_on_error(true);
     let found = exif.read_from_container(&mut reader).or_else(|e| e.distill_partial_result(|_| {})).ok()?;
     let mut block = found.buf().to_vec();
-    describe(&mut block, width, height).then_some(block)
+    let tags = ExifTags::of(&block);
+    describe(&mut block, width, height).then_some((block, tags))
 }
 
 /// Tags of the first directory.

@@ -63,7 +63,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
     loop {
         let Some(s) = segment(bytes, at) else {
             let cut = at + 4 > bytes.len();
-            return Err(if cut { StillError::Truncated } else { StillError::Damaged("no marker where one should be".into()) });
+            return Err(if cut {
+                StillError::Truncated
+            } else {
+                StillError::Damaged("no marker where one should be".into())
+            });
         };
         if s.end > bytes.len() {
             return Err(StillError::Truncated);
@@ -85,7 +89,9 @@ pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
 fn frame_header(code: u8, header: &[u8]) -> Result<(u16, u16), StillError> {
     let [bits, h1, h0, w1, w0, components, ..] = *header else { return Err(StillError::Truncated) };
     match (code, bits, components) {
-        (0xc3 | 0xc5..=0xcf, ..) => Err(StillError::Depth("lossless, hierarchical and arithmetic JPEG files".to_owned())),
+        (0xc3 | 0xc5..=0xcf, ..) => {
+            Err(StillError::Depth("lossless, hierarchical and arithmetic JPEG files".to_owned()))
+        }
         (_, _, 4) => Err(StillError::Cmyk),
         (_, 8, 1 | 3) => Ok((u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]))),
         (_, 8, n) => Err(StillError::Damaged(format!("{n} components"))),

@@ -13,7 +13,7 @@ use image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
 
 use super::packed::unpack;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
-use super::{Photo, StillError, StillFormat, Turn, exif, jpeg, tiff};
+use super::{ExifTags, Photo, StillError, StillFormat, Turn, exif, jpeg, tiff};
 use crate::image::{Layout, PixelFormat};
 
 /// Bytes beyond the pixels that a decoder may take: rows, tables, metadata.
@@ -98,6 +98,7 @@ struct Opened<'r> {
     pixels: PixelFormat,
     turn: Turn,
     exif: Option<Vec<u8>>,
+    tags: ExifTags,
     icc: Option<Vec<u8>>,
     warnings: Vec<String>,
 }
@@ -159,6 +160,7 @@ impl<'r> Opened<'r> {
         };
         let turn = Turn::of_tag(tag.unwrap_or(1));
         let (width, height) = (width as usize, height as usize);
+        let tags = block.as_deref().map(ExifTags::of).unwrap_or_default();
         let (w, h) = turn.size(width, height);
         if let Some(b) = &mut block
             && !exif::describe(b, w, h)
@@ -167,12 +169,12 @@ impl<'r> Opened<'r> {
             warnings.push("its EXIF is damaged and was left out".to_owned());
         }
         let icc = icc.filter(|p| !p.is_empty());
-        Ok(Self { decoder, format, width, height, pixels, turn, exif: block, icc, warnings })
+        Ok(Self { decoder, format, width, height, pixels, turn, exif: block, tags, icc, warnings })
     }
 
     /// Decodes the pixels.
     fn photo(self) -> Result<Photo, StillError> {
-        let Self { decoder, format, width, height, pixels, turn, exif, icc, warnings } = self;
+        let Self { decoder, format, width, height, pixels, turn, exif, tags, icc, warnings } = self;
         let samples = width * height * super::packed::planes_of(pixels).len();
         let frame = if pixels.bits == 8 {
             let mut packed = vec![0_u8; samples];
@@ -184,7 +186,7 @@ impl<'r> Opened<'r> {
             unpack(&packed, (width, height), pixels, turn)
         };
         let frame = frame.ok_or(StillError::Layout)?;
-        Ok(Photo { frame, exif, icc, format: Some(format), warnings })
+        Ok(Photo { frame, exif, tags, icc, format: Some(format), warnings })
     }
 }
 

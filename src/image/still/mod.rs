@@ -32,12 +32,12 @@ mod tests;
 mod tiff;
 
 pub use error::StillError;
-pub use facts::ExifTags;
 pub use exif::exif_of_container;
+pub use facts::ExifTags;
 pub use load::{LoadOptions, decode, load, size};
 pub use orientation::Turn;
-pub use reduce::flattened;
 pub use packed::{frame_of_rgb, rgb_of_frame, turned};
+pub use reduce::flattened;
 pub use save::{SaveOptions, Saved, encode};
 pub use sniff::{RAW_EXTENSIONS, StillFormat};
 
@@ -50,17 +50,12 @@ pub struct Photo {
     pub frame: Frame,
     /// EXIF, from its TIFF header on; the orientation in it is 1.
     pub exif: Option<Vec<u8>>,
+    /// What EXIF said of camera and lens, before anything was put right in it.
+    pub tags: ExifTags,
     /// ICC profile of the samples.
     pub icc: Option<Vec<u8>>,
     /// The file's format; `None` where another layer decoded it.
     pub format: Option<StillFormat>,
     /// What the user should know of how it was read.
     pub warnings: Vec<String>,
-}
-
-impl Photo {
-    /// What EXIF says of camera and lens.
-    pub fn tags(&self) -> ExifTags {
-        self.exif.as_deref().map(ExifTags::of).unwrap_or_default()
-    }
 }

@@ -141,8 +141,11 @@ pub fn turned(frame: &Frame, turn: Turn) -> Option<Frame> {
     out.copy_properties(frame);
     for i in 0..frame.format.planes() {
         let plain = frame.format.subsampling(i) == (0, 0);
-        let turned =
-            if frame.format.bits == 8 { turned_plane::<u8>(frame, &mut out, i, turn) } else { turned_plane::<u16>(frame, &mut out, i, turn) };
+        let turned = if frame.format.bits == 8 {
+            turned_plane::<u8>(frame, &mut out, i, turn)
+        } else {
+            turned_plane::<u16>(frame, &mut out, i, turn)
+        };
         turned.filter(|()| plain)?;
     }
     Some(out)
@@ -194,7 +197,8 @@ mod tests {
 
     #[test]
     fn packing_undoes_unpacking_in_every_format() {
-        for (layout, alpha) in [(Layout::Gray, false), (Layout::Gray, true), (Layout::Gbr, false), (Layout::Gbr, true)] {
+        for (layout, alpha) in [(Layout::Gray, false), (Layout::Gray, true), (Layout::Gbr, false), (Layout::Gbr, true)]
+        {
             let format = PixelFormat { layout, bits: 16, alpha };
             let count = 37 * 70 * planes_of(format).len();
             let samples: Vec<u16> = (0..count).map(|i| (i * 7) as u16).collect();

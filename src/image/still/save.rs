@@ -55,7 +55,9 @@ pub fn encode(
             let too_long = |block: &&Vec<u8>| {
                 let long = block.len() > MOST_EXIF_IN_JPEG;
                 if long {
-                    saved.warnings.push(format!("EXIF of {} bytes does not fit into JPEG and was left out", block.len()));
+                    saved
+                        .warnings
+                        .push(format!("EXIF of {} bytes does not fit into JPEG and was left out", block.len()));
                 }
                 !long
             };
@@ -110,7 +112,9 @@ fn reduced(frame: &Frame, format: StillFormat, alpha: bool, saved: &mut Saved) -
     }
     let current = out.as_ref().unwrap_or(frame);
     if current.format.bits > 8 {
-        saved.warnings.push(format!("{} holds 8 bits per sample, the picture has 16; PNG and TIFF keep them", format.name()));
+        saved
+            .warnings
+            .push(format!("{} holds 8 bits per sample, the picture has 16; PNG and TIFF keep them", format.name()));
         out = Some(reduce::to_8_bit(current)?);
     }
     Ok(out)

@@ -25,7 +25,14 @@ fn photo(layout: Layout, bits: u8, alpha: bool, (w, h): (usize, usize)) -> Photo
     } else {
         unpack(&values.iter().map(|v| *v as u8).collect::<Vec<u8>>(), (w, h), format, Turn::default())
     };
-    Photo { frame: frame.expect("as many as it takes"), exif: None, icc: None, format: None, warnings: Vec::new() }
+    Photo {
+        frame: frame.expect("as many as it takes"),
+        exif: None,
+        tags: ExifTags::default(),
+        icc: None,
+        format: None,
+        warnings: Vec::new(),
+    }
 }
 
 /// A profile as far as anybody looks here: its length and color space.
@@ -105,7 +112,11 @@ fn jpeg_in_bands_is_one_picture_near_the_original_at_any_size_and_quality() {
             for i in 0..before.frame.format.planes() {
                 let (a, b) = (plane::<u8>(&before, i), plane::<u8>(&after, i));
                 let sum: u64 = a.iter().zip(&b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-                assert!(sum <= 3 * a.len() as u64, "{w}×{h} {layout:?} {quality} plane {i}: mean {}", sum / a.len() as u64);
+                assert!(
+                    sum <= 3 * a.len() as u64,
+                    "{w}×{h} {layout:?} {quality} plane {i}: mean {}",
+                    sum / a.len() as u64
+                );
                 let most = a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b)).max().expect("not empty");
                 assert!(most <= 24, "{w}×{h} {layout:?} {quality} plane {i}: {most}");
             }
@@ -127,7 +138,7 @@ fn exif_and_profile_travel_through_every_format_and_say_the_new_size() {
         let block = after.exif.as_deref().expect("kept");
         assert_eq!(orientation(block), Some(1), "{format:?}");
         assert!(block.windows(8).any(|w| w == b"MAKERXYZ"), "{format:?}: the maker's note is kept");
-        let tags = after.tags();
+        let tags = &after.tags;
         assert_eq!((tags.make.as_deref(), tags.focal_mm, tags.size_px), (Some("Cam"), Some(2.8), Some((50, 40))));
     }
 }
@@ -176,7 +187,9 @@ fn turned(value: u8, format: StillFormat) -> Vec<u8> {
 
 #[test]
 fn all_eight_orientations_are_applied_once_and_then_say_one() {
-    for (value, format) in (1..=8).flat_map(|v| [(v, StillFormat::Jpeg), (v, StillFormat::Tiff), (v, StillFormat::WebP)]) {
+    for (value, format) in
+        (1..=8).flat_map(|v| [(v, StillFormat::Jpeg), (v, StillFormat::Tiff), (v, StillFormat::WebP)])
+    {
         let plain = read(&turned(1, format)).expect("sound");
         let upright = read(&turned(value, format)).expect("sound");
         let turn = Turn::of_tag(u32::from(value));

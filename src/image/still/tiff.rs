@@ -106,8 +106,7 @@ pub(super) fn encode(
         Some((bytes, order, entries)) => (bytes.to_vec(), order, entries),
         None => (b"II*\0\0\0\0\0".to_vec(), Order::Little, Vec::new()),
     };
-    let bytes = (frame.width * frame.height * order_of(frame).len()) as u64
-        * frame.format.bytes_per_sample() as u64;
+    let bytes = (frame.width * frame.height * order_of(frame).len()) as u64 * frame.format.bytes_per_sample() as u64;
     let whole = bytes + (base.len() + icc.map_or(0, <[u8]>::len)) as u64 + (1 << 20);
     if u32::try_from(whole).is_err() {
         return Err(StillError::Encode(format!("{bytes} bytes of pixels are more than a TIFF file can hold (4 GiB)")));
@@ -118,7 +117,11 @@ pub(super) fn encode(
     for entry in entries.into_iter().filter(|e| !STORAGE.contains(&e.tag) && e.tag != block::ORIENTATION) {
         file.entries.push((entry.tag, entry.bytes));
     }
-    if frame.format.bits == 8 { file.picture::<u8>(frame)? } else { file.picture::<u16>(frame)? }
+    if frame.format.bits == 8 {
+        file.picture::<u8>(frame)?
+    } else {
+        file.picture::<u16>(frame)?
+    }
     if let Some(profile) = icc {
         let at = file.at;
         file.put(profile)?;

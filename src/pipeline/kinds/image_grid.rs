@@ -19,10 +19,8 @@ pub struct ImageGridSettings {
 impl StageSettings for ImageGridSettings {
     const KIND: &'static str = "image.grid";
     const SUMMARY: &'static str = "draws the grid of a map over the picture that was sampled through it";
-    const INPUTS: &'static [Port] = &[
-        Port::one("image", PortType::Image, "the sampled picture"),
-        Port::one("warp", PortType::Warp, "its map"),
-    ];
+    const INPUTS: &'static [Port] =
+        &[Port::one("image", PortType::Image, "the sampled picture"), Port::one("warp", PortType::Warp, "its map")];
     const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture with the grid, 8 bit")];
 
     fn over_time(&self) -> OverTime {

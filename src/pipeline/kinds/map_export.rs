@@ -34,7 +34,8 @@ impl MapExportSettings {
 
 impl StageSettings for MapExportSettings {
     const KIND: &'static str = "image.map_export";
-    const SUMMARY: &'static str = "writes where each pixel comes from, and the grid: NumPy arrays, and EXR for compositors";
+    const SUMMARY: &'static str =
+        "writes where each pixel comes from, and the grid: NumPy arrays, and EXR for compositors";
     const INPUTS: &'static [Port] = &[
         Port::one("image", PortType::Image, "the picture that the map is of, before it is sampled"),
         Port::one("warp", PortType::Warp, "the map"),

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{picture, required_map};
-use crate::image::still::{Photo, StillError, frame_of_rgb, rgb_of_frame};
+use super::{picture, required_map, with_pixels};
+use crate::image::still::{StillError, frame_of_rgb, rgb_of_frame};
 use crate::math::Point2;
 use crate::pipeline::kinds::ImageGridSettings;
 use crate::pipeline::run_error::RunError;
@@ -30,8 +30,6 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageG
     let vertices: Vec<Point2> = mesh.vertices.iter().map(|v| Point2::new(v.x * scale.0, v.y * scale.1)).collect();
     canvas.grid(&vertices, mesh.cols + 1, COLOR, thickness);
     let frame = frame_of_rgb(canvas.as_bytes(), width, height).map_err(odd)?;
-    let icc = photo.icc.clone();
-    let result = Photo { frame, exif: photo.exif.clone(), icc, format: photo.format, warnings: Vec::new() };
-    context.values.put(stage, "image", Arc::new(result));
+    context.values.put(stage, "image", Arc::new(with_pixels(&photo, frame)));
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use crate::image::rgb_frame;
-use crate::image::still::{LoadOptions, Photo, Turn, exif_of_container, turned};
+use crate::image::still::{ExifTags, LoadOptions, Photo, Turn, exif_of_container, turned};
 use crate::media::{Input, ReadOptions, VideoReader};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::media_error;
@@ -27,7 +27,9 @@ pub(super) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     let (width, height) = (info.width as u64, info.height as u64);
     if width * height > options.max_pixels {
         let limit = options.max_pixels;
-        return Err(bad(&format!("{width}×{height} px are more than the limit of {limit} px; raise it with --max-pixels")));
+        return Err(bad(&format!(
+            "{width}×{height} px are more than the limit of {limit} px; raise it with --max-pixels"
+        )));
     }
     let quarters = (info.rotation_deg / 90.0).round().rem_euclid(4.0) as u32;
     let turn = Turn::of_display(quarters, info.mirrored);
@@ -35,13 +37,14 @@ pub(super) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     let frame = rgb_frame(&frame).and_then(|f| turned(&f, turn));
     let frame = frame.ok_or_else(|| bad("its pixels are of a kind that is not read here"))?;
     let file = File::open(path).ok();
-    let exif = file.and_then(|f| exif_of_container(BufReader::new(f), frame.width, frame.height));
+    let read = file.and_then(|f| exif_of_container(BufReader::new(f), frame.width, frame.height));
+    let (exif, tags) = read.map_or((None, ExifTags::default()), |(exif, tags)| (Some(exif), tags));
     let mut warnings = Vec::new();
     if reader.next_frame().map_err(media_error)?.is_some() {
         warnings.push("more than one picture in it; the first was taken".to_owned());
     }
     warnings.push("a color profile inside HEIF is not read; colors are taken as sRGB".to_owned());
-    Ok(Photo { frame, exif, icc: None, format: None, warnings })
+    Ok(Photo { frame, exif, tags, icc: None, format: None, warnings })
 }
 
 /// True where the items of the file are tiles of a larger picture.

@@ -1,21 +1,50 @@
-//! Which lens took a picture: what the user says, what the file says, what the lines say.
+//! Which lens took a picture: what the user says, what the file says, what the marked lines say.
 
-use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
+use std::path::Path;
+
+use crate::camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun_lens, read_lens};
 use crate::image::still::{ExifTags, Photo};
 use crate::photo::Line;
 use crate::photo::calibration::{CalibrationOptions, LineRole, calibrate};
-use crate::pipeline::kinds::{FovAxis, PhotoRectifySettings};
+use crate::pipeline::kinds::{FovAxis, LinesDetectSettings, PhotoRectifySettings};
 use crate::pipeline::run_error::RunError;
 
-/// Diagonal of a full frame, mm: what focal lengths "in 35 mm film" refer to.
-const FULL_FRAME_MM: f64 = 43.266_615;
-/// By which share a field of view from EXIF may be off, and one that the user gives.
+/// By which share a focal length from EXIF may be off, and one that the user gives.
 const CLAIMED: f64 = 0.1;
 const GIVEN: f64 = 0.01;
 /// Least lines of three points or more from which a lens is found.
 const LEAST_LINES: usize = 3;
 
-/// A lens, and how it was found.
+/// What the user says of the lens.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wish<'s> {
+    lens: &'s str,
+    fov: Option<FieldOfView>,
+}
+
+impl<'s> Wish<'s> {
+    fn new(lens: &'s str, fov: Option<f64>, axis: FovAxis) -> Self {
+        let axis = match axis {
+            FovAxis::H => FieldAxis::Horizontal,
+            FovAxis::V => FieldAxis::Vertical,
+            FovAxis::D => FieldAxis::Diagonal,
+        };
+        Self { lens, fov: fov.map(|degrees| FieldOfView::degrees(degrees, axis)) }
+    }
+
+    /// Of a rectifying stage.
+    pub(super) fn of_rectify(settings: &'s PhotoRectifySettings) -> Self {
+        Self::new(&settings.lens, settings.fov, settings.fov_axis)
+    }
+
+    /// Of a stage that finds lines; `None` where it shall find them without a lens.
+    pub(super) fn of_lines(settings: &'s LinesDetectSettings) -> Option<Self> {
+        (settings.lens != "none").then(|| Self::new(&settings.lens, settings.fov, settings.fov_axis))
+    }
+}
+
+/// A lens for the picture's size, and how it was found.
+#[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) lens: Lens,
     /// In words, for the report.
@@ -24,27 +53,25 @@ pub(super) struct Found {
 }
 
 /// The lens of a picture.
-pub(super) fn find(photo: &Photo, lines: &[Line], settings: &PhotoRectifySettings) -> Result<Found, RunError> {
+pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Found, RunError> {
     let size = (photo.frame.width as f64, photo.frame.height as f64);
-    let given = settings.fov.map(|degrees| FieldOfView::degrees(degrees, axis(settings.fov_axis)));
-    match (settings.lens.as_str(), given) {
-        ("auto", given) => automatic(photo, lines, size, given),
-        (name, given) => match (projection(name), given) {
-            (Some(projection), Some(fov)) => named(projection, fov, size),
-            (Some(projection), None) => {
-                let fov = claimed_field(&photo.tags()).ok_or_else(|| no_field(name))?;
-                named(projection, fov, size)
-            }
-            (None, _) => Err(RunError::Usage(format!(
-                "`{name}` is no lens (expected auto, or rectilinear, equidistant, equisolid, stereographic, orthographic, \
-                 equirectangular, cylindrical or mercator with --fov)"
-            ))),
-        },
+    let facts = facts(photo.tags.clone(), size);
+    let projection = projection(wish.lens);
+    match (wish.lens, projection, wish.fov) {
+        ("auto", _, given) => automatic(&facts, marked, size, given),
+        (_, Some(projection), Some(fov)) => named(projection, fov, size),
+        (_, Some(projection), None) => {
+            let claimed = facts.lens().map_err(|e| RunError::Usage(e.to_string()))?.lens;
+            let fov = claimed.field_of_view(FieldAxis::Horizontal);
+            let missing = || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", wish.lens));
+            named(projection, fov.ok_or_else(missing)?, size)
+        }
+        (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), &facts, size),
+        (name, None, _) => Err(RunError::Usage(format!(
+            "`{name}` is no lens (expected auto, a lens file, or rectilinear, equidistant, equisolid, stereographic, \
+             orthographic, equirectangular, cylindrical or mercator with --fov)"
+        ))),
     }
-}
-
-fn no_field(name: &str) -> RunError {
-    RunError::Usage(format!("the lens `{name}` needs a field of view: give --fov DEG (`fov`), EXIF has no focal length"))
 }
 
 fn named(projection: Projection, fov: FieldOfView, size: (f64, f64)) -> Result<Found, RunError> {
@@ -53,42 +80,59 @@ fn named(projection: Projection, fov: FieldOfView, size: (f64, f64)) -> Result<F
     Ok(Found { lens, how, warnings: Vec::new() })
 }
 
-/// From marked lines, with what EXIF or the user claim as a prior; without lines from those claims alone.
+fn from_file(path: &Path, facts: &ExifFacts, size: (f64, f64)) -> Result<Found, RunError> {
+    let profile = read_lens(path, facts).map_err(|e| RunError::Input(e.to_string()))?;
+    let fits = profile.lens.resized(size);
+    let lens = fits.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+    Ok(Found { lens, how: format!("{} file {}", profile.format, path.display()), warnings: profile.notes })
+}
+
+/// From marked lines, with what EXIF or the user claim as a prior; without lines from a profile, or from those claims alone.
 fn automatic(
-    photo: &Photo,
-    lines: &[Line],
+    facts: &ExifFacts,
+    marked: &[Line],
     size: (f64, f64),
     given: Option<FieldOfView>,
 ) -> Result<Found, RunError> {
-    let claim = given.map(|fov| (fov, GIVEN)).or_else(|| claimed_field(&photo.tags()).map(|fov| (fov, CLAIMED)));
-    if lines.iter().filter(|l| l.points.len() > 2).count() >= LEAST_LINES {
-        let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
-        let found = calibrate(lines, size, &options).map_err(|e| RunError::Input(e.to_string()))?;
-        let off = found.lines.iter().filter(|l| l.role == LineRole::Bent);
-        let warning = |name: &str| format!("line `{name}` fits no lens that makes the others straight; it was not used to find it");
-        let warnings = off.map(|l| warning(&l.name)).collect();
-        let how = format!("{} from marked lines, which fit to {:.2} px", found.model.name(), found.noise_px);
-        return Ok(Found { lens: found.lens, how, warnings });
+    let exif = facts.lens();
+    let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
+    let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
+    if marked.iter().filter(|l| l.points.len() > 2).count() >= LEAST_LINES {
+        return from_lines(marked, size, claim);
     }
-    if let Some((fov, _)) = claim {
+    if let Some(fov) = given {
         return named(Projection::Rectilinear, fov, size);
     }
-    if (size.0 - 2.0 * size.1).abs() < 1.0 {
-        let all = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
-        let mut found = named(Projection::Equirectangular, all, size)?;
-        found.warnings.push("taken for an equirectangular panorama, since it is twice as wide as high".to_owned());
-        return Ok(found);
+    if let Some(profile) = facts.model.as_ref().and_then(|_| lensfun_lens(None, facts).ok())
+        && let Ok(lens) = profile.lens.resized(size)
+    {
+        return Ok(Found {
+            lens,
+            how: format!("{} profile {}", profile.format, profile.name),
+            warnings: profile.notes,
+        });
     }
-    let help = "give --lens MODEL with --fov DEG, a lens file, or mark three curved lines or more in NAME.lines.json";
-    Err(RunError::Usage(format!("the lens is not known: EXIF has no focal length, and no lines were marked; {help}")))
+    match exif {
+        Ok(found) => Ok(Found { lens: found.lens, how: format!("EXIF: {}", found.reason), warnings: Vec::new() }),
+        Err(_) if (size.0 - 2.0 * size.1).abs() < 1.0 => {
+            let all = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
+            let mut found = named(Projection::Equirectangular, all, size)?;
+            found.warnings.push("taken for an equirectangular panorama, since it is twice as wide as high".to_owned());
+            Ok(found)
+        }
+        Err(error) => Err(RunError::Usage(format!("the lens is not known: {error}"))),
+    }
 }
 
-fn axis(axis: FovAxis) -> FieldAxis {
-    match axis {
-        FovAxis::H => FieldAxis::Horizontal,
-        FovAxis::V => FieldAxis::Vertical,
-        FovAxis::D => FieldAxis::Diagonal,
-    }
+fn from_lines(marked: &[Line], size: (f64, f64), claim: Option<(FieldOfView, f64)>) -> Result<Found, RunError> {
+    let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
+    let found = calibrate(marked, size, &options).map_err(|e| RunError::Input(e.to_string()))?;
+    let bent = found.lines.iter().filter(|l| l.role == LineRole::Bent);
+    let warning =
+        |name: &str| format!("line `{name}` fits no lens under which the others are straight; it was left out there");
+    let warnings = bent.map(|l| warning(&l.name)).collect();
+    let how = format!("{} from marked lines, which fit to {:.2} px", found.model.name(), found.noise_px);
+    Ok(Found { lens: found.lens, how, warnings })
 }
 
 fn projection(name: &str) -> Option<Projection> {
@@ -105,36 +149,55 @@ fn projection(name: &str) -> Option<Projection> {
     })
 }
 
-/// The field of view that EXIF claims, along the diagonal of a rectilinear picture.
-fn claimed_field(tags: &ExifTags) -> Option<FieldOfView> {
-    let from_sensor = || {
-        let ((px, py), (w, h)) = (tags.sensor_px_per_mm?, tags.size_px?);
-        let diagonal_mm = (f64::from(w) / px).hypot(f64::from(h) / py);
-        Some(tags.focal_mm? * FULL_FRAME_MM / diagonal_mm)
+/// What EXIF says, for a picture of `size` px. Digital zoom cuts the field; pixels count as they were when the picture was
+/// taken, scaled to what it is now.
+fn facts(tags: ExifTags, size: (f64, f64)) -> ExifFacts {
+    let zoom = tags.digital_zoom.filter(|z| *z >= 1.0).unwrap_or(1.0);
+    let lens = match (&tags.lens_make, tags.lens_model) {
+        (Some(make), Some(model)) if !model.starts_with(make.as_str()) => Some(format!("{make} {model}")),
+        (_, model) => model,
     };
-    let focal = tags.focal_35mm.or_else(from_sensor).filter(|f| (1.0..2000.0).contains(f))?;
-    let focal = focal * tags.digital_zoom.filter(|z| tags.focal_35mm.is_none() && *z >= 1.0).unwrap_or(1.0);
-    let degrees = 2.0 * (0.5 * FULL_FRAME_MM / focal).atan().to_degrees();
-    Some(FieldOfView::degrees(degrees, FieldAxis::Diagonal))
+    let taken = tags.size_px.map(|(w, h)| f64::from(w).hypot(f64::from(h)));
+    let pixel_um = tags.sensor_px_per_mm.zip(taken).map(|((x, y), taken)| {
+        let scale = 1000.0 * taken / size.0.hypot(size.1) / zoom;
+        (scale / x, scale / y)
+    });
+    ExifFacts {
+        size: Some(size),
+        make: tags.make,
+        model: tags.model,
+        lens,
+        focal_mm: tags.focal_mm,
+        focal_35_mm: tags.focal_35mm,
+        pixel_um,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn degrees(tags: ExifTags, size: (f64, f64)) -> Option<f64> {
+        let lens = facts(tags, size).lens().ok()?.lens;
+        lens.field_of_view(FieldAxis::Diagonal).map(|f| f.radians.to_degrees())
+    }
+
     #[test]
-    fn focal_lengths_mean_the_field_of_a_full_frame() {
-        let degrees = |tags: &ExifTags| claimed_field(tags).map(|f| f.radians.to_degrees());
+    fn focal_lengths_mean_the_same_field_at_any_size_of_the_picture() {
         let tags = ExifTags { focal_35mm: Some(24.0), ..ExifTags::default() };
-        assert!((degrees(&tags).expect("a focal length") - 84.06).abs() < 0.1, "{:?}", degrees(&tags));
-        // A sensor of 24×16 mm at 16 mm: the same field as 24 mm, nearly.
+        let field = degrees(tags, (4000.0, 3000.0)).expect("a focal length");
+        assert!((field - 84.06).abs() < 0.1, "{field}");
+        // A sensor of 24×16 mm at 16 mm, the picture scaled to a half since: the same field.
         let sensor = ExifTags {
             focal_mm: Some(16.0),
             sensor_px_per_mm: Some((250.0, 250.0)),
             size_px: Some((6000, 4000)),
             ..ExifTags::default()
         };
-        assert!((degrees(&sensor).expect("a focal length") - 84.06).abs() < 0.1);
-        assert_eq!(degrees(&ExifTags { focal_mm: Some(16.0), ..ExifTags::default() }), None);
+        for size in [(6000.0, 4000.0), (3000.0, 2000.0)] {
+            let field = degrees(sensor.clone(), size).expect("a focal length");
+            assert!((field - 84.06).abs() < 0.2, "{field}");
+        }
+        assert_eq!(degrees(ExifTags { focal_mm: Some(16.0), ..ExifTags::default() }, (400.0, 300.0)), None);
     }
 }

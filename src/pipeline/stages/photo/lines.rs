@@ -1,31 +1,37 @@
 //! `lines.load`, `lines.detect`: lines that are straight in the world.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use super::lens::{self, Found, Wish};
 use super::picture;
-use crate::feature::{Segment, SegmentOptions, segments};
 use crate::image::still::Photo;
 use crate::image::{Plane, analysis_luma};
 use crate::math::Point2;
+use crate::photo::Line;
+use crate::photo::line_detection::{LineDetectionOptions, detect_lines};
 use crate::photo::marks::LinesFile;
-use crate::photo::{Line, Orientation};
 use crate::pipeline::kinds::{LinesDetectSettings, LinesLoadSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 
-/// Longest side of the picture that is searched, px.
-const MOST_PX: usize = 1600;
-/// Least length of a line, as a share of the picture's diagonal. Shorter ones hardly show a bend.
-const LEAST_SHARE: f64 = 0.06;
-/// Most lines that are kept, the longest first.
-const MOST_LINES: usize = 60;
+/// Longest side of the picture that is searched, px: views of it have half as many.
+const MOST_PX: usize = 2800;
+
+/// Lines, and the lens under which they were found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LineSet {
+    pub(super) lines: Vec<Line>,
+    /// `None` for lines that were marked: they may tell the lens themselves.
+    pub(super) lens: Option<Arc<Found>>,
+}
 
 /// Reads marked lines.
 pub(super) fn load(context: &mut Context<'_, '_>, stage: usize, settings: &LinesLoadSettings) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
     let path = Path::new(&settings.path);
     if settings.optional && !path.exists() {
-        context.values.put(stage, "lines", Vec::<Line>::new());
+        context.values.put(stage, "lines", LineSet::default());
         return Ok(());
     }
     let size = (photo.frame.width as u32, photo.frame.height as u32);
@@ -33,8 +39,8 @@ pub(super) fn load(context: &mut Context<'_, '_>, stage: usize, settings: &Lines
     for note in &file.notes {
         context.warn(format!("{}: {note}", path.display()));
     }
-    let lines: Vec<Line> = file.in_use().cloned().collect();
-    context.values.put(stage, "lines", lines);
+    let lines = file.in_use().cloned().collect();
+    context.values.put(stage, "lines", LineSet { lines, lens: None });
     Ok(())
 }
 
@@ -46,32 +52,33 @@ pub(super) fn detect(
 ) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
     let marked = match context.edge(stage, "marked") {
-        Some(edge) => context.values.get::<Vec<Line>>(edge)?.clone(),
-        None => Vec::new(),
+        Some(edge) => context.values.get::<LineSet>(edge)?.clone(),
+        None => LineSet::default(),
     };
-    let lines = if marked.is_empty() { found(&photo, settings) } else { marked };
-    context.values.put(stage, "lines", lines);
+    let set = if marked.lines.is_empty() { found(&photo, settings)? } else { marked };
+    context.values.put(stage, "lines", set);
     Ok(())
 }
 
-/// The longest straight edges, as lines of two points.
-fn found(photo: &Photo, settings: &LinesDetectSettings) -> Vec<Line> {
+fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunError> {
+    let lens = match Wish::of_lines(settings) {
+        Some(wish) => Some(Arc::new(lens::find(photo, &[], wish)?)),
+        None => None,
+    };
     let mut luma = Plane::new(0, 0);
     if !analysis_luma(&photo.frame, MOST_PX, &mut luma) {
-        return Vec::new();
+        return Ok(LineSet { lines: Vec::new(), lens });
     }
     let (width, height) = (luma.width(), luma.height());
     let levels = Plane::from_fn(width, height, |x, y| f32::from(luma.as_ref().row(y)[x]));
-    let min_length = LEAST_SHARE * (width as f64).hypot(height as f64);
-    let mut edges = segments(levels.as_ref(), &SegmentOptions { min_length, ..SegmentOptions::default() });
-    edges.sort_by(|a, b| b.length().total_cmp(&a.length()));
+    drop(luma);
+    let small = lens.as_ref().map(|found| found.lens.resized((width as f64, height as f64))).transpose();
+    let small = small.map_err(|e| RunError::Internal(e.to_string()))?;
+    let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default());
     let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
-    let at = |p: Point2| Point2::new(p.x * scale.0, p.y * scale.1);
-    let line = |(i, edge): (usize, &Segment)| Line {
-        name: format!("found {}", i + 1),
-        points: vec![at(edge.start), at(edge.end)],
-        orientation: Orientation::Free,
-    };
-    let lines = edges.iter().take(MOST_LINES).enumerate().map(line);
-    lines.filter(|l| !settings.without.contains(&l.name)).collect()
+    let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
+    let line = |line: Line| Line { points: line.points.iter().map(at).collect(), ..line };
+    let wanted = |line: &Line| !settings.without.contains(&line.name);
+    let lines = detection.lines.into_iter().map(|d| line(d.line)).filter(wanted).collect();
+    Ok(LineSet { lines, lens })
 }

@@ -18,10 +18,10 @@ use super::{begin, cannot, picture, required_map};
 use crate::image::write_exr;
 use crate::math::{Point2, PointMap};
 use crate::mesh::GridMesh;
+use crate::photo::PhotoWarp;
 use crate::pipeline::kinds::MapExportSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
-use crate::photo::PhotoWarp;
 
 /// Writes the files.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MapExportSettings) -> Result<(), RunError> {

@@ -22,9 +22,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::context::Context;
+use crate::image::Frame;
 use crate::image::still::{Photo, StillError};
 use crate::media::Unfinished;
-use crate::photo::{Line, LineReport, PhotoWarp};
+use crate::photo::{LineReport, PhotoWarp};
 use crate::pipeline::graph::Graph;
 use crate::pipeline::job::Values;
 use crate::pipeline::kinds::{
@@ -34,6 +35,7 @@ use crate::pipeline::kinds::{
 };
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::LinesSummary;
+use lines::LineSet;
 pub(super) use save::rehearse;
 
 /// A map of a picture, and what is told of it.
@@ -92,6 +94,12 @@ fn picture(context: &Context<'_, '_>, stage: usize, port: &str) -> Result<Arc<Ph
     context.values.get::<Arc<Photo>>(context.required(stage, port)?).cloned()
 }
 
+/// Other pixels with what the file said of the picture.
+fn with_pixels(photo: &Photo, frame: Frame) -> Photo {
+    let (exif, icc, tags) = (photo.exif.clone(), photo.icc.clone(), photo.tags.clone());
+    Photo { frame, exif, tags, icc, format: photo.format, warnings: Vec::new() }
+}
+
 /// The map at an input port, if it is connected.
 fn map_at(context: &Context<'_, '_>, stage: usize, port: &str) -> Result<Option<Arc<PhotoMap>>, RunError> {
     context.edge(stage, port).map(|edge| context.values.get::<Arc<PhotoMap>>(edge).cloned()).transpose()
@@ -103,11 +111,15 @@ fn required_map(context: &Context<'_, '_>, stage: usize, port: &str) -> Result<A
     map_at(context, stage, port)?.ok_or_else(missing)
 }
 
-/// The lines of every edge into the port `lines`.
-fn marked_lines(context: &Context<'_, '_>, stage: usize) -> Result<Vec<Line>, RunError> {
-    let edges = context.stage(stage).edges.iter().filter(|e| e.port.name == "lines");
-    let lines = edges.map(|edge| context.values.get::<Vec<Line>>(edge).cloned());
-    Ok(lines.collect::<Result<Vec<_>, _>>()?.concat())
+/// The lines of every edge into the port `lines`, and the lens under which they were found, if they were.
+fn all_lines(context: &Context<'_, '_>, stage: usize) -> Result<LineSet, RunError> {
+    let mut all = LineSet::default();
+    for edge in context.stage(stage).edges.iter().filter(|e| e.port.name == "lines") {
+        let set = context.values.get::<LineSet>(edge)?;
+        all.lines.extend(set.lines.iter().cloned());
+        all.lens = all.lens.or_else(|| set.lens.clone());
+    }
+    Ok(all)
 }
 
 /// Tells how straight lines became, and names those that did not.

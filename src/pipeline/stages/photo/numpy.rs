@@ -5,8 +5,7 @@ use std::io::{self, Write};
 /// Writes an array whose last axis varies fastest.
 pub(super) fn write_npy(mut out: impl Write, shape: &[usize], values: &[f32]) -> io::Result<()> {
     let axes: Vec<String> = shape.iter().map(|n| format!("{n},")).collect();
-    let mut header =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", axes.join(" "));
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", axes.join(" "));
     // Magic, version and length take 10 bytes, the line break one; together a multiple of 64.
     let padded = (header.len() + 11).next_multiple_of(64) - 11;
     header.extend(std::iter::repeat_n(' ', padded - header.len()));

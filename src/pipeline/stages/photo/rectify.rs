@@ -4,13 +4,12 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use super::{PhotoMap, lens, marked_lines, picture, tell_lines};
+use super::lens::{self, Wish};
+use super::{PhotoMap, all_lines, picture, tell_lines};
 use crate::camera::Projection;
 use crate::feature::{Face, Importance};
 use crate::math::Rect;
-use crate::photo::rectify::{
-    Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, rectify,
-};
+use crate::photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, rectify};
 use crate::pipeline::kinds::PhotoRectifySettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{CropWish, ProjectionWish};
@@ -23,7 +22,8 @@ pub(super) fn run(
     settings: &PhotoRectifySettings,
 ) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
-    let lines = marked_lines(context, stage)?;
+    let set = all_lines(context, stage)?;
+    let lines = set.lines;
     let faces: Vec<Rect> = match context.edge(stage, "faces") {
         Some(edge) => context.values.get::<Vec<Face>>(edge)?.iter().map(|f| f.rect).collect(),
         None => Vec::new(),
@@ -32,8 +32,11 @@ pub(super) fn run(
         Some(edge) => Some(context.values.get::<Importance>(edge)?.plane().clone()),
         None => None,
     };
-    let found = lens::find(&photo, &lines, settings)?;
-    found.warnings.into_iter().for_each(|w| context.warn(w));
+    let found = match set.lens {
+        Some(found) => found,
+        None => Arc::new(lens::find(&photo, &lines, Wish::of_rectify(settings))?),
+    };
+    found.warnings.iter().for_each(|w| context.warn(w.clone()));
     context.job.check_cancel()?;
     let input = RectifyInput { lens: &found.lens, lines: &lines, faces: &faces, salience: salience.as_ref() };
     let warp = rectify(&input, &options(settings)).map_err(|e| rectify_error(&e))?;

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix2x3};
 
-use super::{PhotoMap, map_at, picture};
-use crate::image::still::Photo;
+use super::{PhotoMap, map_at, picture, with_pixels};
 use crate::math::{Point2, PointMap};
 use crate::pipeline::kinds::{self, ImageRenderSettings, PhotoBorder};
 use crate::pipeline::run_error::RunError;
@@ -29,9 +28,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageR
         map => Lattice::between(&resized(map, natural, size), size, source),
     };
     let frame = renderer(settings).render_still(&photo.frame, &lattice).map_err(|e| render_error(context, &e))?;
-    let result =
-        Photo { frame, exif: photo.exif.clone(), icc: photo.icc.clone(), format: photo.format, warnings: Vec::new() };
-    context.values.put(stage, "image", Arc::new(result));
+    context.values.put(stage, "image", Arc::new(with_pixels(&photo, frame)));
     Ok(())
 }
 

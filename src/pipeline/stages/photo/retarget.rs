@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use super::{PhotoMap, marked_lines, picture, tell_lines};
+use super::{PhotoMap, all_lines, picture, tell_lines};
 use crate::feature::{Face, Importance};
 use crate::photo::retarget::{RetargetError, RetargetOptions, retarget};
 use crate::pipeline::kinds::PhotoRetargetSettings;
@@ -18,7 +18,7 @@ pub(super) fn run(
     settings: &PhotoRetargetSettings,
 ) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
-    let lines = marked_lines(context, stage)?;
+    let lines = all_lines(context, stage)?.lines;
     let faces = match context.edge(stage, "faces") {
         Some(edge) => context.values.get::<Vec<Face>>(edge)?.clone(),
         None => Vec::new(),
