@@ -12,7 +12,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::analysis::store_error;
+use super::analysis::{Tracks, store_error};
 use super::maps::{Forward, Maps};
 use super::sampling::Feed;
 use super::shake::{Stray, shake, strays};
@@ -22,6 +22,7 @@ use crate::mesh::Grid;
 use crate::motion::{self, ClipMotion, Pair};
 use crate::pipeline::kinds::WarpSettings;
 use crate::pipeline::run_error::RunError;
+use crate::track::Observation;
 
 /// Cells of the grid on which tiers are tried: half as fine as the one that is drawn, for an eighth of its time.
 const CELLS: (u32, u32) = (32, 18);
@@ -47,6 +48,13 @@ struct FrameTrial {
     second: Option<(f64, f64)>,
 }
 
+impl FrameTrial {
+    fn of(map: &Forward, grid: &Grid, crop: f64) -> Self {
+        let folds = if let Forward::Mesh(mesh) = map { mesh.folded_cells() } else { 0 };
+        Self { crop, anisotropy: anisotropy(map, grid), folds, second: None }
+    }
+}
+
 /// A range of frames as a tier would show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TrialFigures {
@@ -70,28 +78,20 @@ impl Trial {
         let warp = WarpSettings { columns: CELLS.0, rows: CELLS.1, ..feed.warp.clone() };
         let mut maps = Maps::new(&Feed { warp: &warp, ..*feed }, tiers, covered)?;
         let grid = maps.grid();
-        let mut seen = Seen::new(grid);
-        let (mut frames, mut steps) = (Vec::new(), Vec::new());
-        for index in 0..feed.tracks.store.frames() {
-            if motion.shots.iter().any(|s| s.start == index) {
-                seen = Seen::new(grid);
+        let mut frames: Vec<FrameTrial> = Vec::with_capacity(motion.frames.len());
+        let mut steps = Vec::with_capacity(motion.frames.len());
+        for shot in &motion.shots {
+            let mut seen = Seen::new(grid);
+            for index in shot.clone() {
+                let map = maps.forward(None)?;
+                let (step, second) = seen.push(shown(feed.tracks, index, &map, &grid)?);
+                steps.push(step);
+                if let Some(last) = frames.last_mut() {
+                    last.second = second;
+                }
+                let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
+                frames.push(FrameTrial::of(&map, &grid, crop));
             }
-            let map = maps.forward(None)?;
-            let still = feed.tracks.store.read(index).map_err(store_error)?.observations;
-            let still = still.iter().filter(|o| o.background);
-            let shown = still.filter_map(|o| {
-                let src = Point2::new(f64::from(o.x), f64::from(o.y));
-                Some((o.id, map.apply(&grid, src)?))
-            });
-            let (step, second) = seen.push(shown.collect());
-            steps.push(step);
-            if let (Some(last), Some(second)) = (frames.last_mut(), second) {
-                let last: &mut FrameTrial = last;
-                last.second = Some(second);
-            }
-            let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
-            let folds = if let Forward::Mesh(mesh) = &map { mesh.folded_cells() } else { 0 };
-            frames.push(FrameTrial { crop, anisotropy: anisotropy(&map, &grid), folds, second: None });
         }
         let strays = strays(motion, |t| steps.get(t).copied().flatten());
         Ok(Self { frames, strays })
@@ -116,6 +116,14 @@ impl Trial {
             folds: frames.iter().map(|f| f.folds).sum(),
         })
     }
+}
+
+/// Where the map of a frame shows the tracks of the background.
+fn shown(tracks: &Tracks, frame: usize, map: &Forward, grid: &Grid) -> Result<Vec<(u32, Point2)>, RunError> {
+    let seen = tracks.store.read(frame).map_err(store_error)?.observations;
+    let still = seen.iter().filter(|o| o.background);
+    let place = |o: &Observation| Some((o.id, map.apply(grid, Point2::new(f64::from(o.x), f64::from(o.y)))?));
+    Ok(still.filter_map(place).collect())
 }
 
 /// Tracks as the last two frames showed them.
