@@ -203,6 +203,8 @@ fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::{FrameMotion, MotionQuality};
+    use crate::time::{Timebase, Timestamp};
 
     const PICTURE: Grid = Grid { cols: 32, rows: 18, width: 640.0, height: 360.0 };
 
@@ -252,5 +254,31 @@ mod tests {
         assert!((anisotropy(&Forward::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
         let turned = crate::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
         assert!((anisotropy(&Forward::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_figures_of_a_range_are_those_of_its_frames_alone() {
+        let still = |t: i64| FrameMotion::still(Timestamp(t), MotionQuality::Measured);
+        let motion = ClipMotion::new(640, 360, Timebase { num: 1, den: 30 }, (0..60).map(still).collect());
+        // The last 30 frames jump to and fro by 4 px.
+        let jump = |t: usize| if t < 31 { 0.0 } else { 4.0 * f64::from(2 * (t % 2) as u8) - 4.0 };
+        let step = |t: usize| Some(Similarity2 { t: Vec2::new(jump(t), 0.0), ..Similarity2::IDENTITY }.to_homography());
+        let frame = |t: usize| FrameTrial {
+            crop: if t < 30 { 1.0 } else { 0.8 + 0.2 * (t % 2) as f64 },
+            anisotropy: if t == 40 { 0.5 } else { 1.0 - 0.001 * t as f64 },
+            folds: usize::from(t == 40),
+            second: (t != 50).then_some(if t < 30 { (0.0, 0.0) } else { (3.0 * (t % 2) as f64, 1.0) }),
+        };
+        let trial = Trial { frames: (0..60).map(frame).collect(), strays: strays(&motion, step) };
+        let calm = trial.over(0..25).expect("measured");
+        assert_eq!((calm.crop, calm.acceleration_px, calm.wobble_px, calm.folds), (1.0, 0.0, 0.0, 0));
+        let rough = trial.over(30..60).expect("measured");
+        assert!((rough.crop - 0.9).abs() < 1e-12 && rough.folds == 1, "{rough:?}");
+        // 15 of the 29 frames that were measured accelerate by 3 px; one frame in 30 is below the quantile.
+        assert!((rough.acceleration_px - 3.0 * (15.0_f64 / 29.0).sqrt()).abs() < 1e-12 && rough.wobble_px == 1.0);
+        assert!((rough.anisotropy - 0.941).abs() < 1e-12, "{}", rough.anisotropy);
+        assert!((1.5..2.5).contains(&rough.shake_px), "{}", rough.shake_px);
+        assert!(calm.shake_px < 0.6, "{}", calm.shake_px);
+        assert!(trial.over(50..51).is_none() && trial.over(0..61).is_none(), "nothing measured, nothing said");
     }
 }
