@@ -13,6 +13,7 @@ mod layers;
 mod media_bad_input;
 mod media_roundtrip;
 mod motion;
+mod motion_file;
 mod path;
 mod photo;
 mod pictures;
