@@ -95,12 +95,11 @@ impl Rectangle {
     /// The best of a few tighter rectangles: finer precision, then sides moved inwards, then finer again.
     pub(super) fn improved(self, lines: &LevelLines, log_tests: f64, enough: f64) -> Self {
         let mut best = self;
-        let finer = |r: &mut Self| r.precision *= 0.5;
-        let both = |r: &mut Self| r.across = [r.across[0] + 0.5 * STEP, r.across[1] - 0.5 * STEP];
-        let left = |r: &mut Self| r.across[0] += STEP;
-        let right = |r: &mut Self| r.across[1] -= STEP;
-        let searches: [(&dyn Fn(&mut Self), usize); 5] =
-            [(&finer, FINER), (&both, NARROWER), (&left, NARROWER), (&right, NARROWER), (&finer, FINER)];
+        let finer: fn(&mut Self) = |r| r.precision *= 0.5;
+        let both: fn(&mut Self) = |r| r.across = [r.across[0] + 0.5 * STEP, r.across[1] - 0.5 * STEP];
+        let left: fn(&mut Self) = |r| r.across[0] += STEP;
+        let right: fn(&mut Self) = |r| r.across[1] -= STEP;
+        let searches = [(finer, FINER), (both, NARROWER), (left, NARROWER), (right, NARROWER), (finer, FINER)];
         for (change, times) in searches {
             let mut trial = best;
             for _ in 0..times {
