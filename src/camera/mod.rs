@@ -4,18 +4,24 @@
 //! centers at integer + 0.5.
 
 mod alignment;
+mod exif_lens;
 mod intrinsics;
 mod lens;
 mod pose;
+mod profile;
 pub mod rotation;
 
 pub use alignment::{Similarity3, align};
+pub use exif_lens::{ExifFacts, ExifLens, ExifLensError};
 pub use intrinsics::Intrinsics;
 pub use lens::{
     AnglePolynomial, BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, KannalaBrandt, Lens,
     LensError, Ocam, Projection, RadialPolynomial, Unified,
 };
 pub use pose::CameraPose;
+pub use profile::{
+    LensFile, LensFileError, Profile, ProfileError, lens_file_schema, lensfun_lens, parse_lens, read_lens,
+};
 
 /// A position in space, in the unit of the scene.
 pub type Point3 = nalgebra::Point3<f64>;

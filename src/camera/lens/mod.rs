@@ -22,7 +22,7 @@ mod projection;
 mod radial;
 mod radial_polynomial;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod unified;
 
 use nalgebra::{Matrix2, Matrix2x3};
