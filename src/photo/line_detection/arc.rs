@@ -133,9 +133,10 @@ impl Arc {
     }
 }
 
-/// How much an edge looks like one of a built thing: `(min(1, c₁ / 0.8 c₃) · min(1, c/20))²`, with `c₁` and `c₃` the mean
-/// steps in gray within one and three pixels of it and `c` the larger. On photos whose edges were told apart by hand,
-/// `c₁/c₃` was about 0.6 for clouds and above 1 for buildings, `c` about 10 for snow and water and above 20 for buildings.
+/// How much an edge looks like one of a built thing: `(min(1, c₁ / s c₃) · min(1, c/20))²`, with `c₁` and `c₃` the mean
+/// steps in gray within one and three pixels of it, `c` the larger, and `s` the least `c₁/c₃` of a sharp edge in the view. On
+/// photos whose edges were told apart by hand, `c₁/c₃` was about 0.6 for clouds and above 1 for buildings, `c` about 10 for
+/// snow and water and above 20 for buildings.
 fn clarity(view: &View, segment: &Segment) -> f64 {
     const SAMPLES: usize = 16;
     let along = segment.direction();
@@ -149,7 +150,8 @@ fn clarity(view: &View, segment: &Segment) -> f64 {
         if n > 0.0 { sum / n } else { 0.0 }
     };
     let (near, far) = (step(1.2), step(3.0));
-    let sharp = if near >= 0.8 * far { 1.0 } else { near / (0.8 * far) };
+    let full = view.sharpness() * far;
+    let sharp = if near >= full { 1.0 } else { near / full };
     (sharp * (near.max(far) / 20.0).min(1.0)).powi(2)
 }
 
