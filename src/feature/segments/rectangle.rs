@@ -172,8 +172,9 @@ mod tests {
 
     #[test]
     fn all_nodes_of_a_tilted_rectangle_are_counted_once() {
-        let flat = Plane::from_fn(80, 60, |x, _| x as f32 * 10.0);
-        let lines = LevelLines::new(flat.as_ref(), 1.0);
+        // Level on the right, where nodes have no level line and count all the same.
+        let ramp = Plane::from_fn(80, 60, |x, _| x.min(35) as f32 * 10.0);
+        let lines = LevelLines::new(ramp.as_ref(), 1.0);
         for angle in [0.0, 0.3, 1.1, PI / 2.0, 2.5] {
             let along = Vec2::new(f64::cos(angle), f64::sin(angle));
             let (length, across) = ([-13.2, 11.3], [-3.1, 4.2]);

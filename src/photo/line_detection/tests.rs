@@ -1,6 +1,7 @@
 use super::*;
 use crate::camera::{FieldAxis, FieldOfView};
 use crate::image::Plane;
+use crate::photo::marks::LinesFile;
 
 /// A room of dark slats on bright walls, seen by a lens: slats along x, y and z in a frame that is pitched and yawed.
 struct Room {
@@ -179,5 +180,22 @@ fn lines_of_a_photo_that_is_looked_at_shrunk_are_told_in_its_own_pixels() {
         let near = |l: &&DetectedLine| known.iter().any(|n| n.cross(&normal(l)).norm() < 0.03);
         let found = shrunk.lines.iter().filter(near).count();
         assert!(3 * found >= 2 * shrunk.lines.len(), "{found} of {} are lines of the whole photo", shrunk.lines.len());
+    }
+}
+
+#[test]
+fn what_was_found_can_be_saved_switched_off_by_name_and_read_back() {
+    let room = Room::new(Projection::Equirectangular, 360.0, 0.0);
+    let found = room.detect();
+    let size = (room.lens.size.0 as u32, room.lens.size.1 as u32);
+    let mut file = LinesFile::new(size, found.lines.iter().map(|l| l.line.clone()).collect());
+    for marked in file.lines.iter_mut().filter(|m| m.line.name == "vertical 1") {
+        marked.off = true;
+    }
+    let read = LinesFile::parse(&file.to_json(), size).expect("our own file");
+    assert_eq!((read.lines.len(), read.in_use().count()), (found.lines.len(), found.lines.len() - 1));
+    for (line, again) in found.lines.iter().zip(&read.lines) {
+        assert_eq!(line.line.orientation, again.line.orientation);
+        assert!(line.line.points.iter().zip(&again.line.points).all(|(p, q)| (p - q).norm() < 1e-3));
     }
 }
