@@ -441,6 +441,7 @@ fn our_own_file_keeps_every_lens() {
 fn our_own_file_refuses_what_it_does_not_know() {
     for (from, to, says) in [
         ("\"k\"", "\"kk\"", "unknown field `kk`"),
+        ("\"version\": 1", "\"format\": \"plumbline.lines\", \"version\": 1", "has `format` = plumbline.lines"),
         ("\"version\": 1", "\"version\": 2", "has `version` = 2"),
         ("kannala-brandt", "fishy", "uses the camera model `fishy`"),
         ("\"fx\": 437", "\"fx\": -437", "focal length along x` = -437"),
