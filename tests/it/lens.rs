@@ -54,7 +54,7 @@ fn four_models_of_one_camera_agree() {
     {
         let Some(path) = file(model) else { return };
         let (rms, worst) = apart(&reference, &lens(&path), share);
-        println!("{model}: rms {rms:.3} px, worst {worst:.3} px");
+        eprintln!("{model}: rms {rms:.3} px, worst {worst:.3} px");
         assert!(rms <= rms_px && worst <= worst_px, "{model}: rms {rms} px, worst {worst} px");
     }
 }

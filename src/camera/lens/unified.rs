@@ -141,7 +141,7 @@ fn weight(alpha: f64) -> f64 {
 }
 
 fn share(name: &'static str, value: f64) -> Result<(), LensError> {
-    if value >= 0.0 && value <= 1.0 {
+    if (0.0..=1.0).contains(&value) {
         return Ok(());
     }
     Err(LensError::Parameter { name, value, expected: "0 to 1" })

@@ -368,11 +368,11 @@ fn plain(root: &At<'_>) -> Result<Profile, ProfileError> {
         "radtan" | "opencv" | "opencv-standard" | "brown" => {
             // In the order of OpenCV: k1 k2 p1 p2 k3.
             let [k1, k2, p1, p2, k3] = list("k", &k)?;
-            file.model = "brown-conrady".to_owned();
+            "brown-conrady".clone_into(&mut file.model);
             (file.k, file.p) = (vec![k1, k2, k3], vec![p1, p2]);
         }
         own => {
-            file.model = own.to_owned();
+            own.clone_into(&mut file.model);
             (file.k, file.lambda, file.alpha) = (k, number("lambda")?, number("alpha")?);
             (file.beta, file.xi, file.d) = (number("beta")?, number("xi")?, number("d")?);
         }

@@ -427,9 +427,7 @@ fn our_own_file_keeps_every_lens() {
         let text = serde_json::to_string(&LensFile::of(&lens, "all of them")).expect("plain data");
         let profile = parsed(&text);
         assert_eq!(profile.name, "all of them");
-        if lens.projection.is_panoramic() || matches!(lens.projection, Projection::Ocam(_)) {
-            assert_eq!(profile.lens.projection, lens.projection, "{text}");
-        }
+        assert_eq!(profile.lens.projection.name(), lens.projection.name());
         let ray = Vec3::new(0.31, -0.27, 0.9);
         let (a, b) = (lens.project(&ray).expect("in front"), profile.lens.project(&ray).expect("in front"));
         assert!((a - b).norm() < 1e-12, "{text}");

@@ -78,7 +78,7 @@ fn book(s: f64, t: f64, height: f64) -> Color {
 
 /// Light on a wall and the grain of its plaster.
 pub(super) fn light(wall: Wall, s: f64, t: f64) -> f32 {
-    let grain = 0.97 + 0.06 * hash((s * 90.0).floor() as i64 + 1000 * wall.axis as i64, (t * 90.0).floor() as i64);
+    let grain = 0.97 + 0.06 * hash((s * 90.0 + 1000.0 * wall.axis as f64).floor() as i64, (t * 90.0).floor() as i64);
     // The lamps hang in the middle of the ceiling: far ends of the room and corners get less.
     let [a, b] = wall.along();
     let from_middle = |axis: usize, x: f64| {
