@@ -10,6 +10,7 @@ mod fuzz;
 mod house;
 mod in_space;
 mod layers;
+mod lens;
 mod media_bad_input;
 mod media_roundtrip;
 mod motion;
