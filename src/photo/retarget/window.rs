@@ -47,9 +47,10 @@ fn best_start(profile: &[f64], share: f64) -> f64 {
     let n = profile.len();
     let length = ((share * n as f64).round() as usize).clamp(1, n);
     let total: f64 = profile.iter().sum();
+    let least = profile.iter().copied().fold(f64::INFINITY, f64::min);
     let worth = |first: usize| -> f64 {
         let inside: f64 = profile[first..first + length].iter().sum();
-        let cut = |strip: usize| profile[strip] * CUT * length as f64;
+        let cut = |strip: usize| (profile[strip] - least) * CUT * length as f64;
         let left = if first == 0 { 0.0 } else { cut(first) };
         let right = if first + length == n { 0.0 } else { cut(first + length - 1) };
         let off_center = (first as f64 - 0.5 * (n - length) as f64).abs() / n as f64;
