@@ -250,7 +250,7 @@ fn masked(v: f32, m: f32) -> f32 {
 
 /// Sums over `[0, x) × [0, y)`, for exact means of any rectangle.
 struct Sums {
-    sums: Vec<f64>,
+    up_to: Vec<f64>,
     width: usize,
     height: usize,
 }
@@ -266,14 +266,14 @@ impl Sums {
                 sums[(y + 1) * (width + 1) + x + 1] = sums[y * (width + 1) + x + 1] + row;
             }
         }
-        Self { sums, width, height }
+        Self { up_to: sums, width, height }
     }
 
     /// The integral up to a point, px: bilinear between the corners of pixels, exact as pixels are even.
     fn up_to(&self, x: f64, y: f64) -> f64 {
         let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
         let (s, t) = (x - i as f64, y - j as f64);
-        let at = |i: usize, j: usize| self.sums[j * (self.width + 1) + i];
+        let at = |i: usize, j: usize| self.up_to[j * (self.width + 1) + i];
         (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j)) + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
     }
 
@@ -292,7 +292,7 @@ impl Sums {
     }
 
     fn mean_of_pixel(&self, i: usize, j: usize) -> f64 {
-        let at = |i: usize, j: usize| self.sums[j * (self.width + 1) + i];
+        let at = |i: usize, j: usize| self.up_to[j * (self.width + 1) + i];
         at(i + 1, j + 1) - at(i + 1, j) - at(i, j + 1) + at(i, j)
     }
 }

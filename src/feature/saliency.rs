@@ -51,7 +51,7 @@ pub fn saliency(picture: &LabPicture) -> Plane<f32> {
     let half = (w as f32 / 2.0, h as f32 / 2.0);
     for (i, (sum, unlike)) in sum.iter_mut().zip(unlike).enumerate() {
         let (x, y) = ((i % w) as f32 + 0.5, (i / w) as f32 + 0.5);
-        let off = ((x / half.0 - 1.0).powi(2) + (y / half.1 - 1.0).powi(2)) / 2.0;
+        let off = 0.5 * (x / half.0 - 1.0).powi(2) + 0.5 * (y / half.1 - 1.0).powi(2);
         *sum = (*sum + unlike) * (1.0 - CORNER_LOSS * off);
     }
     scale_to_one(&mut sum);
@@ -62,7 +62,9 @@ pub fn saliency(picture: &LabPicture) -> Plane<f32> {
 fn scale_to_one(values: &mut [f32]) {
     let most = values.iter().copied().fold(0.0, f32::max);
     let scale = if most > LEAST_CONTRAST { 1.0 / most } else { 0.0 };
-    values.iter_mut().for_each(|v| *v *= scale);
+    for v in values {
+        *v *= scale;
+    }
 }
 
 /// The path to a pixel found so far: its barrier, highest and lowest value.

@@ -11,6 +11,7 @@ mod axis_aligned;
 mod error;
 mod scale_and_stretch;
 mod straight;
+mod temporal;
 #[cfg(test)]
 mod tests;
 mod virtual_points;
@@ -28,6 +29,7 @@ use error::MAX_SIDE;
 pub use error::RetargetError;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
+pub use temporal::coherent_importance;
 use virtual_points::virtual_points;
 
 /// Points at which a line is measured, besides those marked.
@@ -66,7 +68,7 @@ impl Default for RetargetOptions {
         Self {
             cells: 1200,
             least_scale: 0.3,
-            most_scale: 1.5,
+            most_scale: 2.0,
             bending: 0.3,
             contrast: 1.0,
             face_weight: 10.0,
@@ -130,6 +132,34 @@ pub fn retarget(
     options: &RetargetOptions,
 ) -> Result<Retargeted, RetargetError> {
     Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out)
+}
+
+/// The windows that [`Retargeter::solve_in`] shall show of the frames of one shot: all of a frame where the change of shape is
+/// mild, and a smoothly moving part of constant size where it is extreme. `frames` > 0 is how long a motion must last to be
+/// followed.
+///
+/// # Errors
+/// [`RetargetError::SourceSize`], [`RetargetError::TargetSize`], [`RetargetError::Option`] for input out of range;
+/// [`RetargetError::Start`] where numerics fail.
+pub fn coherent_windows(
+    source: (usize, usize),
+    out: (usize, usize),
+    importance: &[Importance],
+    frames: f64,
+    options: &RetargetOptions,
+) -> Result<Vec<Rect>, RetargetError> {
+    options.check()?;
+    if !(frames > 0.0 && frames <= 1000.0) {
+        return Err(RetargetError::Option { name: "frames", value: frames, range: "above 0, at most 1000" });
+    }
+    if !is_size(source) {
+        return Err(RetargetError::SourceSize { width: source.0, height: source.1 });
+    }
+    if !is_size(out) {
+        return Err(RetargetError::TargetSize { width: out.0, height: out.1 });
+    }
+    let px = |size: (usize, usize)| (size.0 as f64, size.1 as f64);
+    window::windows(px(source), px(out), importance, options.crop_below, frames)
 }
 
 /// A picture ready to be given any size.
@@ -199,6 +229,27 @@ impl Retargeter {
         }
         let size = (width as f64, height as f64);
         let window = window::window(self.source, size, &self.importance, self.options.crop_below);
+        self.solve_in(window, out)
+    }
+
+    /// [`Self::solve`] with the window given, px of the picture, for the frames of a clip: see [`coherent_windows`].
+    ///
+    /// # Errors
+    /// [`RetargetError::TargetSize`], [`RetargetError::Window`]; as [`Self::solve`] otherwise.
+    pub fn solve_in(&mut self, window: Rect, out: (usize, usize)) -> Result<Retargeted, RetargetError> {
+        let (width, height) = out;
+        if !is_size(out) {
+            return Err(RetargetError::TargetSize { width, height });
+        }
+        let size = (width as f64, height as f64);
+        let slack = 1e-9 * self.source.0.max(self.source.1);
+        let inside = window.min.x >= -slack
+            && window.min.y >= -slack
+            && window.max.x <= self.source.0 + slack
+            && window.max.y <= self.source.1 + slack;
+        if !(inside && window.width() > slack && window.height() > slack) {
+            return Err(RetargetError::Window { window });
+        }
         if self.prepared.as_ref().is_none_or(|p| p.window != window || !p.released.is_empty()) {
             self.prepared = Some(self.prepare(window, Vec::new())?);
         }
@@ -234,7 +285,9 @@ impl Retargeter {
         let fraction = |p: Point2| Point2::new(p.x / self.source.0, p.y / self.source.1);
         let in_picture = Rect { min: fraction(window.min), max: fraction(window.max) };
         let mut weights = self.importance.cell_means(&in_picture, grid.cols, grid.rows);
-        weights.iter_mut().for_each(|w| *w = w.powf(self.options.contrast));
+        for w in &mut weights {
+            *w = w.powf(self.options.contrast);
+        }
         let (cw, ch) = grid.cell_size();
         for face in &self.faces {
             // Hair, ears and chin stand outside the detector's box.
@@ -248,7 +301,9 @@ impl Retargeter {
             }
         }
         // Nothing at all would leave cells free to be anything; a mask may say so nevertheless.
-        weights.iter_mut().for_each(|w| *w = w.max(LEAST_WEIGHT));
+        for w in &mut weights {
+            *w = w.max(LEAST_WEIGHT);
+        }
         weights
     }
 }
@@ -257,7 +312,9 @@ impl Retargeter {
 const ROUNDS: usize = 25;
 /// The descent ends where a step gains less than this share of the energy: what is left to move is below a hundredth of a
 /// cell.
-const TOLERANCE: f64 = 2e-4;
+const TOLERANCE: f64 = 5e-4;
+/// How far the start may stretch beyond where strain sets in. At 1, a most scale of 1 would leave it no room.
+const START: f64 = 1.25;
 /// Least weight of a cell.
 const LEAST_WEIGHT: f64 = 1e-3;
 
@@ -279,7 +336,7 @@ impl Prepared {
     fn solve(&mut self, size: (f64, f64), options: &RetargetOptions) -> Result<(GridMesh, Descent), RetargetError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
-        let bounds = Bounds { least: options.least_scale, most: 1.5 * options.most_scale };
+        let bounds = Bounds { least: options.least_scale, most: START * options.most_scale };
         let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds)? };
         if !options.refine {
             return Ok((mesh, Descent { energies: Vec::new(), converged: true }));

@@ -20,10 +20,10 @@
 //! over and becoming streaks: with `a` the scale of an edge,
 //!
 //! ```text
-//! κ Σ_f Σ_{e ∈ f} [2 m/a − 1]₊² + ς² [a/M − 1]₊²
+//! κ Σ_f Σ_{e ∈ f} [2 m/a − 1]₊² + ς² x² (1 + 2x)²,      x = [a/M − 1]₊,
 //! ```
 //!
-//! rises without bound as an edge shortens towards nothing and is zero between twice the least scale `m` and the largest, `M`.
+//! rises without bound as an edge shortens towards nothing, steeply as it grows, and is zero between twice the least scale `m` and the largest, `M`.
 //! And `E` is minimized by Gauss–Newton steps from the axis-aligned start; a line search halves a step until `E` falls and no
 //! cell folds. Lines: see `straight.rs`.
 //!
@@ -339,13 +339,14 @@ impl Scales {
         Edges { along: [v[0].x, v[1].x, v[2].y, v[3].y], aside: [v[0].y, v[1].y, v[2].x, v[3].x] }
     }
 
-    /// `[2m/a − 1]₊` or `ς [a/M − 1]₊` of an edge of scale `a`, whichever is not zero, and its derivative.
+    /// `[2m/a − 1]₊` or `ς x (1 + 2x)`, `x = [a/M − 1]₊`, of an edge of scale `a`, whichever is not zero, and its derivative.
     fn strain(&self, e: usize, a: f64) -> (f64, f64) {
         let twice = 2.0 * if e < 2 { self.least.0 } else { self.least.1 };
         if a < twice {
             (twice / a - 1.0, -twice / (a * a))
         } else if a > self.most {
-            (STRETCH * (a / self.most - 1.0), STRETCH / self.most)
+            let x = a / self.most - 1.0;
+            (STRETCH * x * (1.0 + 2.0 * x), STRETCH * (1.0 + 4.0 * x) / self.most)
         } else {
             (0.0, 0.0)
         }
