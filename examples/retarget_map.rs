@@ -108,7 +108,6 @@ fn main() -> Result<(), Failure> {
         face_weight: value("face", standard.face_weight)?,
         crop_below: value("crop", standard.crop_below)?,
         refine: keys.get("refine").is_none_or(|v| *v != "off"),
-        ..standard
     };
     let clock = Instant::now();
     let mut retargeter =
