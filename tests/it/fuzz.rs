@@ -3,6 +3,9 @@
 #[path = "../../fuzz/bodies.rs"]
 mod bodies;
 
+use std::io::Cursor;
+
+use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
 use plumbline::time::{Timebase, Timestamp};
 use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
@@ -114,4 +117,19 @@ fn no_motion_file_makes_the_reader_panic() {
     let mut with_tracks = Vec::new();
     clip.write_json_with_tracks(&mut with_tracks, &store).expect("a small file");
     hammer(&[text, with_tracks, b"{}".to_vec(), b"[]".to_vec()], bodies::motion_file, 2);
+}
+
+#[test]
+fn no_picture_makes_the_reader_panic() {
+    let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 7 % 251) as u8).collect();
+    let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
+    let exif = Some(b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0".to_vec());
+    let photo = Photo { frame, exif, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let file = |format| {
+        let mut out = Cursor::new(Vec::new());
+        encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
+        out.into_inner()
+    };
+    let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
+    hammer(&formats.map(file), bodies::still_file, 3);
 }
