@@ -1,8 +1,11 @@
 //! What the fuzz targets do with any bytes. The integration tests run the same on mutated examples, for toolchains without a
 //! fuzzer.
 
+use std::io::Cursor;
+
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::math::Point2;
+use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::motion::ClipMotion;
 use plumbline::pipeline::{Source, print, read};
 
@@ -49,5 +52,17 @@ pub(crate) fn lens_file(bytes: &[u8]) {
         }
         let own = serde_json::to_string(&LensFile::of(&profile.lens, "")).expect("plain data");
         parse_lens(&own, &picture).expect("own files are read");
+    }
+}
+
+/// Any bytes as a picture, and as an EXIF block: read or refused without a panic; what was read can be written and read again.
+pub(crate) fn still_file(bytes: &[u8]) {
+    let _ = ExifTags::of(bytes);
+    let options = LoadOptions { max_pixels: 1 << 18 };
+    if let Ok(photo) = decode(Cursor::new(bytes), options) {
+        let mut file = Cursor::new(Vec::new());
+        encode(&photo, StillFormat::Tiff, SaveOptions::default(), &mut file).expect("any picture fits into TIFF");
+        let again = decode(Cursor::new(file.into_inner()), options).expect("own files are read");
+        assert_eq!((again.frame.width, again.frame.height), (photo.frame.width, photo.frame.height));
     }
 }

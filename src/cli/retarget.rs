@@ -48,7 +48,7 @@ impl RetargetArgs {
         let border = PhotoBorder::Replicate;
         let render = ImageRenderSettings { interpolation: self.interpolation, border, ..Default::default() };
         let mask = self.importance.as_ref().map(|path| literal_path(path));
-        let settings = PhotoRetargetSettings { size: self.size };
+        let settings = PhotoRetargetSettings { size: Some(self.size) };
         self.photo.pipeline("retarget", &render, &LinesDetectSettings::default(), |wanted| {
             let judged = StageEntry::built("importance", &ImportanceSettings { mask }).input("image", "photo");
             let judged = match wanted.faces {

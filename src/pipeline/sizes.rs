@@ -159,12 +159,6 @@ impl TargetSize {
     }
 }
 
-impl Default for TargetSize {
-    fn default() -> Self {
-        Self::Shape(Ratio { across: 1.0, down: 1.0 })
-    }
-}
-
 impl FromStr for TargetSize {
     type Err = String;
 

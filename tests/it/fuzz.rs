@@ -3,6 +3,9 @@
 #[path = "../../fuzz/bodies.rs"]
 mod bodies;
 
+use std::io::Cursor;
+
+use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
 use plumbline::time::{Timebase, Timestamp};
 use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
@@ -138,4 +141,19 @@ fn no_lens_file_makes_the_reader_panic() {
           c=\"0.005\"/><distortion model=\"poly5\" focal=\"22\" k1=\"0.1\" k2=\"0.1\"/></calibration></lens></lensdatabase>",
     ];
     hammer(&examples.map(<[u8]>::to_vec), bodies::lens_file, 3);
+}
+
+#[test]
+fn no_picture_makes_the_reader_panic() {
+    let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 7 % 251) as u8).collect();
+    let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
+    let exif = Some(b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0".to_vec());
+    let photo = Photo { frame, exif, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let file = |format| {
+        let mut out = Cursor::new(Vec::new());
+        encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
+        out.into_inner()
+    };
+    let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
+    hammer(&formats.map(file), bodies::still_file, 3);
 }

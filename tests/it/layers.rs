@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates that only one place may name, and the place.
-const ROOMS: [(&str, &str); 7] = [
+const ROOMS: [(&str, &str); 8] = [
     ("faer", "sparse"),
     ("clarabel", "optim"),
     ("ffmpeg_next", "media"),
