@@ -4,8 +4,8 @@
 use std::io::Cursor;
 
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
-use plumbline::math::Point2;
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
+use plumbline::math::Point2;
 use plumbline::motion::ClipMotion;
 use plumbline::pipeline::{Source, print, read};
 
