@@ -335,12 +335,24 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back() {
-        ["1x1", "16384x2", "1600x1200"].iter().for_each(|t| round_trip::<PixelSize>(t));
-        ["9:16", "1.91:1", "640x480"].iter().for_each(|t| round_trip::<TargetSize>(t));
-        ["auto", "rectangle", "none", "3:2"].iter().for_each(|t| round_trip::<CropWish>(t));
-        ["optimized", "panini", "panini:0.8", "equirectangular"].iter().for_each(|t| round_trip::<ProjectionWish>(t));
-        ["0,0,0", "10,-5.5,180"].iter().for_each(|t| round_trip::<ViewAngles>(t));
-        ["100,75", "360,179.5"].iter().for_each(|t| round_trip::<ViewField>(t));
+        for t in ["1x1", "16384x2", "1600x1200"] {
+            round_trip::<PixelSize>(t);
+        }
+        for t in ["9:16", "1.91:1", "640x480"] {
+            round_trip::<TargetSize>(t);
+        }
+        for t in ["auto", "rectangle", "none", "3:2"] {
+            round_trip::<CropWish>(t);
+        }
+        for t in ["optimized", "panini", "panini:0.8", "equirectangular"] {
+            round_trip::<ProjectionWish>(t);
+        }
+        for t in ["0,0,0", "10,-5.5,180"] {
+            round_trip::<ViewAngles>(t);
+        }
+        for t in ["100,75", "360,179.5"] {
+            round_trip::<ViewField>(t);
+        }
         assert_eq!("30".parse(), Ok(ViewAngles { yaw: 30.0, ..ViewAngles::default() }));
     }
 

@@ -50,7 +50,7 @@ const STILL: f64 = 0.02;
 /// Times the conformality of folding cells is raised before going back.
 const FOLD_ROUNDS: usize = 8;
 /// Halvings on the way back to a sheet without folds.
-const BACKTRACKS: usize = 30;
+const BACKTRACKS: i32 = 30;
 
 /// What the energies weigh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -297,7 +297,7 @@ fn folds(quad: &Quad) -> bool {
 fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
     let mut mesh = sound.clone();
     for k in 1..=BACKTRACKS {
-        let t = 0.5_f64.powi(k as i32);
+        let t = 0.5_f64.powi(k);
         for (i, v) in mesh.vertices.iter_mut().enumerate() {
             *v = sound.vertices[i] + t * (found.vertices[i] - sound.vertices[i]);
         }
