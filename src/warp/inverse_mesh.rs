@@ -336,7 +336,9 @@ mod tests {
     fn columns_of_very_different_width_are_found_from_anywhere() {
         let widths = [7.0, 6.0, 8.0, 41.0, 40.0, 5.0, 5.0, 44.0, 6.0, 3.0, 90.0, 2.0];
         let mut x = vec![0.0];
-        widths.iter().for_each(|w| x.push(x[x.len() - 1] + w));
+        for w in &widths {
+            x.push(x[x.len() - 1] + w);
+        }
         let vertex = |k: usize| Point2::new(x[k % 13], 30.0 * (k / 13) as f64);
         let mesh = GridMesh { cols: 12, rows: 4, vertices: (0..65).map(vertex).collect() };
         let inverse = InverseMesh::new(&mesh, 120.0, 40.0).expect("well formed");

@@ -57,7 +57,8 @@ pub struct RetargetOptions {
     pub contrast: f64,
     /// Weight of faces relative to a cell that matters fully, ≥ 1.
     pub face_weight: f64,
-    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops.
+    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops; at 0.4 backgrounds of upright cuts turn into
+    /// streaks, at 0.7 more is cut away than needs to be.
     pub crop_below: f64,
     /// Refine rows and columns by scale-and-stretch. Without, lines that are neither horizontal nor vertical may bend.
     pub refine: bool,
@@ -72,7 +73,7 @@ impl Default for RetargetOptions {
             bending: 0.3,
             contrast: 1.0,
             face_weight: 10.0,
-            crop_below: 0.4,
+            crop_below: 0.5,
             refine: true,
         }
     }
