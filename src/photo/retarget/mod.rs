@@ -7,7 +7,7 @@
 //!
 //! [`retarget`] is the one-line door; a [`Retargeter`] keeps what does not depend on the size, for a size that is dragged.
 
-mod axis_aligned;
+pub(super) mod axis_aligned;
 mod error;
 mod scale_and_stretch;
 mod straight;
@@ -27,6 +27,7 @@ pub use error::RetargetError;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
 use virtual_points::virtual_points;
+pub(super) use window::{kept_share, strip_profile, worth_of_starts, worth_spread};
 
 /// Points at which a line is measured, besides those marked.
 const SAMPLES: usize = 64;
@@ -232,7 +233,7 @@ impl Retargeter {
 /// Least weight of a cell.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-fn is_size((width, height): (usize, usize)) -> bool {
+pub(super) fn is_size((width, height): (usize, usize)) -> bool {
     (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height)
 }
 

@@ -18,11 +18,11 @@ const CUT: f64 = 0.05;
 /// The part of the picture to keep, source px; the whole picture where `ρ ≥ least`.
 pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importance, least: f64) -> Rect {
     let (sx, sy) = (out.0 / source.0, out.1 / source.1);
-    if sx.min(sy) >= least * sx.max(sy) {
+    let share = kept_share((sx, sy), least);
+    if share >= 1.0 {
         return Rect::of_size(source.0, source.1);
     }
-    let share = sx.min(sy) / (least * sx.max(sy));
-    let first = best_start(&profile(importance, sx < sy), share);
+    let first = best_start(&strip_profile(importance, sx < sy, STRIPS), share);
     if sx < sy {
         Rect { min: Point2::new(first * source.0, 0.0), max: Point2::new((first + share) * source.0, source.1) }
     } else {
@@ -30,12 +30,17 @@ pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importanc
     }
 }
 
-/// Importance of columns (or rows), summed.
-fn profile(importance: &Importance, columns: bool) -> Vec<f64> {
+/// The share of the side squeezed more that a window keeps under the scales `(s_x, s_y)`; 1 where `ρ ≥ least`.
+pub(in crate::photo) fn kept_share((sx, sy): (f64, f64), least: f64) -> f64 {
+    if sx.min(sy) >= least * sx.max(sy) { 1.0 } else { sx.min(sy) / (least * sx.max(sy)) }
+}
+
+/// Importance of columns (or rows), summed, in so many strips.
+pub(in crate::photo) fn strip_profile(importance: &Importance, columns: bool, strips: usize) -> Vec<f64> {
     const ACROSS: usize = 100;
     let whole = Rect::of_size(1.0, 1.0);
-    let (cols, rows) = if columns { (STRIPS, ACROSS) } else { (ACROSS, STRIPS) };
-    let mut sums = vec![0.0; STRIPS];
+    let (cols, rows) = if columns { (strips, ACROSS) } else { (ACROSS, strips) };
+    let mut sums = vec![0.0; strips];
     for (i, v) in importance.cell_means(&whole, cols, rows).into_iter().enumerate() {
         sums[if columns { i % cols } else { i / cols }] += v.powi(POWER);
     }
@@ -44,20 +49,30 @@ fn profile(importance: &Importance, columns: bool) -> Vec<f64> {
 
 /// Where, in [0, 1 − share], the window starts that is worth most; of equals the one nearest to the middle.
 fn best_start(profile: &[f64], share: f64) -> f64 {
+    let worth = worth_of_starts(profile, share);
+    let first = (0..worth.len()).max_by(|a, b| worth[*a].total_cmp(&worth[*b])).unwrap_or(0);
+    (first as f64 * worth_spread(worth.len(), share)).min(1.0 - share)
+}
+
+/// What a window of `share` is worth that starts at each of the places from 0 to `1 − share`.
+pub(in crate::photo) fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     let n = profile.len();
     let length = ((share * n as f64).round() as usize).clamp(1, n);
     let total: f64 = profile.iter().sum();
     let worth = |first: usize| -> f64 {
         let inside: f64 = profile[first..first + length].iter().sum();
         let cut = |strip: usize| profile[strip] * CUT * length as f64;
-        let left = if first == 0 { 0.0 } else { cut(first) };
-        let right = if first + length == n { 0.0 } else { cut(first + length - 1) };
+        // The picture's own edges count alike: what stands there was cut by the camera.
+        let cuts = cut(first) + cut(first + length - 1);
         let off_center = (first as f64 - 0.5 * (n - length) as f64).abs() / n as f64;
-        inside - left - right - 1e-3 * total * off_center
+        inside - cuts - 1e-3 * total * off_center
     };
-    let better = |a: &usize, b: &usize| worth(*a).total_cmp(&worth(*b));
-    let first = (0..=n - length).max_by(better).unwrap_or(0);
-    (first as f64 / n as f64).min(1.0 - share)
+    (0..=n - length).map(worth).collect()
+}
+
+/// How far the starts of [`worth_of_starts`] lie apart, of which there are so many.
+pub(in crate::photo) fn worth_spread(starts: usize, share: f64) -> f64 {
+    if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
 }
 
 #[cfg(test)]
