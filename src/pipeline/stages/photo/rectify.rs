@@ -12,7 +12,7 @@ use crate::math::Rect;
 use crate::photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, rectify};
 use crate::pipeline::kinds::PhotoRectifySettings;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, ProjectionWish};
+use crate::pipeline::sizes::{CropWish, ProjectionWish, ViewAngles};
 use crate::pipeline::stages::context::Context;
 
 /// Finds the map.
@@ -58,18 +58,9 @@ pub(super) fn run(
 }
 
 fn options(settings: &PhotoRectifySettings) -> RectifyOptions {
-    let view = settings.view;
     RectifyOptions {
-        target: match settings.to {
-            ProjectionWish::Optimized => Target::Optimized,
-            ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
-            ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
-            ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
-            ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
-            ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
-            ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
-        },
-        view: View { yaw: view.yaw.to_radians(), pitch: view.pitch.to_radians(), roll: view.roll.to_radians() },
+        target: target(settings.to),
+        view: view(settings.view),
         crop: match settings.crop {
             CropWish::Auto => Crop::Auto,
             CropWish::None => Crop::None,
@@ -78,6 +69,24 @@ fn options(settings: &PhotoRectifySettings) -> RectifyOptions {
         size: settings.size.map_or(OutputSize::Source, |s| OutputSize::Exact(s.width as usize, s.height as usize)),
         ..RectifyOptions::default()
     }
+}
+
+/// The wish in the terms of the method.
+pub(in crate::pipeline::stages) fn target(wish: ProjectionWish) -> Target {
+    match wish {
+        ProjectionWish::Optimized => Target::Optimized,
+        ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
+        ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
+        ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
+        ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
+        ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
+        ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
+    }
+}
+
+/// Degrees to radians.
+pub(in crate::pipeline::stages) fn view(angles: ViewAngles) -> View {
+    View { yaw: angles.yaw.to_radians(), pitch: angles.pitch.to_radians(), roll: angles.roll.to_radians() }
 }
 
 fn rectify_error(error: &RectifyError) -> RunError {
