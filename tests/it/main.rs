@@ -15,6 +15,7 @@ mod media_roundtrip;
 mod motion;
 mod path;
 mod photo;
+mod photo_clip;
 mod pictures;
 mod pipeline;
 mod pipeline_laws;
