@@ -10,6 +10,7 @@ mod graph;
 mod interrupt;
 mod motion;
 mod photo;
+mod photo_clip;
 mod plan;
 mod probe;
 mod rectify;
@@ -42,9 +43,9 @@ pub struct Cli {
 enum Command {
     /// Hold shaky clips steady
     Stabilize(Box<StabilizeArgs>),
-    /// Make the lines of wide-angle photos straight, and keep shapes
+    /// Make the lines of wide-angle photos straight, and keep shapes; take the lens out of clips
     Rectify(Box<RectifyArgs>),
-    /// Give photos another shape that spares what matters
+    /// Give photos and clips another shape that spares what matters
     Retarget(Box<RetargetArgs>),
     /// Recover how the camera moved, in the picture and in space
     Motion(Box<motion::MotionArgs>),
@@ -69,7 +70,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run

@@ -22,15 +22,15 @@ const KEPT_FORMATS: [&str; 8] = ["jpg", "jpeg", "jpe", "jfif", "png", "tif", "ti
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub(super) struct PhotoArgs {
-    /// Pictures: files, globs, or folders (jpg png tif webp heic avif)
+    /// Pictures (jpg png tif webp heic avif) or clips (mp4 mov mkv and others): files, globs, or folders
     #[arg(required = true, value_name = "INPUT")]
-    inputs: Vec<String>,
+    pub(super) inputs: Vec<String>,
     /// The file to write, for one input; its extension chooses the format: jpg, png, tif or webp
     #[arg(short, long, value_name = "OUTPUT")]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// The folder to write to; results keep the names of their inputs
     #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
+    pub(super) out_dir: Option<PathBuf>,
     /// Replace existing files
     #[arg(long)]
     overwrite: bool,
@@ -41,7 +41,7 @@ pub(super) struct PhotoArgs {
     lines: Option<String>,
     /// Faces that shall keep their shape
     #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to spare")]
-    faces: String,
+    pub(super) faces: String,
 
     /// JPEG quality, 1 to 100; from 90 on colors keep their full resolution
     #[arg(long, default_value_t = ImageSaveSettings::default().quality, value_name = "Q", help_heading = "Writing")]
@@ -66,7 +66,7 @@ pub(super) struct PhotoArgs {
     pub(super) print_pipeline: bool,
     /// Pictures at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
-    jobs: u32,
+    pub(super) jobs: u32,
     /// Threads for the whole run; 0 = all processors
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
     threads: u32,
@@ -96,7 +96,6 @@ impl PhotoArgs {
         stages: impl FnOnce(Wanted) -> Vec<StageEntry>,
     ) -> Result<PipelineFile, Failure> {
         let names = self.names()?;
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         let load = ImageLoadSettings { path: names.source.clone(), max_pixels: self.max_pixels };
         let mut all = vec![StageEntry::built("photo", &load)];
         let wanted = Wanted { lines: self.push_lines(&names, detect, &mut all), faces: self.push_faces(&mut all) };
@@ -104,11 +103,28 @@ impl PhotoArgs {
         all.extend(self.writing(&names, render));
         Ok(PipelineFile {
             name: Some(name.to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
+            run: entries_of(&self.run(), &RunSettings::default()),
             batch: self.output.is_none().then(|| self.batch()),
             stages: all,
             ..PipelineFile::default()
         })
+    }
+
+    /// How the run goes.
+    pub(super) fn run(&self) -> RunSettings {
+        RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress }
+    }
+
+    /// Options that clips do not have, and whether they were given.
+    pub(super) fn for_pictures_only(&self) -> [(bool, &'static str); 6] {
+        [
+            (self.lines.is_some(), "--lines"),
+            (is_file(&self.faces), "--faces FILE"),
+            (self.quality != ImageSaveSettings::default().quality, "--quality"),
+            (self.grid, "--grid"),
+            (self.export_map.is_some(), "--export-map"),
+            (self.report.is_some(), "--report"),
+        ]
     }
 
     fn names(&self) -> Result<Names, Failure> {

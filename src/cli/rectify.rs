@@ -1,15 +1,16 @@
-//! `plumbline rectify`: wide-angle pictures with straight lines. Builds the same graph as `pipeline/rectify.toml`.
+//! `plumbline rectify`: wide-angle pictures with straight lines, clips without their lens. For pictures, builds the same graph as `pipeline/rectify.toml`.
 
 use clap::Args;
 
 use super::failure::Failure;
 use super::photo::PhotoArgs;
+use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_pipeline;
 use super::tell;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LinesDetectSettings, PhotoBorder,
-    PhotoRectifySettings,
+    Border, FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LensUndistortSettings,
+    LinesDetectSettings, PhotoBorder, PhotoRectifySettings, RenderSettings,
 };
 use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
@@ -19,6 +20,8 @@ use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for
 pub struct RectifyArgs {
     #[command(flatten)]
     photo: PhotoArgs,
+    #[command(flatten)]
+    clips: ClipWishes,
 
     /// The lens: auto (EXIF, profiles, the lines themselves), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP
     /// cameras.txt, OCam, our own JSON), or a model such as equidistant, to be given with --fov
@@ -32,9 +35,10 @@ pub struct RectifyArgs {
     #[arg(long, value_enum, default_value_t, value_name = "h|v|d", requires = "fov", help_heading = "Lens")]
     fov_axis: FovAxis,
 
-    /// What to make: optimized, perspective, stereographic, panini[:D], mercator, cylindrical or equirectangular
-    #[arg(long, default_value_t, value_name = "PROJECTION", help_heading = "Result")]
-    to: ProjectionWish,
+    /// What to make: optimized, perspective, stereographic, panini[:D], mercator, cylindrical or equirectangular;
+    /// if left out, optimized for pictures and perspective for clips
+    #[arg(long, value_name = "PROJECTION", help_heading = "Result")]
+    to: Option<ProjectionWish>,
     /// Where the viewer looks, degrees from where the camera looked
     #[arg(long, default_value_t, value_name = "YAW,PITCH,ROLL", allow_hyphen_values = true, help_heading = "Result")]
     view: ViewAngles,
@@ -45,7 +49,7 @@ pub struct RectifyArgs {
     /// largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
     #[arg(long, default_value_t, value_name = "auto|rectangle|W:H|none", help_heading = "Result")]
     crop: CropWish,
-    /// Size of the result, px; as wide as the picture if left out
+    /// Size of the result, px; if left out, pictures stay as wide as they are, and clips keep their size
     #[arg(long, value_name = "WxH", help_heading = "Result")]
     size: Option<PixelSize>,
     /// What stands where the picture shows nothing
@@ -68,10 +72,47 @@ impl RectifyArgs {
 
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
+    }
+
+    fn of_clips(&self) -> Result<PipelineFile, Failure> {
+        if self.lens == "auto" {
+            let help = "give --lens FILE, or --lens MODEL with --fov DEG";
+            return Err(Failure::usage(format!("the lens of a clip is not found by itself; {help}")));
+        }
+        let settings = LensUndistortSettings {
+            lens: literal_path(std::path::Path::new(&self.lens)),
+            fov: self.fov,
+            fov_axis: self.fov_axis,
+            to: self.to.unwrap_or(ProjectionWish::Perspective),
+            view: self.view,
+            crop: self.crop,
+            size: self.size,
+        };
+        let border = match (self.crop, self.border) {
+            (CropWish::None, PhotoBorder::Black) => Border::Black,
+            (CropWish::None, PhotoBorder::Mirror) => Border::Mirror,
+            (CropWish::None, PhotoBorder::Replicate) => Border::Replicate,
+            _ => Border::Crop,
+        };
+        let render = RenderSettings { interpolation: self.interpolation, border, ..RenderSettings::default() };
+        let mut stages = vec![StageEntry::built("lens", &settings).input("frames", "source")];
+        if self.clips.stabilize {
+            stages.extend(analysis(Some("lens")));
+            stages.extend(self.clips.steady());
+            self.clips.pipeline("rectify", &self.photo, &render, &["lens", "warp"], stages)
+        } else {
+            self.clips.pipeline("rectify", &self.photo, &render, &["lens"], stages)
+        }
+    }
+
+    fn of_photos(&self) -> Result<PipelineFile, Failure> {
+        self.clips.refuse_for_photos()?;
+        let to = self.to.unwrap_or_default();
         let render =
             ImageRenderSettings { interpolation: self.interpolation, border: self.border, ..Default::default() };
         let settings = PhotoRectifySettings {
-            to: self.to,
+            to,
             lens: literal_path(std::path::Path::new(&self.lens)),
             fov: self.fov,
             fov_axis: self.fov_axis,
@@ -88,7 +129,7 @@ impl RectifyArgs {
         };
         self.photo.pipeline("rectify", &render, &detect, |wanted| {
             let stage = wanted.connect(StageEntry::built("map", &settings).input("image", "photo"));
-            if self.to != ProjectionWish::Optimized {
+            if to != ProjectionWish::Optimized {
                 return vec![stage];
             }
             let judged = StageEntry::built("salience", &ImportanceSettings::default()).input("image", "photo");

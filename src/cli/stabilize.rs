@@ -105,7 +105,7 @@ pub struct StabilizeArgs {
 }
 
 /// Containers that hold what the default codecs give; other inputs get `mp4`.
-const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
+pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 impl StabilizeArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {

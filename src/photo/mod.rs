@@ -1,4 +1,4 @@
-//! Still pictures: straight lines made straight, and new shapes that spare what matters.
+//! Pictures: straight lines made straight, and new shapes that spare what matters; for clips too.
 //!
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.
@@ -12,6 +12,7 @@ pub mod marks;
 pub mod rectify;
 mod report;
 pub mod retarget;
+pub mod temporal;
 mod warp;
 
 pub use great_circle::{Sight, best_circle};

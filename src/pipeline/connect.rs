@@ -9,6 +9,7 @@ use super::port::{Port, PortType};
 use super::problem::Problem;
 use super::suggest::did_you_mean;
 use super::syntax::{Entry, Span};
+use super::warps;
 
 /// What [`connect`] needs of a stage beside its entry.
 pub(super) struct Prepared {
@@ -291,7 +292,7 @@ fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
     }
 }
 
-/// What the bodies of the stages cannot do: pictures of another clip beside the result, maps one after another.
+/// What the bodies of the stages cannot do: pictures of another clip beside the result, maps in an order that means nothing.
 fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
     for stage in &graph.stages {
         let from = |port: &str| stage.edges.iter().find(|e| e.port.name == port).map(|e| e.from);
@@ -306,11 +307,7 @@ fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>
             let help = "connect `beside` to the stage that `frames` takes its pictures from";
             problems.push(Problem::new("beside", message).label(place(), "in this stage").help(help));
         }
-        if stage.edges.iter().filter(|e| e.output.data == PortType::Warp).count() > 1 {
-            let message = format!("`{}` takes several maps, which cannot be composed yet", stage.name);
-            let help = "give it one map, or a render stage of its own to each";
-            problems.push(Problem::new("warps", message).label(place(), "in this stage").help(help));
-        }
+        problems.extend(warps::check(graph, stage).map(|p| p.label(place(), "in this stage")));
     }
 }
 

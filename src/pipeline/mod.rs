@@ -39,6 +39,7 @@ pub mod suggest;
 mod summary;
 pub mod syntax;
 pub mod units;
+mod warps;
 
 pub use batch::Instance;
 pub use check::{Pipeline, check, read};

@@ -17,6 +17,7 @@ mod motion;
 mod motion_file;
 mod path;
 mod photo;
+mod photo_clip;
 mod pictures;
 mod pipeline;
 mod pipeline_laws;

@@ -46,15 +46,18 @@ pub(super) fn axis_aligned(
 
 /// What scales may be.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
+pub(in crate::photo) struct Bounds {
     /// `m`: least scale relative to the plain resize along the axis.
-    pub(super) least: f64,
+    pub(in crate::photo) least: f64,
     /// `M`: largest scale relative to the larger of the plain resize, above 1.
-    pub(super) most: f64,
+    pub(in crate::photo) most: f64,
 }
 
 /// Scales of columns and rows relative to the plain resize: `a_c / s_x`, `d_r / s_y`, means 1.
-fn scales(
+///
+/// # Errors
+/// [`RetargetError::Start`] where the program is not solved.
+pub(in crate::photo) fn scales(
     grid: &Grid,
     weights: &[f64],
     (sx, sy): (f64, f64),
@@ -100,7 +103,7 @@ fn made_exact(scales: &[f64], least: f64) -> Vec<f64> {
 }
 
 /// Where the lines between cells come to lie: from 0 to `extent`, both exact.
-fn places(scales: &[f64], extent: f64) -> Vec<f64> {
+pub(in crate::photo) fn places(scales: &[f64], extent: f64) -> Vec<f64> {
     let share = extent / scales.len() as f64;
     let mut places = vec![0.0; scales.len() + 1];
     for (i, s) in scales.iter().enumerate() {

@@ -7,11 +7,10 @@
 //!
 //! [`retarget`] is the one-line door; a [`Retargeter`] keeps what does not depend on the size, for a size that is dragged.
 
-mod axis_aligned;
+pub(super) mod axis_aligned;
 mod error;
 mod scale_and_stretch;
 mod straight;
-mod temporal;
 #[cfg(test)]
 mod tests;
 mod virtual_points;
@@ -29,8 +28,8 @@ use error::MAX_SIDE;
 pub use error::RetargetError;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
-pub use temporal::coherent_importance;
 use virtual_points::virtual_points;
+pub(super) use window::{kept_share, strip_profile};
 
 /// Points at which a line is measured, besides those marked.
 const SAMPLES: usize = 64;
@@ -135,34 +134,6 @@ pub fn retarget(
     Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out)
 }
 
-/// The windows that [`Retargeter::solve_in`] shall show of the frames of one shot: all of a frame where the change of shape is
-/// mild, and a smoothly moving part of constant size where it is extreme. `frames` > 0 is how long a motion must last to be
-/// followed.
-///
-/// # Errors
-/// [`RetargetError::SourceSize`], [`RetargetError::TargetSize`], [`RetargetError::Option`] for input out of range;
-/// [`RetargetError::Start`] where numerics fail.
-pub fn coherent_windows(
-    source: (usize, usize),
-    out: (usize, usize),
-    importance: &[Importance],
-    frames: f64,
-    options: &RetargetOptions,
-) -> Result<Vec<Rect>, RetargetError> {
-    options.check()?;
-    if !(frames > 0.0 && frames <= 1000.0) {
-        return Err(RetargetError::Option { name: "frames", value: frames, range: "above 0, at most 1000" });
-    }
-    if !is_size(source) {
-        return Err(RetargetError::SourceSize { width: source.0, height: source.1 });
-    }
-    if !is_size(out) {
-        return Err(RetargetError::TargetSize { width: out.0, height: out.1 });
-    }
-    let px = |size: (usize, usize)| (size.0 as f64, size.1 as f64);
-    window::windows(px(source), px(out), importance, options.crop_below, frames)
-}
-
 /// A picture ready to be given any size.
 #[derive(Debug)]
 pub struct Retargeter {
@@ -233,7 +204,7 @@ impl Retargeter {
         self.solve_in(window, out)
     }
 
-    /// [`Self::solve`] with the window given, px of the picture, for the frames of a clip: see [`coherent_windows`].
+    /// [`Self::solve`] with the window given, px of the picture.
     ///
     /// # Errors
     /// [`RetargetError::TargetSize`], [`RetargetError::Window`]; as [`Self::solve`] otherwise.
@@ -319,7 +290,7 @@ const START: f64 = 1.25;
 /// Least weight of a cell.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-fn is_size((width, height): (usize, usize)) -> bool {
+pub(super) fn is_size((width, height): (usize, usize)) -> bool {
     (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height)
 }
 

@@ -9,6 +9,7 @@ mod image_load;
 mod image_render;
 mod image_save;
 mod importance;
+mod lens_undistort;
 mod lines_detect;
 mod lines_load;
 mod map_export;
@@ -23,6 +24,8 @@ mod report;
 mod smooth;
 mod stmap;
 mod track;
+mod video_importance;
+mod video_retarget;
 mod warp;
 
 pub use crate::media::{Codec, EncoderWish};
@@ -35,6 +38,7 @@ pub use image_load::ImageLoadSettings;
 pub use image_render::{ImageRenderSettings, PhotoBorder};
 pub use image_save::ImageSaveSettings;
 pub use importance::ImportanceSettings;
+pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use map_export::MapExportSettings;
@@ -49,19 +53,24 @@ pub use report::ReportSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;
+pub use video_importance::{ClipFaces, VideoImportanceSettings};
+pub use video_retarget::VideoRetargetSettings;
 pub use warp::{WarpMode, WarpSettings};
 
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 24] = [
+pub static KINDS: [StageKind; 27] = [
     StageKind::of::<DecodeSettings>(),
+    StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
     StageKind::of::<MotionSettings>(),
     StageKind::of::<MotionImportSettings>(),
     StageKind::of::<MotionExportSettings>(),
     StageKind::of::<SmoothSettings>(),
     StageKind::of::<WarpSettings>(),
+    StageKind::of::<VideoImportanceSettings>(),
+    StageKind::of::<VideoRetargetSettings>(),
     StageKind::of::<StMapSettings>(),
     StageKind::of::<RenderSettings>(),
     StageKind::of::<EncodeSettings>(),

@@ -30,7 +30,10 @@ impl StageSettings for TrackSettings {
     const KIND: &'static str = "video.track";
     const SUMMARY: &'static str =
         "follows points through the frames, and recognizes cuts, blurred and duplicate frames";
-    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip to analyze")];
+    const INPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the clip to analyze"),
+        Port::optional("lens", PortType::Warp, "a map of the whole clip that the points are carried through"),
+    ];
     const OUTPUTS: &'static [Port] = &[Port::one("tracks", PortType::Tracks, "the points of every frame")];
 
     fn held(&self) -> Vec<Held> {

@@ -7,6 +7,8 @@ use super::context::Context;
 use super::measuring::Measuring;
 use super::stream::for_each_frame;
 use super::telling::verdict_name;
+use super::undistort::Undistorted;
+use super::watching::watchers;
 use crate::feature::Mask;
 use crate::media::{self, Input, VideoInfo};
 use crate::motion::{ClipMotion, ShotCameras};
@@ -34,6 +36,11 @@ impl ClipSize {
     pub(super) fn of(info: &VideoInfo) -> Self {
         Self { width: info.width, height: info.height, timebase: info.timebase }
     }
+
+    /// The same clip in another size, px.
+    fn sized(self, (width, height): (usize, usize)) -> Self {
+        Self { width, height, ..self }
+    }
 }
 
 /// Tracks the clip, and measures its motion where a later stage wants to know.
@@ -43,11 +50,22 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &TrackS
     let info = reader.info().clone();
     let clip = ClipSize::of(&info);
     let mut tracker = tracker(clip, settings)?;
-    let mut measuring = Measuring::new(clip)?;
+    let lens: Option<Undistorted> = match context.edge(stage, "lens") {
+        Some(edge) => Some(context.values.get::<Undistorted>(edge)?.clone()),
+        None => None,
+    };
+    let shown = lens.as_ref().map_or(clip, |lens| clip.sized(lens.size()));
+    let mut measuring = Measuring::new(shown)?;
+    let mut watching = watchers(context, decode, &info)?;
     context.job.progress.begin(context.pass.index, "analyze", info.frames_estimate);
     let report = for_each_frame(context.job, reader, |frame| {
-        let tracks = tracker.push(&frame);
+        let mut tracks = tracker.push(&frame);
+        let cut = tracks.quality.cut_before && tracks.quality.bridged == 0;
+        watching.iter_mut().try_for_each(|w| w.look(&frame, cut))?;
         drop(frame);
+        if let Some(lens) = &lens {
+            lens.carry(&mut tracks);
+        }
         measuring.take(tracks)
     })?;
     context.tell_damage(&report);
@@ -57,12 +75,13 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &TrackS
     let motions: Vec<usize> =
         context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
     let (motion, tracks) = measuring.finish(&info);
+    watching.into_iter().for_each(|w| w.finish(context));
     for stage in motions {
         let settings = context.stage(stage).settings.clone();
         let wanted = settings.get::<MotionSettings>().map_or_else(Wanted::default, |s| Wanted {
             rolling_shutter: s.rolling_shutter,
             cameras: s.cameras,
-            focal_px: s.cameras.then(|| told_focal_px(&input)).flatten(),
+            focal_px: (s.cameras && lens.is_none()).then(|| told_focal_px(&input)).flatten(),
         });
         hand_on_motion(context, stage, motion.clone(), &tracks, wanted)?;
     }

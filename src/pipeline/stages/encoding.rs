@@ -12,10 +12,10 @@
 
 use crossbeam::channel::{self, Receiver};
 
-use super::choice;
-use super::context::{Context, changed, media_error};
+use super::chain::Chain;
+use super::context::{Context, media_error};
 use super::report::Album;
-use super::sampling::{Feed, Sampled, Sampler};
+use super::sampling::{Sampled, Sampler};
 use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
 use super::telling::{PathTold, tell_file};
@@ -74,24 +74,23 @@ fn rendered(
     let source = context.required(render, "frames")?.from;
     let (input, reader) = context.open(source)?;
     let others = other_inputs(context, stages, source)?;
-    let feed = Feed::of(context, render)?;
-    feed.check(input.name(), reader.info())?;
-    let frames = feed.tracks.store.frames() as u64;
-    context.job.progress.begin(context.pass.index, "render", Some(frames));
+    let chain = Chain::of(context, render)?;
+    chain.check(input.name(), reader.info())?;
+    context.job.progress.begin(context.pass.index, "render", chain.frames().or(reader.info().frames_estimate));
 
-    let tiers = choice::tiers(&feed, settings.border == kinds::Border::Crop)?;
-    let sampler = Sampler::new(feed, &tiers, settings, reader.info())?;
-    let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
+    let tiers = chain.tiers(settings.border == kinds::Border::Crop)?;
+    let sampler = Sampler::new(&chain, tiers.as_ref(), settings, reader.info())?;
+    let sinks = sinks(context, stages, source, &input, &chain.shown(reader.info()), &others)?;
     let mut album = Album::wanted(context, stages, reader.info())?;
     let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: album.as_mut() };
     let (read, sinks) = stream.run(sinks)?;
-    if read.frames != frames {
-        return Err(changed(input.name(), &format!("{frames} frames, then {}", read.frames)));
-    }
-    let path = PathTold::of(&feed, &tiers);
+    chain.check_length(input.name(), read.frames)?;
+    let path = chain.steady.zip(tiers.as_ref()).map(|(feed, tiers)| PathTold::of(&feed, tiers));
     finish(context, sinks)?;
     context.tell_damage(&read);
-    path.tell(context.summary);
+    if let Some(path) = path {
+        path.tell(context.summary);
+    }
     context.values.put(render, Album::PORT, album);
     Ok(())
 }

@@ -16,7 +16,7 @@ use crate::mesh::{Grid, GridMesh};
 use crate::motion::{ClipMotion, Tier};
 use crate::path::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother, VirtualPath};
 use crate::pipeline::run_error::RunError;
-use crate::warp::{Lattice, WarpField};
+use crate::warp::WarpField;
 
 /// Maps of successive frames.
 pub(super) struct Maps<'a> {
@@ -71,15 +71,14 @@ impl<'a> Maps<'a> {
         self.grid
     }
 
-    /// The map of the next frame, sampled for rendering.
-    pub(super) fn next(&mut self, frame: &Frame) -> Result<Lattice, RunError> {
+    /// The map of the next frame.
+    pub(super) fn next(&mut self, frame: &Frame) -> Result<WarpField, RunError> {
         let index = self.next;
         let field = match self.forward(Some(frame))? {
             Forward::Plane(camera) => WarpField::from_forward_homography(&camera),
             Forward::Mesh(mesh) => WarpField::from_forward_mesh(&mesh, self.grid.width, self.grid.height),
         };
-        let field = field.map_err(|e| RunError::Internal(format!("frame {index}: {e}")))?;
-        Ok(Lattice::new(&field, frame.width, frame.height))
+        field.map_err(|e| RunError::Internal(format!("frame {index}: {e}")))
     }
 
     /// The map of the next frame; without its picture, what is salient in it is not known.

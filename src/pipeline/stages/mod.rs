@@ -8,6 +8,7 @@ mod analysis;
 mod bender;
 mod beside;
 mod cameras;
+mod chain;
 mod choice;
 mod context;
 mod covering;
@@ -21,6 +22,7 @@ mod path_file;
 mod photo;
 mod probe;
 mod report;
+mod retargeting;
 mod sampling;
 mod shake;
 mod sink;
@@ -31,6 +33,8 @@ mod stream;
 mod telling;
 mod tiers;
 mod trial;
+mod undistort;
+mod watching;
 mod wishes;
 
 use std::path::Path;
@@ -38,8 +42,8 @@ use std::path::Path;
 use super::batch::Instance;
 use super::job::{Backend, Job, Probed, Values};
 use super::kinds::{
-    EncodeSettings, MotionExportSettings, MotionImportSettings, ReportSettings, SmoothSettings, StMapSettings,
-    TrackSettings,
+    EncodeSettings, LensUndistortSettings, MotionExportSettings, MotionImportSettings, ReportSettings, SmoothSettings,
+    StMapSettings, TrackSettings, VideoImportanceSettings, VideoRetargetSettings,
 };
 use super::plan::Pass;
 use super::run_error::RunError;
@@ -107,6 +111,12 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
     let settings = context.job.graph().stages[stage].settings.clone();
     if let Some(settings) = settings.get::<TrackSettings>() {
         analysis::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<LensUndistortSettings>() {
+        undistort::run(context, stage, settings)
+    } else if settings.get::<VideoImportanceSettings>().is_some() {
+        watching::run(context, stage)
+    } else if let Some(settings) = settings.get::<VideoRetargetSettings>() {
+        retargeting::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MotionImportSettings>() {
         import::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MotionExportSettings>() {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use crossbeam::channel::{self, Receiver};
 
 use super::analysis::Tracks;
-use super::context::{Context, changed, media_error};
+use super::chain::{Chain, ChainMaps};
+use super::context::{Context, media_error};
 use super::filling::Filling;
-use super::maps::Maps;
 use super::stream::{QUEUE, hand_on};
 use super::tiers::Tiers;
 use crate::image::Frame;
@@ -30,9 +30,8 @@ pub(super) struct Feed<'v> {
 }
 
 impl<'v> Feed<'v> {
-    /// What earlier passes handed on to the render stage `render`.
-    pub(super) fn of(context: &'v Context<'_, '_>, render: usize) -> Result<Self, RunError> {
-        let stage = context.required(render, "warps")?.from;
+    /// What earlier passes handed on to the warp stage `stage`.
+    pub(super) fn of(context: &'v Context<'_, '_>, stage: usize) -> Result<Self, RunError> {
         let not_a_warp = || RunError::Internal(format!("`{}` gives no map", context.stage(stage).name));
         Ok(Self {
             tracks: context.values.get(context.required(stage, "tracks")?)?,
@@ -40,16 +39,6 @@ impl<'v> Feed<'v> {
             motion: context.edge(stage, "motion").map(|edge| context.values.get(edge)).transpose()?,
             warp: context.stage(stage).settings.get::<WarpSettings>().ok_or_else(not_a_warp)?,
         })
-    }
-
-    /// Refuses a clip that is not the one analyzed.
-    pub(super) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
-        let (before, now) = ((self.tracks.clip.width, self.tracks.clip.height), (video.width, video.height));
-        if before == now {
-            return Ok(());
-        }
-        let sizes = format!("{}×{} px, then {}×{} px", before.0, before.1, now.0, now.1);
-        Err(changed(name, &sizes))
     }
 }
 
@@ -80,24 +69,26 @@ impl Sampled {
 
 /// Map and render of one stream.
 pub(super) struct Sampler<'v> {
-    maps: Maps<'v>,
-    renderer: Renderer,
-    pool: FramePool,
+    maps: ChainMaps<'v>,
+    drawer: Drawer,
     filling: Option<Filling<'v>>,
 }
 
 impl<'v> Sampler<'v> {
     pub(super) fn new(
-        feed: Feed<'v>,
-        tiers: &'v Tiers,
+        chain: &Chain<'v>,
+        tiers: Option<&'v Tiers>,
         settings: &RenderSettings,
         video: &VideoInfo,
     ) -> Result<Self, RunError> {
         Ok(Self {
-            maps: Maps::new(&feed, tiers, settings.border == kinds::Border::Crop)?,
-            renderer: Renderer::new(options(settings)),
-            pool: FramePool::new(video).map_err(media_error)?,
-            filling: (settings.border == kinds::Border::Fill).then(|| filling(&feed, settings)).transpose()?,
+            maps: chain.maps(tiers, settings.border == kinds::Border::Crop, video)?,
+            drawer: Drawer {
+                renderer: Renderer::new(options(settings)),
+                pool: FramePool::new(&chain.shown(video)).map_err(media_error)?,
+                averages: chain.shrinks(),
+            },
+            filling: (settings.border == kinds::Border::Fill).then(|| filling(chain, settings)).transpose()?,
         })
     }
 
@@ -108,7 +99,7 @@ impl<'v> Sampler<'v> {
         frames: Receiver<Frame>,
         mut sink: impl FnMut(Sampled) -> Result<(), RunError>,
     ) -> Result<(), RunError> {
-        let Self { mut maps, renderer, pool, filling } = self;
+        let Self { mut maps, drawer, filling } = self;
         let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
         std::thread::scope(|scope| {
             let mapper = scope.spawn(move || {
@@ -119,8 +110,8 @@ impl<'v> Sampler<'v> {
                 })
             });
             let sampled = match filling {
-                Some(filling) => fill_all(&mapped, filling, &renderer, &pool, &mut sink),
-                None => render_all(&mapped, &renderer, &pool, &mut sink),
+                Some(filling) => fill_all(&mapped, filling, &drawer, &mut sink),
+                None => render_all(&mapped, &drawer, &mut sink),
             };
             drop(mapped);
             let mapped = mapper.join().map_err(|_| RunError::Internal("the mapper's thread failed".to_owned()))?;
@@ -133,13 +124,11 @@ type Mapped = Receiver<(Frame, Lattice)>;
 
 fn render_all(
     mapped: &Mapped,
-    renderer: &Renderer,
-    pool: &FramePool,
+    drawer: &Drawer,
     sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
 ) -> Result<(), RunError> {
     mapped.iter().try_for_each(|(frame, lattice)| {
-        let mut result = pool.get().map_err(media_error)?;
-        renderer.render(&frame, &lattice, &mut result).map_err(|e| RunError::Internal(e.to_string()))?;
+        let result = drawer.draw(&frame, &lattice)?;
         sink(Sampled::new(Arc::new(frame), result))
     })
 }
@@ -147,25 +136,50 @@ fn render_all(
 fn fill_all(
     mapped: &Mapped,
     mut filling: Filling<'_>,
-    renderer: &Renderer,
-    pool: &FramePool,
+    drawer: &Drawer,
     sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
 ) -> Result<(), RunError> {
     for (frame, lattice) in mapped {
         filling.push(frame, lattice);
-        while let Some(sampled) = filling.pop(false, renderer, pool)? {
+        while let Some(sampled) = filling.pop(false, &drawer.renderer, &drawer.pool)? {
             sink(sampled)?;
         }
     }
-    while let Some(sampled) = filling.pop(true, renderer, pool)? {
+    while let Some(sampled) = filling.pop(true, &drawer.renderer, &drawer.pool)? {
         sink(sampled)?;
     }
     Ok(())
 }
 
-fn filling<'v>(feed: &Feed<'v>, settings: &RenderSettings) -> Result<Filling<'v>, RunError> {
+/// What makes a frame of one.
+struct Drawer {
+    renderer: Renderer,
+    pool: FramePool,
+    /// Pixels become means where the map shrinks.
+    averages: bool,
+}
+
+impl Drawer {
+    fn draw(&self, frame: &Frame, lattice: &Lattice) -> Result<Frame, RunError> {
+        let mut result = self.pool.get().map_err(media_error)?;
+        let drawn = if self.averages {
+            self.renderer.render_averaged(frame, lattice, &mut result)
+        } else {
+            self.renderer.render(frame, lattice, &mut result)
+        };
+        drawn.map_err(|e| RunError::Internal(e.to_string()))?;
+        Ok(result)
+    }
+}
+
+fn filling<'v>(chain: &Chain<'v>, settings: &RenderSettings) -> Result<Filling<'v>, RunError> {
+    if chain.shrinks() {
+        let help = "take `border = \"crop\"`, or another";
+        return Err(RunError::Usage(format!("borders can be filled only where a clip keeps shape and lens; {help}")));
+    }
     let no_motion = || RunError::Internal("a border cannot be filled without the clip's motion".to_owned());
-    Ok(Filling::new(settings, feed.motion.ok_or_else(no_motion)?))
+    let motion = chain.steady.and_then(|feed| feed.motion);
+    Ok(Filling::new(settings, motion.ok_or_else(no_motion)?))
 }
 
 fn options(settings: &RenderSettings) -> RenderOptions {

@@ -32,7 +32,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &Import
 }
 
 /// A mask painted by hand. Where it is transparent, nothing was painted: mid-gray, which leaves what was found.
-fn mask(path: &Path) -> Result<Frame, RunError> {
+pub(in crate::pipeline::stages) fn mask(path: &Path) -> Result<Frame, RunError> {
     let frame = still::load(path, LoadOptions::default()).map_err(|e| still_error(path, &e))?.frame;
     if !frame.format.alpha {
         return Ok(frame);

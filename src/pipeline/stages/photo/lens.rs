@@ -45,20 +45,38 @@ impl<'s> Wish<'s> {
 
 /// A lens for the picture's size, and how it was found.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
-    pub(super) lens: Lens,
+pub(in crate::pipeline::stages) struct Found {
+    pub(in crate::pipeline::stages) lens: Lens,
     /// In words, for the report.
     pub(super) how: String,
-    pub(super) warnings: Vec<String>,
+    pub(in crate::pipeline::stages) warnings: Vec<String>,
 }
 
 /// The lens of a picture.
 pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Found, RunError> {
     let size = (photo.frame.width as f64, photo.frame.height as f64);
     let facts = facts(photo.tags.clone(), size);
-    let projection = projection(wish.lens);
-    match (wish.lens, projection, wish.fov) {
-        ("auto", _, given) => automatic(&facts, marked, size, given),
+    if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov) } else { given(&facts, size, wish) }
+}
+
+/// The lens that is said to have taken a clip of so many px.
+pub(in crate::pipeline::stages) fn clip_lens(
+    lens: &str,
+    fov: Option<f64>,
+    axis: FovAxis,
+    (width, height): (usize, usize),
+) -> Result<Found, RunError> {
+    let size = (width as f64, height as f64);
+    let wish = Wish::new(lens, fov, axis);
+    if projection(lens).is_some() && fov.is_none() {
+        return Err(RunError::Usage(format!("the lens `{lens}` needs a field of view: give --fov DEG (`fov`)")));
+    }
+    given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, wish)
+}
+
+/// The lens that the user names.
+fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, RunError> {
+    match (wish.lens, projection(wish.lens), wish.fov) {
         (_, Some(projection), Some(fov)) => named(projection, fov, size),
         (_, Some(projection), None) => {
             let claimed = facts.lens().map_err(|e| RunError::Usage(e.to_string()))?.lens;
@@ -66,7 +84,7 @@ pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Fou
             let missing = || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", wish.lens));
             named(projection, fov.ok_or_else(missing)?, size)
         }
-        (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), &facts, size),
+        (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), facts, size),
         (name, None, _) => Err(RunError::Usage(format!(
             "`{name}` is no lens (expected auto, a lens file, or rectilinear, equidistant, equisolid, stereographic, \
              orthographic, equirectangular, cylindrical or mercator with --fov)"

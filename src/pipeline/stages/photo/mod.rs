@@ -35,7 +35,10 @@ use crate::pipeline::kinds::{
 };
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::LinesSummary;
+pub(super) use importance::mask as importance_mask;
+pub(super) use lens::clip_lens;
 use lines::LineSet;
+pub(super) use rectify::{target, view};
 pub(super) use save::rehearse;
 
 /// A map of a picture, and what is told of it.

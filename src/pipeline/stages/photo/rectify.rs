@@ -14,7 +14,7 @@ use crate::photo::rectify::{
 };
 use crate::pipeline::kinds::PhotoRectifySettings;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, ProjectionWish, ViewField};
+use crate::pipeline::sizes::{CropWish, ProjectionWish, ViewAngles, ViewField};
 use crate::pipeline::stages::context::Context;
 
 /// What a view of a panorama shows unless said otherwise.
@@ -63,18 +63,9 @@ pub(super) fn run(
 }
 
 fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
-    let view = settings.view;
     RectifyOptions {
-        target: match settings.to {
-            ProjectionWish::Optimized => Target::Optimized,
-            ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
-            ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
-            ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
-            ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
-            ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
-            ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
-        },
-        view: View { yaw: view.yaw.to_radians(), pitch: view.pitch.to_radians(), roll: view.roll.to_radians() },
+        target: target(settings.to),
+        view: view(settings.view),
         window: window(settings, lens),
         crop: match settings.crop {
             CropWish::Auto => Crop::Auto,
@@ -95,6 +86,24 @@ fn window(settings: &PhotoRectifySettings, lens: &Lens) -> Option<Window> {
     let field = settings.view_field.or_else(|| (panoramic && !all).then_some(PANORAMA_VIEW))?;
     let half = |degrees: f64| 0.5 * degrees.to_radians();
     Some(Window { half_width: half(field.width), half_height: half(field.height) })
+}
+
+/// The wish in the terms of the method.
+pub(in crate::pipeline::stages) fn target(wish: ProjectionWish) -> Target {
+    match wish {
+        ProjectionWish::Optimized => Target::Optimized,
+        ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
+        ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
+        ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
+        ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
+        ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
+        ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
+    }
+}
+
+/// Degrees to radians.
+pub(in crate::pipeline::stages) fn view(angles: ViewAngles) -> View {
+    View { yaw: angles.yaw.to_radians(), pitch: angles.pitch.to_radians(), roll: angles.roll.to_radians() }
 }
 
 fn rectify_error(error: &RectifyError) -> RunError {

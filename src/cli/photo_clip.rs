@@ -1,0 +1,164 @@
+//! `rectify` and `retarget` on clips: the same wishes, as a graph over frames. A clip is told by its name.
+
+use std::path::Path;
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::photo::PhotoArgs;
+use super::stabilize::KEPT_CONTAINERS;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand, is_glob};
+use crate::pipeline::kinds::{
+    Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
+};
+use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
+use crate::pipeline::reference::escape;
+use crate::pipeline::units::ClipTime;
+use crate::pipeline::{PipelineFile, StageEntry, number_for};
+
+/// Options that only clips have.
+#[derive(Debug, Args)]
+pub(super) struct ClipWishes {
+    /// Also hold the clip steady, in the same interpolation
+    #[arg(long, help_heading = "Clips")]
+    pub(super) stabilize: bool,
+    /// First position to read: seconds or [HH:]MM:SS
+    #[arg(long, value_name = "TIME", help_heading = "Clips")]
+    start: Option<ClipTime>,
+    /// Position to stop before
+    #[arg(long, value_name = "TIME", help_heading = "Clips")]
+    end: Option<ClipTime>,
+    /// How the pictures are coded
+    #[arg(long, value_enum, default_value_t, value_name = "CODEC", help_heading = "Clips")]
+    codec: Codec,
+    /// Constant quality, 0 = best; the encoder's own default if left out
+    #[arg(long, value_name = "Q", help_heading = "Clips")]
+    #[arg(value_parser = |text: &str| number_for::<EncodeSettings>("crf", text))]
+    crf: Option<f64>,
+}
+
+impl ClipWishes {
+    /// Refuses options of clips where there are only photos.
+    pub(super) fn refuse_for_photos(&self) -> Result<(), Failure> {
+        let given = [
+            (self.stabilize, "--stabilize"),
+            (self.start.is_some(), "--start"),
+            (self.end.is_some(), "--end"),
+            (self.codec != Codec::default(), "--codec"),
+            (self.crf.is_some(), "--crf"),
+        ];
+        refuse(&given, "is for clips, but the inputs are pictures")
+    }
+
+    /// What holds a clip steady: stages `path` and `warp`.
+    pub(super) fn steady(&self) -> Vec<StageEntry> {
+        let path = StageEntry::built("path", &SmoothSettings::default()).input("motion", "motion");
+        let warp = StageEntry::built("warp", &WarpSettings::default());
+        vec![path, warp.input("tracks", "tracks").input("path", "path").input("motion", "motion")]
+    }
+
+    /// The pipeline of a command: decode, the stages that make the maps, render through `warps`, encode.
+    pub(super) fn pipeline(
+        &self,
+        name: &str,
+        photo: &PhotoArgs,
+        render: &RenderSettings,
+        warps: &[&str],
+        stages: Vec<StageEntry>,
+    ) -> Result<PipelineFile, Failure> {
+        refuse(&photo.for_pictures_only(), "is for pictures, but the inputs are clips")?;
+        let (source, output) = self.names(photo)?;
+        let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
+        let encode = EncodeSettings { path: output, codec: self.codec, crf: self.crf, ..EncodeSettings::default() };
+        let mut all = vec![StageEntry::built("source", &decode)];
+        all.extend(stages);
+        all.push(StageEntry::built("drawn", render).input("frames", "source").inputs("warps", warps));
+        all.push(StageEntry::built("out", &encode).input("frames", "drawn").input("audio", "source.audio"));
+        Ok(PipelineFile {
+            name: Some(name.to_owned()),
+            run: entries_of(&photo.run(), &RunSettings::default()),
+            batch: photo.output.is_none().then(|| batch(photo)),
+            stages: all,
+            ..PipelineFile::default()
+        })
+    }
+
+    /// What is read and what is written.
+    fn names(&self, photo: &PhotoArgs) -> Result<(String, String), Failure> {
+        let Some(output) = &photo.output else {
+            let folder = literal_path(photo.out_dir.as_deref().unwrap_or(Path::new(".")));
+            let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
+            let extension = match self.codec {
+                Codec::Prores => "mov",
+                Codec::Ffv1 => "mkv",
+                _ if kept => "${item.ext}",
+                _ => "mp4",
+            };
+            let output = format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/'));
+            return Ok(("${item.path}".to_owned(), output));
+        };
+        let [input] = photo.inputs.as_slice() else {
+            let count = photo.inputs.len();
+            let message = format!("--output names one file, but there are {count} inputs; use --out-dir");
+            return Err(Failure::usage(message));
+        };
+        if Path::new(input).is_dir() || (is_glob(input) && !Path::new(input).exists()) {
+            let message = format!("`{input}` may be many clips, but --output names one file; use --out-dir");
+            return Err(Failure::usage(message));
+        }
+        Ok((escape(input), literal_path(output)))
+    }
+}
+
+fn batch(photo: &PhotoArgs) -> Vec<crate::pipeline::syntax::Entry> {
+    let patterns: Vec<String> = photo.inputs.iter().map(|i| escape(i)).collect();
+    let foreach = match patterns.as_slice() {
+        [one] => Foreach::One(one.clone()),
+        _ => Foreach::List(patterns),
+    };
+    let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
+    entries_of(&BatchSettings { foreach, jobs, ..BatchSettings::default() }, &BatchSettings::default())
+}
+
+/// Stages `tracks` and `motion`; the points are carried through the map `lens` where there is one.
+pub(super) fn analysis(lens: Option<&str>) -> Vec<StageEntry> {
+    let tracks = StageEntry::built("tracks", &TrackSettings::default()).input("frames", "source");
+    let tracks = if let Some(lens) = lens { tracks.input("lens", lens) } else { tracks };
+    vec![tracks, StageEntry::built("motion", &MotionSettings::default()).input("tracks", "tracks")]
+}
+
+/// Whether the inputs are clips.
+pub(super) fn are_clips(inputs: &[String]) -> Result<bool, Failure> {
+    let clips = inputs.iter().filter(|input| is_clip(input)).count();
+    if clips > 0 && clips < inputs.len() {
+        let message = "some inputs are clips and some are pictures; give each kind a run of its own";
+        return Err(Failure::usage(message.to_owned()));
+    }
+    Ok(clips > 0)
+}
+
+/// A name that ends like a clip's, or a folder that holds clips and no photos.
+fn is_clip(input: &str) -> bool {
+    let path = Path::new(input);
+    let holds =
+        |extensions: &[&str]| expand(&[input.to_owned()], None, extensions).is_ok_and(|files| !files.is_empty());
+    if path.is_dir() {
+        holds(&CLIP_EXTENSIONS) && !holds(&PHOTO_EXTENSIONS)
+    } else {
+        has_extension(input, &CLIP_EXTENSIONS)
+    }
+}
+
+fn has_extension(input: &str, known: &[&str]) -> bool {
+    let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    extension.is_some_and(|e| known.contains(&e.as_str()))
+}
+
+/// Refuses the first option that was given.
+fn refuse(options: &[(bool, &str)], why: &str) -> Result<(), Failure> {
+    match options.iter().find(|(given, _)| *given) {
+        Some((_, option)) => Err(Failure::usage(format!("{option} {why}"))),
+        None => Ok(()),
+    }
+}

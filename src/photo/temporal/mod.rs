@@ -1,0 +1,295 @@
+//! New shapes for clips: what matters is followed, a window that moves smoothly keeps it, rows and columns give way around it.
+//!
+//! Everything here is axis-aligned, since rows and columns that stay straight cannot be seen to swim. A change of shape by the
+//! factor `ρ` is shared between a *window*, which cuts away the side that is squeezed more until the factor [`crop_below`] is
+//! left, and a *grid* over the window, which takes the rest out of columns and rows that matter least
+//! ([`super::retarget`], `axis_aligned.rs`). Both are found at *moments*, some six a second, from importance that was followed
+//! along the camera's motion (`followed.rs`); the window's path is a quadratic program (`window_path.rs`).
+//!
+//! Between moments a uniform cubic B-spline runs with the values at moments as its control points: a frame's grid is a convex
+//! combination of solved ones, so that it cannot fold nor leave the frame, its border is exact, and place, speed and
+//! acceleration of every row and column are continuous. Shots are solved each on its own.
+//!
+//! Motion is data: nothing here knows how it was measured.
+//!
+//! [`crop_below`]: ClipRetargetOptions::crop_below
+
+mod followed;
+mod frame_grid;
+mod importance;
+mod window_path;
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::retarget::RetargetError;
+use super::retarget::axis_aligned::{self, Bounds};
+use super::retarget::{is_size, kept_share, strip_profile};
+use crate::math::{Homography, Point2, PointMap, Rect, Similarity2};
+use crate::mesh::Grid;
+use followed::Followed;
+pub use frame_grid::FrameGrid;
+pub use importance::ClipImportance;
+use window_path::Sight;
+
+/// Cells of a grid, about. Half of what a still picture takes: fewer, broader rows and columns are calmer.
+const CELLS: usize = 600;
+/// Strips of the profile over which the window slides.
+const STRIPS: usize = 96;
+/// Least weight of a cell, as for still pictures.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// How a clip is given another shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipRetargetOptions {
+    /// Changes of shape below this factor crop first; in [0, 1]. Far higher than for still pictures: what moves through
+    /// columns of different width is seen to change its own.
+    pub crop_below: f64,
+    /// Least scale of a row or column relative to the plain resize, in (0, 1).
+    pub least_scale: f64,
+    /// Standard deviation, s, of the mean over time in which importance is followed, above 0.
+    pub follow_s: f64,
+}
+
+/// Largest scale of a row or column relative to the larger of the plain resize: more turns backgrounds into streaks.
+const MOST_SCALE: f64 = 2.0;
+
+impl Default for ClipRetargetOptions {
+    fn default() -> Self {
+        Self { crop_below: 0.8, least_scale: 0.5, follow_s: 0.4 }
+    }
+}
+
+impl ClipRetargetOptions {
+    fn check(&self) -> Result<(), RetargetError> {
+        let bad = |name, value, range| Err(RetargetError::Option { name, value, range });
+        if !(self.crop_below >= 0.0 && self.crop_below <= 1.0) {
+            return bad("crop_below", self.crop_below, "0 to 1");
+        }
+        if !(self.least_scale > 0.0 && self.least_scale < 1.0) {
+            return bad("least_scale", self.least_scale, "above 0, below 1");
+        }
+        if !(self.follow_s > 0.0 && self.follow_s <= 60.0) {
+            return bad("follow_s", self.follow_s, "above 0 up to 60");
+        }
+        Ok(())
+    }
+}
+
+/// What is known of a clip beside its importance.
+#[derive(Clone, Copy)]
+pub struct ClipData<'a> {
+    /// Width and height of the pictures that get the new shape, px: of the source, or of what steadies it.
+    pub size: (usize, usize),
+    /// Time of every frame, s.
+    pub times_s: &'a [f64],
+    /// Frames of each shot, in order, without gaps.
+    pub shots: &'a [Range<usize>],
+    /// Motion to every frame from the one before it, `this_from_previous`, px.
+    pub motion: &'a [Similarity2],
+    /// Where each frame in which motion was measured is shown in the picture that gets the new shape; empty where it is that
+    /// picture.
+    pub shown_from_src: &'a [Homography],
+    /// From the frames in which motion was measured to those whose importance was judged, and their size, px; `None` where
+    /// they are the same.
+    pub judged: Option<(&'a dyn PointMap, (usize, usize))>,
+}
+
+impl std::fmt::Debug for ClipData<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut s = f.debug_struct("ClipData");
+        s.field("size", &self.size)
+            .field("frames", &self.times_s.len())
+            .field("shots", &self.shots)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The grids of a clip.
+#[derive(Clone, Debug)]
+pub struct ClipGrids {
+    source: (f64, f64),
+    out: (usize, usize),
+    /// Part of width and height that a window keeps.
+    share: (f64, f64),
+    shots: Vec<ShotGrids>,
+}
+
+#[derive(Clone, Debug)]
+struct ShotGrids {
+    frames: Range<usize>,
+    knots: Vec<Knot>,
+}
+
+/// What was solved at a moment: control points of the spline.
+#[derive(Clone, Debug)]
+struct Knot {
+    frame: usize,
+    /// Where the window starts along the axis that is cropped, as a share of the picture.
+    start: f64,
+    /// Scales of columns and of rows relative to the plain resize, mean 1.
+    columns: Vec<f64>,
+    rows: Vec<f64>,
+}
+
+/// Finds the grids that give a clip the size `out` px.
+///
+/// # Errors
+/// [`RetargetError::SourceSize`], [`RetargetError::TargetSize`], [`RetargetError::Option`]; [`RetargetError::Start`] where
+/// numerics fail.
+pub fn retarget_clip(
+    clip: &ClipData<'_>,
+    importance: &ClipImportance,
+    out: (usize, usize),
+    options: &ClipRetargetOptions,
+) -> Result<ClipGrids, RetargetError> {
+    options.check()?;
+    let (width, height) = clip.size;
+    if !is_size(clip.size) {
+        return Err(RetargetError::SourceSize { width, height });
+    }
+    if !is_size(out) {
+        return Err(RetargetError::TargetSize { width: out.0, height: out.1 });
+    }
+    let scale = (out.0 as f64 / width as f64, out.1 as f64 / height as f64);
+    let kept = kept_share(scale, options.crop_below);
+    let share = if scale.0 < scale.1 { (kept, 1.0) } else { (1.0, kept) };
+    let shape = Shape { source: (width as f64, height as f64), out: (out.0 as f64, out.1 as f64), share };
+    let solve = |frames: &Range<usize>| shape.solve(clip, importance, frames, options);
+    let shots = clip.shots.iter().map(solve).collect::<Result<Vec<_>, _>>()?;
+    Ok(ClipGrids { source: shape.source, out, share, shots })
+}
+
+/// Sizes, and what a window keeps.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    source: (f64, f64),
+    out: (f64, f64),
+    share: (f64, f64),
+}
+
+impl Shape {
+    /// The window slides along x.
+    fn along_x(&self) -> bool {
+        self.share.0 < 1.0
+    }
+
+    fn kept(&self) -> f64 {
+        self.share.0.min(self.share.1)
+    }
+
+    /// The window that starts at `start`, in shares of the picture.
+    fn window(&self, start: f64) -> Rect {
+        let min = if self.along_x() { Point2::new(start, 0.0) } else { Point2::new(0.0, start) };
+        let max = Point2::new((min.x + self.share.0).min(1.0), (min.y + self.share.1).min(1.0));
+        Rect { min, max }
+    }
+
+    /// The grid over a window, px.
+    fn grid(&self) -> Grid {
+        let (width, height) = (self.source.0 * self.share.0, self.source.1 * self.share.1);
+        let along = |a: f64, b: f64| ((CELLS as f64 * a / b).sqrt().round() as usize).clamp(4, CELLS / 4);
+        Grid { cols: along(width, height), rows: along(height, width), width, height }
+    }
+
+    fn solve(
+        &self,
+        clip: &ClipData<'_>,
+        importance: &ClipImportance,
+        frames: &Range<usize>,
+        options: &ClipRetargetOptions,
+    ) -> Result<ShotGrids, RetargetError> {
+        let followed = Followed::new(clip, importance, frames, options.follow_s);
+        let starts = self.window_path(&followed)?;
+        let grid = self.grid();
+        let scale = (self.out.0 / grid.width, self.out.1 / grid.height);
+        let bounds = Bounds { least: options.least_scale, most: MOST_SCALE };
+        let solve = |(moment, start): (usize, &f64)| {
+            let mut weights = followed.moments[moment].cell_means(&self.window(*start), grid.cols, grid.rows);
+            weights.iter_mut().for_each(|w| *w = w.max(LEAST_WEIGHT));
+            axis_aligned::scales(&grid, &weights, scale, bounds)
+        };
+        let solved = starts.par_iter().enumerate().map(solve).collect::<Result<Vec<_>, _>>()?;
+        let (columns, rows): (Vec<_>, Vec<_>) = solved.into_iter().unzip();
+        let (columns, rows) = (followed.smoothed(&columns), followed.smoothed(&rows));
+        let knots = followed.frames.iter().zip(starts).zip(columns.into_iter().zip(rows));
+        let knots = knots.map(|((&frame, start), (columns, rows))| Knot { frame, start, columns, rows }).collect();
+        Ok(ShotGrids { frames: frames.clone(), knots })
+    }
+
+    /// Where the window starts at each moment.
+    fn window_path(&self, followed: &Followed) -> Result<Vec<f64>, RetargetError> {
+        let kept = self.kept();
+        if kept >= 1.0 {
+            return Ok(vec![0.0; followed.frames.len()]);
+        }
+        let sight = |moment| Sight::new(&strip_profile(moment, self.along_x(), STRIPS), kept);
+        let sights: Vec<Sight> = followed.moments.iter().map(sight).collect();
+        Ok(window_path::window_path(&sights, &followed.times_s, kept)?)
+    }
+}
+
+impl ClipGrids {
+    /// Size of the output, px.
+    pub fn size(&self) -> (usize, usize) {
+        self.out
+    }
+
+    /// The part of width and height that the window keeps.
+    pub fn share(&self) -> (f64, f64) {
+        self.share
+    }
+
+    /// The grid of a frame; beyond the last shot, that of its end.
+    pub fn frame(&self, frame: usize) -> FrameGrid {
+        let at = self.shots.partition_point(|s| s.frames.end <= frame).min(self.shots.len().saturating_sub(1));
+        let out = (self.out.0 as f64, self.out.1 as f64);
+        let shape = Shape { source: self.source, out, share: self.share };
+        let grid = shape.grid();
+        let (start, columns, rows) = match self.shots.get(at) {
+            Some(shot) if !shot.knots.is_empty() => shot.at(frame),
+            _ => (0.5 * (1.0 - shape.kept()), vec![1.0; grid.cols], vec![1.0; grid.rows]),
+        };
+        let window = shape.window(start);
+        let px = |p: Point2| Point2::new(p.x * self.source.0, p.y * self.source.1);
+        let window = Rect { min: px(window.min), max: px(window.max) };
+        let places = |scales: &[f64], extent| axis_aligned::places(scales, extent);
+        FrameGrid { window, x: places(&columns, out.0), y: places(&rows, out.1) }
+    }
+}
+
+impl ShotGrids {
+    /// The spline at a frame.
+    fn at(&self, frame: usize) -> (f64, Vec<f64>, Vec<f64>) {
+        let (knots, last) = (&self.knots, self.knots.len() - 1);
+        let stride = (knots[last].frame - knots[0].frame) as f64 / last.max(1) as f64;
+        let before = knots.partition_point(|k| k.frame <= frame);
+        // The span of the spline that starts at control point `first`; beyond the ends, the outermost is repeated.
+        let first = before as isize - 1;
+        let at = |k: isize| &knots[k.clamp(0, last as isize) as usize];
+        let from = if before == 0 { knots[0].frame as f64 - stride } else { at(first).frame as f64 };
+        let length = if before == 0 || before > last { stride } else { at(first + 1).frame as f64 - from };
+        let u = if length > 0.0 { ((frame as f64 - from) / length).clamp(0.0, 1.0) } else { 0.0 };
+        let weights = basis(u);
+        let controls = [-1, 0, 1, 2].map(|k| at(first + k));
+        // Counted from one of the four: what is constant stays so to the bit.
+        let mix = |of: &dyn Fn(&Knot) -> f64| {
+            let own = of(controls[1]);
+            own + weights.iter().zip(controls).map(|(w, k)| w * (of(k) - own)).sum::<f64>()
+        };
+        let columns = (0..controls[1].columns.len()).map(|c| mix(&|k| k.columns[c])).collect();
+        let rows = (0..controls[1].rows.len()).map(|r| mix(&|k| k.rows[r])).collect();
+        (mix(&|k| k.start), columns, rows)
+    }
+}
+
+/// The uniform cubic B-spline's four weights; positive, their sum is 1.
+fn basis(u: f64) -> [f64; 4] {
+    let v = 1.0 - u;
+    let (uu, vv) = (u * u, v * v);
+    [vv * v / 6.0, (3.0 * uu * u - 6.0 * uu + 4.0) / 6.0, (3.0 * vv * v - 6.0 * vv + 4.0) / 6.0, uu * u / 6.0]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! The path of the window that is kept of a shot.
+//!
+//! First *what* is followed: of all courses over the places where the window can start, dynamic programming finds the one worth
+//! most, changes of place being paid for,
+//!
+//! ```text
+//! max  Σ_k (t_{k+1} − t_k) worth_k(p_k)  −  λ Σ_k (p_{k+1} − p_k)² / (t_{k+1} − t_k),
+//! ```
+//!
+//! so that the window does not jump between two things that matter alike. Then *how*: as an operator would, who lets the window
+//! rest while what matters moves a little in it, and moves it smoothly where it must move,
+//!
+//! ```text
+//! min  Σ_k e_k²  +  τ² Σ |c'|² ε  +  τ⁴ Σ |c''|²      s.t.  |c_k − p_k| ≤ δ + e_k,   0 ≤ c_k ≤ 1 − share,   |c'| ≤ v.
+//! ```
+//!
+//! Places and times are in shares of the picture and seconds.
+
+use crate::optim::qp::{Affine, QpError, QuadraticProgram};
+
+/// What importance at the border of a window counts for, relative to its middle.
+const BORDER: f64 = 0.3;
+/// Price λ of a change of place: crossing half of the picture in a second costs what a quarter of all that matters is worth.
+const CHANGE: f64 = 1.0;
+/// Part of the window by which what matters may stray from where the window is worth most, before the window moves.
+const REST: f64 = 0.06;
+/// Time constant τ of the path, s.
+const SMOOTH_S: f64 = 0.6;
+/// Part ε of the price of speed.
+const SPEED: f64 = 0.02;
+/// Fastest move, widths of the picture per second.
+const FASTEST: f64 = 0.4;
+
+/// What each start of the window is worth at a moment, as a share of all that matters.
+pub(super) struct Sight {
+    worth: Vec<f64>,
+}
+
+impl Sight {
+    /// Of the importance of strips along the axis, of which a window keeps `share`. What lies in the window's middle counts
+    /// in full, what touches its border the part [`BORDER`]: a subject is not only kept, it stands in the middle.
+    pub(super) fn new(profile: &[f64], share: f64) -> Self {
+        let n = profile.len() as f64;
+        let starts = ((1.0 - share) * n).round() as usize + 1;
+        let total: f64 = profile.iter().sum();
+        let apart = apart(starts, share);
+        let worth = |p: usize| {
+            let center = p as f64 * apart + 0.5 * share;
+            let weight = |strip: usize| {
+                let off = ((strip as f64 + 0.5) / n - center).abs() / (0.5 * share);
+                if off <= 1.0 { 1.0 - (1.0 - BORDER) * off * off } else { 0.0 }
+            };
+            let inside: f64 = profile.iter().enumerate().map(|(strip, v)| v * weight(strip)).sum();
+            let shown = if total > 0.0 { inside / total } else { 0.0 };
+            // Of equals the one in the middle of the picture.
+            shown - 1e-2 * (center - 0.5).powi(2)
+        };
+        Self { worth: (0..starts).map(worth).collect() }
+    }
+}
+
+/// How far so many starts lie apart, from 0 to `1 − share`.
+fn apart(starts: usize, share: f64) -> f64 {
+    if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
+}
+
+/// Starts of the window at each moment, in `[0, 1 − share]`.
+pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpError> {
+    let strips = apart(sights[0].worth.len(), share);
+    let wanted: Vec<f64> =
+        course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - share)).collect();
+    if wanted.iter().all(|w| *w == wanted[0]) {
+        return Ok(wanted);
+    }
+    smooth(&wanted, times_s, share)
+}
+
+/// The course worth most, as indices of starts that lie `apart`.
+fn course(sights: &[Sight], times_s: &[f64], apart: f64) -> Vec<usize> {
+    let places = sights[0].worth.len();
+    let mut best = vec![0.0; places];
+    let mut came_from: Vec<Vec<u16>> = Vec::with_capacity(sights.len());
+    for (k, sight) in sights.iter().enumerate() {
+        let lasts = lasting(times_s, k);
+        let price = if k == 0 { 0.0 } else { CHANGE * apart * apart / (times_s[k] - times_s[k - 1]).max(1e-3) };
+        let arrived: Vec<(f64, u16)> = (0..places).map(|p| arrival(&best, p, price)).collect();
+        best = arrived.iter().zip(&sight.worth).map(|((value, _), worth)| value + lasts * worth).collect();
+        came_from.push(arrived.into_iter().map(|(_, from)| from).collect());
+    }
+    let mut at = (0..places).max_by(|a, b| best[*a].total_cmp(&best[*b])).unwrap_or(0);
+    let mut course = vec![0; sights.len()];
+    for k in (0..sights.len()).rev() {
+        course[k] = at;
+        at = came_from[k][at] as usize;
+    }
+    course
+}
+
+/// The best way to place `p`, and where it came from; of equals, to stay.
+fn arrival(best: &[f64], p: usize, price: f64) -> (f64, u16) {
+    let mut found = (best[p], p as u16);
+    for (q, value) in best.iter().enumerate() {
+        let value = value - price * (p.abs_diff(q) as f64).powi(2);
+        if value > found.0 {
+            found = (value, q as u16);
+        }
+    }
+    found
+}
+
+/// Time that a moment stands for, s.
+fn lasting(times_s: &[f64], k: usize) -> f64 {
+    let after = times_s.get(k + 1).map_or(0.0, |t| t - times_s[k]);
+    let before = if k == 0 { 0.0 } else { times_s[k] - times_s[k - 1] };
+    (0.5 * (after + before)).max(1e-3)
+}
+
+/// The smooth path near the wanted one.
+fn smooth(wanted: &[f64], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpError> {
+    let n = wanted.len();
+    // Unknowns: the path, then how far it is off beyond what is free; both in widths of the window.
+    let (c, e) = (Affine::var, |k: usize| Affine::var(n + k));
+    let (most, free) = ((1.0 - share) / share, REST);
+    let mut qp = QuadraticProgram::new(2 * n);
+    let step = |k: usize| (times_s[k + 1] - times_s[k]).max(1e-3);
+    let speed = |k: usize| (1.0 / step(k)) * (c(k + 1) - c(k));
+    for k in 0..n {
+        let target = Affine::constant(wanted[k] / share);
+        qp.add_square(lasting(times_s, k), e(k));
+        qp.require_at_most_zero(c(k) - target.clone() - e(k) - Affine::constant(free));
+        qp.require_at_most_zero(target - c(k) - e(k) - Affine::constant(free));
+        qp.require_at_most_zero(Affine::constant(0.0) - e(k));
+        qp.require_at_most_zero(Affine::constant(0.0) - c(k));
+        qp.require_at_most_zero(c(k) - Affine::constant(most));
+    }
+    for k in 0..n - 1 {
+        let way = FASTEST / share * step(k);
+        qp.add_square(SPEED * SMOOTH_S.powi(2) * step(k), speed(k));
+        qp.require_at_most_zero(c(k + 1) - c(k) - Affine::constant(way));
+        qp.require_at_most_zero(c(k) - c(k + 1) - Affine::constant(way));
+    }
+    for k in 1..n - 1 {
+        let lasts = 0.5 * (step(k - 1) + step(k));
+        qp.add_square(SMOOTH_S.powi(4) * lasts, (1.0 / lasts) * (speed(k) - speed(k - 1)));
+    }
+    let solved = qp.solve()?;
+    Ok(solved[..n].iter().map(|c| (c * share).clamp(0.0, 1.0 - share)).collect())
+}

@@ -1,0 +1,122 @@
+//! `lens.undistort`: the one map that takes a lens out of every frame of a clip.
+//!
+//! Points that are tracked in the clip's own frames are carried through the map as they are stored; motion, path and what
+//! bends a frame then live in the undistorted picture, and the renderer composes both maps.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix2;
+
+use super::context::Context;
+use super::photo::clip_lens;
+use crate::math::{Point2, PointMap};
+use crate::media::VideoInfo;
+use crate::photo::PhotoWarp;
+use crate::photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, rectify};
+use crate::pipeline::kinds::LensUndistortSettings;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::CropWish;
+use crate::track::FrameTracks;
+
+/// The map of a clip's lens.
+#[derive(Clone)]
+pub(super) struct Undistorted {
+    warp: Arc<PhotoWarp>,
+    /// Size of the clip's own pictures, px.
+    pub(super) source: (usize, usize),
+}
+
+/// Finds the map.
+pub(super) fn run(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &LensUndistortSettings,
+) -> Result<(), RunError> {
+    let decode = context.required(stage, "frames")?.from;
+    let (_, reader) = context.open(decode)?;
+    let video = reader.info().clone();
+    drop(reader);
+    let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height))?;
+    found.warnings.into_iter().for_each(|w| context.warn(w));
+    let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
+    let mut options = options(settings, &video);
+    let mut warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+    let even = even_size(warp.size, &video);
+    if even != warp.size {
+        options.size = OutputSize::Exact(even.0, even.1);
+        warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+    }
+    let source = (video.width, video.height);
+    context.values.put(stage, "warp", Undistorted { warp: Arc::new(warp), source });
+    Ok(())
+}
+
+/// What the settings ask for; if they do not say, the clip's own shape and size.
+fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOptions {
+    let own = OutputSize::Exact(video.width, video.height);
+    RectifyOptions {
+        target: super::photo::target(settings.to),
+        view: super::photo::view(settings.view),
+        crop: match settings.crop {
+            CropWish::Auto | CropWish::Rectangle => Crop::Rectangle,
+            CropWish::None => Crop::None,
+            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
+        },
+        size: match (settings.size, settings.crop) {
+            (Some(size), _) => OutputSize::Exact(size.width as usize, size.height as usize),
+            (None, CropWish::Shape(_)) => OutputSize::Source,
+            (None, _) => own,
+        },
+        ..RectifyOptions::default()
+    }
+}
+
+/// The size with even sides where chroma is subsampled: what encoders take.
+pub(super) fn even_size((width, height): (usize, usize), video: &VideoInfo) -> (usize, usize) {
+    let format = video.format;
+    let shared =
+        (0..format.planes()).map(|i| format.subsampling(i)).fold((0, 0), |(x, y), (sx, sy)| (x.max(sx), y.max(sy)));
+    let even = |side: usize, shift: u32, own: usize| {
+        if shift == 0 || side == own || side % 2 == 0 { side } else { side.saturating_sub(1).max(2) }
+    };
+    (even(width, shared.0, video.width), even(height, shared.1, video.height))
+}
+
+fn rectify_error(error: &RectifyError) -> RunError {
+    match error {
+        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
+            RunError::Usage(error.to_string())
+        }
+        other => RunError::Input(other.to_string()),
+    }
+}
+
+impl Undistorted {
+    /// Size of the undistorted picture, px.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.warp.size
+    }
+
+    /// Carries points of a frame to where the undistorted picture shows them; leaves out those that it does not show.
+    pub(super) fn carry(&self, tracks: &mut FrameTracks) {
+        let (width, height) = (self.warp.size.0 as f64, self.warp.size.1 as f64);
+        tracks.observations.retain_mut(|o| {
+            let shown = (self.warp.forward)(Point2::new(f64::from(o.x), f64::from(o.y)));
+            let inside = shown.filter(|p| p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height);
+            if let Some(p) = inside {
+                (o.x, o.y) = (p.x as f32, p.y as f32);
+            }
+            inside.is_some()
+        });
+    }
+}
+
+impl PointMap for Undistorted {
+    fn map(&self, p: Point2) -> Option<Point2> {
+        self.warp.field.map(p)
+    }
+
+    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
+        self.warp.field.jacobian(p)
+    }
+}
