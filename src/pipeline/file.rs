@@ -76,7 +76,7 @@ pub struct PipelineFile {
 }
 
 impl StageEntry {
-    /// A stage with typed settings, for programs. Settings equal to their defaults are left out. Strings in `settings` are
+    /// A stage with typed settings, for programs. Settings equal to their defaults are left out, unless a file must give them. Strings in `settings` are
     /// templates: pass what must not be read as a reference through [`escape`].
     pub fn built<S: StageSettings>(name: &str, settings: &S) -> Self {
         let kind = super::kinds::find(S::KIND);
@@ -85,7 +85,7 @@ impl StageEntry {
             kind,
             inputs: Vec::new(),
             enable: None,
-            settings: entries_of(settings, &S::default()),
+            settings: entries(settings, &S::default(), S::REQUIRED),
         }
     }
 
@@ -110,11 +110,16 @@ impl StageEntry {
 
 /// The settings that differ from `defaults`, as entries.
 pub fn entries_of<S: serde::Serialize>(settings: &S, defaults: &S) -> Vec<Entry> {
+    entries(settings, defaults, &[])
+}
+
+/// The same, and those of `required` whatever they are.
+fn entries<S: serde::Serialize>(settings: &S, defaults: &S, required: &[&str]) -> Vec<Entry> {
     let object = |s: &S| serde_json::to_value(s).ok().and_then(|v| v.as_object().cloned()).unwrap_or_default();
     let (given, defaults) = (object(settings), object(defaults));
     given
         .iter()
-        .filter(|(key, value)| defaults.get(*key) != Some(value))
+        .filter(|(key, value)| defaults.get(*key) != Some(value) || required.contains(&key.as_str()))
         .filter_map(|(key, value)| Some(Entry::built(key, value_of(value)?)))
         .collect()
 }

@@ -27,7 +27,7 @@ pub use error::RetargetError;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
 use virtual_points::virtual_points;
-pub(super) use window::{kept_share, strip_profile, worth_of_starts, worth_spread};
+pub(super) use window::{kept_share, strip_profile};
 
 /// Points at which a line is measured, besides those marked.
 const SAMPLES: usize = 64;

@@ -55,7 +55,7 @@ fn best_start(profile: &[f64], share: f64) -> f64 {
 }
 
 /// What a window of `share` is worth that starts at each of the places from 0 to `1 − share`.
-pub(in crate::photo) fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
+fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     let n = profile.len();
     let length = ((share * n as f64).round() as usize).clamp(1, n);
     let total: f64 = profile.iter().sum();
@@ -71,7 +71,7 @@ pub(in crate::photo) fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64>
 }
 
 /// How far the starts of [`worth_of_starts`] lie apart, of which there are so many.
-pub(in crate::photo) fn worth_spread(starts: usize, share: f64) -> f64 {
+fn worth_spread(starts: usize, share: f64) -> f64 {
     if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
 }
 

@@ -17,8 +17,9 @@
 //! Places and times are in shares of the picture and seconds.
 
 use crate::optim::qp::{Affine, QpError, QuadraticProgram};
-use crate::photo::retarget::{worth_of_starts, worth_spread};
 
+/// What importance at the border of a window counts for, relative to its middle.
+const BORDER: f64 = 0.3;
 /// Price λ of a change of place: crossing half of the picture in a second costs what a quarter of all that matters is worth.
 const CHANGE: f64 = 1.0;
 /// Part of the window by which what matters may stray from where the window is worth most, before the window moves.
@@ -36,17 +37,36 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Of the importance of strips along the axis, of which a window keeps `share`.
+    /// Of the importance of strips along the axis, of which a window keeps `share`. What lies in the window's middle counts
+    /// in full, what touches its border the part [`BORDER`]: a subject is not only kept, it stands in the middle.
     pub(super) fn new(profile: &[f64], share: f64) -> Self {
+        let n = profile.len() as f64;
+        let starts = ((1.0 - share) * n).round() as usize + 1;
         let total: f64 = profile.iter().sum();
-        let worth = worth_of_starts(profile, share);
-        Self { worth: worth.into_iter().map(|w| if total > 0.0 { w / total } else { 0.0 }).collect() }
+        let apart = apart(starts, share);
+        let worth = |p: usize| {
+            let center = p as f64 * apart + 0.5 * share;
+            let weight = |strip: usize| {
+                let off = ((strip as f64 + 0.5) / n - center).abs() / (0.5 * share);
+                if off <= 1.0 { 1.0 - (1.0 - BORDER) * off * off } else { 0.0 }
+            };
+            let inside: f64 = profile.iter().enumerate().map(|(strip, v)| v * weight(strip)).sum();
+            let share = if total > 0.0 { inside / total } else { 0.0 };
+            // Of equals the one in the middle of the picture.
+            share - 1e-2 * (center - 0.5).powi(2)
+        };
+        Self { worth: (0..starts).map(worth).collect() }
     }
+}
+
+/// How far so many starts lie apart, from 0 to `1 − share`.
+fn apart(starts: usize, share: f64) -> f64 {
+    if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
 }
 
 /// Starts of the window at each moment, in `[0, 1 − share]`.
 pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpError> {
-    let strips = worth_spread(sights[0].worth.len(), share);
+    let strips = apart(sights[0].worth.len(), share);
     let wanted: Vec<f64> =
         course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - share)).collect();
     if wanted.iter().all(|w| *w == wanted[0]) {

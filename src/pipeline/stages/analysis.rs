@@ -12,7 +12,10 @@ use super::watching::watchers;
 use crate::feature::Mask;
 use crate::media::{self, Input, VideoInfo};
 use crate::motion::{ClipMotion, ShotCameras};
-use crate::pipeline::kinds::{MotionSettings, RollingShutter, SmoothSettings, TrackSettings};
+use crate::pipeline::kind::Settings;
+use crate::pipeline::kinds::{
+    MotionSettings, RollingShutter, SmoothSettings, TrackSettings, VideoRetargetSettings, WarpSettings,
+};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::SegmentSummary;
 use crate::time::Timebase;
@@ -126,7 +129,9 @@ pub(super) fn hand_on_motion(
         context.summary.frames = motion.frames.len() as u64;
         context.summary.size = Some((motion.width, motion.height));
     }
-    context.summary.readout_s = motion.readout_s;
+    let has = |of: fn(&dyn Settings) -> bool| context.job.graph().stages.iter().any(|s| of(s.settings.as_ref()));
+    let bends = has(|s| s.get::<WarpSettings>().is_some()) || !has(|s| s.get::<VideoRetargetSettings>().is_some());
+    context.summary.readout_s = motion.readout_s.filter(|_| bends);
     context.values.put(stage, "motion", motion);
     Ok(())
 }

@@ -145,3 +145,43 @@ impl ChainMaps<'_> {
         Ok(lattice)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
+    use crate::image::{Layout, PixelFormat};
+    use crate::math::{Point2, PointMap, Similarity2};
+    use crate::photo::rectify::{OutputSize, RectifyInput, RectifyOptions, Target, rectify};
+    use crate::photo::temporal::{ClipData, ClipImportance, ClipRetargetOptions, retarget_clip};
+
+    #[test]
+    fn the_lens_comes_first_and_the_shape_last() {
+        let fov = FieldOfView::degrees(100.0, FieldAxis::Horizontal);
+        let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
+        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
+        let target = Target::Fixed(Projection::Rectilinear);
+        let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
+        let lens = Undistorted::new(rectify(&input, &options).expect("a map"), (640, 360));
+        let (times_s, importance) = ([0.0, 0.04], ClipImportance::new((640, 360)));
+        let motion = [Similarity2::IDENTITY; 2];
+        let clip = ClipData {
+            size: (640, 360),
+            times_s: &times_s,
+            shots: &[0..2],
+            motion: &motion,
+            shown_from_src: &[],
+            judged: None,
+        };
+        let grids = retarget_clip(&clip, &importance, (202, 360), &ClipRetargetOptions::default()).expect("grids");
+        let map = |lens, shape, size| ChainMaps { lens, steady: None, shape, size, constant: None, next: 0 };
+        let frame = Frame::new(PixelFormat::opaque(Layout::Gray, 8), 640, 360);
+        let both = map(Some(&lens), Some(&grids), (202, 360)).next(&frame).expect("a map");
+        for p in [(1.0, 2.0), (100.0, 180.0), (201.0, 350.0), (30.0, 300.0)].map(|(x, y)| Point2::new(x, y)) {
+            let expected = lens.map(grids.frame(0).map().map(p).expect("defined")).expect("shown");
+            let found = both.src_from_out(p).expect("shown");
+            assert!((found - expected).norm() < 0.05, "{p}: {found}, not {expected}");
+        }
+        assert_eq!(both.size(), (202, 360));
+    }
+}

@@ -46,8 +46,7 @@ pub(super) fn run(
         options.size = OutputSize::Exact(even.0, even.1);
         warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
     }
-    let source = (video.width, video.height);
-    context.values.put(stage, "warp", Undistorted { warp: Arc::new(warp), source });
+    context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
     Ok(())
 }
 
@@ -92,6 +91,11 @@ fn rectify_error(error: &RectifyError) -> RunError {
 }
 
 impl Undistorted {
+    /// The map `warp` of a clip of `source` px.
+    pub(super) fn new(warp: PhotoWarp, source: (usize, usize)) -> Self {
+        Self { warp: Arc::new(warp), source }
+    }
+
     /// Size of the undistorted picture, px.
     pub(super) fn size(&self) -> (usize, usize) {
         self.warp.size
@@ -118,5 +122,39 @@ impl PointMap for Undistorted {
 
     fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
         self.warp.field.jacobian(p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
+    use crate::photo::rectify::Target;
+    use crate::time::Timestamp;
+    use crate::track::{FrameQuality, Observation};
+
+    fn undistorted() -> Undistorted {
+        let fov = FieldOfView::degrees(110.0, FieldAxis::Horizontal);
+        let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
+        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
+        let target = Target::Fixed(Projection::Rectilinear);
+        let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
+        Undistorted::new(rectify(&input, &options).expect("a map"), (640, 360))
+    }
+
+    #[test]
+    fn a_point_is_carried_to_where_the_picture_shows_it() {
+        let lens = undistorted();
+        let places = [(320.0, 180.0), (100.0, 90.0), (500.0, 300.0), (1.0, 1.0)];
+        let observation = |(id, (x, y)): (usize, (f32, f32))| Observation { id: id as u32, x, y, background: true };
+        let observations = places.into_iter().enumerate().map(observation).collect();
+        let mut tracks = FrameTracks { pts: Timestamp(0), observations, quality: FrameQuality::default() };
+        lens.carry(&mut tracks);
+        assert_eq!(tracks.observations.len(), 3, "the corner is cut away");
+        for o in &tracks.observations {
+            let back = lens.map(Point2::new(f64::from(o.x), f64::from(o.y))).expect("shown");
+            let (x, y) = places[o.id as usize];
+            assert!((back - Point2::new(f64::from(x), f64::from(y))).norm() < 0.01, "{back} of {x}, {y}");
+        }
     }
 }
