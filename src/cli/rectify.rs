@@ -99,7 +99,7 @@ impl RectifyArgs {
         let mut stages = vec![StageEntry::built("lens", &settings).input("frames", "source")];
         if self.clips.stabilize {
             stages.extend(analysis(Some("lens")));
-            stages.extend(self.clips.steady());
+            stages.extend(ClipWishes::steady());
             self.clips.pipeline("rectify", &self.photo, &render, &["lens", "warp"], stages)
         } else {
             self.clips.pipeline("rectify", &self.photo, &render, &["lens"], stages)

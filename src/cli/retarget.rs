@@ -61,7 +61,7 @@ impl RetargetArgs {
         stages.push(StageEntry::built("importance", &judged).input("frames", "source"));
         let render = RenderSettings { interpolation: self.interpolation, ..RenderSettings::default() };
         if self.clips.stabilize {
-            stages.extend(self.clips.steady());
+            stages.extend(ClipWishes::steady());
             stages.push(map.input("path", "path"));
             self.clips.pipeline("retarget", &self.photo, &render, &["warp", "map"], stages)
         } else {
