@@ -77,7 +77,7 @@ fn the_window_follows_what_matters_without_a_jerk() {
 
 #[test]
 fn what_flickers_does_not_move_the_window() {
-    let noise = |f: usize| 0.5 + 0.02 * if f % 10 == 0 { 1.0 } else { -1.0 };
+    let noise = |f: usize| 0.5 + 0.02 * if f.is_multiple_of(10) { 1.0 } else { -1.0 };
     let whole = 0..150;
     let grids = solve(&moments(150, noise), std::slice::from_ref(&whole), &still(150), TALL);
     let starts: Vec<f64> = (0..150).map(|f| grids.frame(f).window.min.x).collect();
@@ -133,7 +133,10 @@ fn a_shot_without_a_moment_keeps_the_middle() {
     let grids = solve(&moments(60, |_| 0.2), &[0..60, 60..63], &still(63), TALL);
     let window = grids.frame(61).window;
     assert!((window.center().x - 960.0).abs() < 10.0, "{window:?}");
-    assert_eq!(solve(&ClipImportance::new(SIZE), &[0..1], &still(1), TALL).frame(0).window.height(), 1080.0);
+    assert_eq!(
+        solve(&ClipImportance::new(SIZE), std::slice::from_ref(&(0..1)), &still(1), TALL).frame(0).window.height(),
+        1080.0
+    );
 }
 
 #[test]
@@ -160,8 +163,14 @@ fn the_map_goes_through_the_edges_of_rows_and_columns_and_its_jacobian_is_its_de
 #[test]
 fn what_cannot_be_is_refused() {
     let (times_s, importance) = (times(10), moments(10, |_| 0.5));
-    let clip =
-        ClipData { size: SIZE, times_s: &times_s, shots: &[0..10], motion: &[], shown_from_src: &[], judged: None };
+    let clip = ClipData {
+        size: SIZE,
+        times_s: &times_s,
+        shots: std::slice::from_ref(&(0..10)),
+        motion: &[],
+        shown_from_src: &[],
+        judged: None,
+    };
     let refused = |out, options| retarget_clip(&clip, &importance, out, &options).expect_err("refused").to_string();
     let options = ClipRetargetOptions::default();
     assert!(refused((0, 5), options).contains("target size 0×5"));

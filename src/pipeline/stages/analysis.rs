@@ -78,7 +78,9 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &TrackS
     let motions: Vec<usize> =
         context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
     let (motion, tracks) = measuring.finish(&info);
-    watching.into_iter().for_each(|w| w.finish(context));
+    for watcher in watching {
+        watcher.finish(context);
+    }
     for stage in motions {
         let settings = context.stage(stage).settings.clone();
         let wanted = settings.get::<MotionSettings>().map_or_else(Wanted::default, |s| Wanted {

@@ -168,7 +168,7 @@ mod tests {
         let clip = ClipData {
             size: (640, 360),
             times_s: &times_s,
-            shots: &[0..2],
+            shots: std::slice::from_ref(&(0..2)),
             motion: &motion,
             shown_from_src: &[],
             judged: None,

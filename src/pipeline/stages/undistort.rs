@@ -76,7 +76,7 @@ pub(super) fn even_size((width, height): (usize, usize), video: &VideoInfo) -> (
     let shared =
         (0..format.planes()).map(|i| format.subsampling(i)).fold((0, 0), |(x, y), (sx, sy)| (x.max(sx), y.max(sy)));
     let even = |side: usize, shift: u32, own: usize| {
-        if shift == 0 || side == own || side % 2 == 0 { side } else { side.saturating_sub(1).max(2) }
+        if shift == 0 || side == own || side.is_multiple_of(2) { side } else { side.saturating_sub(1).max(2) }
     };
     (even(width, shared.0, video.width), even(height, shared.1, video.height))
 }

@@ -63,10 +63,10 @@ impl Watching {
     pub(super) fn look(&mut self, frame: &Frame, cut: bool) -> Result<(), RunError> {
         let index = self.seen;
         self.seen += 1;
-        if !(cut || index % self.stride == 0) {
+        if !(cut || index.is_multiple_of(self.stride)) {
             return Ok(());
         }
-        if let Some(detector) = self.detector.as_ref().filter(|_| cut || self.moments % FACES_EVERY == 0) {
+        if let Some(detector) = self.detector.as_ref().filter(|_| cut || self.moments.is_multiple_of(FACES_EVERY)) {
             self.faces = detector.detect(frame);
         }
         self.moments = if cut { 1 } else { self.moments + 1 };
@@ -120,6 +120,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), Run
     let report =
         for_each_frame(context.job, reader, |frame| watching.iter_mut().try_for_each(|w| w.look(&frame, false)))?;
     context.tell_damage(&report);
-    watching.into_iter().for_each(|w| w.finish(context));
+    for watcher in watching {
+        watcher.finish(context);
+    }
     Ok(())
 }
