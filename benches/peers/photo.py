@@ -60,7 +60,7 @@ def judged(a, result, size, lines=None, faces=None, camera=None, weight=None):
     wm, (x, y) = a.warp_metrics, result["map"]
     r = wm.evaluate(x, y, *size, lines, faces, camera, result.get("mesh"), weight is not None, weight)
     line, mesh, face = r.get("lines", {}).get("summary", {}), r.get("mesh", {}), r.get("boxes", {}).get("summary", {})
-    grid = np.stack(np.meshgrid(*(np.linspace(0, n - 1, 60) for n in size)), -1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*((np.arange(80) + 0.5) * n / 80 - 0.5 for n in size)), -1).reshape(-1, 2)
     return {
         "worst px": line.get("max_px"), "max/len": line.get("max_rel_mean"), "lines shown": line.get("shown_mean"),
         "qc p95": (r["shape"]["qc_ratio"] or {}).get("p95"), "qc max": (r["shape"]["qc_ratio"] or {}).get("max"),
@@ -140,7 +140,9 @@ def unknown(a):
         best = compared(a, source, known, lines, None, ["--lens", "auto", "--lines", marks, "--faces", "off"], rows, ())
         if best:
             rows[-1][2]["lens"] = "{projection}, f {focal_px[0]:.1f}".format(**best["report"]["lens"])
-    table(rows, ["worst px", "max/len", "lines shown", "qc p95", "folds", "mesh folds", "valid", "source", "out", "lens"])
+            rows[-1][2]["off lens px"] = max(line["off_lens_px"] or 0.0 for line in best["report"]["lines"])
+    table(rows, ["worst px", "max/len", "lines shown", "qc p95", "folds", "mesh folds", "valid", "source", "out", "off lens px",
+                 "lens"])
     return rows
 
 

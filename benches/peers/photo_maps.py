@@ -87,8 +87,8 @@ def pinhole(size, fov_deg):
     return {"model": "pinhole", "fx": f, "fy": f, "cx": size[0] / 2 - 0.5, "cy": size[1] / 2 - 0.5}
 
 
-def sheet(pictures, height=420):
-    """Pictures with their labels, side by side, at one height."""
+def sheet(pictures, height=420, per_row=4):
+    """Pictures with their labels at one height, in rows."""
     panes = []
     for label, picture in pictures:
         width = max(1, round(picture.shape[1] * height / picture.shape[0]))
@@ -96,4 +96,6 @@ def sheet(pictures, height=420):
                                   cv2.BORDER_CONSTANT)
         cv2.putText(pane, label, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
         panes.append(pane)
-    return np.hstack(panes)
+    rows = [np.hstack(panes[i:i + per_row]) for i in range(0, len(panes), per_row)]
+    width = max(row.shape[1] for row in rows)
+    return np.vstack([np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows])

@@ -1,7 +1,10 @@
 """Whole jobs at 12 megapixels, in turn with OpenCV's fisheye map and remap alone: wall clock, CPU seconds, peak memory."""
 
+import json
 import os
 import resource
+import subprocess
+import sys
 import time
 
 import cv2
@@ -9,6 +12,25 @@ import numpy as np
 
 import peers
 import photo_maps
+
+# A child's peak memory counts what its parent held when it was started; so a small interpreter starts the command.
+STARTER = """
+import json, resource, subprocess, sys, time
+began = time.perf_counter()
+ended = subprocess.run(sys.argv[1:], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+wall, u = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps({"wall_s": wall, "cpu_s": u.ru_utime + u.ru_stime, "peak_mb": u.ru_maxrss / 1024}))
+sys.stderr.buffer.write(ended.stderr[-1500:])
+sys.exit(ended.returncode)
+"""
+
+
+def run(command):
+    """Costs of a command that runs to its end."""
+    ended = subprocess.run([sys.executable, "-S", "-c", STARTER, *map(str, command)], capture_output=True, text=True)
+    if ended.returncode != 0:
+        raise peers.Failed(f"exit {ended.returncode}: {' '.join(map(str, command))}\n{ended.stderr}")
+    return json.loads(ended.stdout)
 
 
 def measured(work):
@@ -42,7 +64,7 @@ def opencv(source, how):
 def rounds(a, source, marks):
     """Every method once per round; the least of each figure but the memory, of which it is the largest."""
     target = a.out / "speed.jpg"
-    ours = lambda command, *rest: lambda: peers.run(
+    ours = lambda command, *rest: lambda: run(
         [a.plumbline, command, source, "-o", target, "--overwrite", "--progress", "none", "--faces", "off", *rest])
     lens = ["--lens", "rectilinear", "--fov", 103, "--fov-axis", "d"]
     methods = {
