@@ -6,10 +6,11 @@
 PART is among boards, unknown, portraits, retarget, shapes, speed; all of them if none is named.
 --metrics is the folder of `warp_metrics.py`, which judges every map. --media (or PLUMBLINE_MEDIA) is the media folder,
 whose `photo` holds `fisheye_calib`, `portrait` and `retarget`. --marks holds the lines of the portraits
-(`NAME.lines.json`; by default those kept beside the tests). --out gets a contact sheet per photo and `photo.json`.
+(`NAME.lines.json`; by default those kept beside the tests). --out gets a contact sheet per photo, and `PART.json` with the figures.
 
 boards     fisheye checkerboards, the lens known, lines marked; valid: share of the output that the source fills;
            source: share of the source that the output shows; qc: local stretch against the sphere, 95th percentile
+           ends: how far the lines run off over a tenth of their length beyond their marked ends, px, the worst
 unknown    the same with the lens unknown, and circular fisheyes
 portraits  wide-angle portraits, lines and faces marked; worst stretch of a face against looking straight at it
 retarget   to 60 % of the width, beside plain scale, crop, and the package `seam-carving` where it is installed
@@ -61,8 +62,9 @@ def judged(a, result, size, lines=None, faces=None, camera=None, weight=None):
     r = wm.evaluate(x, y, *size, lines, faces, camera, result.get("mesh"), weight is not None, weight)
     line, mesh, face = r.get("lines", {}).get("summary", {}), r.get("mesh", {}), r.get("boxes", {}).get("summary", {})
     grid = np.stack(np.meshgrid(*((np.arange(80) + 0.5) * n / 80 - 0.5 for n in size)), -1).reshape(-1, 2)
+    ends = photo_maps.beyond_ends(wm, wm.Warp(x, y, *size), lines, camera) if lines and camera else None
     return {
-        "worst px": line.get("max_px"), "max/len": line.get("max_rel_mean"), "lines shown": line.get("shown_mean"),
+        "worst px": line.get("max_px"), "ends": ends, "max/len": line.get("max_rel_mean"), "lines shown": line.get("shown_mean"),
         "qc p95": (r["shape"]["qc_ratio"] or {}).get("p95"), "qc max": (r["shape"]["qc_ratio"] or {}).get("max"),
         "face": face.get("anisotropy_max"), "faces shown": f"{face['n_measured']}/{face['n']}" if face else None,
         "folds": r["folds"].get("folded_cells"), "mesh folds": mesh.get("not_convex"),
@@ -125,7 +127,7 @@ def boards(a):
         marks = source.with_name(source.stem + "_lines.json")
         options = ["--lens", folder / "gopro_kb.json", "--lines", marks, "--faces", "off"]
         compared(a, source, camera, photo_maps.marked_lines(marks), None, options, rows, others=others)
-    columns = ["worst px", "max/len", "lines shown", "qc p95", "qc max", "folds", "mesh folds", "valid", "source", "out"]
+    columns = ["worst px", "max/len", "ends", "lines shown", "qc p95", "qc max", "folds", "mesh folds", "valid", "source", "out"]
     table([r for r in rows if r[1] == "plumbline"] + summary(rows, columns[:-1]), columns)
     return rows
 
@@ -141,8 +143,8 @@ def unknown(a):
         if best:
             rows[-1][2]["lens"] = "{projection}, f {focal_px[0]:.1f}".format(**best["report"]["lens"])
             rows[-1][2]["off lens px"] = max(line["off_lens_px"] or 0.0 for line in best["report"]["lines"])
-    table(rows, ["worst px", "max/len", "lines shown", "qc p95", "folds", "mesh folds", "valid", "source", "out", "off lens px",
-                 "lens"])
+    table(rows, ["worst px", "max/len", "lines shown", "qc p95", "folds", "mesh folds", "valid", "source", "out",
+                 "off lens px", "lens"])
     return rows
 
 
@@ -158,7 +160,7 @@ def portraits(a):
         lines = photo_maps.marked_lines(marks) if marks.exists() else None
         compared(a, source, photo_maps.pinhole(size, fov), lines, json.loads(faces.read_text()), options, rows,
                  PROJECTIONS[:3])
-    table(rows, ["worst px", "max/len", "lines shown", "face", "faces shown", "qc p95", "folds", "mesh folds", "valid",
+    table(rows, ["worst px", "max/len", "ends", "lines shown", "face", "faces shown", "qc p95", "folds", "mesh folds", "valid",
                  "source", "out"])
     return rows
 
@@ -246,11 +248,9 @@ def main():
     import warp_metrics
     a.warp_metrics = warp_metrics
     a.out.mkdir(parents=True, exist_ok=True)
-    kept = {}
     for a.part in a.part or PARTS:
         print(f"\n## {a.part}\n")
-        kept[a.part] = PARTS[a.part](a)
-        (a.out / f"{a.part}.json").write_text(json.dumps(kept[a.part], indent=1))
+        (a.out / f"{a.part}.json").write_text(json.dumps(PARTS[a.part](a), indent=1))
 
 
 if __name__ == "__main__":

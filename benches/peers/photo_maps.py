@@ -87,6 +87,41 @@ def pinhole(size, fov_deg):
     return {"model": "pinhole", "fx": f, "fy": f, "cx": size[0] / 2 - 0.5, "cy": size[1] / 2 - 0.5}
 
 
+def projected(camera, rays):
+    """Pixels of rays, for the two models of the bench: `pinhole` and `kb`."""
+    off = np.hypot(rays[:, 0], rays[:, 1])
+    theta, turn = np.arctan2(off, rays[:, 2]), np.arctan2(rays[:, 1], rays[:, 0])
+    k = [1.0, *camera.get("k", [])]
+    radius = np.tan(theta) if camera["model"] == "pinhole" else sum(c * theta ** (2 * i + 1) for i, c in enumerate(k))
+    return np.stack([camera["cx"] + camera["fx"] * radius * np.cos(turn),
+                     camera["cy"] + camera["fy"] * radius * np.sin(turn)], 1)
+
+
+def beyond_ends(metrics, warp, lines, camera, share=0.1):
+    """How far scene lines leave their fitted straight line beyond the marked ends, over `share` of their length: the worst."""
+    worst = 0.0
+    for line in lines:
+        points = np.asarray(line["points"], float)
+        shown = warp.forward(points)
+        if not np.isfinite(shown).all():
+            continue
+        rays = metrics.pixel_to_ray(camera, points[:, 0], points[:, 1])
+        normal = np.linalg.svd(rays)[2][2] if len(rays) > 2 else np.cross(rays[0], rays[-1])
+        normal /= np.linalg.norm(normal)
+        east = rays[0] - normal * (normal @ rays[0])
+        east /= np.linalg.norm(east)
+        north = np.cross(normal, east)
+        angles = np.arctan2(rays @ north, rays @ east)
+        low, high = angles.min(), angles.max()
+        reach = share * (high - low) * np.linspace(0.1, 1, 10)
+        angles = np.concatenate([low - reach, high + reach])[:, None]
+        beyond = warp.forward(projected(camera, np.cos(angles) * east + np.sin(angles) * north))
+        center, along, _, _ = metrics.fit_line(shown)
+        off = np.abs((beyond - center) @ [-along[1], along[0]])
+        worst = max(worst, float(np.nanmax(off, initial=0.0)))
+    return worst
+
+
 def sheet(pictures, height=420, per_row=4):
     """Pictures with their labels at one height, in rows."""
     panes = []
