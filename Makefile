@@ -34,6 +34,8 @@ bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that 
 media: deps-build ## renders the clips of media/ again
 	cargo run --release --locked --example render_clip -- --preset street-walk --out media
 	cargo run --release --locked --example render_clip -- --preset rolling-passer --size 640x360 --frames 300 --out media
+	for room in kb-125 equisolid-180 eucm rectilinear-100; do \
+		cargo run --release --locked --example render_photo -- --preset room-$$room --out media || exit 1; done
 
 deps: ## installs what building and testing need and is missing (apt; asks sudo where you are not root)
 	@.ci/deps build test

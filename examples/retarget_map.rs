@@ -102,10 +102,12 @@ fn main() -> Result<(), Failure> {
     let options = RetargetOptions {
         cells: value("cells", standard.cells as f64)? as usize,
         least_scale: value("least", standard.least_scale)?,
+        most_scale: value("most", standard.most_scale)?,
         bending: value("bending", standard.bending)?,
+        contrast: value("contrast", standard.contrast)?,
+        face_weight: value("face", standard.face_weight)?,
         crop_below: value("crop", standard.crop_below)?,
         refine: keys.get("refine").is_none_or(|v| *v != "off"),
-        ..standard
     };
     let clock = Instant::now();
     let mut retargeter =
@@ -142,7 +144,7 @@ fn main() -> Result<(), Failure> {
     let window = [result.window.min.x, result.window.min.y, result.window.max.x, result.window.max.y];
     let figures = serde_json::json!({
         "faces": faces.iter().map(face).collect::<Vec<_>>(), "faces_s": faces_s, "importance_s": importance_s,
-        "first_solve_s": first_s, "resolve_s": resolves[resolves.len() / 2], "iterations": result.warp.iterations,
+        "first_solve_s": first_s, "resolve_s": resolves[0], "iterations": result.warp.iterations,
         "energies": result.energies, "released": result.released, "bent": bent, "window": window,
         "folded": mesh.folded_cells(),
         "worst_line": result.warp.lines.iter().map(|l| l.max_px / l.length_px.max(1.0)).fold(0.0, f64::max),

@@ -52,7 +52,7 @@ impl ClipWishes {
     }
 
     /// What holds a clip steady: stages `path` and `warp`.
-    pub(super) fn steady(&self) -> Vec<StageEntry> {
+    pub(super) fn steady() -> Vec<StageEntry> {
         let path = StageEntry::built("path", &SmoothSettings::default()).input("motion", "motion");
         let warp = StageEntry::built("warp", &WarpSettings::default());
         vec![path, warp.input("tracks", "tracks").input("path", "path").input("motion", "motion")]

@@ -12,7 +12,7 @@ use crate::pipeline::kinds::{
     Border, FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LensUndistortSettings,
     LinesDetectSettings, PhotoBorder, PhotoRectifySettings, RenderSettings,
 };
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
+use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
 
 /// Options of `plumbline rectify`.
@@ -42,8 +42,12 @@ pub struct RectifyArgs {
     /// Where the viewer looks, degrees from where the camera looked
     #[arg(long, default_value_t, value_name = "YAW,PITCH,ROLL", allow_hyphen_values = true, help_heading = "Result")]
     view: ViewAngles,
-    /// What is cut away: auto takes the largest full rectangle, W:H the largest of this shape, none keeps the curved border
-    #[arg(long, default_value_t, value_name = "auto|W:H|none", help_heading = "Result")]
+    /// How much the view shows, degrees; all that the picture has if left out, and of panoramas 100,75
+    #[arg(long, value_name = "WIDTH,HEIGHT", help_heading = "Result")]
+    view_field: Option<ViewField>,
+    /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the
+    /// largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
+    #[arg(long, default_value_t, value_name = "auto|rectangle|W:H|none", help_heading = "Result")]
     crop: CropWish,
     /// Size of the result, px; if left out, pictures stay as wide as they are, and clips keep their size
     #[arg(long, value_name = "WxH", help_heading = "Result")]
@@ -95,7 +99,7 @@ impl RectifyArgs {
         let mut stages = vec![StageEntry::built("lens", &settings).input("frames", "source")];
         if self.clips.stabilize {
             stages.extend(analysis(Some("lens")));
-            stages.extend(self.clips.steady());
+            stages.extend(ClipWishes::steady());
             self.clips.pipeline("rectify", &self.photo, &render, &["lens", "warp"], stages)
         } else {
             self.clips.pipeline("rectify", &self.photo, &render, &["lens"], stages)
@@ -113,6 +117,7 @@ impl RectifyArgs {
             fov: self.fov,
             fov_axis: self.fov_axis,
             view: self.view,
+            view_field: self.view_field,
             crop: self.crop,
             size: self.size,
         };

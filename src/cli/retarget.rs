@@ -55,13 +55,13 @@ impl RetargetArgs {
     fn of_clips(&self) -> Result<PipelineFile, Failure> {
         let faces = if self.photo.faces == "off" { ClipFaces::Off } else { ClipFaces::Auto };
         let judged = VideoImportanceSettings { faces, mask: self.importance.as_ref().map(|path| literal_path(path)) };
-        let settings = VideoRetargetSettings { size: self.size, ..VideoRetargetSettings::default() };
+        let settings = VideoRetargetSettings { size: Some(self.size), ..VideoRetargetSettings::default() };
         let map = StageEntry::built("map", &settings).input("importance", "importance").input("motion", "motion");
         let mut stages = analysis(None);
         stages.push(StageEntry::built("importance", &judged).input("frames", "source"));
         let render = RenderSettings { interpolation: self.interpolation, ..RenderSettings::default() };
         if self.clips.stabilize {
-            stages.extend(self.clips.steady());
+            stages.extend(ClipWishes::steady());
             stages.push(map.input("path", "path"));
             self.clips.pipeline("retarget", &self.photo, &render, &["warp", "map"], stages)
         } else {
@@ -76,7 +76,7 @@ impl RetargetArgs {
         let border = PhotoBorder::Replicate;
         let render = ImageRenderSettings { interpolation: self.interpolation, border, ..Default::default() };
         let mask = self.importance.as_ref().map(|path| literal_path(path));
-        let settings = PhotoRetargetSettings { size: self.size };
+        let settings = PhotoRetargetSettings { size: Some(self.size) };
         self.photo.pipeline("retarget", &render, &LinesDetectSettings::default(), |wanted| {
             let judged = StageEntry::built("importance", &ImportanceSettings { mask }).input("image", "photo");
             let judged = match wanted.faces {

@@ -1,12 +1,11 @@
 //! How much each place of a picture matters when the picture is given another shape.
 //!
 //! ```text
-//! I = max(floor, mask(faces(√(Ŝ Ĝ))))
+//! I = max(floor, mask(faces(Ĝ (υ + (1 − υ) Ŝ))))
 //! ```
 //!
 //! with saliency `Ŝ` ([`super::saliency`]) and the mean gradient `Ĝ` ([`super::gradient`]), each in [0, 1]. Wang et al.
-//! multiply the two; the square root is ours: it ranks alike, and leaves the even inside of an object (a wall of a tower, a
-//! dress) some of what its outline has. Faces, and weaker the body expected below them, are raised to a value of their own.
+//! multiply the two, `υ` = 0: but where a picture is busy all over, what does not stand out shows distortion too. Faces, and weaker the body expected below them, are raised to a value of their own.
 //! A mask by hand has the last word: 0 makes a place unimportant, 1 as important as can be, ½ leaves what was found.
 //!
 //! # Reference
@@ -23,6 +22,9 @@ use crate::math::{Point2, Rect};
 const GRADIENT_RADIUS: f64 = 0.0125;
 /// Quantile of the gradient that counts as fully busy. At 1 a single lamp would make all else look even.
 const BUSY_QUANTILE: f64 = 0.9;
+/// `υ`: what texture that does not stand out counts, relative to texture that does. At 0 hair above sunglasses and chairs
+/// beside a table are squeezed as if they were sky; at 1 a wave is worth a child.
+const UNSALIENT: f32 = 0.4;
 /// Radius of the last averaging, as a share of the longer side: neighboring cells shall not differ abruptly.
 const BLUR_RADIUS: f64 = 0.01;
 /// What a body expected below a face is raised to.
@@ -89,7 +91,7 @@ pub struct ImportanceOptions {
 
 impl Default for ImportanceOptions {
     fn default() -> Self {
-        Self { max_side: 400, floor: 0.1 }
+        Self { max_side: 400, floor: 0.03 }
     }
 }
 
@@ -169,14 +171,17 @@ impl Importance {
     }
 }
 
-/// `√(Ŝ Ĝ)`.
+/// `Ĝ (υ + (1 − υ) Ŝ)`.
 fn found_in(picture: &LabPicture) -> Plane<f32> {
     let longer = picture.width().max(picture.height()) as f64;
     let radius = |share: f64| ((longer * share).round() as usize).max(1);
     let salient = saliency(picture);
     let busy = gradient(picture, radius(GRADIENT_RADIUS));
     let full = quantile(&busy, BUSY_QUANTILE).max(1e-3);
-    let product = map(&busy, |x, y, g| (salient.as_ref().row(y)[x] * (g / full).min(1.0)).sqrt());
+    let product = map(&busy, |x, y, g| {
+        let stands_out = UNSALIENT + (1.0 - UNSALIENT) * salient.as_ref().row(y)[x];
+        stands_out * (g / full).min(1.0)
+    });
     box_mean(&product, radius(BLUR_RADIUS))
 }
 
@@ -245,7 +250,7 @@ fn masked(v: f32, m: f32) -> f32 {
 
 /// Sums over `[0, x) × [0, y)`, for exact means of any rectangle.
 struct Sums {
-    sums: Vec<f64>,
+    up_to: Vec<f64>,
     width: usize,
     height: usize,
 }
@@ -261,14 +266,14 @@ impl Sums {
                 sums[(y + 1) * (width + 1) + x + 1] = sums[y * (width + 1) + x + 1] + row;
             }
         }
-        Self { sums, width, height }
+        Self { up_to: sums, width, height }
     }
 
     /// The integral up to a point, px: bilinear between the corners of pixels, exact as pixels are even.
     fn up_to(&self, x: f64, y: f64) -> f64 {
         let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
         let (s, t) = (x - i as f64, y - j as f64);
-        let at = |i: usize, j: usize| self.sums[j * (self.width + 1) + i];
+        let at = |i: usize, j: usize| self.up_to[j * (self.width + 1) + i];
         (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j)) + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
     }
 
@@ -287,7 +292,7 @@ impl Sums {
     }
 
     fn mean_of_pixel(&self, i: usize, j: usize) -> f64 {
-        let at = |i: usize, j: usize| self.sums[j * (self.width + 1) + i];
+        let at = |i: usize, j: usize| self.up_to[j * (self.width + 1) + i];
         at(i + 1, j + 1) - at(i + 1, j) - at(i, j + 1) + at(i, j)
     }
 }

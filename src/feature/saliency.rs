@@ -38,6 +38,9 @@ const SLOPE: f32 = 10.0;
 /// retargeted is too bold: what stands at the border was put there by the photographer.
 const CORNER_LOSS: f32 = 0.5;
 
+/// Largest differences below this are noise of rounding, not contrast.
+const LEAST_CONTRAST: f32 = 1e-3;
+
 /// Saliency of every pixel, in [0, 1].
 pub fn saliency(picture: &LabPicture) -> Plane<f32> {
     let (w, h) = (picture.width(), picture.height());
@@ -48,7 +51,7 @@ pub fn saliency(picture: &LabPicture) -> Plane<f32> {
     let half = (w as f32 / 2.0, h as f32 / 2.0);
     for (i, (sum, unlike)) in sum.iter_mut().zip(unlike).enumerate() {
         let (x, y) = ((i % w) as f32 + 0.5, (i / w) as f32 + 0.5);
-        let off = ((x / half.0 - 1.0).powi(2) + (y / half.1 - 1.0).powi(2)) / 2.0;
+        let off = 0.5 * (x / half.0 - 1.0).powi(2) + 0.5 * (y / half.1 - 1.0).powi(2);
         *sum = (*sum + unlike) * (1.0 - CORNER_LOSS * off);
     }
     scale_to_one(&mut sum);
@@ -58,9 +61,10 @@ pub fn saliency(picture: &LabPicture) -> Plane<f32> {
 /// Divides by the largest value, so that the range is [0, 1]; a picture without contrast becomes 0.
 fn scale_to_one(values: &mut [f32]) {
     let most = values.iter().copied().fold(0.0, f32::max);
-    // Differences below a thousandth are noise of rounding, not contrast.
-    let scale = if most > 1e-3 { 1.0 / most } else { 0.0 };
-    values.iter_mut().for_each(|v| *v *= scale);
+    let scale = if most > LEAST_CONTRAST { 1.0 / most } else { 0.0 };
+    for v in values {
+        *v *= scale;
+    }
 }
 
 /// The path to a pixel found so far: its barrier, highest and lowest value.
@@ -151,7 +155,7 @@ impl Side {
         let inverse = regular.try_inverse().unwrap_or_else(Matrix3::identity);
         let mut side = Self { mean, inverse, scale: 1.0 };
         let most = picture.pixels().iter().map(|p| side.distance(p)).fold(0.0, f32::max);
-        side.scale = if most > 0.0 { 1.0 / most } else { 0.0 };
+        side.scale = if most > LEAST_CONTRAST { 1.0 / most } else { 0.0 };
         side
     }
 

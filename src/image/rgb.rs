@@ -87,12 +87,16 @@ impl Conversion {
         let signal = |v: f32, [zero, extent]: [f32; 2]| (v - zero) / extent;
         if !frame.format.is_yuv() {
             samples(frame, plane, j, out)?;
-            out.iter_mut().for_each(|v| *v = signal(*v, self.luma));
+            for v in out.iter_mut() {
+                *v = signal(*v, self.luma);
+            }
             return Some(());
         }
         let [y, cb, cr] = self.mix[plane];
         samples(frame, 0, j, out)?;
-        out.iter_mut().for_each(|v| *v = y * signal(*v, self.luma));
+        for v in out.iter_mut() {
+            *v = y * signal(*v, self.luma);
+        }
         for (i, weight) in [(1, cb), (2, cr)].into_iter().filter(|(_, weight)| *weight != 0.0) {
             let mut values = vec![0.0; out.len()];
             chroma_row(frame, i, j, &mut values)?;

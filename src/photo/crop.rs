@@ -49,8 +49,9 @@ impl Coverage {
         let mut heights = vec![0_usize; self.cols + 1];
         let (mut best, mut area) = (None, 0);
         for j in 0..self.rows {
-            for i in 0..self.cols {
-                heights[i] = if self.covered[j * self.cols + i] { heights[i] + 1 } else { 0 };
+            let row = &self.covered[j * self.cols..(j + 1) * self.cols];
+            for (height, covered) in heights.iter_mut().zip(row) {
+                *height = if *covered { *height + 1 } else { 0 };
             }
             // Columns whose height rises; the one past the last has height 0 and closes them all.
             let mut rising: Vec<(usize, usize)> = Vec::new();

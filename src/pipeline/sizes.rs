@@ -45,12 +45,14 @@ pub enum TargetSize {
 /// What is cut away. Written `"auto"`, `"none"` or `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum CropWish {
-    /// All outside the largest rectangle that the picture fills
+    /// Nothing where the border can be made straight; all outside the largest rectangle otherwise
     #[default]
     Auto,
+    /// All outside the largest rectangle that the picture fills
+    Rectangle,
     /// Nothing: the border may be curved
     None,
-    /// All outside the largest such rectangle of this shape
+    /// As auto, and of that the largest rectangle of this shape
     Shape(Ratio),
 }
 
@@ -83,6 +85,15 @@ pub struct ViewAngles {
     pub pitch: f64,
     /// Clockwise.
     pub roll: f64,
+}
+
+/// How much of the world a view shows, degrees. Written `"WIDTH,HEIGHT"`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewField {
+    /// From side to side.
+    pub width: f64,
+    /// From top to bottom.
+    pub height: f64,
 }
 
 fn positive(text: &str) -> Option<f64> {
@@ -148,12 +159,6 @@ impl TargetSize {
     }
 }
 
-impl Default for TargetSize {
-    fn default() -> Self {
-        Self::Shape(Ratio { across: 1.0, down: 1.0 })
-    }
-}
-
 impl FromStr for TargetSize {
     type Err = String;
 
@@ -177,8 +182,9 @@ impl FromStr for CropWish {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.trim() {
             "auto" => Ok(Self::Auto),
+            "rectangle" => Ok(Self::Rectangle),
             "none" => Ok(Self::None),
-            shape => shape.parse().map(Self::Shape).map_err(|e| format!("{e}; or `auto`, or `none`")),
+            shape => shape.parse().map(Self::Shape).map_err(|e| format!("{e}; or `auto`, `rectangle` or `none`")),
         }
     }
 }
@@ -187,6 +193,7 @@ impl fmt::Display for CropWish {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
+            Self::Rectangle => f.write_str("rectangle"),
             Self::None => f.write_str("none"),
             Self::Shape(ratio) => ratio.fmt(f),
         }
@@ -262,6 +269,24 @@ impl fmt::Display for ViewAngles {
     }
 }
 
+impl FromStr for ViewField {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides = text.split_once(',').map(|(w, h)| (positive(w), positive(h)));
+        match sides {
+            Some((Some(width), Some(height))) if width <= 360.0 && height < 180.0 => Ok(Self { width, height }),
+            _ => Err(format!("`{text}` is no field (expected WIDTH,HEIGHT in degrees: up to 360, below 180)")),
+        }
+    }
+}
+
+impl fmt::Display for ViewField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.width, self.height)
+    }
+}
+
 /// Read from and written as text.
 macro_rules! as_text {
     ($($name:ident: $expected:literal, $pattern:literal;)*) => {$(
@@ -292,8 +317,9 @@ macro_rules! as_text {
 as_text! {
     PixelSize: "a size such as \"1600x1200\"", "^[0-9]+[xX×][0-9]+$";
     TargetSize: "a size such as \"1080x1920\", or a shape such as \"9:16\"", "^[0-9]+[xX×][0-9]+$|^[0-9.]+:[0-9.]+$";
-    CropWish: "\"auto\", \"none\" or a shape such as \"3:2\"", "^auto$|^none$|^[0-9.]+:[0-9.]+$";
+    CropWish: "\"auto\", \"rectangle\", \"none\" or a shape such as \"3:2\"", "^auto$|^rectangle$|^none$|^[0-9.]+:[0-9.]+$";
     ProjectionWish: "a projection such as \"optimized\" or \"panini:0.8\"", "^[a-z]+(:[0-9.]+)?$";
+    ViewField: "\"WIDTH,HEIGHT\" in degrees", "^[0-9.]+,[0-9.]+$";
     ViewAngles: "\"YAW,PITCH,ROLL\" in degrees", "^-?[0-9.]+(,-?[0-9.]+){0,2}$";
 }
 
@@ -309,11 +335,24 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back() {
-        ["1x1", "16384x2", "1600x1200"].iter().for_each(|t| round_trip::<PixelSize>(t));
-        ["9:16", "1.91:1", "640x480"].iter().for_each(|t| round_trip::<TargetSize>(t));
-        ["auto", "none", "3:2"].iter().for_each(|t| round_trip::<CropWish>(t));
-        ["optimized", "panini", "panini:0.8", "equirectangular"].iter().for_each(|t| round_trip::<ProjectionWish>(t));
-        ["0,0,0", "10,-5.5,180"].iter().for_each(|t| round_trip::<ViewAngles>(t));
+        for t in ["1x1", "16384x2", "1600x1200"] {
+            round_trip::<PixelSize>(t);
+        }
+        for t in ["9:16", "1.91:1", "640x480"] {
+            round_trip::<TargetSize>(t);
+        }
+        for t in ["auto", "rectangle", "none", "3:2"] {
+            round_trip::<CropWish>(t);
+        }
+        for t in ["optimized", "panini", "panini:0.8", "equirectangular"] {
+            round_trip::<ProjectionWish>(t);
+        }
+        for t in ["0,0,0", "10,-5.5,180"] {
+            round_trip::<ViewAngles>(t);
+        }
+        for t in ["100,75", "360,179.5"] {
+            round_trip::<ViewField>(t);
+        }
         assert_eq!("30".parse(), Ok(ViewAngles { yaw: 30.0, ..ViewAngles::default() }));
     }
 
@@ -328,6 +367,9 @@ mod tests {
         assert!("fill".parse::<CropWish>().is_err_and(|e| e.contains("`none`")));
         for text in ["panini:", "panini:11", "panini:nan", "fisheye"] {
             assert!(text.parse::<ProjectionWish>().is_err_and(|e| e.contains("panini:D")), "{text}");
+        }
+        for text in ["", "90", "0,50", "361,50", "90,180", "nan,50"] {
+            assert!(text.parse::<ViewField>().is_err_and(|e| e.contains("WIDTH,HEIGHT")), "{text}");
         }
         for text in ["", "1,2,3,4", "0,91,0", "nan,0,0", "a"] {
             assert!(text.parse::<ViewAngles>().is_err_and(|e| e.contains("PITCH")), "{text}");

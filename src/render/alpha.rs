@@ -56,7 +56,7 @@ pub(super) fn unweighted(frame: &Frame, out: &mut Frame) -> Option<()> {
         // Color: α c / α; opacity itself: of all that 16 bit hold.
         let value = |v: u16, a: u16| {
             let of = if i < alpha { u64::from(a) } else { FULL };
-            if of == 0 { 0 } else { ((u64::from(v) * max + of / 2) / of).min(max) }
+            (u64::from(v) * max + of / 2).checked_div(of).map_or(0, |c| c.min(max))
         };
         let rows = 0..frame.height;
         if out.format.bytes_per_sample() == 1 {

@@ -43,7 +43,9 @@ const CONVERGED: f64 = 1e-8;
 /// rounding could send the walk back and forth.
 const SLACK: f64 = 1e-7;
 /// Cells visited before the walk gives up. Jumps of `⌊s⌋` cells make three typical, even across the whole mesh.
-const MAX_WALK: usize = 64;
+const MAX_WALK: usize = 512;
+/// Jumps before the walk goes on cell by cell: where widths differ several times over, jumps can circle among three cells.
+const MAX_JUMPS: usize = 16;
 
 #[derive(Clone, Copy, Debug)]
 struct Cell {
@@ -207,16 +209,21 @@ impl InverseMesh {
             return None;
         }
         let start = if hint < self.cells.len() { hint } else { self.rows / 2 * self.cols + self.cols / 2 };
-        let (mut k, mut before) = (start, usize::MAX);
+        let (mut k, mut before, mut reach) = (start, usize::MAX, usize::MAX);
         let mut u = self.cells[k].invert(x);
-        for _ in 0..MAX_WALK {
-            let next = self.toward(k, u);
+        for visited in 0..MAX_WALK {
+            let next = self.toward(k, u, reach);
             if next == k {
                 break;
             }
-            if next == before {
+            if next == before && reach == 1 {
                 (k, u) = self.nearest(x, k);
                 break;
+            }
+            if next == before || visited == MAX_JUMPS {
+                // Two cells of different size overshoot to each other across those between them.
+                (before, reach) = (usize::MAX, 1);
+                continue;
             }
             (before, k) = (k, next);
             u = self.cells[k].invert(x);
@@ -240,11 +247,12 @@ impl InverseMesh {
         best
     }
 
-    /// The cell that lies `⌊u⌋` cells from `k`, held inside the mesh.
-    fn toward(&self, k: usize, u: Vec2) -> usize {
+    /// The cell that lies `⌊u⌋` cells from `k`, but at most `reach` along each axis, held inside the mesh.
+    fn toward(&self, k: usize, u: Vec2, reach: usize) -> usize {
         let go = |i: usize, s: f64, n: usize| {
             let whole = if (-SLACK..=1.0 + SLACK).contains(&s) { 0 } else { s.floor() as isize };
-            i.saturating_add_signed(whole).min(n - 1)
+            let near = (i.saturating_sub(reach), i.saturating_add(reach).min(n - 1));
+            i.saturating_add_signed(whole).clamp(near.0, near.1)
         };
         go(k / self.cols, u.y, self.rows) * self.cols + go(k % self.cols, u.x, self.cols)
     }
@@ -321,6 +329,24 @@ mod tests {
             let found = inverse.map_from(x, &mut hint).expect("finite");
             assert!((found - expected).norm() < 1e-6);
             assert_eq!(hint, 2 * 6 + 3);
+        }
+    }
+
+    #[test]
+    fn columns_of_very_different_width_are_found_from_anywhere() {
+        let widths = [7.0, 6.0, 8.0, 41.0, 40.0, 5.0, 5.0, 44.0, 6.0, 3.0, 90.0, 2.0];
+        let mut x = vec![0.0];
+        for w in &widths {
+            x.push(x[x.len() - 1] + w);
+        }
+        let vertex = |k: usize| Point2::new(x[k % 13], 30.0 * (k / 13) as f64);
+        let mesh = GridMesh { cols: 12, rows: 4, vertices: (0..65).map(vertex).collect() };
+        let inverse = InverseMesh::new(&mesh, 120.0, 40.0).expect("well formed");
+        for (c, &w) in widths.iter().enumerate() {
+            for start in 0..48 {
+                let found = inverse.map_from(Point2::new(x[c] + 0.3 * w, 71.0), &mut start.clone()).expect("finite");
+                assert!((found.x - 10.0 * (c as f64 + 0.3)).abs() < 1e-9, "column {c} from cell {start}: {found}");
+            }
         }
     }
 

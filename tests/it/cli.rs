@@ -18,8 +18,20 @@ fn plumbline(args: &[&str]) -> Output {
 #[test]
 fn help_says_what_there_is() {
     insta::assert_snapshot!("help", out(&plumbline(&["--help"])));
-    for command in ["stabilize", "rectify", "retarget", "motion", "run", "check", "plan", "graph", "stages", "schema", "probe", "completions"]
-    {
+    for command in [
+        "stabilize",
+        "rectify",
+        "retarget",
+        "motion",
+        "run",
+        "check",
+        "plan",
+        "graph",
+        "stages",
+        "schema",
+        "probe",
+        "completions",
+    ] {
         insta::assert_snapshot!(format!("help_{command}"), out(&plumbline(&[command, "--help"])));
     }
 }

@@ -3,6 +3,9 @@
 #[path = "../../fuzz/bodies.rs"]
 mod bodies;
 
+use std::io::Cursor;
+
+use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
 use plumbline::time::{Timebase, Timestamp};
 use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
@@ -114,4 +117,43 @@ fn no_motion_file_makes_the_reader_panic() {
     let mut with_tracks = Vec::new();
     clip.write_json_with_tracks(&mut with_tracks, &store).expect("a small file");
     hammer(&[text, with_tracks, b"{}".to_vec(), b"[]".to_vec()], bodies::motion_file, 2);
+}
+
+#[test]
+fn no_lens_file_makes_the_reader_panic() {
+    let examples = [
+        &b"%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nK: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 300., \
+          0., 320., 0., 310., 240., 0., 0., 1. ]\nD: [0.1, 0.02, -0.01, 0.001]\nxi: 1.2\n"[..],
+        b"<?xml version=\"1.0\"?><opencv_storage><image_width>640</image_width><image_height>480</image_height><camera_matrix \
+          type_id=\"opencv-matrix\"><rows>3</rows><cols>3</cols><dt>d</dt><data>300. 0. 320. 0. 310. 240. 0. 0. 1.</data>\
+          </camera_matrix><distortion_coefficients>-0.3 0.1 0.001 -0.002 0.05 0.1 0.1 0.1</distortion_coefficients>\
+          </opencv_storage>",
+        b"cam0:\n  camera_model: omni\n  distortion_coeffs: [-0.3, 0.1, 0.001, -0.002]\n  distortion_model: radtan\n  \
+          intrinsics: [1.3, 500.0, 510.0, 320.0, 240.0]\n  resolution: [640, 480]\n",
+        b"#polynomial coefficients for the DIRECT mapping function\n3 -300.0 0.0 0.0008\n2 400.0 200.0\n240.0 330.0\n1.01 0.02 \
+          -0.03\n480 640\n",
+        b"{\"calib_dimension\": {\"w\": 640, \"h\": 480}, \"fisheye_params\": {\"camera_matrix\": [[300, 0, 320], [0, 300, 240], [0, 0, \
+          1]], \"distortion_coeffs\": [0.1, 0.02, -0.03, 0.004]}, \"distortion_model\": \"opencv_standard\"}",
+        b"1 THIN_PRISM_FISHEYE 640 480 300 310 320 240 0.1 0.02 0.001 -0.002 0.03 0.004 0.0003 0.0004\n",
+        b"{\"version\": 1, \"model\": \"unified\", \"width\": 640, \"height\": 480, \"fx\": 300, \"alpha\": 0.6, \"xi\": 0.1}",
+        b"<lensdatabase version=\"1\"><lens><maker>Canon</maker><model>Canon EF-S 10-22mm f/3.5-4.5 USM</model><cropfactor>1.6\
+          </cropfactor><type>equisolid</type><calibration><distortion model=\"ptlens\" focal=\"10\" a=\"0.01\" b=\"-0.03\" \
+          c=\"0.005\"/><distortion model=\"poly5\" focal=\"22\" k1=\"0.1\" k2=\"0.1\"/></calibration></lens></lensdatabase>",
+    ];
+    hammer(&examples.map(<[u8]>::to_vec), bodies::lens_file, 3);
+}
+
+#[test]
+fn no_picture_makes_the_reader_panic() {
+    let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 7 % 251) as u8).collect();
+    let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
+    let exif = Some(b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0".to_vec());
+    let photo = Photo { frame, exif, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let file = |format| {
+        let mut out = Cursor::new(Vec::new());
+        encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
+        out.into_inner()
+    };
+    let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
+    hammer(&formats.map(file), bodies::still_file, 3);
 }

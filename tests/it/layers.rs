@@ -8,11 +8,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates that only one place may name, and the place.
-const ROOMS: [(&str, &str); 7] = [
+const ROOMS: [(&str, &str); 8] = [
     ("faer", "sparse"),
     ("clarabel", "optim"),
     ("ffmpeg_next", "media"),
     ("ffmpeg_sys_next", "media"),
+    ("exr", "image"),
     ("kornia_image", "feature image"),
     ("kornia_imgproc", "feature image"),
     ("rustface", "feature"),
@@ -321,6 +322,7 @@ fn planted_upward_imports_are_found() {
         "fn f() { ::clarabel::solver::f() }",
         "extern crate ffmpeg_next;",
         "use kornia_imgproc as k;",
+        "use exr::prelude::Image;",
     ];
     for source in cases {
         assert_eq!(planted(source).len(), 1, "in: {source}: {:?}", planted(source));
@@ -341,6 +343,7 @@ fn allowed_imports_comments_and_strings_are_left_alone() {
         "const A: &str = r#\"use crate::up \" crate::up\"#;",
         "pub(crate) fn f(faer: u8) -> u8 { faer }",
         "mod faer_like {}",
+        "use crate::low::exr::write;",
         "fn f() { self::faer::g() }",
     ];
     for source in cases {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use plumbline::camera::{FieldAxis, Lens, Projection};
 use plumbline::math::{Point2, Vec2};
-use plumbline::photo::calibration::{Calibration, CalibrationOptions, calibrate};
+use plumbline::photo::calibration::{Calibration, CalibrationOptions, LineRole, calibrate};
 use plumbline::photo::marks::LinesFile;
 
 /// The folder of boards, or `None` with the reason printed.
@@ -62,7 +62,7 @@ fn each_board_alone_gives_a_lens_under_which_its_lines_are_straight_within_a_pix
         let Some((file, found)) = calibrated(&format!("gopro_3D_{name}"), 1000, 750) else { return };
         let (worst, by_known) = (worst_bend(&file, &found.lens), worst_bend(&file, &known_camera()));
         let (field, sigma) = found.field_of_view.expect("the sides are seen");
-        println!(
+        eprintln!(
             "{name}: {}, worst line {worst:.2} px (22 boards' camera {by_known:.2}), focal {:.1} ± {:.1} % (436.3), field \
              {:.1}° ± {:.1}° ({:.1}°), center {:.1} {:.1}, noise {:.3} px",
             found.model.name(),
@@ -80,23 +80,23 @@ fn each_board_alone_gives_a_lens_under_which_its_lines_are_straight_within_a_pix
 }
 
 #[test]
-fn circular_fisheyes_are_calibrated_from_a_board_each() {
+fn a_board_before_a_circular_fisheye_is_calibrated_with_every_line_taking_part() {
     for name in ["nebula_01", "nebula_02", "nebula_03"] {
         let Some((file, found)) = calibrated(name, 2304, 2304) else { return };
-        println!(
-            "{name}: {}, worst line {:.2} px, focal {:.1} ± {:.1} %, center {:.1} {:.1}, noise {:.3} px, {:?}",
+        let worst = worst_bend(&file, &found.lens);
+        let before = file.in_use().map(|line| off_line(&line.points)).fold(0.0, f64::max);
+        eprintln!(
+            "{name}: {}, worst line {worst:.2} px (on the photo {before:.1}), focal {:.1} ± {:.1} %, center {:.1} {:.1}, \
+             noise {:.3} px",
             found.model.name(),
-            worst_bend(&file, &found.lens),
             found.lens.focal.x,
             100.0 * found.focal_sigma,
             found.lens.center.x,
             found.lens.center.y,
             found.noise_px,
-            found
-                .lines
-                .iter()
-                .map(|l| (l.distance_px.map(|d| (d.1 * 100.0).round() / 100.0), l.role))
-                .collect::<Vec<_>>(),
         );
+        // Marks scatter by one or two pixels here: even a lens of ten free terms leaves a line bent by 2.6 to 3.9 px.
+        assert!(found.lines.iter().all(|l| l.role == LineRole::Used), "{name}: {:?}", found.lines);
+        assert!(worst < before / 3.0, "{name}: {worst} of {before}");
     }
 }

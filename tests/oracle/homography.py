@@ -4,28 +4,16 @@
 Random frame pairs with noise and scattered wrong matches; half of the points are given to both, the other half tells how far
 each is off. Our median distance on the held-out points, over all pairs, must be <= 1.05 x OpenCV's. Pairs that move by
 similarities are held against the partial affine fit, the others against the homography.
-
-PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
 """
-import os
-import pathlib
 import subprocess
 import sys
 
 import cv2
 import numpy as np
 
+from _programs import example
+
 WIDTH, HEIGHT, POINTS, NOISE = 640, 360, 600, 0.15
-
-
-def binary(name):
-    root = pathlib.Path(__file__).resolve().parents[2]
-    folders = [os.environ["PLUMBLINE_EXAMPLES"]] if "PLUMBLINE_EXAMPLES" in os.environ else [
-        root / "target/release/examples", root / "target/debug/examples"]
-    for folder in folders:
-        if (found := pathlib.Path(folder) / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --examples`")
 
 
 def mapped(h, p):
@@ -49,7 +37,7 @@ def ours(points, moved):
     """Homography of the second frame, and whether the point's similarity was kept."""
     frame = lambda p: f"F {len(p)}\n" + "".join(f"{i} {x:.6f} {y:.6f}\n" for i, (x, y) in enumerate(p))
     text = f"{WIDTH} {HEIGHT} 30 2\n" + frame(points) + frame(moved)
-    run = subprocess.run([binary("motion_from_tracks")], input=text, capture_output=True, text=True, check=True)
+    run = subprocess.run([example("motion_from_tracks")], input=text, capture_output=True, text=True, check=True)
     return np.array([float(v) for v in run.stdout.splitlines()[1].split("|")[1].split()]).reshape(3, 3)
 
 

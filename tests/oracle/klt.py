@@ -4,11 +4,7 @@
 With OpenCV's corners, window (21x21), levels (maxLevel 3), iterations (30) and forward-backward check (< 0.5 px): median
 error <= 1.1 x, rms after the check <= 1.2 x, kept >= 99 % of OpenCV's. Further clips hold what a check must catch: an
 occluder that moves against the ground, and texture that repeats.
-
-PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
 """
-import os
-import pathlib
 import subprocess
 import sys
 import tempfile
@@ -16,18 +12,10 @@ import tempfile
 import cv2
 import numpy as np
 
+from _programs import example
+
 LK = dict(winSize=(21, 21), maxLevel=3, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.01))
 GFTT = dict(qualityLevel=0.005, minDistance=8, blockSize=3)
-
-
-def binary(name):
-    root = pathlib.Path(__file__).resolve().parents[2]
-    folders = [os.environ["PLUMBLINE_EXAMPLES"]] if "PLUMBLINE_EXAMPLES" in os.environ else [
-        root / "target/release/examples", root / "target/debug/examples"]
-    for folder in folders:
-        if (found := pathlib.Path(folder) / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --release --examples`")
 
 
 def texture(w, h, rng):
@@ -127,7 +115,7 @@ def repeated(w, h):
 
 def main():
     cv2.setNumThreads(1)
-    program, failed = binary("klt_frames"), False
+    program, failed = example("klt_frames"), False
     clips = {
         "hand-held 640x360": make_frames(640, 360, 5),
         "hand-held 1280x720": make_frames(1280, 720, 3, seed=4),

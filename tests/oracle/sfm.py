@@ -6,30 +6,18 @@ needs with the true focal length (`findEssentialMat`, `recoverPose`), and what a
 all points (`solvePnPRansac` and its refinement); ours gets the tracks alone. Rotations of pairs must be at most half as far
 from the truth as the essential matrix's, rotations from frame to frame at most 1.1 times as far as those of the poses
 from true points.
-
-PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
 """
 import json
-import os
-import pathlib
 import subprocess
 import sys
 
 import cv2
 import numpy as np
 
+from _programs import example
+
 WIDTH, HEIGHT, FOCAL, FRAMES, NOISE, WRONG, GAP = 640, 360, 560.0, 45, 0.3, 0.04, 12
 K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
-
-
-def binary(name):
-    root = pathlib.Path(__file__).resolve().parents[2]
-    folders = [os.environ["PLUMBLINE_EXAMPLES"]] if "PLUMBLINE_EXAMPLES" in os.environ else [
-        root / "target/release/examples", root / "target/debug/examples"]
-    for folder in folders:
-        if (found := pathlib.Path(folder) / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --examples`")
 
 
 def walk(rng):
@@ -67,7 +55,7 @@ def ours(frames):
     text = f"{WIDTH} {HEIGHT} 30 {len(frames)}\n"
     for ids, p in frames:
         text += f"F {len(ids)}\n" + "".join(f"{i} {x:.5f} {y:.5f}\n" for i, (x, y) in zip(ids, p))
-    run = subprocess.run([binary("cameras_from_tracks")], input=text, capture_output=True, text=True, check=True)
+    run = subprocess.run([example("cameras_from_tracks")], input=text, capture_output=True, text=True, check=True)
     found = json.loads(run.stdout)
     return found, [p and rotation(p["q"]) for p in found["poses"]]
 

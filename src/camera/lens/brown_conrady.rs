@@ -237,7 +237,7 @@ impl BrownConrady {
             });
             let Some((v, off_there)) = shorter else { break };
             (u, off) = (v, off_there);
-            if off.norm() <= f64::EPSILON * m.norm() {
+            if off.norm() <= 1e-15 * (1.0 + m.norm()) {
                 break;
             }
         }

@@ -4,6 +4,10 @@
 /// double.
 const MAX_STEPS: usize = 80;
 
+/// Relative step after which nothing is left to do: Newton's next one would be its square, times a curvature that is far below
+/// 10⁴ but at the fold itself.
+const SMALL_STEP: f64 = 1e-10;
+
 /// `x` in `[0, limit]` with `f(x) = target`, for `f` increasing on it with `f(0) = 0`; `function` returns `(f, f′)`. `None`
 /// where `target` lies outside `[0, f(limit)]` or is NaN.
 pub(super) fn increasing(target: f64, limit: f64, start: f64, function: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
@@ -22,7 +26,7 @@ pub(super) fn increasing(target: f64, limit: f64, start: f64, function: impl Fn(
         }
         let newton = x - miss / slope;
         let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
-        if (next - x).abs() <= 2.0 * f64::EPSILON * x.abs() {
+        if (next - x).abs() <= SMALL_STEP * x.abs() {
             return Some(next);
         }
         x = next;

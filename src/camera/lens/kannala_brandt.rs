@@ -93,3 +93,20 @@ impl RadialModel for AnglePolynomial {
         self.limit
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_field_ends_where_the_radius_stops_growing() {
+        for k in [[-0.1, 0.0, 0.0, 0.0], [0.0, -0.02, 0.0, 0.0], [0.01, 0.02, -0.03, 0.0], [0.02, 0.01, 0.01, -0.006]] {
+            let lens = KannalaBrandt::new(k);
+            assert!(lens.limit() < PI && lens.radius(lens.limit()).1.abs() < 1e-9, "{k:?} {}", lens.limit());
+        }
+        for a in [[-0.2, 0.0, 0.0], [0.1, -0.15, 0.0], [0.1, 0.05, -0.04]] {
+            let lens = AnglePolynomial::new(a);
+            assert!(lens.limit() < PI && lens.radius(lens.limit()).1.abs() < 1e-9, "{a:?} {}", lens.limit());
+        }
+    }
+}

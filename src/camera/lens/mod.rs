@@ -73,20 +73,16 @@ trait PlaneModel {
 impl Lens {
     /// The pixel at which a direction is seen; `None` outside the field.
     pub fn project(&self, ray: &Vec3) -> Option<Point2> {
-        if !is_direction(ray) {
-            return None;
-        }
-        self.pixel(self.projection.with(|m| m.plane(ray))?)
+        let (ray, _) = direction(ray)?;
+        self.pixel(self.projection.with(|m| m.plane(&ray))?)
     }
 
     /// The pixel at which a direction is seen and `∂(u, v)/∂(x, y, z)`, px; `None` outside the field and where there is no
     /// derivative (the poles of panoramas).
     pub fn project_with_jacobian(&self, ray: &Vec3) -> Option<(Point2, Matrix2x3<f64>)> {
-        if !is_direction(ray) {
-            return None;
-        }
-        let (m, jacobian) = self.projection.with(|m| m.plane_with_jacobian(ray))?;
-        Some((self.pixel(m)?, Matrix2::from_diagonal(&self.focal) * jacobian))
+        let (ray, scale) = direction(ray)?;
+        let (m, jacobian) = self.projection.with(|m| m.plane_with_jacobian(&ray))?;
+        Some((self.pixel(m)?, Matrix2::from_diagonal(&(scale * self.focal)) * jacobian))
     }
 
     /// The unit vector in which a pixel looks; `None` outside the image of the field.
@@ -141,10 +137,15 @@ impl Lens {
     }
 }
 
-/// Finite and not zero.
-fn is_direction(ray: &Vec3) -> bool {
+/// The direction with a length whose square is a number, and the factor that led there; `None` where it is not finite or zero.
+fn direction(ray: &Vec3) -> Option<(Vec3, f64)> {
+    const ORDINARY: std::ops::Range<f64> = 1e-100..1e100;
     let size = ray.amax();
-    size > 0.0 && size.is_finite() && ray.iter().all(|v| v.is_finite())
+    if !(size > 0.0 && ray.iter().all(|v| v.is_finite())) {
+        return None;
+    }
+    let scale = if ORDINARY.contains(&size) { 1.0 } else { size.recip() };
+    Some((scale * ray, scale)).filter(|_| scale.is_finite())
 }
 
 /// Whether a picture of size `a` can be one of size `b` scaled, sides rounded to pixels.

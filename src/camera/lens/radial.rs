@@ -46,11 +46,11 @@ pub(super) trait RadialModel {
 
 impl<T: RadialModel> PlaneModel for T {
     fn plane(&self, ray: &Vec3) -> Option<Vec2> {
-        Some(self.stretch(ray.x.hypot(ray.y), ray.z)? * ray.xy())
+        Some(self.stretch(ray.xy().norm(), ray.z)? * ray.xy())
     }
 
     fn plane_with_jacobian(&self, ray: &Vec3) -> Option<(Vec2, Matrix2x3<f64>)> {
-        let (rho, z) = (ray.x.hypot(ray.y), ray.z);
+        let (rho, z) = (ray.xy().norm(), ray.z);
         let stretch = self.stretch(rho, z)?;
         let mut jacobian = Matrix2x3::zeros();
         if !(rho > 0.0) {
@@ -68,8 +68,8 @@ impl<T: RadialModel> PlaneModel for T {
     }
 
     fn ray(&self, m: Vec2) -> Option<Vec3> {
-        // `norm` overflows at 1e154.
-        let r = m.x.hypot(m.y);
+        // Infinite from 1e154 on, where no picture is.
+        let r = m.norm();
         let theta = self.angle(r).filter(|_| r.is_finite())?;
         if r == 0.0 {
             return Some(Vec3::z());
@@ -129,7 +129,7 @@ impl RadialModel for Radial {
     }
 
     fn stretch(&self, rho: f64, z: f64) -> Option<f64> {
-        let d = rho.hypot(z);
+        let d = (rho * rho + z * z).sqrt();
         // d + z without cancellation behind the camera; 0 straight behind.
         let sum = || if z > 0.0 { d + z } else { rho * rho / (d - z) };
         let stretch = match self {

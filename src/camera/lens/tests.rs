@@ -12,7 +12,7 @@ pub(in crate::camera) fn projections() -> Vec<Projection> {
         Projection::Equisolid,
         Projection::Stereographic,
         Projection::Orthographic,
-        Projection::kannala_brandt([0.0397, 0.0385, -0.02997, 0.007577]),
+        Projection::kannala_brandt([0.0397, 0.0385, -0.03, 0.0076]),
         Projection::kannala_brandt([-0.02, -0.003, 0.0004, -0.00002]),
         Projection::AnglePolynomial(AnglePolynomial::new([-0.09, 0.05, -0.02])),
         Projection::Division(-0.31),
@@ -62,8 +62,8 @@ fn radial_only() -> BrownConrady {
 
 /// A real 190° lens, its affine part exaggerated.
 fn fisheye_of_the_toolbox() -> Ocam {
-    let f: f64 = 471.4441;
-    let a = [0.0, 7.356108e-04, -3.773045e-07, 5.800006e-10];
+    let f: f64 = 471.44;
+    let a = [0.0, 7.356e-04, -3.773e-07, 5.8e-10];
     let b: Vec<f64> = (1..).zip(a).map(|(i, a)| -a * f.powi(i - 1)).collect();
     Ocam::new(&b, Matrix2::new(1.0, -0.01, -0.02, 1.003)).expect("valid")
 }

@@ -32,6 +32,8 @@ pub struct Unified {
     alpha: f64,
     beta: f64,
     limit: f64,
+    /// Its cosine.
+    lowest: f64,
 }
 
 impl Unified {
@@ -54,7 +56,7 @@ impl Unified {
         }
         let w = weight(alpha);
         let limit = (1.0 - w * w).max(0.0).sqrt().atan2(-w * beta.sqrt());
-        Ok(Self { xi: 0.0, alpha, beta, limit })
+        Ok(Self { xi: 0.0, alpha, beta, limit, lowest: limit.cos() })
     }
 
     /// The double sphere; `−1 < ξ ≤ 1`, `0 ≤ α ≤ 1`.
@@ -69,7 +71,8 @@ impl Unified {
         let w = weight(alpha);
         let rest = 1.0 - w * w;
         let cos = -xi * rest - w * (1.0 - xi * xi * rest).sqrt();
-        Ok(Self { xi, alpha, beta: 1.0, limit: cos.clamp(-1.0, 1.0).acos() })
+        let lowest = cos.clamp(-1.0, 1.0);
+        Ok(Self { xi, alpha, beta: 1.0, limit: lowest.acos(), lowest })
     }
 
     /// `ξ, α, β`.
@@ -79,13 +82,13 @@ impl Unified {
 
     /// `d₁, d₂, z₁` of a direction inside the field.
     fn spheres(&self, ray: &Vec3) -> Option<(f64, f64, f64)> {
-        let rho = ray.x.hypot(ray.y);
-        if !(rho.atan2(ray.z) < self.limit) {
+        let s = ray.xy().norm_squared();
+        let d1 = (s + ray.z * ray.z).sqrt();
+        if !(ray.z > self.lowest * d1) {
             return None;
         }
-        let d1 = rho.hypot(ray.z);
         let z1 = ray.z + self.xi * d1;
-        Some((d1, (self.beta.sqrt() * rho).hypot(z1), z1))
+        Some((d1, (self.beta * s + z1 * z1).sqrt(), z1))
     }
 }
 
@@ -124,7 +127,8 @@ impl PlaneModel for Unified {
             (z * xi + (z * z + (1.0 - xi * xi) * s).max(0.0).sqrt()) / (z * z + s)
         };
         let ray = Vec3::new(scale * m.x, scale * m.y, scale * z - xi);
-        (ray.x.hypot(ray.y).atan2(ray.z) < self.limit).then(|| ray.normalize())
+        let length = ray.norm();
+        (ray.z > self.lowest * length && length.is_finite()).then(|| ray / length)
     }
 
     fn max_angle(&self) -> f64 {
@@ -137,7 +141,7 @@ fn weight(alpha: f64) -> f64 {
 }
 
 fn share(name: &'static str, value: f64) -> Result<(), LensError> {
-    if value >= 0.0 && value <= 1.0 {
+    if (0.0..=1.0).contains(&value) {
         return Ok(());
     }
     Err(LensError::Parameter { name, value, expected: "0 to 1" })
@@ -187,7 +191,7 @@ mod tests {
             }
             // The formula itself, beyond the limit, is negative, infinite or smaller.
             let last = model.plane(&at(model.limit * (1.0 - 1e-12))).expect("inside").x;
-            let wide = Unified { limit: std::f64::consts::PI, ..model };
+            let wide = Unified { lowest: -1.0, ..model };
             assert!(wide.plane(&at(model.limit + 1e-3)).is_none_or(|m| m.x < last), "{model:?} goes on");
         }
     }

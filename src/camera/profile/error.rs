@@ -94,7 +94,8 @@ pub enum ProfileError {
 }
 
 impl ProfileError {
-    pub(super) fn value(key: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
+    #[allow(clippy::needless_pass_by_value)] // callers hand over numbers and texts alike
+    pub(super) fn value(key: impl Into<String>, value: impl std::fmt::Display, expected: impl Into<String>) -> Self {
         const SHOWN: usize = 60;
         let mut value = value.to_string();
         if value.chars().count() > SHOWN {
@@ -103,7 +104,8 @@ impl ProfileError {
         Self::Value { key: key.into(), value, expected: expected.into() }
     }
 
-    pub(super) fn syntax(format: &'static str, reason: impl ToString) -> Self {
+    #[allow(clippy::needless_pass_by_value)] // likewise
+    pub(super) fn syntax(format: &'static str, reason: impl std::fmt::Display) -> Self {
         Self::Syntax { format, reason: reason.to_string() }
     }
 }

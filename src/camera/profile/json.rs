@@ -39,6 +39,9 @@ const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthogr
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LensFile {
+    /// Always `plumbline.lens`.
+    #[serde(default = "format")]
+    pub format: String,
     /// Version of this format: 1.
     pub version: u32,
     /// Name of the lens or the camera.
@@ -114,6 +117,10 @@ pub struct LensFile {
     pub plane: Option<String>,
 }
 
+fn format() -> String {
+    "plumbline.lens".to_owned()
+}
+
 fn half() -> f64 {
     0.5
 }
@@ -130,6 +137,9 @@ pub(super) fn lens(root: &At<'_>, text: &str) -> Result<Profile, ProfileError> {
     }
     // From the text, for the line and the column of what is wrong.
     let file: LensFile = serde_json::from_str(text).map_err(|e| ProfileError::syntax(FORMAT, e))?;
+    if file.format != format() {
+        return Err(ProfileError::value("format", &file.format, "plumbline.lens"));
+    }
     if file.version != 1 {
         return Err(ProfileError::value("version", file.version, "1: a newer file needs a newer program"));
     }
@@ -140,6 +150,7 @@ impl LensFile {
     /// The file that describes a lens.
     pub fn of(lens: &Lens, name: &str) -> Self {
         let file = Self {
+            format: format(),
             version: 1,
             name: name.to_owned(),
             pixel_centre: 0.5,
@@ -357,11 +368,11 @@ fn plain(root: &At<'_>) -> Result<Profile, ProfileError> {
         "radtan" | "opencv" | "opencv-standard" | "brown" => {
             // In the order of OpenCV: k1 k2 p1 p2 k3.
             let [k1, k2, p1, p2, k3] = list("k", &k)?;
-            file.model = "brown-conrady".to_owned();
+            "brown-conrady".clone_into(&mut file.model);
             (file.k, file.p) = (vec![k1, k2, k3], vec![p1, p2]);
         }
         own => {
-            file.model = own.to_owned();
+            own.clone_into(&mut file.model);
             (file.k, file.lambda, file.alpha) = (k, number("lambda")?, number("alpha")?);
             (file.beta, file.xi, file.d) = (number("beta")?, number("xi")?, number("d")?);
         }

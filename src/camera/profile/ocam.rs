@@ -47,7 +47,7 @@ pub(super) fn lens(text: &str) -> Result<Profile, ProfileError> {
     if !(f > 0.0) {
         return Err(wrong(direct, "a negative first coefficient: the camera looks along -z"));
     }
-    let scaled: Vec<f64> = a[1..].iter().enumerate().map(|(i, a)| -a * f.powi(i as i32)).collect();
+    let scaled: Vec<f64> = (0..).zip(&a[1..]).map(|(i, a)| -a * f.powi(i)).collect();
     let model = Ocam::new(&scaled, Matrix2::new(1.0, e, d, c))?;
     let pinhole = Pinhole { focal: Vec2::new(f, f), center: Point2::new(column, row), size: (width, height) };
     let lens = pinhole.lens(Projection::Ocam(model), 0.5)?;

@@ -61,16 +61,15 @@ fn projection(root: &At<'_>, matrix: &At<'_>, notes: &mut Vec<String>) -> Result
     let path = coefficients.as_ref().map_or("distortion_coefficients", |c| c.path()).to_owned();
     let flag = |key: &str| root.get(key).and_then(|v| v.value.as_bool().or(v.number().ok().map(|n| n != 0.0)));
     let model = root.any(&["distortion_model", "model", "camera_model"]).and_then(|m| m.text()).unwrap_or("");
+    let model = if matches!(model, "" | "pinhole") && root.get("xi").is_some() { "omnidir" } else { model };
     let kind = match model.to_lowercase().as_str() {
         "plumb_bob" | "rational_polynomial" | "standard" | "opencv" | "radtan" => Kind::Standard,
         "equidistant" | "fisheye" | "opencv_fisheye" => Kind::Fisheye,
         "omnidir" | "omni" | "mei" => Kind::Omni,
-        "" | "pinhole" if root.get("xi").is_some() => Kind::Omni,
         "" | "pinhole" => match (flag("fisheye_model").or(flag("fisheye")), numbers.len()) {
             (Some(true), _) => Kind::Fisheye,
-            (Some(false), _) => Kind::Standard,
             (None, 4) => guess(matrix.path() == "K" && path == "D", notes),
-            (None, _) => Kind::Standard,
+            _ => Kind::Standard,
         },
         _ => return Err(ProfileError::Model { format: "OpenCV", model: model.to_owned(), known: KNOWN }),
     };

@@ -134,7 +134,7 @@ fn taps(n: usize, shrunk: usize) -> Vec<Taps> {
         .map(|i| {
             let center = (i as f64 + 0.5) / SCALE;
             let (from, to) = ((center - REACH * sigma).floor() as i64, (center + REACH * sigma).ceil() as i64);
-            let clamp = |j: i64| j.clamp(0, n as i64 - 1) as usize;
+            let clamp = |j: i64| (j.max(0) as usize).min(n - 1);
             let first = clamp(from);
             let mut weights = vec![0.0_f64; clamp(to - 1) - first + 1];
             for j in from..to {

@@ -133,7 +133,7 @@ fn join(bands: &[Vec<u8>], height: u16, interval: u16, out: &mut impl Write) -> 
         let (frame, scan) = landmarks(band).ok_or_else(odd)?;
         if i == 0 {
             // Height stands behind the precision in the frame header.
-            write(&band[..frame + 1])?;
+            write(&band[..=frame])?;
             write(&height.to_be_bytes())?;
             write(&band[frame + 3..scan])?;
             if bands.len() > 1 {
@@ -190,6 +190,9 @@ impl Band<'_> {
     }
 }
 
+/// Gray of a color difference and the rounding of its sums, in 16-bit fixed point.
+const CENTER: i32 = (128 << 16) + 32_767;
+
 impl ImageBuffer for Band<'_> {
     fn get_jpeg_color_type(&self) -> JpegColorType {
         if self.planes.len() == 1 { JpegColorType::Luma } else { JpegColorType::Ycbcr }
@@ -216,7 +219,6 @@ impl ImageBuffer for Band<'_> {
                 ((w[0] * i32::from(r) + w[1] * i32::from(g) + w[2] * i32::from(b) + offset) >> 16) as u8
             })
         };
-        const CENTER: i32 = (128 << 16) + 32_767;
         buffers[0].extend(mix([19_595, 38_470, 7_471], 32_768));
         buffers[1].extend(mix([-11_059, -21_709, 32_768], CENTER));
         buffers[2].extend(mix([32_768, -27_439, -5_329], CENTER));

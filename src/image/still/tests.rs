@@ -36,10 +36,10 @@ fn photo(layout: Layout, bits: u8, alpha: bool, (w, h): (usize, usize)) -> Photo
 }
 
 /// A profile as far as anybody looks here: its length and color space.
-fn profile(space: &[u8; 4], length: usize) -> Vec<u8> {
+fn profile(space: [u8; 4], length: usize) -> Vec<u8> {
     let mut p = vec![7; length];
     p[..4].copy_from_slice(&(length as u32).to_be_bytes());
-    p[16..20].copy_from_slice(space);
+    p[16..20].copy_from_slice(&space);
     p[36..40].copy_from_slice(b"acsp");
     p
 }
@@ -129,7 +129,7 @@ fn exif_and_profile_travel_through_every_format_and_say_the_new_size() {
     for (format, order) in FORMATS.into_iter().flat_map(|f| [(f, Order::Little), (f, Order::Big)]) {
         let mut before = photo(Layout::Gbr, 8, false, (50, 40));
         before.exif = Some(exif_block(order));
-        before.icc = Some(profile(b"RGB ", 70_000));
+        before.icc = Some(profile(*b"RGB ", 70_000));
         let (bytes, saved) = written(&before, format);
         assert!(saved.warnings.is_empty(), "{format:?}: {:?}", saved.warnings);
         let after = read(&bytes).expect("sound");
@@ -155,7 +155,7 @@ fn a_tiff_file_holds_the_block_at_its_old_offsets() {
 #[test]
 fn a_profile_of_another_color_space_is_left_out_with_a_word() {
     let mut gray = photo(Layout::Gray, 8, false, (5, 4));
-    gray.icc = Some(profile(b"RGB ", 200));
+    gray.icc = Some(profile(*b"RGB ", 200));
     let (bytes, saved) = written(&gray, StillFormat::Png);
     assert!(saved.warnings[0].contains("profile"), "{saved:?}");
     assert_eq!(read(&bytes).expect("sound").icc, None);
@@ -298,7 +298,7 @@ fn mutated_files_never_panic() {
     for format in FORMATS {
         let mut whole = photo(Layout::Gbr, 8, false, (40, 30));
         whole.exif = Some(exif_block(Order::Big));
-        whole.icc = Some(profile(b"RGB ", 300));
+        whole.icc = Some(profile(*b"RGB ", 300));
         let (bytes, _) = written(&whole, format);
         for _ in 0..1500 {
             let mut wild = bytes.clone();

@@ -118,9 +118,9 @@ pub(super) fn encode(
         file.entries.push((entry.tag, entry.bytes));
     }
     if frame.format.bits == 8 {
-        file.picture::<u8>(frame)?
+        file.picture::<u8>(frame)?;
     } else {
-        file.picture::<u16>(frame)?
+        file.picture::<u16>(frame)?;
     }
     if let Some(profile) = icc {
         let at = file.at;
@@ -196,7 +196,9 @@ impl<W: Write + Seek> File<W> {
         for first in (0..frame.height).step_by(rows) {
             let strip = &mut strip[..row * rows.min(frame.height - first)];
             pack_rows(frame, planes, first, strip)?;
-            strip.iter_mut().for_each(|v| *v = v.ordered(self.order));
+            for v in strip.iter_mut() {
+                *v = v.ordered(self.order);
+            }
             offsets.push(self.at);
             counts.push(size_of_val(strip) as u32);
             self.put(bytemuck::cast_slice(strip))?;

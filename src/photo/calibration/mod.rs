@@ -1,7 +1,8 @@
 //! Plumb-line calibration: the lens from lines that are known to be straight, and nothing else.
 //!
 //! Unknown are focal length `f`, center `c` and up to two radial terms `k`; each marked line has an unknown great circle.
-//! With `d` the distance in pixels of a sample from its line's best circle under the lens ([`great_circle`](super::great_circle)),
+//! With `d` the distance in pixels of a sample from its line's best circle under the lens
+//! ([`Sight::distance`](super::Sight::distance)),
 //!
 //! ```text
 //! E(f, c, k) = Σ_lines w_l Σ_samples (d/σ)² + ‖c − middle‖²/σ_c² + Σᵢ (kᵢ/σ_k)² + (ln f − ln f₀)²/σ_f².
@@ -21,8 +22,8 @@
 //! so with free terms the focal length hangs on higher orders and on the prior that `k` is small. Straight lines in a
 //! straight picture tell nothing at all: there the prior, which is the field of view that the photo's own data claim, is the
 //! answer. A slight bend may be a usual lens's barrel or a narrow cut from a fisheye; without a claim, lenses that are made
-//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal length is known; that lines become straight does not depend
-//! on it.
+//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal
+//! length is known; that lines become straight does not depend on it.
 //!
 //! **Which model.** All models are fitted; the one of least
 //!

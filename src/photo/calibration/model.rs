@@ -75,10 +75,8 @@ impl LensModel {
     /// smaller ones the lines bent.
     pub(super) fn term_sigma(self) -> &'static [f64] {
         match self {
-            Self::KannalaBrandt1 => &[0.1],
-            Self::KannalaBrandt2 => &[0.1, 0.05],
-            Self::Division | Self::BrownConrady1 => &[0.1],
-            Self::BrownConrady2 => &[0.1, 0.05],
+            Self::KannalaBrandt1 | Self::Division | Self::BrownConrady1 => &[0.1],
+            Self::KannalaBrandt2 | Self::BrownConrady2 => &[0.1, 0.05],
             _ => &[],
         }
     }

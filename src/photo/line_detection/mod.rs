@@ -40,7 +40,8 @@ pub struct LineDetectionOptions {
     pub max_side: usize,
     /// Most lines.
     pub max_lines: usize,
-    /// Least length of a line that runs to a vanishing point, as a share of the photo's diagonal.
+    /// Least length of a line that runs to a vanishing point, as a share of the photo's diagonal; faint and blurred edges,
+    /// such as those of clouds, must be longer.
     pub min_length: f64,
     /// Least length of a line that does not, likewise: foliage and clothes have short edges.
     pub min_free_length: f64,
@@ -96,7 +97,7 @@ pub fn detect_lines(luma: PlaneRef<'_, f32>, lens: Option<&Lens>, options: &Line
     let flat = flat_lens(size);
     let sight = lens.unwrap_or(&flat);
     let views = View::all(luma, sight, options.max_side);
-    let arcs: Vec<Arc> = views.par_iter().flat_map_iter(|v| arcs_of(v)).collect();
+    let arcs: Vec<Arc> = views.par_iter().flat_map_iter(arcs_of).collect();
     let arcs = arc::without_repeats(arc::joined(arcs));
     let directions = if lens.is_some() { Directions::find(&arcs) } else { Directions::default() };
     let lines = select::best(&arcs, &directions, sight, lens.is_none(), options);

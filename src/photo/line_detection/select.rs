@@ -25,7 +25,8 @@ struct Course {
     group: LineGroup,
     length_px: f64,
     coverage: f64,
-    arc_direction: Orientation,
+    clarity: f64,
+    orientation: Orientation,
 }
 
 /// The best lines, the best first.
@@ -39,7 +40,7 @@ pub(super) fn best(
     let diagonal = lens.size.0.hypot(lens.size.1);
     let long_enough = |c: &Course| {
         let least = if c.group == LineGroup::Free && !flat { options.min_free_length } else { options.min_length };
-        c.length_px >= least * diagonal && c.coverage >= LEAST_COVERAGE
+        c.length_px * c.clarity >= least * diagonal && c.coverage >= LEAST_COVERAGE
     };
     let courses = arcs.iter().filter_map(|a| course(a, directions, lens, flat));
     let chosen = spread(courses.filter(long_enough).collect(), lens.size, options.max_lines);
@@ -51,7 +52,7 @@ pub(super) fn best(
             LineGroup::Free => ("free".to_owned(), 4),
         };
         counts[slot] += 1;
-        let line = Line { name: format!("{word} {}", counts[slot]), points: c.points, orientation: c.arc_direction };
+        let line = Line { name: format!("{word} {}", counts[slot]), points: c.points, orientation: c.orientation };
         DetectedLine { line, group: c.group, length_px: c.length_px, coverage: c.coverage }
     });
     named.collect()
@@ -63,10 +64,9 @@ fn course(arc: &Arc, directions: &Directions, lens: &Lens, flat: bool) -> Option
     let length_px = points.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
     let group = directions.group(arc);
     let coverage = (arc.seen / (2.0 * arc.half)).min(1.0);
-    let arc_direction =
-        if flat { along_axis(points[0], points[points.len() - 1]) } else { orientation(group, directions) };
+    let lies = if flat { along_axis(points[0], points[points.len() - 1]) } else { orientation(group, directions) };
     let points = if flat { vec![points[0], points[points.len() - 1]] } else { points };
-    Some(Course { points, group, length_px, coverage, arc_direction })
+    Some(Course { points, group, length_px, coverage, clarity: arc.clarity, orientation: lies })
 }
 
 /// Points along an arc, evenly spaced in angle, the longest run of them that the photo shows without a jump: a panorama
@@ -127,7 +127,7 @@ fn spread(mut courses: Vec<Course>, size: (f64, f64), most: usize) -> Vec<Course
     let mut taken = [0.0_f64; (CELLS * CELLS) as usize];
     let mut chosen = Vec::new();
     while chosen.len() < most && !courses.is_empty() {
-        let worth = |c: &Course| c.length_px * c.coverage / (1.0 + 0.5 * taken[cell(c)]);
+        let worth = |c: &Course| c.length_px * c.coverage * c.clarity / (1.0 + 0.5 * taken[cell(c)]);
         let best = (0..courses.len()).rev().max_by(|i, j| worth(&courses[*i]).total_cmp(&worth(&courses[*j])));
         let course = courses.remove(best.expect("courses are left"));
         taken[cell(&course)] += 1.0;

@@ -1,6 +1,7 @@
 use super::*;
 use crate::camera::{FieldAxis, FieldOfView};
 use crate::image::Plane;
+use crate::photo::marks::LinesFile;
 
 /// A room of dark slats on bright walls, seen by a lens: slats along x, y and z in a frame that is pitched and yawed.
 struct Room {
@@ -27,7 +28,8 @@ impl Room {
         let (u, v) = ((wall + 1) % 3, (wall + 2) % 3);
         let slat = |a: f64| (a / 0.9).rem_euclid(1.0) < 0.12;
         let shade = [190.0, 215.0, 160.0][wall];
-        if slat(p[u] + 0.2) != slat(p[v] + 0.35) { shade - 120.0 } else { shade }
+        let dark = slat(p[u] + 0.2) ^ slat(p[v] + 0.35);
+        if dark { shade - 120.0 } else { shade }
     }
 
     fn photo(&self) -> Plane<f32> {
@@ -157,5 +159,43 @@ fn pictures_without_lines_have_none_and_no_size_is_too_small() {
                 assert!(found.lines.len() <= 1, "{w}×{h}: {found:?}");
             }
         }
+    }
+}
+
+#[test]
+fn lines_of_a_photo_that_is_looked_at_shrunk_are_told_in_its_own_pixels() {
+    let room = Room::new(Projection::Equidistant, 120.0, 0.0);
+    let flat = Room::new(Projection::Rectilinear, 70.0, 0.0);
+    for room in [room, flat] {
+        let photo = room.photo();
+        let options = |max_side| LineDetectionOptions { max_side, ..LineDetectionOptions::default() };
+        let whole = detect_lines(photo.as_ref(), Some(&room.lens), &options(1400));
+        let shrunk = detect_lines(photo.as_ref(), Some(&room.lens), &options(320));
+        assert!(shrunk.lines.len() >= 10, "{}", shrunk.lines.len());
+        let normal = |l: &DetectedLine| {
+            let rays: Vec<_> = l.line.points.iter().filter_map(|p| room.lens.unproject(*p)).collect();
+            rays[0].cross(&rays[rays.len() - 1]).normalize()
+        };
+        let known: Vec<_> = whole.lines.iter().map(normal).collect();
+        let near = |l: &&DetectedLine| known.iter().any(|n| n.cross(&normal(l)).norm() < 0.03);
+        let found = shrunk.lines.iter().filter(near).count();
+        assert!(3 * found >= 2 * shrunk.lines.len(), "{found} of {} are lines of the whole photo", shrunk.lines.len());
+    }
+}
+
+#[test]
+fn what_was_found_can_be_saved_switched_off_by_name_and_read_back() {
+    let room = Room::new(Projection::Equirectangular, 360.0, 0.0);
+    let found = room.detect();
+    let size = (room.lens.size.0 as u32, room.lens.size.1 as u32);
+    let mut file = LinesFile::new(size, found.lines.iter().map(|l| l.line.clone()).collect());
+    for marked in file.lines.iter_mut().filter(|m| m.line.name == "vertical 1") {
+        marked.off = true;
+    }
+    let read = LinesFile::parse(&file.to_json(), size).expect("our own file");
+    assert_eq!((read.lines.len(), read.in_use().count()), (found.lines.len(), found.lines.len() - 1));
+    for (line, again) in found.lines.iter().zip(&read.lines) {
+        assert_eq!(line.line.orientation, again.line.orientation);
+        assert!(line.line.points.iter().zip(&again.line.points).all(|(p, q)| (p - q).norm() < 1e-3));
     }
 }

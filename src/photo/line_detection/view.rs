@@ -59,6 +59,21 @@ impl View {
         self.luma.as_ref()
     }
 
+    /// The share of a sharp edge's step in gray that its nearest pixels show: less where the photo is stretched.
+    pub(super) fn sharpness(&self) -> f64 {
+        match self.sight {
+            Sight::Photo { .. } => 1.0,
+            Sight::Turned { .. } => 0.8,
+        }
+    }
+
+    /// The gray level of the pixel around `p`; `None` outside and where the photo does not reach.
+    pub(super) fn gray(&self, p: Point2) -> Option<f32> {
+        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < self.luma.width() as f64 && p.y < self.luma.height() as f64;
+        let sample = inside.then(|| self.luma.as_ref().row(p.y as usize)[p.x as usize]);
+        sample.filter(|s| s.is_finite())
+    }
+
     /// The unit direction in the lens's axes in which a point of the view looks.
     pub(super) fn ray(&self, p: Point2) -> Option<Vec3> {
         self.sight.ray(p)

@@ -191,3 +191,26 @@ fn the_schemas_tell_what_the_parsers_ask_for() {
     let faces = serde_json::to_value(faces_schema()).expect("a schema");
     assert_eq!(faces["$defs"]["Entry"]["required"], serde_json::json!(["x", "y", "w", "h"]));
 }
+
+#[test]
+fn damaged_files_are_refused_or_read_and_nothing_else() {
+    let good = file(
+        r#"{"name": "a", "points": [[1, 2.5], [30, 40]], "orientation": "h", "off": true}, {"points": [[9, 9], [99, 9]]}"#,
+    );
+    let pieces = ["[", "]", "{", "}", ",", "\"", "-", "1e308", "null", "1", ":", "\u{0}", "é", "NaN", "true"];
+    let mut rng = fastrand::Rng::with_seed(9);
+    for _ in 0..5000 {
+        let mut text: Vec<char> = good.chars().collect();
+        for _ in 0..rng.usize(1..4) {
+            let at = rng.usize(0..text.len());
+            let until = (at + rng.usize(0..6)).min(text.len());
+            text.splice(at..until, pieces[rng.usize(0..pieces.len())].chars());
+        }
+        let text: String = text.into_iter().collect();
+        if let Ok(read) = LinesFile::parse(&text, SIZE) {
+            let again = LinesFile::parse(&read.to_json(), SIZE).expect("what was read can be written and read");
+            assert_eq!(again.lines.len(), read.lines.len());
+        }
+        let _ = FacesFile::parse(&text, SIZE);
+    }
+}

@@ -59,9 +59,9 @@ pub(super) fn density(lens: &Lens, view_from_camera: &Rotation3<f64>) -> f64 {
 fn within_reach(projection: &Projection, window: Option<Window>) -> Window {
     let (half_width, half_height) = match projection {
         Projection::Rectilinear => (RECTILINEAR_REACH, RECTILINEAR_REACH),
-        Projection::Panini(_) => (PANINI_REACH, CYLINDER_REACH),
         Projection::Equirectangular => (f64::MAX, f64::MAX),
         Projection::Cylindrical | Projection::Mercator => (f64::MAX, CYLINDER_REACH),
+        // Panini's, and lenses as projections.
         _ => (PANINI_REACH, CYLINDER_REACH),
     };
     let all = Window { half_width: f64::MAX, half_height: f64::MAX };

@@ -81,7 +81,7 @@ pub struct RectifyOptions {
     pub crop: Crop,
     /// How large the output is.
     pub size: OutputSize,
-    /// Cells along the longer side of the grid, 4 to 512.
+    /// Cells along the longer side of the grid, 4 to 512; even.
     pub cells: usize,
     /// What the energies weigh.
     pub weights: EnergyWeights,
@@ -154,38 +154,41 @@ fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
 fn optimized(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<(Unframed, usize), RectifyError> {
     let lens = input.lens;
     let chart = chart_for(options.view.view_from_camera(), options.window);
-    let sphere = SphereGrid::new(chart, lens, options.window, options.cells).ok_or(RectifyError::EmptyView)?;
-    let sides = match options.crop {
-        Crop::Auto | Crop::Aspect(_) => straight::sides(lens, &sphere),
-        Crop::Rectangle | Crop::None => None,
+    let coarse = SphereGrid::new(chart, lens, options.window, options.cells / 2).ok_or(RectifyError::EmptyView)?;
+    let fine = coarse.refined(lens);
+    let border = match options.crop {
+        Crop::Auto | Crop::Aspect(_) => straight::sides(lens, &fine).is_some(),
+        Crop::Rectangle | Crop::None => false,
     };
-    let (mesh, iterations) = match sides {
-        Some(sides) => match solved(input, options, &sphere, sides)? {
-            (mesh, SolveReport { iterations, folded: false }) => (mesh, iterations),
-            // The border cannot be had straight without harm.
-            (_, report) => {
-                let (mesh, without) = solved(input, options, &sphere, Vec::new())?;
-                (mesh, report.iterations + without.iterations)
-            }
-        },
-        None => solved(input, options, &sphere, Vec::new()).map(|(mesh, report)| (mesh, report.iterations))?,
+    let solved = |border: bool| {
+        let (start, first) = solved(input, options, &coarse, border, None)?;
+        let (sheet, last) = solved(input, options, &fine, border, Some(&start))?;
+        Ok::<_, RectifyError>((sheet, first.iterations + last.iterations, last.folded))
     };
-    Ok((unframed(lens, sphere, &mesh)?, iterations))
+    let (mut sheet, mut iterations, folded) = solved(border)?;
+    if border && folded {
+        // The border cannot be had straight without harm.
+        let (without, more, _) = solved(false)?;
+        (sheet, iterations) = (without, iterations + more);
+    }
+    Ok((unframed(lens, fine, &sheet)?, iterations))
 }
 
-/// The sheet of the input's lines and faces and of further lines, in the chart.
+/// The sheet of the input's lines and faces, in the chart, with a straight border if wanted.
 fn solved(
     input: &RectifyInput<'_>,
     options: &RectifyOptions,
     sphere: &SphereGrid,
-    mut lines: Vec<GridLine>,
+    border: bool,
+    start: Option<&GridMesh>,
 ) -> Result<(GridMesh, SolveReport), RectifyError> {
     let lens = input.lens;
+    let mut lines = if border { straight::sides(lens, sphere).unwrap_or_default() } else { Vec::new() };
     let sides = lines.len();
     lines.extend(input.lines.iter().filter_map(|line| GridLine::new(line, lens, sphere)));
     let faces: Vec<FaceTarget> = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, sphere)).collect();
     let cell_weights = CellWeights::new(sphere, lens, &lines[sides..], input.faces, input.salience);
-    Ok(Sheet::new(sphere, &lines, &faces, options.weights, &cell_weights)?.solve()?)
+    Ok(Sheet::new(sphere, &lines, &faces, options.weights, &cell_weights)?.solve(start)?)
 }
 
 /// The warp of a solved sheet, in px at the density of the source.

@@ -56,6 +56,14 @@ impl SphereGrid {
         Some(sphere)
     }
 
+    /// The same rectangle with cells of half the side.
+    pub(super) fn refined(&self, lens: &Lens) -> Self {
+        let grid = Grid { cols: 2 * self.grid.cols, rows: 2 * self.grid.rows, ..self.grid };
+        let mut fine = Self { chart: self.chart.clone(), origin: self.origin, grid, inside: Vec::new() };
+        fine.inside = fine.cells_inside(lens);
+        fine
+    }
+
     /// Place of vertex `i` in the chart.
     pub(super) fn vertex(&self, i: usize) -> Vec2 {
         self.origin + self.grid.vertex(i).coords

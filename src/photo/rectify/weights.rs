@@ -83,7 +83,7 @@ fn ends(line: &GridLine, sphere: &SphereGrid) -> impl Iterator<Item = Point2> {
 
 /// The sample of `plane`, laid over a picture of `size`, at the picture's point `p`; 0 outside.
 fn sampled(plane: &Plane<f32>, p: Point2, size: (f64, f64)) -> f64 {
-    let index = |v: f64, n: usize| (v >= 0.0 && v <= 1.0).then(|| ((v * n as f64) as usize).min(n - 1));
+    let index = |v: f64, n: usize| (0.0..=1.0).contains(&v).then(|| ((v * n as f64) as usize).min(n - 1));
     match (index(p.x / size.0, plane.width()), index(p.y / size.1, plane.height())) {
         (Some(x), Some(y)) => f64::from(plane.as_ref().row(y)[x]).clamp(0.0, 1.0),
         _ => 0.0,

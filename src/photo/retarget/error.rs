@@ -1,6 +1,7 @@
 //! What retargeting can refuse.
 
 use crate::energy::EnergyError;
+use crate::math::Rect;
 use crate::optim::qp::QpError;
 use crate::warp::FieldError;
 
@@ -23,6 +24,13 @@ pub enum RetargetError {
         width: usize,
         /// Height, px.
         height: usize,
+    },
+    /// Input: a window that is empty or reaches outside the picture.
+    #[error("the window from ({}, {}) to ({}, {}) is empty or reaches outside the picture",
+        window.min.x, window.min.y, window.max.x, window.max.y)]
+    Window {
+        /// The window, px of the picture.
+        window: Rect,
     },
     /// Input: a marked line with a point that is no place.
     #[error("line {name:?} has a point that is not finite; mark it again")]

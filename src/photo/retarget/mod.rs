@@ -11,6 +11,8 @@ pub(super) mod axis_aligned;
 mod error;
 mod scale_and_stretch;
 mod straight;
+#[cfg(test)]
+mod tests;
 mod virtual_points;
 mod window;
 
@@ -21,7 +23,7 @@ use crate::feature::{Face, Importance};
 use crate::math::{Point2, Rect, Vec2};
 use crate::mesh::{Grid, GridMesh};
 use crate::warp::{Map, WarpField};
-use axis_aligned::axis_aligned;
+use axis_aligned::{Bounds, axis_aligned};
 use error::MAX_SIDE;
 pub use error::RetargetError;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
@@ -43,12 +45,19 @@ pub struct RetargetOptions {
     /// Least scale of a cell relative to the plain resize, in (0, 1). At 0.1 unimportant strips all but vanish and what
     /// texture they have shows it; at 0.8 hardly anything is left to be gained over the plain resize.
     pub least_scale: f64,
+    /// Scale beyond which cells resist being stretched, relative to the larger scale of the plain resize, ≥ 1. At 1.1 skies
+    /// hardly make room; at 3 they turn into streaks.
+    pub most_scale: f64,
     /// How stiff grid lines are against turning, relative to a cell that matters fully; ≥ 0. At 0 important objects make the
     /// picture around them bulge; at 10 and more rows and columns stay rows and columns.
     pub bending: f64,
+    /// Cells weigh their importance to this power, above 0. At 0.5 everything that has some texture resists alike and little
+    /// is gained; at 4 only what stands out most does.
+    pub contrast: f64,
     /// Weight of faces relative to a cell that matters fully, ≥ 1.
     pub face_weight: f64,
-    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops.
+    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops; at 0.4 backgrounds of upright cuts turn into
+    /// streaks, at 0.7 more is cut away than needs to be.
     pub crop_below: f64,
     /// Refine rows and columns by scale-and-stretch. Without, lines that are neither horizontal nor vertical may bend.
     pub refine: bool,
@@ -56,7 +65,16 @@ pub struct RetargetOptions {
 
 impl Default for RetargetOptions {
     fn default() -> Self {
-        Self { cells: 1200, least_scale: 0.3, bending: 1.0, face_weight: 10.0, crop_below: 0.4, refine: true }
+        Self {
+            cells: 1200,
+            least_scale: 0.3,
+            most_scale: 2.0,
+            bending: 0.3,
+            contrast: 1.0,
+            face_weight: 10.0,
+            crop_below: 0.5,
+            refine: true,
+        }
     }
 }
 
@@ -69,8 +87,14 @@ impl RetargetOptions {
         if !(self.least_scale > 0.0 && self.least_scale < 1.0) {
             return bad("least_scale", self.least_scale, "above 0, below 1");
         }
+        if !(self.most_scale >= 1.0 && self.most_scale <= 1e3) {
+            return bad("most_scale", self.most_scale, "1 to 1000");
+        }
         if !(self.bending >= 0.0 && self.bending <= 1e6) {
             return bad("bending", self.bending, "0 to 1000000");
+        }
+        if !(self.contrast > 0.0 && self.contrast <= 8.0) {
+            return bad("contrast", self.contrast, "above 0, at most 8");
         }
         if !(self.face_weight >= 1.0 && self.face_weight <= 1e6) {
             return bad("face_weight", self.face_weight, "1 to 1000000");
@@ -177,6 +201,27 @@ impl Retargeter {
         }
         let size = (width as f64, height as f64);
         let window = window::window(self.source, size, &self.importance, self.options.crop_below);
+        self.solve_in(window, out)
+    }
+
+    /// [`Self::solve`] with the window given, px of the picture.
+    ///
+    /// # Errors
+    /// [`RetargetError::TargetSize`], [`RetargetError::Window`]; as [`Self::solve`] otherwise.
+    pub fn solve_in(&mut self, window: Rect, out: (usize, usize)) -> Result<Retargeted, RetargetError> {
+        let (width, height) = out;
+        if !is_size(out) {
+            return Err(RetargetError::TargetSize { width, height });
+        }
+        let size = (width as f64, height as f64);
+        let slack = 1e-9 * self.source.0.max(self.source.1);
+        let inside = window.min.x >= -slack
+            && window.min.y >= -slack
+            && window.max.x <= self.source.0 + slack
+            && window.max.y <= self.source.1 + slack;
+        if !(inside && window.width() > slack && window.height() > slack) {
+            return Err(RetargetError::Window { window });
+        }
         if self.prepared.as_ref().is_none_or(|p| p.window != window || !p.released.is_empty()) {
             self.prepared = Some(self.prepare(window, Vec::new())?);
         }
@@ -201,8 +246,8 @@ impl Retargeter {
         let held = lines.iter().enumerate().filter(|(i, _)| !released.contains(i));
         let straight =
             held.filter_map(|(_, line)| Straight::new(virtual_points(line, &grid), line.orientation)).collect();
-        let settings =
-            Settings { bending: self.options.bending, least: self.options.least_scale, rounds: 40, tolerance: 1e-6 };
+        let RetargetOptions { bending, least_scale: least, most_scale: most, .. } = self.options;
+        let settings = Settings { bending, least, most, rounds: ROUNDS, tolerance: TOLERANCE };
         let energy = ScaleAndStretch::new(grid, weights.clone(), straight, settings)?;
         Ok(Prepared { window, grid, weights, lines, energy, released })
     }
@@ -212,6 +257,9 @@ impl Retargeter {
         let fraction = |p: Point2| Point2::new(p.x / self.source.0, p.y / self.source.1);
         let in_picture = Rect { min: fraction(window.min), max: fraction(window.max) };
         let mut weights = self.importance.cell_means(&in_picture, grid.cols, grid.rows);
+        for w in &mut weights {
+            *w = w.powf(self.options.contrast);
+        }
         let (cw, ch) = grid.cell_size();
         for face in &self.faces {
             // Hair, ears and chin stand outside the detector's box.
@@ -225,11 +273,20 @@ impl Retargeter {
             }
         }
         // Nothing at all would leave cells free to be anything; a mask may say so nevertheless.
-        weights.iter_mut().for_each(|w| *w = w.max(LEAST_WEIGHT));
+        for w in &mut weights {
+            *w = w.max(LEAST_WEIGHT);
+        }
         weights
     }
 }
 
+/// Steps of the descent at most; most pictures take five to ten.
+const ROUNDS: usize = 25;
+/// The descent ends where a step gains less than this share of the energy: what is left to move is below a hundredth of a
+/// cell.
+const TOLERANCE: f64 = 5e-4;
+/// How far the start may stretch beyond where strain sets in. At 1, a most scale of 1 would leave it no room.
+const START: f64 = 1.25;
 /// Least weight of a cell.
 const LEAST_WEIGHT: f64 = 1e-3;
 
@@ -251,8 +308,8 @@ impl Prepared {
     fn solve(&mut self, size: (f64, f64), options: &RetargetOptions) -> Result<(GridMesh, Descent), RetargetError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
-        let mut mesh =
-            if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, options.least_scale)? };
+        let bounds = Bounds { least: options.least_scale, most: START * options.most_scale };
+        let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds)? };
         if !options.refine {
             return Ok((mesh, Descent { energies: Vec::new(), converged: true }));
         }
@@ -264,10 +321,13 @@ impl Prepared {
         self.lines.iter().map(|line| report(line, &self.grid, mesh)).collect()
     }
 
-    /// Numbers of the lines that are bent or turned, and have not been let go yet.
+    /// Numbers of the lines that are bent or turned and have not been let go yet. A free line can always be straight: while
+    /// one of given direction fails, it is to blame.
     fn bent(&self, reports: &[LineReport]) -> Vec<usize> {
         let bent = |r: &LineReport| r.is_bent() || r.angle_error.is_some_and(|e| e.abs() > TURNED);
-        (0..reports.len()).filter(|i| bent(&reports[*i]) && !self.released.contains(i)).collect()
+        let failed = (0..reports.len()).filter(|&i| bent(&reports[i]) && !self.released.contains(&i));
+        let (given, free): (Vec<usize>, Vec<usize>) = failed.partition(|&i| reports[i].angle_error.is_some());
+        if given.is_empty() { free } else { given }
     }
 
     fn retargeted(

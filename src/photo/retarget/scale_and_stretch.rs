@@ -4,7 +4,7 @@
 //! direction. Over the edges `e = v_i − v_j` of the cells, with `'` for the output,
 //!
 //! ```text
-//! E = Σ_f w_f Σ_{e ∈ f} |e' − s_f e|²  +  λ Σ_f Σ_{e ∈ f} |e' − l_e e|²  +  κ Σ_f Σ_{e ∈ f} [2 m |e| / (e'·ê) − 1]₊²  +  lines,
+//! E = Σ_f w_f Σ_{e ∈ f} |e' − s_f e|²  +  λ Σ_f Σ_{e ∈ f} |e' − l_e e|²  +  strain  +  lines,
 //! ```
 //!
 //! border vertices sliding along their sides. The paper alternates between `s_f`, `l_e` (closed forms of the present mesh)
@@ -14,10 +14,18 @@
 //! eliminated and the fixed point of the alternation is reached in one solve. (The paper's `l_e = |e'|/|e|` differs at second
 //! order of the deviation.)
 //!
-//! The third sum is ours. Quadratic energies let cells that matter little vanish or turn over; it rises without bound as an
-//! edge shortens towards nothing, is zero beyond twice the least scale `m`, and convex, so that without free lines the whole
-//! has one minimum. It is minimized by Gauss–Newton steps from the axis-aligned start; a line search halves a step until `E`
-//! falls and no cell folds. Lines: see `straight.rs`.
+//! Three things are ours. The first sum is divided by the square of the cell's own size (geometric mean of its scales along x
+//! and y), and sideways deviations by the plain resize's: otherwise a cell distorts the less the smaller it is, and squeezing
+//! what matters little costs too little beside shrinking what matters both ways. *Strain* keeps cells from vanishing, turning
+//! over and becoming streaks: with `a` the scale of an edge,
+//!
+//! ```text
+//! κ Σ_f Σ_{e ∈ f} [2 m/a − 1]₊² + ς² x² (1 + 2x)²,      x = [a/M − 1]₊,
+//! ```
+//!
+//! rises without bound as an edge shortens towards nothing, steeply as it grows, and is zero between twice the least scale `m` and the largest, `M`.
+//! And `E` is minimized by Gauss–Newton steps from the axis-aligned start; a line search halves a step until `E` falls and no
+//! cell folds. Lines: see `straight.rs`.
 //!
 //! A plain resize of equal weights costs the same in every cell, hence is stationary; of one scale both ways it costs nothing.
 //!
@@ -32,9 +40,13 @@ use crate::math::Point2;
 use crate::mesh::{Grid, GridMesh, Quad};
 
 /// `κ`: at 0.01 the least important cells end at 1.05 `m`, at 1 near 2 `m`.
-const BARRIER: f64 = 0.1;
+const STRAIN: f64 = 0.1;
+/// `ς`: at 0.1 skies turn into streaks, at 1 they hardly make room for what shrinks both ways.
+const STRETCH: f64 = 0.4;
 /// A cell's Jacobian may not fall below this share of its least area `m_x m_y |cell|`: rounding stays far from a fold.
 const LEAST_DETERMINANT: f64 = 0.02;
+/// An energy below this is rounding: nothing is to be gained.
+const NOTHING: f64 = 1e-12;
 /// Halvings of a step before the mesh is taken for solved.
 const HALVINGS: usize = 20;
 
@@ -45,6 +57,8 @@ pub(super) struct Settings {
     pub(super) bending: f64,
     /// `m` relative to the plain resize.
     pub(super) least: f64,
+    /// `M` relative to the larger scale of the plain resize.
+    pub(super) most: f64,
     /// Steps at most.
     pub(super) rounds: usize,
     /// A step that lowers the energy by less than this share of it is the last.
@@ -77,6 +91,21 @@ pub(super) struct ScaleAndStretch {
 struct Edges {
     along: [f64; 4],
     aside: [f64; 4],
+}
+
+impl Edges {
+    /// Scale of the cell: geometric mean of the mean scales along x and along y.
+    fn size(&self) -> f64 {
+        let [top, bottom, left, right] = self.along;
+        (0.25 * (top + bottom) * (left + right)).sqrt()
+    }
+
+    /// Derivatives of the logarithm of [`Self::size`] by the scales of the edges.
+    fn growth(&self) -> [f64; 4] {
+        let [top, bottom, left, right] = self.along;
+        let (x, y) = (0.5 / (top + bottom), 0.5 / (left + right));
+        [x, x, y, y]
+    }
 }
 
 /// Corners of the edges, from → to.
@@ -119,8 +148,11 @@ impl ScaleAndStretch {
     /// # Errors
     /// [`RetargetError::Solve`] where a step cannot be solved.
     pub(super) fn minimize(&mut self, mesh: &mut GridMesh, size: (f64, f64)) -> Result<Descent, RetargetError> {
-        let scales = Scales::new(&self.grid, size, self.settings.least);
+        let scales = Scales::new(&self.grid, size, &self.settings);
         let mut energies = vec![self.cost(mesh, &scales)];
+        if energies[0] < NOTHING {
+            return Ok(Descent { energies, converged: true });
+        }
         let mut trial = mesh.clone();
         for round in 0..self.settings.rounds {
             self.assemble(mesh, &scales);
@@ -154,6 +186,12 @@ impl ScaleAndStretch {
         }
     }
 
+    /// The energy of a mesh for an output of `size` px.
+    #[cfg(test)]
+    pub(super) fn cost_of(&self, mesh: &GridMesh, size: (f64, f64)) -> f64 {
+        self.cost(mesh, &Scales::new(&self.grid, size, &self.settings))
+    }
+
     fn cost(&self, mesh: &GridMesh, scales: &Scales) -> f64 {
         let cells: f64 = (0..self.grid.cell_count()).map(|cell| self.cell_cost(cell, &mesh.quad(cell), scales)).sum();
         let lines: f64 = self.lines.iter().map(|line| line.weight() * line.squared_distances(mesh)).sum();
@@ -163,10 +201,10 @@ impl ScaleAndStretch {
     fn cell_cost(&self, cell: usize, quad: &Quad, scales: &Scales) -> f64 {
         let edges = scales.edges(quad);
         let w = self.weights[cell];
-        let spread: f64 = SPREAD.iter().map(|row| dot(row, &edges.along).powi(2)).sum();
-        let aside: f64 = edges.aside.iter().map(|b| b * b).sum();
-        let short: f64 = (0..4).map(|e| scales.shortness(e, edges.along[e]).0.powi(2)).sum();
-        w * spread + (w + self.settings.bending) * aside + BARRIER * short
+        let spread: f64 = SPREAD.iter().map(|row| (dot(row, &edges.along) / edges.size()).powi(2)).sum();
+        let aside: f64 = edges.aside.iter().map(|b| (b / scales.plain).powi(2)).sum();
+        let strain: f64 = (0..4).map(|e| scales.strain(e, edges.along[e]).0.powi(2)).sum();
+        w * spread + (w + self.settings.bending) * aside + STRAIN * strain
     }
 
     /// The quadratic about `mesh`, in steps from it.
@@ -185,20 +223,22 @@ impl ScaleAndStretch {
 
     fn add_cell(&mut self, cell: usize, edges: &Edges, scales: &Scales) {
         let (w, stiff) = (self.weights[cell], self.weights[cell] + self.settings.bending);
+        let (size, growth) = (edges.size(), edges.growth());
         for row in &SPREAD {
             let mut a = [0.0; 8];
-            (0..4).for_each(|e| scales.add_along(e, row[e], &mut a));
-            self.add_row(cell, cell, w, &a, &[], dot(row, &edges.along));
+            let residual = dot(row, &edges.along) / size;
+            (0..4).for_each(|e| scales.add_along(e, row[e] / size - residual * growth[e], &mut a));
+            self.add_row(cell, cell, w, &a, &[], residual);
         }
         for e in 0..4 {
             let mut a = [0.0; 8];
             scales.add_aside(e, &mut a);
-            self.add_row(cell, cell, stiff, &a, &[], edges.aside[e]);
-            let (short, slope) = scales.shortness(e, edges.along[e]);
-            if short > 0.0 {
+            self.add_row(cell, cell, stiff, &a, &[], edges.aside[e] / scales.plain);
+            let (strain, slope) = scales.strain(e, edges.along[e]);
+            if strain > 0.0 {
                 let mut a = [0.0; 8];
                 scales.add_along(e, slope, &mut a);
-                self.add_row(cell, cell, BARRIER, &a, &[], short);
+                self.add_row(cell, cell, STRAIN, &a, &[], strain);
             }
         }
     }
@@ -271,15 +311,21 @@ struct Scales {
     cell: (f64, f64),
     /// `m` along x and y.
     least: (f64, f64),
+    /// `M`.
+    most: f64,
+    /// Scale of the plain resize, geometric mean of both axes.
+    plain: f64,
     /// Length of an output cell under the plain resize, px.
     cell_px: f64,
 }
 
 impl Scales {
-    fn new(grid: &Grid, size: (f64, f64), least: f64) -> Self {
+    fn new(grid: &Grid, size: (f64, f64), settings: &Settings) -> Self {
         let cell = grid.cell_size();
         let (sx, sy) = (size.0 / grid.width, size.1 / grid.height);
-        Self { cell, least: (least * sx, least * sy), cell_px: (cell.0 * sx * cell.1 * sy).sqrt() }
+        let plain = (sx * sy).sqrt();
+        let least = (settings.least * sx, settings.least * sy);
+        Self { cell, least, most: settings.most * sx.max(sy), plain, cell_px: plain * (cell.0 * cell.1).sqrt() }
     }
 
     /// Length of edge `e` in the source, px.
@@ -293,11 +339,17 @@ impl Scales {
         Edges { along: [v[0].x, v[1].x, v[2].y, v[3].y], aside: [v[0].y, v[1].y, v[2].x, v[3].x] }
     }
 
-    /// `[2m/a − 1]₊` of an edge of scale `a`, and its derivative.
-    fn shortness(&self, e: usize, a: f64) -> (f64, f64) {
+    /// `[2m/a − 1]₊` or `ς x (1 + 2x)`, `x = [a/M − 1]₊`, of an edge of scale `a`, whichever is not zero, and its derivative.
+    fn strain(&self, e: usize, a: f64) -> (f64, f64) {
         let twice = 2.0 * if e < 2 { self.least.0 } else { self.least.1 };
-        let short = twice / a - 1.0;
-        if short > 0.0 { (short, -twice / (a * a)) } else { (0.0, 0.0) }
+        if a < twice {
+            (twice / a - 1.0, -twice / (a * a))
+        } else if a > self.most {
+            let x = a / self.most - 1.0;
+            (STRETCH * x * (1.0 + 2.0 * x), STRETCH * (1.0 + 4.0 * x) / self.most)
+        } else {
+            (0.0, 0.0)
+        }
     }
 
     /// Adds `c` times the gradient of edge `e`'s scale to the coefficients of the corners' coordinates.
@@ -310,8 +362,8 @@ impl Scales {
     /// Adds the gradient of edge `e`'s sideways deviation.
     fn add_aside(&self, e: usize, a: &mut [f64; 8]) {
         let coordinate = usize::from(e < 2);
-        a[2 * EDGES[e][0] + coordinate] -= 1.0 / self.length(e);
-        a[2 * EDGES[e][1] + coordinate] += 1.0 / self.length(e);
+        a[2 * EDGES[e][0] + coordinate] -= 1.0 / (self.length(e) * self.plain);
+        a[2 * EDGES[e][1] + coordinate] += 1.0 / (self.length(e) * self.plain);
     }
 
     /// True where every cell keeps its orientation with some room and no edge runs backward.

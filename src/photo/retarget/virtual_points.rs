@@ -22,7 +22,7 @@ const SHORTEST_PIECE: f64 = 1e-3;
 pub(super) fn virtual_points(line: &Line, grid: &Grid) -> Vec<CellPoint> {
     let mut points: Vec<CellPoint> = Vec::new();
     for ends in line.points.windows(2) {
-        let Some((a, b)) = clipped(ends[0], ends[1], grid) else { continue };
+        let Some((a, b)) = clipped(ends[0], ends[1], grid).filter(|(a, b)| a != b) else { continue };
         let cuts = crossings(a, b, grid);
         for piece in cuts.windows(2) {
             // The cell of the middle: ends may lie on a border between two.
@@ -105,7 +105,8 @@ mod tests {
         let mesh = GRID.to_mesh();
         let points = virtual_points(&line(&[(50.0, 30.0), (350.0, 30.0)]), &GRID);
         let x: Vec<f64> = points.iter().map(|&p| mesh.at(p).x).collect();
-        assert_eq!(x, [50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 300.0, 325.0, 350.0]);
+        let expected = [50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 300.0, 325.0, 350.0];
+        assert!(x.len() == 9 && x.iter().zip(expected).all(|(x, e)| (x - e).abs() < 1e-9), "{x:?}");
         assert!(points.iter().all(|&p| (mesh.at(p).y - 30.0).abs() < 1e-12));
     }
 

@@ -1,7 +1,7 @@
 //! Where to crop before warping.
 //!
 //! A change of shape by the factor `ρ = min(s_x/s_y, s_y/s_x)` squeezes everything that matters once there is too little left
-//! that does not: below some 40 % no warp looks right. Then the side squeezed more is cropped first, to the window that
+//! that does not: below some 50 % no warp looks right. Then the side squeezed more is cropped first, to the window that
 //! leaves just that factor to the warp, and the window is laid where it keeps most of the importance.
 
 use crate::feature::Importance;

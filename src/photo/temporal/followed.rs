@@ -36,9 +36,9 @@ pub(super) struct Followed {
 struct Judged<'a> {
     /// Of the picture that is shown, and of the frames that were judged, px.
     size: (f64, f64),
-    judged_size: (f64, f64),
+    seen_size: (f64, f64),
     /// From the frames in which motion was measured to those judged.
-    judged_from_src: Option<&'a dyn PointMap>,
+    seen_from_src: Option<&'a dyn PointMap>,
     cols: usize,
     rows: usize,
     cells: Vec<&'a [u8]>,
@@ -72,8 +72,8 @@ impl Followed {
         let px = |size: (usize, usize)| (size.0 as f64, size.1 as f64);
         let judged = Judged {
             size: px(clip.size),
-            judged_size: px(clip.judged.map_or(clip.size, |(_, size)| size)),
-            judged_from_src: clip.judged.map(|(map, _)| map),
+            seen_size: px(clip.judged.map_or(clip.size, |(_, size)| size)),
+            seen_from_src: clip.judged.map(|(map, _)| map),
             cols: importance.cols,
             rows: importance.rows,
             cells: within.iter().map(|(_, cells)| cells.as_slice()).collect(),
@@ -154,8 +154,8 @@ impl Judged<'_> {
 
     /// The importance at a point of moment `j`, px; bilinear between the centers of cells, `None` outside.
     fn sample(&self, j: usize, p: Point2) -> Option<f64> {
-        let p = self.judged_from_src.map_or(Some(p), |map| map.map(p))?;
-        let (s, t) = (p.x / self.judged_size.0, p.y / self.judged_size.1);
+        let p = self.seen_from_src.map_or(Some(p), |map| map.map(p))?;
+        let (s, t) = (p.x / self.seen_size.0, p.y / self.seen_size.1);
         let inside = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
         if !inside {
             return None;

@@ -24,7 +24,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::retarget::RetargetError;
-use super::retarget::axis_aligned;
+use super::retarget::axis_aligned::{self, Bounds};
 use super::retarget::{is_size, kept_share, strip_profile};
 use crate::math::{Homography, Point2, PointMap, Rect, Similarity2};
 use crate::mesh::Grid;
@@ -51,6 +51,9 @@ pub struct ClipRetargetOptions {
     /// Standard deviation, s, of the mean over time in which importance is followed, above 0.
     pub follow_s: f64,
 }
+
+/// Largest scale of a row or column relative to the larger of the plain resize: more turns backgrounds into streaks.
+const MOST_SCALE: f64 = 2.0;
 
 impl Default for ClipRetargetOptions {
     fn default() -> Self {
@@ -201,10 +204,13 @@ impl Shape {
         let starts = self.window_path(&followed)?;
         let grid = self.grid();
         let scale = (self.out.0 / grid.width, self.out.1 / grid.height);
+        let bounds = Bounds { least: options.least_scale, most: MOST_SCALE };
         let solve = |(moment, start): (usize, &f64)| {
             let mut weights = followed.moments[moment].cell_means(&self.window(*start), grid.cols, grid.rows);
-            weights.iter_mut().for_each(|w| *w = w.max(LEAST_WEIGHT));
-            axis_aligned::scales(&grid, &weights, scale, options.least_scale)
+            for w in &mut weights {
+                *w = w.max(LEAST_WEIGHT);
+            }
+            axis_aligned::scales(&grid, &weights, scale, bounds)
         };
         let solved = starts.par_iter().enumerate().map(solve).collect::<Result<Vec<_>, _>>()?;
         let (columns, rows): (Vec<_>, Vec<_>) = solved.into_iter().unzip();
@@ -262,8 +268,8 @@ impl ShotGrids {
         let stride = (knots[last].frame - knots[0].frame) as f64 / last.max(1) as f64;
         let before = knots.partition_point(|k| k.frame <= frame);
         // The span of the spline that starts at control point `first`; beyond the ends, the outermost is repeated.
-        let first = before as isize - 1;
-        let at = |k: isize| &knots[k.clamp(0, last as isize) as usize];
+        let first = before.cast_signed() - 1;
+        let at = |k: isize| &knots[k.clamp(0, last.cast_signed()) as usize];
         let from = if before == 0 { knots[0].frame as f64 - stride } else { at(first).frame as f64 };
         let length = if before == 0 || before > last { stride } else { at(first + 1).frame as f64 - from };
         let u = if length > 0.0 { ((frame as f64 - from) / length).clamp(0.0, 1.0) } else { 0.0 };

@@ -51,9 +51,9 @@ impl Sight {
                 if off <= 1.0 { 1.0 - (1.0 - BORDER) * off * off } else { 0.0 }
             };
             let inside: f64 = profile.iter().enumerate().map(|(strip, v)| v * weight(strip)).sum();
-            let share = if total > 0.0 { inside / total } else { 0.0 };
+            let shown = if total > 0.0 { inside / total } else { 0.0 };
             // Of equals the one in the middle of the picture.
-            share - 1e-2 * (center - 0.5).powi(2)
+            shown - 1e-2 * (center - 0.5).powi(2)
         };
         Self { worth: (0..starts).map(worth).collect() }
     }
@@ -124,8 +124,8 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpErr
     let mut qp = QuadraticProgram::new(2 * n);
     let step = |k: usize| (times_s[k + 1] - times_s[k]).max(1e-3);
     let speed = |k: usize| (1.0 / step(k)) * (c(k + 1) - c(k));
-    for k in 0..n {
-        let target = Affine::constant(wanted[k] / share);
+    for (k, wanted) in wanted.iter().enumerate() {
+        let target = Affine::constant(wanted / share);
         qp.add_square(lasting(times_s, k), e(k));
         qp.require_at_most_zero(c(k) - target.clone() - e(k) - Affine::constant(free));
         qp.require_at_most_zero(target - c(k) - e(k) - Affine::constant(free));

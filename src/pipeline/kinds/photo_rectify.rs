@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
+use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
 
 /// Along which way a field of view is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
@@ -41,7 +41,9 @@ pub struct PhotoRectifySettings {
     pub fov_axis: FovAxis,
     /// Where the viewer looks: yaw, pitch and roll in degrees
     pub view: ViewAngles,
-    /// What is cut away: auto, none or a shape such as 3:2
+    /// How much the view shows, such as 100,75; all that the picture has if left out, and of panoramas 100,75
+    pub view_field: Option<ViewField>,
+    /// What is cut away: auto makes the border straight, or takes the largest full rectangle; rectangle, none, or a shape such as 3:2
     pub crop: CropWish,
     /// Size of the result, such as 1600x1200; as wide as the picture if left out
     pub size: Option<PixelSize>,
@@ -55,6 +57,7 @@ impl Default for PhotoRectifySettings {
             fov: None,
             fov_axis: FovAxis::default(),
             view: ViewAngles::default(),
+            view_field: None,
             crop: CropWish::default(),
             size: None,
         }

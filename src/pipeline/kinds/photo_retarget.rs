@@ -13,7 +13,7 @@ use crate::pipeline::sizes::TargetSize;
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoRetargetSettings {
     /// The new size, such as 1080x1920, or the new shape, such as 9:16
-    pub size: TargetSize,
+    pub size: Option<TargetSize>,
 }
 
 impl StageSettings for PhotoRetargetSettings {

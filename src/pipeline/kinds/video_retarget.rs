@@ -14,7 +14,7 @@ use crate::pipeline::sizes::TargetSize;
 #[serde(default, deny_unknown_fields)]
 pub struct VideoRetargetSettings {
     /// The new size as it is shown, such as 1080x1920, or the new shape, such as 9:16
-    pub size: TargetSize,
+    pub size: Option<TargetSize>,
     /// Changes of shape below this factor crop first, and warp the rest: 1 only crops, 0 only warps
     #[schemars(range(min = 0.0, max = 1.0))]
     pub crop_below: f64,
@@ -22,7 +22,7 @@ pub struct VideoRetargetSettings {
 
 impl Default for VideoRetargetSettings {
     fn default() -> Self {
-        Self { size: TargetSize::default(), crop_below: ClipRetargetOptions::default().crop_below }
+        Self { size: None, crop_below: ClipRetargetOptions::default().crop_below }
     }
 }
 

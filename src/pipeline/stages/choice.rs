@@ -80,14 +80,19 @@ pub(super) fn tiers(feed: &Feed<'_>, covered: bool) -> Result<Tiers, RunError> {
     for segment in tiers.segments.iter_mut().filter(|s| bent(s)) {
         let figures: Option<Vec<TrialFigures>> = trials.iter().map(|t| t.over(segment.frames.clone())).collect();
         let Some(figures) = figures else { continue };
-        let rung =
-            (0..LADDER.len() - 1).find(|&k| figures[k].is_no_worse_than(&figures[k + 1])).unwrap_or(LADDER.len() - 1);
+        let rung = rung(&figures);
         segment.tier = LADDER[rung];
         for (tier, figures) in LADDER.iter().zip(&figures).take(rung + 2) {
             let _ = write!(segment.reason, "; {}: {figures}", tier_name(*tier));
         }
     }
     Ok(tiers)
+}
+
+/// The freest tier that is no worse than the next lower one; the lowest where there is none.
+fn rung(figures: &[TrialFigures]) -> usize {
+    let passes = |pair: &[TrialFigures]| pair[0].is_no_worse_than(&pair[1]);
+    figures.windows(2).position(passes).unwrap_or(figures.len() - 1)
 }
 
 /// Adds a shot of `from`.
@@ -127,6 +132,7 @@ impl std::fmt::Display for TrialFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Similarity2;
 
     const LOWER: TrialFigures =
         TrialFigures { crop: 0.9, shake_px: 2.0, acceleration_px: 0.2, wobble_px: 0.2, anisotropy: 0.99, folds: 0 };
@@ -156,5 +162,36 @@ mod tests {
     fn what_cannot_be_seen_does_not_decide() {
         let still = TrialFigures { shake_px: 1e-6, acceleration_px: 1e-6, wobble_px: 1e-6, ..LOWER };
         assert!(TrialFigures { wobble_px: 1e-4, ..still }.is_no_worse_than(&still));
+    }
+
+    #[test]
+    fn the_freest_tier_that_holds_against_the_next_lower_one_is_drawn() {
+        let folded = TrialFigures { folds: 3, ..LOWER };
+        assert_eq!(rung(&[LOWER, LOWER, LOWER]), 0);
+        assert_eq!(rung(&[folded, LOWER, LOWER]), 1);
+        assert_eq!(rung(&[folded, folded, folded]), 2, "the lowest needs to hold against nothing");
+    }
+
+    #[test]
+    fn a_path_put_together_of_shots_is_each_of_them_in_its_own_frames() {
+        let segment = |frames: Range<usize>, zoom: f64| path::Segment {
+            frames,
+            tier: path::Tier::Smoothed,
+            reason: format!("{zoom}"),
+        };
+        let path = |zoom: f64| VirtualPath {
+            out_from_src: vec![Similarity2 { a: zoom, ..Similarity2::IDENTITY }.to_homography(); 10],
+            crop: vec![1.0 / zoom; 10],
+            cameras: Vec::new(),
+            segments: [0..4, 4..10].map(|frames| segment(frames, zoom)).to_vec(),
+        };
+        let mut chosen =
+            VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
+        append(&mut chosen, &path(2.0), &(0..4));
+        append(&mut chosen, &path(4.0), &(4..10));
+        assert_eq!(chosen.crop, [vec![0.5; 4], vec![0.25; 6]].concat());
+        assert_eq!((chosen.out_from_src.len(), chosen.cameras.len()), (10, 10));
+        let told: Vec<_> = chosen.segments.iter().map(|s| (s.frames.clone(), s.reason.as_str())).collect();
+        assert_eq!(told, [(0..4, "2"), (4..10, "4")]);
     }
 }

@@ -6,8 +6,15 @@
 //! ```
 //!
 //! Poses are `cam_from_world`, rotations a quaternion `q = [w, x, y, z]` or a matrix `R`. `input` holds the input's own
-//! cameras, one per frame, in the same world: a similarity lays them over those that were recovered, and the wanted ones with
-//! them. `wanted` has one pose per frame, or poses with times between which it is interpolated. `stable` and `shaky` are
+//! cameras `I_t`, one per frame, in the same world: a similarity lays them over those that were recovered, `P_t`, and the wanted
+//! ones `W_t` with them. What it leaves is the drift of the recovered cameras, which the points recovered with them share; so the
+//! virtual cameras follow it,
+//!
+//! ```text
+//! V_t = W_t Ē_t,      Ē: low-pass of E_t = I_t⁻¹ P_t
+//! ```
+//!
+//! (the low-pass, since what single frames have of their own would shake the path). `wanted` has one pose per frame, or poses with times between which it is interpolated. `stable` and `shaky` are
 //! understood for `wanted` and `input`.
 
 use std::path::Path;
@@ -16,11 +23,15 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use serde::Deserialize;
 
 use crate::camera::{CameraPose, Vec3, align};
-use crate::motion::ClipCameras;
+use crate::motion::{ClipCameras, FrameCamera};
+use crate::path::smoothed_poses;
 use crate::pipeline::run_error::RunError;
 
 /// How far a rotation may be from one.
 const SLACK: f64 = 1e-3;
+
+/// Standard deviation, s, of the low-pass over the drift: errors of recovered cameras that are faster would be seen as shake.
+const DRIFT_S: f64 = 0.25;
 
 #[derive(Deserialize)]
 struct Document {
@@ -62,14 +73,28 @@ pub(super) fn read(path: &str, cameras: &ClipCameras, times_s: &[f64]) -> Result
         return Err(bad(format!("input has {} cameras for {} frames; give one per frame", input.len(), times_s.len())));
     }
     let wanted = at_frames(&document.wanted, &wanted, times_s).map_err(bad)?;
-    let known =
-        |(given, found): (&CameraPose, &Option<crate::motion::FrameCamera>)| Some((*given, found.as_ref()?.pose));
+    let known = |(given, found): (&CameraPose, &Option<FrameCamera>)| Some((*given, found.as_ref()?.pose));
     let pairs: Vec<_> = input.iter().zip(&cameras.frames).filter_map(known).collect();
     let (ours_from_file, rms) = align(&pairs)
         .ok_or_else(|| bad("the clip's cameras were not recovered, so nothing can be aligned".to_owned()))?;
     let length: f64 = pairs.windows(2).map(|w| (w[1].1.center() - w[0].1.center()).norm()).sum();
     let residual = if length > 0.0 { rms / length } else { 0.0 };
-    Ok(WantedPath { poses: wanted.iter().map(|p| Some(ours_from_file.camera(p))).collect(), residual })
+    let aligned = |poses: &[CameraPose]| poses.iter().map(|p| ours_from_file.camera(p)).collect::<Vec<_>>();
+    let (mut poses, input) = (aligned(&wanted), aligned(&input));
+    let found: Vec<_> = cameras.frames.iter().map(|c| c.map(|c| c.pose)).collect();
+    for segment in cameras.shots.iter().map(|s| s.frames.clone()) {
+        let (input, found) = (&input[segment.clone()], &found[segment.clone()]);
+        follow_drift(&mut poses[segment.clone()], input, found, &times_s[segment]);
+    }
+    Ok(WantedPath { poses: poses.into_iter().map(Some).collect(), residual })
+}
+
+/// `W_t ← W_t Ē_t` over a segment: `input` as it was given, `found` as it was recovered.
+fn follow_drift(wanted: &mut [CameraPose], input: &[CameraPose], found: &[Option<CameraPose>], times_s: &[f64]) {
+    let drift: Vec<_> = input.iter().zip(found).map(|(i, found)| found.map(|p| i.inverse() * p)).collect();
+    for (wanted, drift) in wanted.iter_mut().zip(smoothed_poses(times_s, &drift, DRIFT_S)) {
+        *wanted = drift.map_or(*wanted, |drift| *wanted * drift);
+    }
 }
 
 /// One pose per frame: as they are, or interpolated between their times.
@@ -115,5 +140,77 @@ impl Entry {
         };
         let finite = self.t.iter().all(|v| v.is_finite()) && rotation.coords.iter().all(|v| v.is_finite());
         finite.then(|| CameraPose { rotation, translation: Vec3::from(self.t) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Point3;
+
+    const FRAMES: usize = 120;
+
+    fn times_s() -> Vec<f64> {
+        (0..FRAMES).map(|t| t as f64 / 30.0).collect()
+    }
+
+    /// Cameras that pan and walk, shaken where asked.
+    fn cameras(shake: f64) -> Vec<CameraPose> {
+        let mut random = fastrand::Rng::with_seed(4);
+        let mut noise = move || shake * (random.f64() - 0.5);
+        let camera = |s: f64| {
+            let turn = Vec3::new(0.1 * s.sin() + noise(), 0.2 * s + noise(), noise());
+            let center = Point3::new(s + noise(), 0.3 * (0.5 * s).cos() + noise(), noise());
+            CameraPose::looking_from(center, UnitQuaternion::from_scaled_axis(turn))
+        };
+        times_s().into_iter().map(camera).collect()
+    }
+
+    /// How far two cameras are apart, in turn and place.
+    fn apart(a: &CameraPose, b: &CameraPose) -> f64 {
+        a.rotation.angle_to(&b.rotation) + (a.center() - b.center()).norm()
+    }
+
+    /// What a recovered world drifts by at a moment.
+    fn drift(s: f64) -> CameraPose {
+        let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.004 * s, -0.01 * s, 0.003 * (0.4 * s).sin()));
+        CameraPose { rotation: turn, translation: Vec3::new(0.02 * s, 0.0, -0.01 * s) }
+    }
+
+    #[test]
+    fn a_virtual_camera_stands_to_the_recovered_one_as_the_wanted_one_to_the_input() {
+        let (input, wanted) = (cameras(0.05), cameras(0.0));
+        let found: Vec<_> = input.iter().zip(times_s()).map(|(i, s)| Some(*i * drift(s))).collect();
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &found, &times_s());
+        let (mut worst, mut left) = (0.0_f64, 0.0_f64);
+        for t in 0..FRAMES {
+            let (real, asked) = (found[t].expect("known").inverse(), wanted[t] * input[t].inverse());
+            worst = worst.max(apart(&(followed[t] * real), &asked));
+            left = left.max(apart(&(wanted[t] * real), &asked));
+        }
+        assert!(worst < 1e-3 && left > 0.05, "{worst} with the drift, {left} without");
+    }
+
+    #[test]
+    fn what_single_frames_have_of_their_own_does_not_shake_the_path() {
+        let (input, wanted) = (cameras(0.0), cameras(0.0));
+        let found: Vec<_> = cameras(0.01).into_iter().map(Some).collect();
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &found, &times_s());
+        let step = |path: &[CameraPose]| {
+            let miss = |t: usize| apart(&(path[t] * path[t - 1].inverse()), &(wanted[t] * wanted[t - 1].inverse()));
+            (1..FRAMES).map(miss).sum::<f64>() / (FRAMES - 1) as f64
+        };
+        let found: Vec<_> = found.into_iter().flatten().collect();
+        assert!(step(&followed) < 0.1 * step(&found), "{} of {}", step(&followed), step(&found));
+    }
+
+    #[test]
+    fn frames_without_a_camera_keep_the_wanted_one() {
+        let (input, wanted) = (cameras(0.0), cameras(0.0));
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &[None; FRAMES], &times_s());
+        assert_eq!(followed, wanted);
     }
 }

@@ -32,7 +32,8 @@ pub(super) fn run(
     let clip =
         ClipData { size, times_s: &times_s, shots: &motion.shots, motion: &steps, shown_from_src: shown, judged };
     let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
-    let out = coded_size(settings.size, size, &watched.video);
+    let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
+    let out = coded_size(wanted, size, &watched.video);
     let grids: Result<ClipGrids, RetargetError> = retarget_clip(&clip, &watched.importance, out, &options);
     let grids = grids.map_err(|e| match e {
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),

@@ -12,7 +12,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::analysis::store_error;
+use super::analysis::{Tracks, store_error};
 use super::maps::{Forward, Maps};
 use super::sampling::Feed;
 use super::shake::{Stray, shake, strays};
@@ -22,6 +22,7 @@ use crate::mesh::Grid;
 use crate::motion::{self, ClipMotion, Pair};
 use crate::pipeline::kinds::WarpSettings;
 use crate::pipeline::run_error::RunError;
+use crate::track::Observation;
 
 /// Cells of the grid on which tiers are tried: half as fine as the one that is drawn, for an eighth of its time.
 const CELLS: (u32, u32) = (32, 18);
@@ -47,6 +48,13 @@ struct FrameTrial {
     second: Option<(f64, f64)>,
 }
 
+impl FrameTrial {
+    fn of(map: &Forward, grid: &Grid, crop: f64) -> Self {
+        let folds = if let Forward::Mesh(mesh) = map { mesh.folded_cells() } else { 0 };
+        Self { crop, anisotropy: anisotropy(map, grid), folds, second: None }
+    }
+}
+
 /// A range of frames as a tier would show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TrialFigures {
@@ -70,28 +78,20 @@ impl Trial {
         let warp = WarpSettings { columns: CELLS.0, rows: CELLS.1, ..feed.warp.clone() };
         let mut maps = Maps::new(&Feed { warp: &warp, ..*feed }, tiers, covered)?;
         let grid = maps.grid();
-        let mut seen = Seen::new(grid);
-        let (mut frames, mut steps) = (Vec::new(), Vec::new());
-        for index in 0..feed.tracks.store.frames() {
-            if motion.shots.iter().any(|s| s.start == index) {
-                seen = Seen::new(grid);
+        let mut frames: Vec<FrameTrial> = Vec::with_capacity(motion.frames.len());
+        let mut steps = Vec::with_capacity(motion.frames.len());
+        for shot in &motion.shots {
+            let mut seen = Seen::new(grid);
+            for index in shot.clone() {
+                let map = maps.forward(None)?;
+                let (step, second) = seen.push(shown(feed.tracks, index, &map, &grid)?);
+                steps.push(step);
+                if let Some(last) = frames.last_mut() {
+                    last.second = second;
+                }
+                let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
+                frames.push(FrameTrial::of(&map, &grid, crop));
             }
-            let map = maps.forward(None)?;
-            let still = feed.tracks.store.read(index).map_err(store_error)?.observations;
-            let still = still.iter().filter(|o| o.background);
-            let shown = still.filter_map(|o| {
-                let src = Point2::new(f64::from(o.x), f64::from(o.y));
-                Some((o.id, map.apply(&grid, src)?))
-            });
-            let (step, second) = seen.push(shown.collect());
-            steps.push(step);
-            if let (Some(last), Some(second)) = (frames.last_mut(), second) {
-                let last: &mut FrameTrial = last;
-                last.second = Some(second);
-            }
-            let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
-            let folds = if let Forward::Mesh(mesh) = &map { mesh.folded_cells() } else { 0 };
-            frames.push(FrameTrial { crop, anisotropy: anisotropy(&map, &grid), folds, second: None });
         }
         let strays = strays(motion, |t| steps.get(t).copied().flatten());
         Ok(Self { frames, strays })
@@ -116,6 +116,14 @@ impl Trial {
             folds: frames.iter().map(|f| f.folds).sum(),
         })
     }
+}
+
+/// Where the map of a frame shows the tracks of the background.
+fn shown(tracks: &Tracks, frame: usize, map: &Forward, grid: &Grid) -> Result<Vec<(u32, Point2)>, RunError> {
+    let seen = tracks.store.read(frame).map_err(store_error)?.observations;
+    let still = seen.iter().filter(|o| o.background);
+    let place = |o: &Observation| Some((o.id, map.apply(grid, Point2::new(f64::from(o.x), f64::from(o.y)))?));
+    Ok(still.filter_map(place).collect())
 }
 
 /// Tracks as the last two frames showed them.
@@ -195,6 +203,8 @@ fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::{FrameMotion, MotionQuality};
+    use crate::time::{Timebase, Timestamp};
 
     const PICTURE: Grid = Grid { cols: 32, rows: 18, width: 640.0, height: 360.0 };
 
@@ -244,5 +254,31 @@ mod tests {
         assert!((anisotropy(&Forward::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
         let turned = crate::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
         assert!((anisotropy(&Forward::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_figures_of_a_range_are_those_of_its_frames_alone() {
+        let still = |t: i64| FrameMotion::still(Timestamp(t), MotionQuality::Measured);
+        let motion = ClipMotion::new(640, 360, Timebase { num: 1, den: 30 }, (0..60).map(still).collect());
+        // The last 30 frames jump to and fro by 4 px.
+        let jump = |t: usize| if t < 31 { 0.0 } else { 4.0 * f64::from(2 * (t % 2) as u8) - 4.0 };
+        let step = |t: usize| Some(Similarity2 { t: Vec2::new(jump(t), 0.0), ..Similarity2::IDENTITY }.to_homography());
+        let frame = |t: usize| FrameTrial {
+            crop: if t < 30 { 1.0 } else { 0.8 + 0.2 * (t % 2) as f64 },
+            anisotropy: if t == 40 { 0.5 } else { 1.0 - 0.001 * t as f64 },
+            folds: usize::from(t == 40),
+            second: (t != 50).then_some(if t < 30 { (0.0, 0.0) } else { (3.0 * (t % 2) as f64, 1.0) }),
+        };
+        let trial = Trial { frames: (0..60).map(frame).collect(), strays: strays(&motion, step) };
+        let calm = trial.over(0..25).expect("measured");
+        assert_eq!((calm.crop, calm.acceleration_px, calm.wobble_px, calm.folds), (1.0, 0.0, 0.0, 0));
+        let rough = trial.over(30..60).expect("measured");
+        assert!((rough.crop - 0.9).abs() < 1e-12 && rough.folds == 1, "{rough:?}");
+        // 15 of the 29 frames that were measured accelerate by 3 px; one frame in 30 is below the quantile.
+        assert!((rough.acceleration_px - 3.0 * (15.0_f64 / 29.0).sqrt()).abs() < 1e-12 && rough.wobble_px == 1.0);
+        assert!((rough.anisotropy - 0.941).abs() < 1e-12, "{}", rough.anisotropy);
+        assert!((1.5..2.5).contains(&rough.shake_px), "{}", rough.shake_px);
+        assert!(calm.shake_px < 0.6, "{}", calm.shake_px);
+        assert!(trial.over(50..51).is_none() && trial.over(0..61).is_none(), "nothing measured, nothing said");
     }
 }

@@ -57,7 +57,7 @@ fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOption
         target: super::photo::target(settings.to),
         view: super::photo::view(settings.view),
         crop: match settings.crop {
-            CropWish::Auto => Crop::Rectangle,
+            CropWish::Auto | CropWish::Rectangle => Crop::Rectangle,
             CropWish::None => Crop::None,
             CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
         },

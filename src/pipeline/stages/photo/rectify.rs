@@ -6,14 +6,19 @@ use serde_json::{Map, json};
 
 use super::lens::{self, Wish};
 use super::{PhotoMap, all_lines, picture, tell_lines};
-use crate::camera::Projection;
+use crate::camera::{Lens, Projection};
 use crate::feature::{Face, Importance};
 use crate::math::Rect;
-use crate::photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, rectify};
+use crate::photo::rectify::{
+    Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, Window, rectify,
+};
 use crate::pipeline::kinds::PhotoRectifySettings;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, ProjectionWish, ViewAngles};
+use crate::pipeline::sizes::{CropWish, ProjectionWish, ViewAngles, ViewField};
 use crate::pipeline::stages::context::Context;
+
+/// What a view of a panorama shows unless said otherwise.
+const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
 
 /// Finds the map.
 pub(super) fn run(
@@ -39,7 +44,7 @@ pub(super) fn run(
     found.warnings.iter().for_each(|w| context.warn(w.clone()));
     context.job.check_cancel()?;
     let input = RectifyInput { lens: &found.lens, lines: &lines, faces: &faces, salience: salience.as_ref() };
-    let warp = rectify(&input, &options(settings)).map_err(|e| rectify_error(&e))?;
+    let warp = rectify(&input, &options(settings, &found.lens)).map_err(|e| rectify_error(&e))?;
     tell_lines(context, &warp.lines);
     let mut told = Map::new();
     let lens = &found.lens;
@@ -57,18 +62,30 @@ pub(super) fn run(
     Ok(())
 }
 
-fn options(settings: &PhotoRectifySettings) -> RectifyOptions {
+fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
     RectifyOptions {
         target: target(settings.to),
         view: view(settings.view),
+        window: window(settings, lens),
         crop: match settings.crop {
             CropWish::Auto => Crop::Auto,
+            CropWish::Rectangle => Crop::Rectangle,
             CropWish::None => Crop::None,
             CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
         },
         size: settings.size.map_or(OutputSize::Source, |s| OutputSize::Exact(s.width as usize, s.height as usize)),
         ..RectifyOptions::default()
     }
+}
+
+/// What the view shows. Of a panorama no flat picture shows all, save for the panoramas themselves.
+fn window(settings: &PhotoRectifySettings, lens: &Lens) -> Option<Window> {
+    let panoramic = lens.projection.is_panoramic();
+    let all =
+        matches!(settings.to, ProjectionWish::Mercator | ProjectionWish::Cylindrical | ProjectionWish::Equirectangular);
+    let field = settings.view_field.or_else(|| (panoramic && !all).then_some(PANORAMA_VIEW))?;
+    let half = |degrees: f64| 0.5 * degrees.to_radians();
+    Some(Window { half_width: half(field.width), half_height: half(field.height) })
 }
 
 /// The wish in the terms of the method.

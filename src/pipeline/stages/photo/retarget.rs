@@ -28,7 +28,8 @@ pub(super) fn run(
         None => Importance::even(),
     };
     let source = (photo.frame.width, photo.frame.height);
-    let out = settings.size.pixels(source);
+    let size = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
+    let out = size.pixels(source);
     let options = RetargetOptions::default();
     let made = retarget(source, out, &importance, &lines, &faces, &options).map_err(|e| retarget_error(&e))?;
     for name in &made.released {
