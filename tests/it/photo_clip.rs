@@ -50,7 +50,7 @@ fn a_turned_clip_gets_the_shape_that_is_shown() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);
-    make(folder, "turned.mp4", &format!("-display_rotation 90 -i {}/clip.mp4 -c copy", folder.display()));
+    make(folder, "turned.mp4", &format!("-i {}/clip.mp4 -c copy -metadata:s:v rotate=90", folder.display()));
     // Shown 180×320; a square of it is coded 180×180, a strip of 2:1 is coded as tall as the clip is shown wide.
     for (shape, expected) in [("1:1", ("180", "180")), ("2:1", ("90", "180"))] {
         succeed(folder, &["retarget", "turned.mp4", "-o", "out.mp4", "--size", shape, "--overwrite"]);

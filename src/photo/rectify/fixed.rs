@@ -44,13 +44,11 @@ pub(super) fn unframed(
 
 /// Pixels of the source per radian where the viewer looks, and at the picture's center where it shows nothing there.
 pub(super) fn density(lens: &Lens, view_from_camera: &Rotation3<f64>) -> f64 {
-    let e = 1e-4;
-    let around = |axis: Vec3, right: Vec3| {
-        let at = |angle: f64| lens.project(&(axis * angle.cos() + right * angle.sin()));
-        Some((at(e)? - at(-e)?).norm() / (2.0 * e))
-    };
     let camera_from_view = view_from_camera.inverse();
-    around(camera_from_view * Vec3::z(), camera_from_view * Vec3::x())
+    let (axis, right) = (camera_from_view * Vec3::z(), camera_from_view * Vec3::x());
+    // By the derivative: differences would meet the seam of a panorama.
+    lens.project_with_jacobian(&axis)
+        .map(|(_, slope)| (slope * right).norm())
         .filter(|d| *d > 0.0 && d.is_finite())
         .unwrap_or(0.5 * (lens.focal.x + lens.focal.y))
 }

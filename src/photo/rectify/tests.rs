@@ -247,6 +247,22 @@ fn a_part_of_a_panorama_shows_what_lies_there() {
     assert!(warp.size.0 > 300 && warp.size.1 > 200, "{:?}", warp.size);
 }
 
+#[test]
+fn a_view_across_the_seam_of_a_panorama_is_as_dense_as_any() {
+    let size = (2000.0, 1000.0);
+    let lens =
+        Lens::from_field_of_view(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
+            .expect("a lens");
+    let window = Some(Window { half_width: 0.9, half_height: 0.6 });
+    let size_at = |yaw: f64| {
+        let view = View { yaw, ..View::default() };
+        let options = RectifyOptions { view, window, ..RectifyOptions::default() };
+        rectify(&input(&lens, &[], &[]), &options).expect("a warp").size
+    };
+    let (ahead, behind) = (size_at(0.0), size_at(std::f64::consts::PI));
+    assert!(ahead.0.abs_diff(behind.0) < 20 && ahead.1.abs_diff(behind.1) < 20, "{ahead:?} and {behind:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 

@@ -66,7 +66,9 @@ fn coded_size(wish: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usi
         TargetSize::Shape(Ratio { across, down }) => {
             let (across, down) = if turned { (down, across) } else { (across, down) };
             let pixel = video.sample_aspect.map_or(1.0, media::Ratio::value);
-            even_size(TargetSize::Shape(Ratio { across: across / pixel, down }).pixels(size), video)
+            let ratio = Ratio { across: across / pixel, down }.value();
+            let (width, height) = (size.0 as f64, size.1 as f64);
+            even_size((width.min(height * ratio), height.min(width / ratio)), video)
         }
     }
 }

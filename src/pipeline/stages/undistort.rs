@@ -41,7 +41,7 @@ pub(super) fn run(
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
     let mut options = options(settings, &video);
     let mut warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
-    let even = even_size(warp.size, &video);
+    let even = even_size((warp.size.0 as f64, warp.size.1 as f64), &video);
     if even != warp.size {
         options.size = OutputSize::Exact(even.0, even.1);
         warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
@@ -70,13 +70,14 @@ fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOption
     }
 }
 
-/// The size with even sides where chroma is subsampled: what encoders take.
-pub(super) fn even_size((width, height): (usize, usize), video: &VideoInfo) -> (usize, usize) {
+/// The size in whole px; where chroma is subsampled, with the nearest even sides, which is what encoders take.
+pub(super) fn even_size((width, height): (f64, f64), video: &VideoInfo) -> (usize, usize) {
     let format = video.format;
     let shared =
         (0..format.planes()).map(|i| format.subsampling(i)).fold((0, 0), |(x, y), (sx, sy)| (x.max(sx), y.max(sy)));
-    let even = |side: usize, shift: u32, own: usize| {
-        if shift == 0 || side == own || side.is_multiple_of(2) { side } else { side.saturating_sub(1).max(2) }
+    let even = |side: f64, shift: u32, own: usize| {
+        let exact = shift == 0 || (side - own as f64).abs() < 1e-9;
+        if exact { (side.round() as usize).max(1) } else { 2 * ((side / 2.0).round() as usize).max(1) }
     };
     (even(width, shared.0, video.width), even(height, shared.1, video.height))
 }

@@ -78,6 +78,9 @@ pub(in crate::pipeline::stages) fn clip_lens(
 fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, RunError> {
     match (wish.lens, projection(wish.lens), wish.fov) {
         (_, Some(projection), Some(fov)) => named(projection, fov, size),
+        (_, Some(Projection::Equirectangular), None) => {
+            named(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
+        }
         (_, Some(projection), None) => {
             let claimed = facts.lens().map_err(|e| RunError::Usage(e.to_string()))?.lens;
             let fov = claimed.field_of_view(FieldAxis::Horizontal);
