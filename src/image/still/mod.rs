@@ -3,15 +3,15 @@
 //! Samples keep their depth (8 or 16 bit) and alpha; ICC profile and EXIF travel along as bytes. A picture is upright once
 //! it is read: the orientation that EXIF asks for is applied to the pixels and the tag set to 1, so that neither a viewer nor
 //! a second program turns it again. What EXIF says of the picture's size is corrected when it is written, its thumbnail
-//! unlinked, and nothing else touched ([`exif`]).
+//! unlinked, and nothing else touched (`exif.rs`).
 //!
 //! Sizes are checked before memory is taken for pixels, whatever the file claims.
 //!
 //! | format | read | written |
 //! | --- | --- | --- |
-//! | JPEG | 8 bit, gray and color, baseline and progressive | baseline, in bands on all threads ([`jpeg`]); 8 bit |
+//! | JPEG | 8 bit, gray and color, baseline and progressive | baseline, in bands on all threads (`jpeg.rs`); 8 bit |
 //! | PNG | all but animated | 8 and 16 bit, alpha |
-//! | TIFF | 8 and 16 bit, gray and RGB | uncompressed, 8 and 16 bit, alpha ([`tiff`]) |
+//! | TIFF | 8 and 16 bit, gray and RGB | uncompressed, 8 and 16 bit, alpha (`tiff.rs`) |
 //! | WebP | lossy and lossless, not animated | lossless; 8 bit |
 //!
 //! Other kinds are told by their first bytes and refused with what to do; HEIF pictures (HEIC, AVIF) are left to the layer
