@@ -35,7 +35,7 @@ use crate::energy::{EnergyError, Ordering, QuadraticEnergy};
 use crate::math::{Point2, Vec2};
 use crate::mesh::{CellPoint, Grid, GridMesh, Quad};
 
-/// `ε`: a thousandth of what conformality weighs; the sheet is scaled afterwards, only its ratio to rounding counts.
+/// `ε`: far below what conformality weighs and far above rounding. The sheet is scaled afterwards, so its size does not count.
 const PULL: f64 = 1e-6;
 /// Keeps unknowns of a half step that the other one does not use.
 const IDLE: f64 = 1e-9;
