@@ -20,7 +20,7 @@
 //! and place where no line does.
 //!
 //! **Alternation.** Half steps of `straight.rs` until no vertex moves: a handful of rounds. They are done on cells twice as large
-//! first, at an eighth of the cost; on the grid itself one round is left.
+//! first, at an eighth of the cost. With a few lines one or two are left on the grid itself; with seventy they are not saved.
 //!
 //! **Folds.** Least squares does not forbid them. Cells that fold get four times the conformality and the sheet is solved
 //! again; a sheet that keeps folding goes back along the line to the last one that does not, at worst the chart.
