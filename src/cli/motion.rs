@@ -6,13 +6,12 @@ use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
 use super::failure::Failure;
-use super::run::run_pipeline;
-use super::tell;
+use super::run::run_or_print;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::kinds::MotionExportSettings;
 use crate::pipeline::options::RunSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline motion`.
 #[derive(Debug, Args)]
@@ -39,12 +38,7 @@ pub(super) struct MotionArgs {
 
 impl MotionArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        let file = self.pipeline();
-        if self.clip.print_pipeline {
-            tell(&print(&file));
-            return Ok(Exit::Done);
-        }
-        run_pipeline(&check(file)?, backend)
+        run_or_print(self.pipeline(), self.clip.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.

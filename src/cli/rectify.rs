@@ -5,15 +5,14 @@ use clap::Args;
 use super::failure::Failure;
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
-use super::run::run_pipeline;
-use super::tell;
+use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     Border, FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LensUndistortSettings,
     LinesDetectSettings, PhotoBorder, PhotoRectifySettings, RenderSettings,
 };
 use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]
@@ -62,12 +61,7 @@ pub struct RectifyArgs {
 
 impl RectifyArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        let file = self.pipeline()?;
-        if self.photo.print_pipeline {
-            tell(&print(&file));
-            return Ok(Exit::Done);
-        }
-        run_pipeline(&check(file)?, backend)
+        run_or_print(self.pipeline()?, self.photo.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.

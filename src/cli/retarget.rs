@@ -8,15 +8,14 @@ use clap::Args;
 use super::failure::Failure;
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
-use super::run::run_pipeline;
-use super::tell;
+use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     ClipFaces, ImageRenderSettings, ImportanceSettings, Interpolation, LinesDetectSettings, PhotoBorder,
     PhotoRetargetSettings, RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
 };
 use crate::pipeline::sizes::TargetSize;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, print};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline retarget`.
 #[derive(Debug, Args)]
@@ -39,12 +38,7 @@ pub struct RetargetArgs {
 
 impl RetargetArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        let file = self.pipeline()?;
-        if self.photo.print_pipeline {
-            tell(&print(&file));
-            return Ok(Exit::Done);
-        }
-        run_pipeline(&check(file)?, backend)
+        run_or_print(self.pipeline()?, self.photo.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.

@@ -12,7 +12,7 @@ use super::{PipelineArgs, tell};
 use crate::pipeline::execute::{Report, execute};
 use crate::pipeline::options::ProgressMode;
 use crate::pipeline::progress::for_mode;
-use crate::pipeline::{Backend, Exit, Pipeline, print};
+use crate::pipeline::{Backend, Exit, Pipeline, PipelineFile, check, print};
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
@@ -51,8 +51,17 @@ impl RunArgs {
     }
 }
 
+/// Checks and runs the pipeline that a command's options mean, or prints it.
+pub(super) fn run_or_print(file: PipelineFile, print_only: bool, backend: &dyn Backend) -> Result<Exit, Failure> {
+    if print_only {
+        tell(&print(&file));
+        return Ok(Exit::Done);
+    }
+    run_pipeline(&check(file)?, backend)
+}
+
 /// Runs a checked pipeline, tells summaries and failures, and gives the exit status.
-pub(super) fn run_pipeline(pipeline: &Pipeline, backend: &dyn Backend) -> Result<Exit, Failure> {
+fn run_pipeline(pipeline: &Pipeline, backend: &dyn Backend) -> Result<Exit, Failure> {
     let instances = pipeline.instances()?;
     let interrupt = Interrupt::install()?;
     let progress = for_mode(pipeline.run.progress, std::io::stderr().is_terminal());

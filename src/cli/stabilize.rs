@@ -6,8 +6,7 @@ use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
 use super::failure::Failure;
-use super::run::run_pipeline;
-use super::tell;
+use super::run::run_or_print;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::{is_glob, is_picture, pictures};
 use crate::pipeline::kinds::{
@@ -17,7 +16,7 @@ use crate::pipeline::kinds::{
 use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::units::{BitRate, ByteSize};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, check, number_for, print};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]
@@ -109,12 +108,7 @@ pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 impl StabilizeArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        let file = self.pipeline()?;
-        if self.clip.print_pipeline {
-            tell(&print(&file));
-            return Ok(Exit::Done);
-        }
-        run_pipeline(&check(file)?, backend)
+        run_or_print(self.pipeline()?, self.clip.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.

@@ -48,11 +48,8 @@ fn worst_bend(file: &LinesFile, lens: &Lens) -> f64 {
 }
 
 fn off_line(points: &[Point2]) -> f64 {
-    let mean = points.iter().map(|p| p.coords).sum::<Vec2>() / points.len().max(1) as f64;
-    let moment: nalgebra::Matrix2<f64> = points.iter().map(|p| (p.coords - mean) * (p.coords - mean).transpose()).sum();
-    let eigen = nalgebra::SymmetricEigen::new(moment);
-    let n = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    points.iter().map(|p| (p.coords - mean).dot(&n).abs()).fold(0.0, f64::max)
+    let Some(line) = plumbline::photo::FittedLine::through(points) else { return 0.0 };
+    points.iter().map(|p| line.off(*p).abs()).fold(0.0, f64::max)
 }
 
 #[test]

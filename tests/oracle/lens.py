@@ -8,7 +8,6 @@ derivatives are compared with OpenCV's. Pixel centers: OpenCV counts them at int
 PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
 """
 import json
-import os
 import pathlib
 import subprocess
 import sys
@@ -17,26 +16,18 @@ import tempfile
 import cv2
 import numpy as np
 
+from _programs import example
+
 # Largest differences allowed: px, rad, px per unit of direction. OpenCV's inverses iterate to about 1e-8.
 PIXELS, ANGLES, SLOPES = 1e-6, 1e-6, 1e-5
 WIDTH, HEIGHT = 1000, 750
 K = np.array([[437.0, 0, 493.5], [0, 436.0, 379.25], [0, 0, 1]])
 
 
-def binary(name):
-    root = pathlib.Path(__file__).resolve().parents[2]
-    folders = [os.environ["PLUMBLINE_EXAMPLES"]] if "PLUMBLINE_EXAMPLES" in os.environ else [
-        root / "target/release/examples", root / "target/debug/examples"]
-    for folder in folders:
-        if (found := pathlib.Path(folder) / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --examples`")
-
-
 def ours(path, rays, pixels):
     """Pixels and derivatives of rays, directions of pixels, in OpenCV's pixel coordinates."""
     query = json.dumps({"rays": rays.tolist(), "pixels": (pixels + 0.5).tolist()})
-    run = subprocess.run([binary("lens_points"), path], input=query, capture_output=True, text=True)
+    run = subprocess.run([example("lens_points"), path], input=query, capture_output=True, text=True)
     if run.returncode:
         sys.exit(f"{path}: {run.stderr}")
     answer = json.loads(run.stdout)

@@ -12,7 +12,6 @@ PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/r
 """
 import json
 import os
-import pathlib
 import subprocess
 import sys
 import tempfile
@@ -20,21 +19,13 @@ import tempfile
 import cv2
 import numpy as np
 
+from _programs import example
+
 LONG = 0.06      # of the longer side
 WITHIN_PX, WITHIN_DEG, SHARE = 1.0, 1.0, 0.9
 CUT = np.array([3, 2, 3, 2])   # columns and rows that the second picture lacks
 PHOTOS = ["retarget/rme_getty.png", "retarget/rme_bells.png", "retarget/liplus_castle.jpg", "portrait/yzhq_3_104.jpg",
           "fisheye_calib/gopro_3D_L0478.JPG"]
-
-
-def binary(name):
-    root = pathlib.Path(__file__).resolve().parents[2]
-    folders = [os.environ["PLUMBLINE_EXAMPLES"]] if "PLUMBLINE_EXAMPLES" in os.environ else [
-        root / "target/release/examples", root / "target/debug/examples"]
-    for folder in folders:
-        if (found := pathlib.Path(folder) / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --examples`")
 
 
 def bars():
@@ -92,7 +83,7 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "picture.png")
             cv2.imwrite(path, picture)
-            run = subprocess.run([binary("segments_of_image"), path], capture_output=True, text=True, check=True)
+            run = subprocess.run([example("segments_of_image"), path], capture_output=True, text=True, check=True)
         ours = json.loads(run.stdout)
         mine, least = np.array(ours["segments"]), LONG * max(picture.shape)
         long = lambda s: s[np.hypot(s[:, 2] - s[:, 0], s[:, 3] - s[:, 1]) > least]

@@ -73,6 +73,21 @@ impl Projection {
         }
     }
 
+    /// The projection without parameters that has this [`Self::name`].
+    pub fn named(name: &str) -> Option<Self> {
+        let plain = [
+            Self::Rectilinear,
+            Self::Equidistant,
+            Self::Equisolid,
+            Self::Stereographic,
+            Self::Orthographic,
+            Self::Equirectangular,
+            Self::Cylindrical,
+            Self::Mercator,
+        ];
+        plain.into_iter().find(|projection| projection.name() == name)
+    }
+
     /// Whether longitude and latitude are drawn, rather than the angle off an axis.
     pub fn is_panoramic(&self) -> bool {
         self.panoramic().is_some()

@@ -332,17 +332,9 @@ fn list<const N: usize>(key: &str, numbers: &[f64]) -> Result<[f64; N], ProfileE
 }
 
 fn without_parameters(name: &str) -> Result<Projection, ProfileError> {
-    Ok(match name {
-        "rectilinear" | "pinhole" => Projection::Rectilinear,
-        "equidistant" => Projection::Equidistant,
-        "equisolid" => Projection::Equisolid,
-        "stereographic" => Projection::Stereographic,
-        "orthographic" => Projection::Orthographic,
-        "equirectangular" => Projection::Equirectangular,
-        "cylindrical" => Projection::Cylindrical,
-        "mercator" => Projection::Mercator,
-        _ => return Err(ProfileError::Model { format: FORMAT, model: name.to_owned(), known: KNOWN }),
-    })
+    let name = if name == "pinhole" { "rectilinear" } else { name };
+    let unknown = || ProfileError::Model { format: FORMAT, model: name.to_owned(), known: KNOWN };
+    Projection::named(name).ok_or_else(unknown)
 }
 
 /// The form without a version.

@@ -68,7 +68,7 @@ pub(in crate::pipeline::stages) fn clip_lens(
 ) -> Result<Found, RunError> {
     let size = (width as f64, height as f64);
     let wish = Wish::new(lens, fov, axis);
-    if projection(lens).is_some() && fov.is_none() {
+    if Projection::named(lens).is_some() && fov.is_none() {
         return Err(RunError::Usage(format!("the lens `{lens}` needs a field of view: give --fov DEG (`fov`)")));
     }
     given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, wish)
@@ -76,7 +76,7 @@ pub(in crate::pipeline::stages) fn clip_lens(
 
 /// The lens that the user names.
 fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, RunError> {
-    match (wish.lens, projection(wish.lens), wish.fov) {
+    match (wish.lens, Projection::named(wish.lens), wish.fov) {
         (_, Some(projection), Some(fov)) => named(projection, fov, size),
         (_, Some(Projection::Equirectangular), None) => {
             named(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
@@ -154,20 +154,6 @@ fn from_lines(marked: &[Line], size: (f64, f64), claim: Option<(FieldOfView, f64
     let warnings = bent.map(|l| warning(&l.name)).collect();
     let how = format!("{} from marked lines, which fit to {:.2} px", found.model.name(), found.noise_px);
     Ok(Found { lens: found.lens, how, warnings })
-}
-
-fn projection(name: &str) -> Option<Projection> {
-    Some(match name {
-        "rectilinear" => Projection::Rectilinear,
-        "equidistant" => Projection::Equidistant,
-        "equisolid" => Projection::Equisolid,
-        "stereographic" => Projection::Stereographic,
-        "orthographic" => Projection::Orthographic,
-        "equirectangular" => Projection::Equirectangular,
-        "cylindrical" => Projection::Cylindrical,
-        "mercator" => Projection::Mercator,
-        _ => return None,
-    })
 }
 
 /// What EXIF says, for a picture of `size` px. Digital zoom cuts the field; pixels count as they were when the picture was
