@@ -1,0 +1,176 @@
+//! A surface of triangles: positions and the corners that join them. Nothing about it is assumed beyond finite positions
+//! and corners that exist: it may be open, in pieces, non-manifold, degenerate.
+
+use nalgebra::{Point3, Vector3};
+
+use super::MeshError;
+
+/// Triangles over shared vertices. Corners run counterclockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriMesh {
+    positions: Vec<Point3<f64>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl TriMesh {
+    /// A mesh of these vertices and triangles.
+    ///
+    /// # Errors
+    /// [`MeshError::NotFinite`] names the first vertex that is not finite, [`MeshError::NoSuchVertex`] the first corner
+    /// that does not exist.
+    pub fn new(positions: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        let vertices = positions.len();
+        if u32::try_from(vertices).is_err() {
+            return Err(MeshError::TooManyVertices { vertices });
+        }
+        check_finite(&positions)?;
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
+                return Err(MeshError::NoSuchVertex { triangle, vertex, vertices });
+            }
+        }
+        Ok(Self { positions, triangles })
+    }
+
+    /// The same triangles over other positions.
+    ///
+    /// # Errors
+    /// [`MeshError::NotFinite`].
+    ///
+    /// # Panics
+    /// Where the number of positions differs.
+    pub fn with_positions(&self, positions: Vec<Point3<f64>>) -> Result<Self, MeshError> {
+        assert_eq!(positions.len(), self.positions.len(), "one position per vertex");
+        check_finite(&positions)?;
+        Ok(Self { positions, triangles: self.triangles.clone() })
+    }
+
+    /// Positions of the vertices.
+    pub fn positions(&self) -> &[Point3<f64>] {
+        &self.positions
+    }
+
+    /// Corners of the triangles.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Number of vertices, those that no triangle names among them.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Positions of a triangle's corners.
+    #[inline]
+    pub fn corners(&self, triangle: usize) -> [Point3<f64>; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// Normal of a triangle, as long as twice its area; zero where it is degenerate.
+    #[inline]
+    pub fn area_normal(&self, triangle: usize) -> Vector3<f64> {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(&(c - a))
+    }
+
+    /// Unit normals of the vertices: the sum of the triangles around each, weighted by area; zero where they cancel.
+    pub fn vertex_normals(&self) -> Vec<Vector3<f64>> {
+        let mut normals = vec![Vector3::zeros(); self.positions.len()];
+        for (t, corners) in self.triangles.iter().enumerate() {
+            let normal = self.area_normal(t);
+            for &v in corners {
+                normals[v as usize] += normal;
+            }
+        }
+        for normal in &mut normals {
+            *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        }
+        normals
+    }
+
+    /// Area of all triangles, in squared units of the positions.
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len()).map(|t| 0.5 * self.area_normal(t).norm()).sum()
+    }
+
+    /// Signed volume inside a closed, oriented surface (divergence theorem), taken about the middle of its box so that a
+    /// mesh far from the origin loses no digits. Without meaning for an open one.
+    pub fn volume(&self) -> f64 {
+        let Some((low, high)) = self.bounding_box() else { return 0.0 };
+        let middle = nalgebra::center(&low, &high);
+        let cone = |t: usize| {
+            let [a, b, c] = self.corners(t).map(|p| p - middle);
+            a.dot(&b.cross(&c))
+        };
+        (0..self.triangles.len()).map(cone).sum::<f64>() / 6.0
+    }
+
+    /// Lowest and highest coordinates; `None` without vertices.
+    pub fn bounding_box(&self) -> Option<(Point3<f64>, Point3<f64>)> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p))))
+    }
+
+    /// Length of the diagonal of the bounding box: the unit of lengths that do not depend on the model's own.
+    pub fn diagonal(&self) -> f64 {
+        self.bounding_box().map_or(0.0, |(low, high)| (high - low).norm())
+    }
+}
+
+fn check_finite(positions: &[Point3<f64>]) -> Result<(), MeshError> {
+    match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+        None => Ok(()),
+        Some(vertex) => {
+            let [x, y, z] = positions[vertex].coords.into();
+            Err(MeshError::NotFinite { vertex, x, y, z })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tetrahedron(at: Vector3<f64>) -> TriMesh {
+        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        TriMesh::new(positions.map(|p| Point3::from(p) + at).to_vec(), triangles).unwrap()
+    }
+
+    #[test]
+    fn a_corner_tetrahedron_has_its_area_and_volume_wherever_it_stands() {
+        for at in [Vector3::zeros(), Vector3::new(1e6, -2e6, 3e6)] {
+            let mesh = tetrahedron(at);
+            assert!((mesh.area() - (1.5 + 0.75_f64.sqrt())).abs() < 1e-8);
+            assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-8);
+            assert!((mesh.diagonal() - 3.0_f64.sqrt()).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_faulty_vertex_is_named() {
+        let mut positions = tetrahedron(Vector3::zeros()).positions().to_vec();
+        positions[2].y = f64::NAN;
+        assert!(matches!(TriMesh::new(positions, vec![]), Err(MeshError::NotFinite { vertex: 2, .. })));
+        let beyond = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2], [0, 1, 3]]);
+        assert_eq!(beyond, Err(MeshError::NoSuchVertex { triangle: 1, vertex: 3, vertices: 3 }));
+    }
+
+    #[test]
+    fn normals_point_away_and_are_units() {
+        let mesh = tetrahedron(Vector3::zeros());
+        let middle = mesh.positions().iter().map(|p| p.coords).sum::<Vector3<f64>>() / 4.0;
+        for (p, n) in mesh.positions().iter().zip(mesh.vertex_normals()) {
+            assert!((n.norm() - 1.0).abs() < 1e-12 && n.dot(&(p.coords - middle)) > 0.0);
+        }
+        assert_eq!(
+            TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap().vertex_normals()[0],
+            Vector3::zeros()
+        );
+    }
+}
