@@ -166,6 +166,8 @@ impl Default for PathOptions {
 pub enum Tier {
     /// The path was smoothed.
     Smoothed,
+    /// The path was given: it is to be shown as it is.
+    Given,
     /// The frames are shown as they are.
     Unchanged,
 }

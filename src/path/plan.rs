@@ -57,13 +57,16 @@ pub fn plan_along(clip: &Clip<'_>, options: &PathOptions, wanted: &[Similarity2]
     let stage = Stage::new(clip.width, clip.height);
     // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
     let window = if options.border_allows_outside { MIDDLE } else { options.window() };
-    Ok(plan_shots(clip, &stage, window, |shot| {
+    let mut plan = plan_shots(clip, &stage, window, |shot| {
         let chain = Chain::of_shot(clip, &stage, shot.clone());
         let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(|w| window_of(&stage, w)).collect();
         let path = if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal) };
         let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
         Ok((path, "the path that was given".to_owned()))
-    }))
+    });
+    let followed = plan.segments.iter_mut().filter(|s| s.tier == Tier::Smoothed);
+    followed.for_each(|s| s.tier = Tier::Given);
+    Ok(plan)
 }
 
 /// `src_from_out` of a map that is wanted.

@@ -140,9 +140,7 @@ impl ContentPreserving {
         if !((1..=1024).contains(&cols) && (1..=1024).contains(&rows) && positive(width) && positive(height)) {
             return Err(WarpError::Grid { cols, rows, width, height });
         }
-        if !positive(options.alpha) {
-            return Err(WarpError::Option { name: "alpha", value: options.alpha, range: "above 0" });
-        }
+        check_alpha(options.alpha)?;
         if !(options.proximity > 0.0 && options.proximity <= 1.0) {
             return Err(WarpError::Option { name: "proximity", value: options.proximity, range: "above 0, at most 1" });
         }
@@ -154,6 +152,16 @@ impl ContentPreserving {
         let (cell_width, cell_height) = grid.cell_size();
         let cell_px = (cell_width * cell_height).sqrt();
         Ok(Self { grid, options, cell_px, energy, prewarped: grid.to_mesh(), data: Vec::new() })
+    }
+
+    /// Sets `α` for the frames to come.
+    ///
+    /// # Errors
+    /// [`WarpError::Option`] for a value that is not above 0.
+    pub fn set_alpha(&mut self, alpha: f64) -> Result<(), WarpError> {
+        check_alpha(alpha)?;
+        self.options.alpha = alpha;
+        Ok(())
     }
 
     /// The grid over the source frame.
@@ -334,6 +342,11 @@ impl ContentPreserving {
         }
         if weights > 0.0 { (sum / weights).sqrt() * self.cell_px } else { 0.0 }
     }
+}
+
+fn check_alpha(alpha: f64) -> Result<(), WarpError> {
+    let sound = alpha > 0.0 && alpha.is_finite();
+    if sound { Ok(()) } else { Err(WarpError::Option { name: "alpha", value: alpha, range: "above 0" }) }
 }
 
 /// Corner of the right angle, and its two neighbors, for a cell's corners in the order of [`Grid::corners`].

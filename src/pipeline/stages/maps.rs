@@ -8,7 +8,7 @@
 use super::analysis::{Tracks, store_error};
 use super::bender::{Bender, Freedom};
 use super::sampling::Feed;
-use super::space::{Places, direction};
+use super::space::{Places, direction, shown};
 use super::tiers::Tiers;
 use crate::image::Frame;
 use crate::math::{Homography, Point2, Vec2};
@@ -89,7 +89,11 @@ impl<'a> Maps<'a> {
         let camera = *self.path.out_from_src.get(index).ok_or_else(ahead)?;
         let anchors = self.drawn(index)?;
         let strength = |with: fn(Tier) -> bool| self.tiers.strength(index, with);
-        let freedom = Freedom { plane: strength(|t| t >= Tier::Homography), mesh: strength(|t| t >= Tier::Mesh) };
+        let freedom = Freedom {
+            plane: strength(|t| t >= Tier::Homography),
+            mesh: strength(|t| t >= Tier::Mesh),
+            given: self.tiers.given(index),
+        };
         let turn = strength(|t| t == Tier::Rotation);
         let turned = if turn > 0.0 { self.turned(index) } else { None };
         if turned.is_none() && !(freedom.plane > 0.0 || freedom.mesh > 0.0) {
@@ -145,13 +149,16 @@ impl<'a> Maps<'a> {
         }
         let rows = self.motion.and_then(|m| m.row_motion(index));
         let still = frame.observations.iter().filter(|o| o.background);
+        let still: Vec<_> = still.copied().collect();
+        let center_time = |src| rows.as_ref().map_or(src, |r| r.center_time(src));
         let virtual_camera = self.path.cameras.get(index).copied().flatten();
-        let in_space =
-            |o| virtual_camera.zip(self.places.as_ref()).and_then(|(c, p)| c.show(&p.of(index, o, c.turns)?));
-        let points = still.map(|o| {
+        let in_space = match virtual_camera.zip(self.places.as_ref()) {
+            Some((camera, places)) => shown(places, index, &camera, &still, center_time),
+            None => vec![None; still.len()],
+        };
+        let points = still.iter().zip(in_space).map(|(o, in_space)| {
             let src = Point2::new(f64::from(o.x), f64::from(o.y));
-            let at_frame_time = rows.as_ref().map_or(src, |r| r.center_time(src));
-            TrackedPoint { id: o.id, src, at_frame_time, in_space: in_space(o) }
+            TrackedPoint { id: o.id, src, at_frame_time: center_time(src), in_space }
         });
         let camera = self.path.out_from_src.get(index).copied().unwrap_or_else(Homography::identity);
         self.smoother.push(self.tracks.clip.timebase.seconds(frame.pts), &camera, points);

@@ -16,6 +16,8 @@ pub(super) struct Tiers {
     pub(super) segments: Vec<SegmentVerdict>,
     /// Frames at which, within a shot, cameras in space go on in coordinates of their own.
     seams: Vec<usize>,
+    /// Frames whose path was given.
+    given: Vec<Range<usize>>,
 }
 
 impl Tiers {
@@ -31,7 +33,13 @@ impl Tiers {
                 segments.extend(in_space(path, motion, forced(mode, &verdicts, part)));
             }
         }
-        Self { segments, seams: seams(path, motion) }
+        let given = path.segments.iter().filter(|s| s.tier == path::Tier::Given).map(|s| s.frames.clone()).collect();
+        Self { segments, seams: seams(path, motion), given }
+    }
+
+    /// How far points in space are to be shown as a given camera sees them.
+    pub(super) fn given(&self, frame: usize) -> f64 {
+        if self.given.iter().any(|frames| frames.contains(&frame)) { self.in_space(frame) } else { 0.0 }
     }
 
     /// How far the freedom of virtual cameras in space is in force: as for [`Self::strength`], and less about a seam, where
@@ -129,7 +137,7 @@ mod tests {
             tier: *tier,
             reason: String::new(),
         };
-        Tiers { segments: parts.iter().map(segment).collect(), seams: Vec::new() }
+        Tiers { segments: parts.iter().map(segment).collect(), seams: Vec::new(), given: Vec::new() }
     }
 
     #[test]
@@ -146,6 +154,12 @@ mod tests {
         let tiers = tiers(&[(0..50, Tier::Untouched), (50..100, Tier::Mesh)]);
         assert_eq!(tiers.strength(10, |_| true), 0.0);
         assert_eq!(tiers.strength(50, |t| t == Tier::Mesh), 1.0, "a stretch that is not touched ends in a cut");
+    }
+
+    #[test]
+    fn only_a_given_path_is_followed_closely() {
+        let given = Tiers { given: vec![0..100], ..tiers(&[(0..200, Tier::ThreeD), (200..300, Tier::Mesh)]) };
+        assert_eq!((given.given(50), given.given(150), given.given(250)), (1.0, 0.0, 0.0));
     }
 
     #[test]

@@ -13,9 +13,11 @@
 
 mod fit;
 mod places;
+mod shown;
 mod steadied;
 mod views;
 
 pub(super) use places::{Places, direction};
+pub(super) use shown::shown;
 pub(super) use steadied::steadied;
 pub(super) use views::{Views, Wanted};

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::camera::Point3;
 use crate::math::Point2;
-use crate::motion::{ClipCameras, ClipMotion, FrameCamera};
+use crate::motion::{ClipCameras, ClipMotion, FrameCamera, FrameScale};
 use crate::track::Observation;
 
 /// Distance, px at 640 px across, at which a sighting is not one of the point that its track stands for.
@@ -17,12 +17,18 @@ pub(in crate::pipeline::stages) struct Places<'a> {
     /// By segment, which has coordinates of its own, and track.
     by_track: HashMap<(u32, u32), Point3>,
     wrong_px: f64,
+    scale: FrameScale,
 }
 
 impl<'a> Places<'a> {
     pub(in crate::pipeline::stages) fn new(cameras: &'a ClipCameras, motion: &ClipMotion) -> Self {
         let by_track = cameras.points.iter().map(|p| ((p.shot, p.id), p.place)).collect();
-        Self { cameras, by_track, wrong_px: WRONG_PX * f64::from(motion.width.max(motion.height)) / 640.0 }
+        Self {
+            cameras,
+            by_track,
+            wrong_px: WRONG_PX * f64::from(motion.width.max(motion.height)) / 640.0,
+            scale: FrameScale::new(motion.width, motion.height),
+        }
     }
 
     /// Where the point of a sighting is; `None` where that is not known, or the frame's camera sees it elsewhere. For a camera
@@ -37,6 +43,11 @@ impl<'a> Places<'a> {
         let place = *self.by_track.get(&(segment, seen.id))?;
         let miss = camera.intrinsics.project(&camera.pose.apply(&place))? - src;
         (miss.norm() <= self.wrong_px).then_some(place)
+    }
+
+    /// Units of the frame.
+    pub(super) fn scale(&self) -> FrameScale {
+        self.scale
     }
 
     /// Frames that have coordinates in common.
