@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix2x3};
 
+use super::transparency::{opacity, with_alpha, without_alpha};
 use super::{PhotoMap, map_at, picture, with_pixels};
+use crate::image::Frame;
 use crate::math::{Point2, PointMap};
 use crate::pipeline::kinds::{self, ImageRenderSettings, PhotoBorder};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
-use crate::render::{Border, Interpolation, RenderError, RenderOptions, Renderer};
+use crate::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
 use crate::warp::{Lattice, Map, WarpField};
 
 /// Samples the picture. One that keeps its size and has no map is handed on as it is.
@@ -27,9 +29,28 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageR
         Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
         map => Lattice::between(&resized(map, natural, size), size, source),
     };
-    let frame = renderer(settings).render_still(&photo.frame, &lattice).map_err(|e| render_error(context, &e))?;
+    let frame = sampled(&photo.frame, &lattice, settings).map_err(|e| render_error(context, &e))?;
     context.values.put(stage, "image", Arc::new(with_pixels(&photo, frame)));
     Ok(())
+}
+
+/// The picture through a lattice, and what stands where it shows nothing.
+fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings) -> Result<Frame, RenderError> {
+    let renderer = renderer(settings);
+    if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+        return renderer.render_still(frame, lattice);
+    }
+    let role = "source";
+    let plane = frame.format.planes();
+    let opaque = with_alpha(frame, settings.border == PhotoBorder::Fill).ok_or(RenderError::Plane { plane, role })?;
+    let mut made = renderer.render_still(&opaque, lattice)?;
+    if settings.border == PhotoBorder::Transparent {
+        return Ok(made);
+    }
+    let shown = opacity(&made).ok_or(RenderError::Plane { plane, role })?;
+    complete(&mut made, &shown)?;
+    let kept = if frame.format.alpha { Some(made) } else { without_alpha(&made) };
+    kept.ok_or(RenderError::Plane { plane, role })
 }
 
 /// The map followed by a resize: where the pixels of the resized output come from.
@@ -62,7 +83,7 @@ fn renderer(settings: &ImageRenderSettings) -> Renderer {
             kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
         },
         border: match settings.border {
-            PhotoBorder::Black => Border::Black,
+            PhotoBorder::Black | PhotoBorder::Transparent | PhotoBorder::Fill => Border::Black,
             PhotoBorder::Mirror => Border::Mirror,
             PhotoBorder::Replicate => Border::Replicate,
         },
