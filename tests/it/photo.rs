@@ -258,7 +258,10 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
         insta::assert_snapshot!(format!("print_pipeline_{i}"), printed);
     }
     for (options, message) in [
-        (&["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--lens", "l.json"][..], "--lens does not go with --rectangle"),
+        (
+            &["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--lens", "l.json"][..],
+            "--lens does not go with --rectangle",
+        ),
         (&["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--crop", "none"], "does not go with --rectangle"),
         (&["rectify", "a.jpg", "-o", "b.jpg", "--lines", "off", "--save-lines", "l.json"], "nothing to write"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--save-lines", "l.json"], "--save-lines is for one picture"),

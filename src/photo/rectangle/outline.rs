@@ -3,7 +3,8 @@
 //! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at most
 //! `T` in every channel (through transparent ones where there is an alpha plane). `T` starts at what rounding does and grows
 //! to what JPEG does to flat color, but stops before the flood breaks into the picture: white borders lie beside pale skies.
-//! Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the picture.
+//! Where the two mix, within three pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
+//! outside too. Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the picture.
 //!
 //! The result is a raster of blocks: one is inside where all its pixels are.
 
@@ -16,6 +17,10 @@ use crate::photo::Line;
 const RASTER: usize = 480;
 /// Tolerances `T` of the flood, gray levels of 255.
 const TOLERANCES: [u8; 3] = [4, 8, 12];
+/// Difference from the border's color within which a pixel beside the flood is a mixture, gray levels.
+const SOFT: u8 = 64;
+/// Width of mixed edges, px.
+const MIXED: usize = 3;
 /// A tolerance whose flood takes this share more of the picture has broken into it.
 const LEAK: f64 = 0.02;
 /// Least share of the frame's pixels that have the border's color.
@@ -26,8 +31,9 @@ const BESIDE: usize = 2;
 const RINGING: usize = 2;
 /// Shares of the bounds that the inside fills between which an outline is irregular: above, a crop is enough.
 const NEARLY_ALL: f64 = 0.985;
-/// A disk that misses less than this share of the inside, or of the outside where that is less, is the picture of a fisheye.
-const ROUND: f64 = 0.06;
+/// A disk is the picture of a fisheye where it misses less than this share of the inside, or of the outside where that is less, and
+/// this many blocks for each along the outline, which falls between blocks.
+const ROUND: (f64, f64) = (0.03, 0.35);
 
 /// Which blocks of a picture lie inside its outline.
 #[derive(Clone, Debug)]
@@ -100,7 +106,18 @@ impl Outline {
         let mut by_distance: Vec<usize> = (0..self.inside.len()).collect();
         by_distance.sort_by(|a, b| (at(*a) - center).norm_squared().total_cmp(&(at(*b) - center).norm_squared()));
         let missed = by_distance[..count].iter().filter(|&&k| !self.inside[k]).count();
-        (missed as f64) < ROUND * count.min(self.inside.len() - count) as f64
+        let least = count.min(self.inside.len() - count) as f64;
+        (missed as f64) < ROUND.0 * least + ROUND.1 * self.length() as f64
+    }
+
+    /// Blocks inside that have one outside beside them.
+    fn length(&self) -> usize {
+        let outside = |i: usize, j: usize| i < self.cols && j < self.rows && !self.inside[j * self.cols + i];
+        let beside = |&k: &usize| {
+            let (i, j) = (k % self.cols, k / self.cols);
+            outside(i.wrapping_sub(1), j) || outside(i + 1, j) || outside(i, j.wrapping_sub(1)) || outside(i, j + 1)
+        };
+        (0..self.inside.len()).filter(|&k| self.inside[k]).filter(beside).count()
     }
 
     /// Whether a point of the picture, px, lies in a block inside.
@@ -155,16 +172,7 @@ impl Outline {
 fn flood(width: usize, height: usize, seeds: Vec<usize>, mut take: impl FnMut(usize) -> bool) {
     let mut open: Vec<usize> = seeds.into_iter().filter(|&k| take(k)).collect();
     while let Some(k) = open.pop() {
-        let (x, y) = (k % width, k / width);
-        let mut visit = |valid: bool, next: usize| {
-            if valid && take(next) {
-                open.push(next);
-            }
-        };
-        visit(x > 0, k.wrapping_sub(1));
-        visit(x + 1 < width, k + 1);
-        visit(y > 0, k.wrapping_sub(width));
-        visit(y + 1 < height, k + width);
+        open.extend(beside(k, width, height).filter(|&next| take(next)));
     }
 }
 
@@ -203,7 +211,50 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
         }
         found = Some((taken, next));
     }
-    found.map(|(_, outside)| outside).filter(|o| o.contains(&true))
+    let mut outside = found.map(|(_, outside)| outside).filter(|o| o.contains(&true))?;
+    add_mixed(&mut outside, (width, height), &around, |k| {
+        pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= SOFT)
+    });
+    Some(outside)
+}
+
+/// Takes in what is mixed of border and picture: beside the outside, and along the frame, where the picture may leave less than a
+/// pixel of border.
+fn add_mixed(outside: &mut [bool], (width, height): (usize, usize), around: &[usize], mixed: impl Fn(usize) -> bool) {
+    let at_frame = |k: usize| {
+        let (x, y) = (k % width, k / width);
+        x.min(width - 1 - x).min(y).min(height - 1 - y) < MIXED
+    };
+    let mut edge: Vec<usize> = (0..outside.len()).filter(|&k| outside[k]).collect();
+    for _ in 0..MIXED {
+        let before = std::mem::take(&mut edge);
+        for k in before {
+            for next in beside(k, width, height) {
+                if !outside[next] && mixed(next) {
+                    outside[next] = true;
+                    edge.push(next);
+                }
+            }
+        }
+    }
+    let seeds = around.iter().copied().filter(|&k| outside[k]).flat_map(|k| beside(k, width, height)).collect();
+    flood(width, height, seeds, |k| {
+        let joins = !outside[k] && at_frame(k) && mixed(k);
+        outside[k] |= joins;
+        joins
+    });
+}
+
+/// The four neighbors of a pixel.
+fn beside(k: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (k % width, k / width);
+    let four = [
+        (x > 0, k.wrapping_sub(1)),
+        (x + 1 < width, k + 1),
+        (y > 0, k.wrapping_sub(width)),
+        (y + 1 < height, k + width),
+    ];
+    four.into_iter().filter(|(valid, _)| *valid).map(|(_, next)| next)
 }
 
 /// Which pixels are more transparent than not; `None` where none is.

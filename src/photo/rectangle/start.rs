@@ -12,7 +12,7 @@ use crate::math::{Point2, Vec2};
 use crate::mesh::{Grid, GridMesh};
 
 /// How deep inside the outline the border of the grid runs, blocks.
-const MARGIN: f64 = 0.25;
+const MARGIN: f64 = 0.4;
 /// Rounds of smoothing at least, and at most.
 const SMOOTHING: (usize, usize) = (4, 400);
 /// A border vertex farther from the outline than this, blocks, is not drawn back to it in one round.
@@ -22,7 +22,7 @@ const INSET: usize = 200;
 /// Cells of the coarsest grid that is tried.
 const LEAST_CELLS: usize = 64;
 /// Points at which an edge of the border is tried.
-const SAMPLES: usize = 9;
+const SAMPLES: usize = 33;
 
 /// The grid of about `cells` cells, px of the picture; `luma` is the picture at any resolution.
 pub(super) fn start(

@@ -7,7 +7,7 @@
 //! find  N(q) = argmin_p ‖P_q − P_p‖²,      vote  I(x) = Σ_q w_q I(x − q + N(q)) / Σ_q w_q,   x ∈ P_q,
 //! ```
 //!
-//! in turn, from coarse to fine (`search.rs`, `vote.rs`). `w_q` falls with `d(q)`. This is done on a small
+//! in turn, from coarse to fine (`search.rs`, `vote.rs`). `w_q` falls with `d(q)` and with the depth of `q` in the hole. This is done on a small
 //! copy; in the picture itself the pixels are copied from where the small one found them, and means of copies
 //! where neighbors disagree.
 //!
@@ -29,8 +29,8 @@ use search::Search;
 
 /// Longest side of the small copy, px.
 const WORKING_SIDE: usize = 384;
-/// Longest side of the coarsest level, px.
-const COARSEST_SIDE: usize = 40;
+/// Longest side of the coarsest level, px. Smaller, textures become gray and are mistaken for plain walls.
+const COARSEST_SIDE: usize = 100;
 /// Rounds of search and vote on the coarsest level, and on the others.
 const ROUNDS: (usize, usize) = (16, 5);
 

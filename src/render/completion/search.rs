@@ -7,6 +7,8 @@ use super::level::Level;
 
 /// Half a patch, px: patches have 7×7 px.
 pub(super) const RADIUS: usize = 3;
+/// Largest depth in a hole that counts, px.
+const MOST_DEPTH: u32 = 100;
 /// Sweeps in a round.
 const SWEEPS: usize = 2;
 
@@ -17,6 +19,8 @@ pub(super) struct Search {
     pub(super) nearest: Vec<u32>,
     /// Distance to it, mean squared difference; 0 where its own patch is known.
     pub(super) distance: Vec<f32>,
+    /// Steps from what is known, at most 100.
+    pub(super) depth: Vec<u32>,
     /// Pixels whose patch touches the hole, in the order of the rows.
     pub(super) targets: Vec<u32>,
     /// Pixels whose patch is known.
@@ -61,6 +65,7 @@ impl Search {
         let mut search = Self {
             nearest: (0..(w * h) as u32).collect(),
             distance: vec![0.0; w * h],
+            depth: depths(level),
             targets,
             sources,
             is_source,
@@ -137,6 +142,25 @@ impl Search {
             }
         }
     }
+}
+
+/// How many steps each pixel lies from what is known.
+fn depths(level: &Level) -> Vec<u32> {
+    let (w, h) = (level.width, level.height);
+    let mut depth: Vec<u32> = level.known.iter().map(|known| if *known { 0 } else { MOST_DEPTH }).collect();
+    let mut open: std::collections::VecDeque<usize> = (0..w * h).filter(|&k| level.known[k]).collect();
+    while let Some(k) = open.pop_front() {
+        let (x, y) = (k % w, k / w);
+        for (valid, next) in
+            [(x > 0, k.wrapping_sub(1)), (x + 1 < w, k + 1), (y > 0, k.wrapping_sub(w)), (y + 1 < h, k + w)]
+        {
+            if valid && depth[next] > depth[k] + 1 {
+                depth[next] = depth[k] + 1;
+                open.push_back(next);
+            }
+        }
+    }
+    depth
 }
 
 /// The pixels of a patch, with their steps from its middle.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix2x3};
 
-use super::transparency::{opacity, with_alpha, without_alpha};
+use super::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
 use super::{PhotoMap, map_at, picture, with_pixels};
 use crate::image::Frame;
 use crate::math::{Point2, PointMap};
@@ -40,17 +40,25 @@ fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings) -> 
     if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
         return renderer.render_still(frame, lattice);
     }
-    let role = "source";
-    let plane = frame.format.planes();
-    let opaque = with_alpha(frame, settings.border == PhotoBorder::Fill).ok_or(RenderError::Plane { plane, role })?;
-    let mut made = renderer.render_still(&opaque, lattice)?;
-    if settings.border == PhotoBorder::Transparent {
+    let lost = RenderError::Plane { plane: 0, role: "source" };
+    let (mut made, shown) = if frame.format.alpha {
+        let made = renderer.render_still(frame, lattice)?;
+        let shown = opacity(&made).ok_or(lost.clone())?;
+        (made, shown)
+    } else {
+        // Colors go on beyond the edge, so that a pixel shown in part has the color of what it shows.
+        let options = RenderOptions { border: Border::Replicate, ..options(settings) };
+        let made = Renderer::new(options).render_still(frame, lattice)?;
+        let mask = mask_of(frame, settings.border == PhotoBorder::Fill).ok_or(lost.clone())?;
+        let mask = renderer.render_still(&mask, lattice)?;
+        let shown = plane_of(&mask).ok_or(lost.clone())?;
+        (made, shown)
+    };
+    if settings.border == PhotoBorder::Fill {
+        complete(&mut made, &eroded(&shown))?;
         return Ok(made);
     }
-    let shown = opacity(&made).ok_or(RenderError::Plane { plane, role })?;
-    complete(&mut made, &shown)?;
-    let kept = if frame.format.alpha { Some(made) } else { without_alpha(&made) };
-    kept.ok_or(RenderError::Plane { plane, role })
+    if frame.format.alpha { Ok(made) } else { with_alpha(&made, &shown).ok_or(lost) }
 }
 
 /// The map followed by a resize: where the pixels of the resized output come from.
@@ -77,7 +85,11 @@ impl PointMap for Shared {
 }
 
 fn renderer(settings: &ImageRenderSettings) -> Renderer {
-    Renderer::new(RenderOptions {
+    Renderer::new(options(settings))
+}
+
+fn options(settings: &ImageRenderSettings) -> RenderOptions {
+    RenderOptions {
         interpolation: match settings.interpolation {
             kinds::Interpolation::Bicubic => Interpolation::Bicubic,
             kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
@@ -87,7 +99,7 @@ fn renderer(settings: &ImageRenderSettings) -> Renderer {
             PhotoBorder::Mirror => Border::Mirror,
             PhotoBorder::Replicate => Border::Replicate,
         },
-    })
+    }
 }
 
 fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {
