@@ -168,3 +168,12 @@ fn an_uncropped_picture_is_transparent_or_filled_where_it_shows_nothing() {
     assert!(Outline::of_frame(&clear.frame).is_some());
     assert!(!out(&plumbline_in(folder, &["stages", "photo.rectangle"])).is_empty());
 }
+
+#[test]
+fn a_clip_that_tells_no_focal_length_is_refused_with_what_to_give() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let clip = Path::new(env!("CARGO_MANIFEST_DIR")).join("media/street-walk.mp4");
+    let run = plumbline_in(folder.path(), &["rectify", &clip.to_string_lossy(), "-o", "a.mp4"]);
+    assert_eq!(run.status.code(), Some(2), "{}", err(&run));
+    assert!(err(&run).contains("tells no focal length") && err(&run).contains("--fov"), "{}", err(&run));
+}

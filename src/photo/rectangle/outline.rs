@@ -1,10 +1,11 @@
 //! Where a stitched picture ends: what lies around it, transparent or of one color, found by flooding from the frame.
 //!
 //! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at most
-//! `T` in every channel (through transparent ones where there is an alpha plane). `T` starts at what rounding does and grows
-//! to what JPEG does to flat color, but stops before the flood breaks into the picture: white borders lie beside pale skies.
-//! Where the two mix, within three pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
-//! outside too. Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the picture.
+//! `T` in every channel (through transparent ones where there is an alpha plane). `T` starts at what rounding does and grows to
+//! what JPEG does to flat color, but stops before the flood breaks into the picture: white borders lie beside pale skies. Where
+//! the two mix, within three pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
+//! outside too. Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the
+//! picture.
 //!
 //! The result is a raster of blocks: one is inside where all its pixels are.
 

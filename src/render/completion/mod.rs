@@ -7,9 +7,9 @@
 //! find  N(q) = argmin_p ‖P_q − P_p‖²,      vote  I(x) = Σ_q w_q I(x − q + N(q)) / Σ_q w_q,   x ∈ P_q,
 //! ```
 //!
-//! in turn, from coarse to fine (`search.rs`, `vote.rs`). `w_q` falls with `d(q)` and with the depth of `q` in the hole. This is done on a small
-//! copy; in the picture itself the pixels are copied from where the small one found them, and means of copies
-//! where neighbors disagree.
+//! in turn, from coarse to fine (`search.rs`, `vote.rs`). `w_q` falls with `d(q)` and with the depth of `q` in the hole. This
+//! is done on a small copy; in the picture itself the pixels are copied from where the small one found them, and means of
+//! copies where neighbors disagree.
 //!
 //! **Limits.** What is made is what is there: skies, walls, floors and foliage go on, a second half of a face or of a car is not
 //! invented, and long lines through a large hole may break. The result does not depend on the number of threads.
