@@ -34,7 +34,7 @@ pub struct RectifyArgs {
     #[arg(long, value_enum, default_value_t, value_name = "h|v|d", requires = "fov", help_heading = "Lens")]
     fov_axis: FovAxis,
 
-    /// Make a stitched picture with an irregular border, transparent or of one color, a rectangle by warping; found by itself
+    /// Make a stitched picture with an irregular border, transparent, black or white, a rectangle by warping; found by itself
     /// where no lens is known
     #[arg(long, help_heading = "Result", conflicts_with_all = ["fov", "to", "view_field"])]
     rectangle: bool,

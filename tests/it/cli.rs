@@ -116,7 +116,7 @@ fn plan_graph_and_schema_print_results() {
         ("lines", "plumbline.lines"),
         ("faces", "plumbline.faces"),
         ("lens", "fx"),
-        ("motion", "timebase"),
+        ("motion", "readout_s"),
         ("path", "wanted"),
     ] {
         let printed = plumbline(&["schema", format]);

@@ -9,7 +9,7 @@ use crate::warp::FieldError;
 pub enum RectangleError {
     /// Nothing around the picture is of one color.
     #[error(
-        "nothing lies around the picture: a border that is transparent, or of one color along the frame, is what \
+        "nothing lies around the picture: a border that is transparent, black or white along the frame is what \
          rectangling fills"
     )]
     NoBorder,

@@ -1,9 +1,9 @@
-//! Where a stitched picture ends: what lies around it, transparent or of one color, found by flooding from the frame.
+//! Where a stitched picture ends: what lies around it, transparent, black or white, found by flooding from the frame.
 //!
 //! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at most
 //! `T` in every channel (through transparent ones where there is an alpha plane). `T` starts at what rounding does and grows to
 //! what JPEG does to flat color, but stops before the flood breaks into the picture: white borders lie beside pale skies. Where
-//! the two mix, within three pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
+//! the two mix, within two pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
 //! outside too. Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the
 //! picture.
 //!
@@ -19,15 +19,17 @@ const RASTER: usize = 480;
 /// Tolerances `T` of the flood, gray levels of 255.
 const TOLERANCES: [u8; 3] = [4, 8, 12];
 /// Difference from the border's color within which a pixel beside the flood is a mixture, gray levels.
-const SOFT: u8 = 64;
+const SOFT: u8 = 40;
 /// Width of mixed edges, px.
-const MIXED: usize = 3;
+const MIXED: usize = 2;
 /// A tolerance whose flood takes this share more of the picture has broken into it.
 const LEAK: f64 = 0.02;
 /// Least share of the frame's pixels that have the border's color.
 const LEAST_OF_FRAME: usize = 10;
 /// Blocks within which a line runs along the outline.
 const BESIDE: usize = 2;
+/// Gray levels from black or white within which a border is one of them.
+const NEARLY: u8 = 16;
 /// Pixels by which the outside is grown.
 const RINGING: usize = 2;
 /// Shares of the bounds that the inside fills between which an outline is irregular: above, a crop is enough.
@@ -284,7 +286,10 @@ fn border_color(pixels: &[[u8; 3]], around: &[usize]) -> Option<[u8; 3]> {
         sum.iter_mut().zip(pixels[k]).for_each(|(sum, v)| *sum += usize::from(v));
     }
     let (_, (count, sum)) = bins.into_iter().max_by_key(|(_, (count, _))| *count)?;
-    (count * 100 >= around.len() * LEAST_OF_FRAME).then(|| sum.map(|s| (s / count) as u8))
+    let color = sum.map(|s| (s / count) as u8);
+    // Walls and skies have a color along the frame, too.
+    let plain = color.iter().all(|c| *c <= NEARLY) || color.iter().all(|c| *c >= 255 - NEARLY);
+    (plain && count * 100 >= around.len() * LEAST_OF_FRAME).then_some(color)
 }
 
 /// Which sides of the frame touch the outside.

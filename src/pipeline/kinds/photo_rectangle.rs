@@ -20,7 +20,7 @@ impl StageSettings for PhotoRectangleSettings {
     const KIND: &'static str = "photo.rectangle";
     const SUMMARY: &'static str = "finds the map that makes a stitched panorama with an irregular border a rectangle";
     const INPUTS: &'static [Port] = &[
-        Port::one("image", PortType::Image, "the picture, with a border that is transparent or of one color"),
+        Port::one("image", PortType::Image, "the picture, with a border that is transparent, black or white"),
         Port::any("lines", PortType::Lines, "lines to keep straight"),
         Port::optional("faces", PortType::Faces, "faces to keep in shape"),
     ];
