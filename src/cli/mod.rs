@@ -59,8 +59,8 @@ enum Command {
     Graph(graph::GraphArgs),
     /// Describe the kinds of stages: ports, settings, defaults
     Stages(stages::StagesArgs),
-    /// Print the JSON schema of pipeline files, for editors
-    Schema,
+    /// Print the JSON schema of pipeline files, or of another format that is read
+    Schema(schema::SchemaArgs),
     /// Tell what is in a clip
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
@@ -127,7 +127,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Plan(args) => args.run(backend),
         Command::Graph(args) => args.run(),
         Command::Stages(args) => args.run(),
-        Command::Schema => Ok(schema::run()),
+        Command::Schema(args) => Ok(args.run()),
         Command::Probe(args) => args.run(backend),
         Command::Completions(args) => Ok(args.run()),
     }

@@ -9,7 +9,8 @@ use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
 use crate::pipeline::kinds::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
-    ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, MapExportSettings, PhotoReportSettings,
+    ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, LinesSaveSettings, MapExportSettings,
+    PhotoReportSettings,
 };
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
@@ -53,6 +54,9 @@ pub(super) struct PhotoArgs {
     /// Also write the map: PREFIX_x.npy, PREFIX_y.npy, PREFIX_mesh.npy (pixel centers at integers), PREFIX.exr
     #[arg(long, value_name = "PREFIX", help_heading = "Writing")]
     export_map: Option<PathBuf>,
+    /// Also write the lines, found or marked, as a file for --lines in which each can be switched off with "off": true
+    #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
+    save_lines: Option<PathBuf>,
     /// Also write how straight each line became, as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
     report: Option<PathBuf>,
@@ -99,6 +103,7 @@ impl PhotoArgs {
         let load = ImageLoadSettings { path: names.source.clone(), max_pixels: self.max_pixels };
         let mut all = vec![StageEntry::built("photo", &load)];
         let wanted = Wanted { lines: self.push_lines(&names, detect, &mut all), faces: self.push_faces(&mut all) };
+        all.extend(self.saved_lines(wanted)?);
         all.extend(stages(wanted));
         all.extend(self.writing(&names, render));
         Ok(PipelineFile {
@@ -116,13 +121,14 @@ impl PhotoArgs {
     }
 
     /// Options that clips do not have, and whether they were given.
-    pub(super) fn for_pictures_only(&self) -> [(bool, &'static str); 6] {
+    pub(super) fn for_pictures_only(&self) -> [(bool, &'static str); 7] {
         [
             (self.lines.is_some(), "--lines"),
             (is_file(&self.faces), "--faces FILE"),
             (self.quality != ImageSaveSettings::default().quality, "--quality"),
             (self.grid, "--grid"),
             (self.export_map.is_some(), "--export-map"),
+            (self.save_lines.is_some(), "--save-lines"),
             (self.report.is_some(), "--report"),
         ]
     }
@@ -147,7 +153,11 @@ impl PhotoArgs {
     }
 
     fn batch_names(&self) -> Result<Names, Failure> {
-        let one_by_one = [(&self.export_map, "--export-map", "map"), (&self.report, "--report", "report")];
+        let one_by_one = [
+            (&self.export_map, "--export-map", "map"),
+            (&self.save_lines, "--save-lines", "lines"),
+            (&self.report, "--report", "report"),
+        ];
         if let Some((_, option, kind)) = one_by_one.iter().find(|(given, ..)| given.is_some()) {
             let help = format!("use --output, or a pipeline file with ${{item.stem}} in the path of its {kind} stage");
             return Err(Failure::usage(format!("{option} is for one picture, but --out-dir is for many; {help}")));
@@ -206,6 +216,16 @@ impl PhotoArgs {
                 Some("found")
             }
         }
+    }
+
+    /// The stage that writes lines, where they are wanted.
+    fn saved_lines(&self, wanted: Wanted) -> Result<Option<StageEntry>, Failure> {
+        let Some(path) = &self.save_lines else { return Ok(None) };
+        let Some(lines) = wanted.lines else {
+            return Err(Failure::usage("--save-lines has nothing to write with --lines off; leave one of them out"));
+        };
+        let save = LinesSaveSettings { path: literal_path(path) };
+        Ok(Some(StageEntry::built("saved_lines", &save).input("image", "photo").input("lines", lines)))
     }
 
     /// Appends the stage that gives faces; its name.

@@ -9,9 +9,9 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     Border, FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LensUndistortSettings,
-    LinesDetectSettings, PhotoBorder, PhotoRectifySettings, RenderSettings,
+    LinesDetectSettings, PhotoBorder, PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
 };
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
+use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, TargetSize, ViewAngles, ViewField};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline rectify`.
@@ -34,6 +34,10 @@ pub struct RectifyArgs {
     #[arg(long, value_enum, default_value_t, value_name = "h|v|d", requires = "fov", help_heading = "Lens")]
     fov_axis: FovAxis,
 
+    /// Make a stitched picture with an irregular border, transparent, black or white, a rectangle by warping; found by itself
+    /// where no lens is known
+    #[arg(long, help_heading = "Result", conflicts_with_all = ["fov", "to", "view_field"])]
+    rectangle: bool,
     /// What to make: optimized, perspective, stereographic, panini[:D], mercator, cylindrical or equirectangular;
     /// if left out, optimized for pictures and perspective for clips
     #[arg(long, value_name = "PROJECTION", help_heading = "Result")]
@@ -70,9 +74,12 @@ impl RectifyArgs {
     }
 
     fn of_clips(&self) -> Result<PipelineFile, Failure> {
-        if self.lens == "auto" {
-            let help = "give --lens FILE, or --lens MODEL with --fov DEG";
-            return Err(Failure::usage(format!("the lens of a clip is not found by itself; {help}")));
+        if self.rectangle {
+            return Err(Failure::usage("--rectangle is for stitched pictures, but the input is a clip; leave it out"));
+        }
+        if matches!(self.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+            let help = "give black, mirror or replicate";
+            return Err(Failure::usage(format!("borders of clips are neither transparent nor filled; {help}")));
         }
         let settings = LensUndistortSettings {
             lens: literal_path(std::path::Path::new(&self.lens)),
@@ -102,9 +109,12 @@ impl RectifyArgs {
 
     fn of_photos(&self) -> Result<PipelineFile, Failure> {
         self.clips.refuse_for_photos()?;
-        let to = self.to.unwrap_or_default();
         let render =
             ImageRenderSettings { interpolation: self.interpolation, border: self.border, ..Default::default() };
+        if self.rectangle {
+            return self.of_stitched(&render);
+        }
+        let to = self.to.unwrap_or_default();
         let settings = PhotoRectifySettings {
             to,
             lens: literal_path(std::path::Path::new(&self.lens)),
@@ -128,6 +138,28 @@ impl RectifyArgs {
             }
             let judged = StageEntry::built("salience", &ImportanceSettings::default()).input("image", "photo");
             vec![judged, stage.input("importance", "salience")]
+        })
+    }
+
+    /// Lines are those of the picture: no lens took it.
+    fn of_stitched(&self, render: &ImageRenderSettings) -> Result<PipelineFile, Failure> {
+        let given = [
+            (self.lens != "auto", "--lens"),
+            (self.view != ViewAngles::default(), "--view"),
+            (matches!(self.crop, CropWish::Rectangle | CropWish::None), "--crop rectangle or none"),
+        ];
+        if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
+            let help = "a stitched picture is warped as it is, without a lens";
+            return Err(Failure::usage(format!("{option} does not go with --rectangle: {help}")));
+        }
+        let shape = match (self.size, self.crop) {
+            (Some(size), _) => Some(TargetSize::Pixels(size)),
+            (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
+            (None, _) => None,
+        };
+        let settings = PhotoRectangleSettings { size: shape };
+        self.photo.pipeline("rectangle", render, &LinesDetectSettings::default(), |wanted| {
+            vec![wanted.connect(StageEntry::built("map", &settings).input("image", "photo"))]
         })
     }
 }

@@ -1,9 +1,21 @@
-//! `plumbline schema`: the JSON schema of pipeline files.
+//! `plumbline schema`: the JSON schemas of the formats that are read.
+
+use clap::Args;
 
 use super::tell;
-use crate::pipeline::{Exit, schema};
+use crate::pipeline::{Exit, FileFormat, schema_of_format};
 
-pub(super) fn run() -> Exit {
-    tell(&format!("{:#}\n", schema()));
-    Exit::Done
+/// Options of `plumbline schema`.
+#[derive(Debug, Args)]
+pub(super) struct SchemaArgs {
+    /// Which files
+    #[arg(value_enum, default_value_t, value_name = "FORMAT")]
+    format: FileFormat,
+}
+
+impl SchemaArgs {
+    pub(super) fn run(&self) -> Exit {
+        tell(&format!("{:#}\n", schema_of_format(self.format)));
+        Exit::Done
+    }
 }

@@ -9,6 +9,7 @@ mod great_circle;
 mod line;
 pub mod line_detection;
 pub mod marks;
+pub mod rectangle;
 pub mod rectify;
 mod report;
 pub mod retarget;

@@ -1,15 +1,51 @@
-//! The JSON schema (draft-07) of pipeline files, for editors: one `if use = … then …` branch per stage kind.
+//! The JSON schemas of the formats that are read: of pipeline files (draft-07, for editors: one `if use = … then …` branch per
+//! stage kind), and of the files that go with them.
 
+use clap::ValueEnum;
 use serde_json::{Map, Value as Json, json};
 
 use super::file::VERSION;
 use super::kind::{StageKind, schema_of};
 use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
+use super::stages::path_file_schema;
+use crate::camera::lens_file_schema;
+use crate::motion::motion_file_schema;
+use crate::photo::marks::{faces_schema, lines_schema};
 
 const NAME_PATTERN: &str = "^[a-z][a-z0-9_-]*$";
 
-/// The schema of a whole file.
+/// A format that has a schema.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum FileFormat {
+    /// Pipeline files
+    #[default]
+    Pipeline,
+    /// Lines marked in a picture, NAME.lines.json
+    Lines,
+    /// Faces marked in a picture
+    Faces,
+    /// Lenses, our own JSON
+    Lens,
+    /// How a camera moved, plumbline.motion
+    Motion,
+    /// Where the camera is wanted, for stabilize --path-file
+    Path,
+}
+
+/// The schema of a format.
+pub fn schema_of_format(format: FileFormat) -> Json {
+    match format {
+        FileFormat::Pipeline => schema(),
+        FileFormat::Lines => lines_schema().to_value(),
+        FileFormat::Faces => faces_schema().to_value(),
+        FileFormat::Lens => lens_file_schema(),
+        FileFormat::Motion => motion_file_schema().to_value(),
+        FileFormat::Path => path_file_schema().to_value(),
+    }
+}
+
+/// The schema of a whole pipeline file.
 pub fn schema() -> Json {
     json!({
         "$schema": "http://json-schema.org/draft-07/schema#",

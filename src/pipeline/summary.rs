@@ -91,10 +91,29 @@ pub struct Summary {
     pub readout_s: Option<f64>,
     /// What the user should know: concealed packets, streams left out, a clip that passed unchanged.
     pub warnings: Vec<String>,
+    /// The window that a clip's new shape shows of its pictures.
+    pub window: Option<WindowSummary>,
     /// How straight the lines of a still picture became.
     pub lines: Option<LinesSummary>,
     /// Wall time, seconds; filled by the executor.
     pub seconds: f64,
+}
+
+/// The window that a clip's new shape shows of its pictures, before they are warped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WindowSummary {
+    /// Part of width and height kept.
+    pub kept: [f64; 2],
+    /// First and last place of its left (or upper) side, px.
+    pub range_px: [f64; 2],
+}
+
+impl fmt::Display for WindowSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([across, down], [first, last]) = (self.kept, self.range_px);
+        let (share, side, from) = if across < 1.0 { (across, "width", "left") } else { (down, "height", "top") };
+        write!(f, "{:.1} % of the {side} shown, from {first:.0} to {last:.0} px off the {from}", 100.0 * share)
+    }
 }
 
 /// How straight the lines of a still picture became.
@@ -141,6 +160,9 @@ impl fmt::Display for Summary {
             )?;
         } else if let Some((width, height)) = self.size {
             writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
+        }
+        if let Some(window) = &self.window {
+            writeln!(f, "  window    {window}")?;
         }
         if let Some(lines) = &self.lines {
             writeln!(f, "  lines     {lines}")?;

@@ -15,6 +15,7 @@ mod averaged;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod border;
+mod completion;
 mod fill;
 mod four_tap;
 mod kernel;
@@ -24,6 +25,7 @@ mod source;
 mod still;
 
 pub use border::Border;
+pub use completion::complete;
 pub use fill::{FillOptions, FillReport, Filler};
 pub use kernel::Interpolation;
 

@@ -112,6 +112,17 @@ fn plan_graph_and_schema_print_results() {
     assert!(out(&plumbline(&["graph", "stabilize", "--format", "dot"])).starts_with("digraph"));
     let schema: serde_json::Value = serde_json::from_slice(&plumbline(&["schema"]).stdout).expect("JSON");
     assert_eq!(schema, plumbline::pipeline::schema());
+    for (format, word) in [
+        ("lines", "plumbline.lines"),
+        ("faces", "plumbline.faces"),
+        ("lens", "fx"),
+        ("motion", "readout_s"),
+        ("path", "wanted"),
+    ] {
+        let printed = plumbline(&["schema", format]);
+        let schema: serde_json::Value = serde_json::from_slice(&printed.stdout).expect("JSON");
+        assert!(schema["properties"].is_object() && schema.to_string().contains(word), "{format}: {schema}");
+    }
 }
 
 #[test]

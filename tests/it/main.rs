@@ -30,6 +30,7 @@ mod report;
 mod sfm;
 mod sparse;
 mod stabilize;
+mod stitched;
 mod support;
 mod track;
 mod warp;

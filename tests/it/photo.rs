@@ -204,7 +204,7 @@ fn bad_input_and_bad_options_are_refused_with_words() {
 
 #[test]
 fn options_mean_a_pipeline_that_reads_back_as_the_same() {
-    let cases: [&[&str]; 6] = [
+    let cases: [&[&str]; 8] = [
         &["rectify", "a.jpg", "-o", "b.jpg"],
         &["rectify", "p/*.jpg", "q c.png", "--out-dir", "d/", "--lines", "off", "--faces", "off", "--jobs", "2"],
         &[
@@ -246,6 +246,8 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
             "lanczos3",
             "--overwrite",
         ],
+        &["rectify", "a.png", "-o", "b.png", "--rectangle", "--crop", "16:9", "--save-lines", "l.json"],
+        &["rectify", "a.jpg", "-o", "b.png", "--crop", "none", "--border", "transparent"],
     ];
     for (i, options) in cases.into_iter().enumerate() {
         let file = pipeline_of(["plumbline"].iter().chain(options)).expect("options in order");
@@ -256,7 +258,14 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
         insta::assert_snapshot!(format!("print_pipeline_{i}"), printed);
     }
     for (options, message) in [
-        (&["retarget", "a.jpg", "b.jpg", "-o", "c.jpg", "--size", "1:1"][..], "there are 2 inputs"),
+        (
+            &["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--lens", "l.json"][..],
+            "--lens does not go with --rectangle",
+        ),
+        (&["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--crop", "none"], "does not go with --rectangle"),
+        (&["rectify", "a.jpg", "-o", "b.jpg", "--lines", "off", "--save-lines", "l.json"], "nothing to write"),
+        (&["rectify", "a.jpg", "--out-dir", "d", "--save-lines", "l.json"], "--save-lines is for one picture"),
+        (&["retarget", "a.jpg", "b.jpg", "-o", "c.jpg", "--size", "1:1"], "there are 2 inputs"),
         (&["rectify", "*.jpg", "-o", "c.jpg"], "may be many pictures"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--report", "r.json"], "--report is for one picture"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--lines", "l.json"], "is for one picture"),

@@ -153,7 +153,9 @@ fn options_of_the_other_kind_of_input_are_refused_with_the_reason() {
         (&["retarget", "a.mp4", "-o", "b.mp4", "--size", "1:1", "--grid"], "--grid is for pictures"),
         (&["retarget", "a.mp4", "-o", "b.mp4", "--size", "1:1", "--faces", "f.json"], "--faces FILE is for pictures"),
         (&["retarget", "a.jpg", "-o", "b.jpg", "--size", "1:1", "--stabilize"], "--stabilize is for clips"),
-        (&["rectify", "a.mp4", "-o", "b.mp4"], "the lens of a clip is not found by itself"),
+        (&["rectify", "a.mp4", "-o", "b.mp4", "--rectangle"], "--rectangle is for stitched pictures"),
+        (&["rectify", "a.mp4", "-o", "b.mp4", "--crop", "none", "--border", "fill"], "neither transparent nor filled"),
+        (&["rectify", "a.mp4", "-o", "b.mp4", "--save-lines", "l.json"], "--save-lines"),
         (&["retarget", "a.mp4", "b.mp4", "-o", "c.mp4", "--size", "1:1"], "there are 2 inputs"),
     ] {
         let refused = pipeline_of(["plumbline"].iter().chain(options)).expect_err(message);

@@ -9,7 +9,7 @@ pub enum LensError {
     Size(f64, f64),
     /// A field of view that is not an angle, or more than the projection can show.
     #[error(
-        "a {axis} field of view of {degrees:.6}° is invalid for a {projection} lens (expected above 0° and {bound} \
+        "a {axis} field of view of {degrees:.6}° is invalid for the {projection} projection (expected above 0° and {bound} \
          {limit_deg:.4}°): give another angle or another projection"
     )]
     FieldOfView {

@@ -32,6 +32,7 @@ use crate::math::Rect;
 use crate::mesh::GridMesh;
 use crate::warp::{InverseMesh, Map};
 use frame::Unframed;
+pub(super) use solver::drawn_back;
 use solver::{Sheet, SolveReport};
 use sphere_grid::{SphereGrid, chart_for};
 use straight::GridLine;

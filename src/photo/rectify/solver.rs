@@ -311,7 +311,7 @@ fn halved(mesh: &GridMesh) -> GridMesh {
 }
 
 /// The sheet farthest on the straight way from a sheet without folds to another that has none either.
-fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
+pub(in crate::photo) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
     let mut mesh = sound.clone();
     for k in 1..=BACKTRACKS {
         let t = 0.5_f64.powi(k);

@@ -57,7 +57,10 @@ pub struct RetargetOptions {
     /// Weight of faces relative to a cell that matters fully, ≥ 1.
     pub face_weight: f64,
     /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops; at 0.4 backgrounds of upright cuts turn into
-    /// streaks, at 0.7 more is cut away than needs to be.
+    /// streaks, and towers and chair legs grow thin; at 0.6 the window cuts through what matters in two of ten photos when
+    /// a quarter of the width is left, at 0.7 more is cut away than needs to be. (Aspect ratio similarity, which counts all that
+    /// is cut away as lost, falls from .76 over .70 to .64 at 0.4, 0.5 and 0.6 for 9:16, from .52 over .47 to .43 for a quarter
+    /// of the width.)
     pub crop_below: f64,
     /// Refine rows and columns by scale-and-stretch. Without, lines that are neither horizontal nor vertical may bend.
     pub refine: bool,

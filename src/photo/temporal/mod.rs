@@ -116,6 +116,29 @@ pub struct ClipGrids {
     shots: Vec<ShotGrids>,
 }
 
+/// Which part of a clip's pictures its windows show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShownWindow {
+    /// Part of width and height.
+    pub share: (f64, f64),
+    /// Where the window starts along the axis that is cropped, px: first and last place it takes.
+    pub range_px: (f64, f64),
+}
+
+impl ClipGrids {
+    /// What the windows show; `None` where they show all.
+    pub fn window(&self) -> Option<ShownWindow> {
+        let (across, down) = self.share;
+        if across >= 1.0 && down >= 1.0 {
+            return None;
+        }
+        let side = if across < 1.0 { self.source.0 } else { self.source.1 };
+        let starts = || self.shots.iter().flat_map(|s| &s.knots).map(|k| side * k.start);
+        let range_px = (starts().fold(f64::INFINITY, f64::min), starts().fold(0.0, f64::max));
+        Some(ShownWindow { share: self.share, range_px })
+    }
+}
+
 #[derive(Clone, Debug)]
 struct ShotGrids {
     frames: Range<usize>,

@@ -21,6 +21,10 @@ pub enum PhotoBorder {
     Mirror,
     /// The edge's pixels drawn out
     Replicate,
+    /// Transparent: for PNG, TIFF and WebP
+    Transparent,
+    /// What the rest of the picture suggests: skies, walls and floors go on, things are not invented
+    Fill,
 }
 
 /// Settings of `image.render`.

@@ -13,7 +13,7 @@ use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LensUndistortSettings {
-    /// The lens: a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our JSON), or a model such as equidistant
+    /// The lens: auto (the focal length that the clip tells, or fov), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our JSON), or a model such as equidistant
     #[schemars(extend("format" = "lens"))]
     pub lens: String,
     /// Field of view, degrees, for a lens named by its model

@@ -12,10 +12,12 @@ mod importance;
 mod lens_undistort;
 mod lines_detect;
 mod lines_load;
+mod lines_save;
 mod map_export;
 mod motion;
 mod motion_export;
 mod motion_import;
+mod photo_rectangle;
 mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
@@ -41,10 +43,12 @@ pub use importance::ImportanceSettings;
 pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
+pub use lines_save::LinesSaveSettings;
 pub use map_export::MapExportSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
+pub use photo_rectangle::PhotoRectangleSettings;
 pub use photo_rectify::{FovAxis, PhotoRectifySettings};
 pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
@@ -60,7 +64,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 27] = [
+pub static KINDS: [StageKind; 29] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -78,10 +82,12 @@ pub static KINDS: [StageKind; 27] = [
     StageKind::of::<ImageLoadSettings>(),
     StageKind::of::<LinesLoadSettings>(),
     StageKind::of::<LinesDetectSettings>(),
+    StageKind::of::<LinesSaveSettings>(),
     StageKind::of::<FacesLoadSettings>(),
     StageKind::of::<FacesDetectSettings>(),
     StageKind::of::<ImportanceSettings>(),
     StageKind::of::<PhotoRectifySettings>(),
+    StageKind::of::<PhotoRectangleSettings>(),
     StageKind::of::<PhotoRetargetSettings>(),
     StageKind::of::<ImageRenderSettings>(),
     StageKind::of::<ImageGridSettings>(),

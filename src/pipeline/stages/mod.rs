@@ -50,6 +50,7 @@ use super::run_error::RunError;
 use super::summary::Summary;
 use crate::media::{Output, check_encoder};
 use context::{Context, media_error};
+pub(super) use path_file::path_file_schema;
 
 /// The bodies that this program has.
 pub struct Bodies;

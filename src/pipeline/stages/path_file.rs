@@ -20,6 +20,7 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::camera::{CameraPose, Vec3, align};
@@ -33,23 +34,36 @@ const SLACK: f64 = 1e-3;
 /// Standard deviation, s, of the low-pass over the drift: errors of recovered cameras that are faster would be seen as shake.
 const DRIFT_S: f64 = 0.25;
 
-#[derive(Deserialize)]
+/// A path file: where the camera is wanted.
+#[derive(Deserialize, JsonSchema)]
 struct Document {
+    /// The wanted cameras: one per frame, or with times between which they are interpolated.
     #[serde(alias = "stable")]
     wanted: Vec<Entry>,
+    /// The input's own cameras in the same world, one per frame.
     #[serde(alias = "shaky")]
     input: Vec<Entry>,
 }
 
-#[derive(Deserialize)]
+/// A pose `cam_from_world`, its rotation as a quaternion or a matrix.
+#[derive(Deserialize, JsonSchema)]
 struct Entry {
+    /// When the camera is there, s.
     #[serde(default)]
     time_s: Option<f64>,
+    /// Rotation `[w, x, y, z]`.
     #[serde(default)]
     q: Option<[f64; 4]>,
+    /// Rotation matrix, row by row.
     #[serde(default, rename = "R")]
     r: Option<[[f64; 3]; 3]>,
+    /// Translation.
     t: [f64; 3],
+}
+
+/// The JSON schema of the path file.
+pub(in crate::pipeline) fn path_file_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
 }
 
 /// The wanted cameras of every frame, in the coordinates of the recovered ones.

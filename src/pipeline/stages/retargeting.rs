@@ -13,6 +13,7 @@ use crate::pipeline::graph::Graph;
 use crate::pipeline::kinds::{LensUndistortSettings, VideoRetargetSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{Ratio, TargetSize};
+use crate::pipeline::summary::WindowSummary;
 
 /// Finds the grids.
 pub(super) fn run(
@@ -39,6 +40,8 @@ pub(super) fn run(
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
         other => RunError::Input(other.to_string()),
     })?;
+    context.summary.window =
+        grids.window().map(|w| WindowSummary { kept: [w.share.0, w.share.1], range_px: [w.range_px.0, w.range_px.1] });
     context.values.put(stage, "warp", grids);
     Ok(())
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix2;
 
+use super::analysis::told_focal_px;
 use super::context::Context;
 use super::photo::clip_lens;
 use crate::math::{Point2, PointMap};
@@ -33,10 +34,12 @@ pub(super) fn run(
     settings: &LensUndistortSettings,
 ) -> Result<(), RunError> {
     let decode = context.required(stage, "frames")?.from;
-    let (_, reader) = context.open(decode)?;
+    let (input, reader) = context.open(decode)?;
     let video = reader.info().clone();
     drop(reader);
-    let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height))?;
+    let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height), || {
+        told_focal_px(&input)
+    })?;
     found.warnings.into_iter().for_each(|w| context.warn(w));
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
     let mut options = options(settings, &video);

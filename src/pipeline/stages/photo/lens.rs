@@ -6,6 +6,7 @@ use crate::camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun
 use crate::image::still::{ExifTags, Photo};
 use crate::photo::Line;
 use crate::photo::calibration::{CalibrationOptions, LineRole, calibrate};
+use crate::photo::rectangle::Outline;
 use crate::pipeline::kinds::{FovAxis, LinesDetectSettings, PhotoRectifySettings};
 use crate::pipeline::run_error::RunError;
 
@@ -59,15 +60,40 @@ pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Fou
     if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov) } else { given(&facts, size, wish) }
 }
 
-/// The lens that is said to have taken a clip of so many px.
+/// The lens of a picture; `None` where none is known and the picture is a stitched one, which no lens took.
+pub(super) fn find_unless_stitched(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Option<Found>, RunError> {
+    let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
+    match find(photo, marked, wish) {
+        Err(_) if wish.lens == "auto" && stitched() => Ok(None),
+        found => found.map(Some),
+    }
+}
+
+/// The lens that is said to have taken a clip of so many px; `auto` is a rectilinear one with the field of view that is given, or
+/// with the focal length, px, that the clip tells.
 pub(in crate::pipeline::stages) fn clip_lens(
     lens: &str,
     fov: Option<f64>,
     axis: FovAxis,
     (width, height): (usize, usize),
+    told_focal_px: impl FnOnce() -> Option<f64>,
 ) -> Result<Found, RunError> {
     let size = (width as f64, height as f64);
     let wish = Wish::new(lens, fov, axis);
+    if lens == "auto" {
+        if let Some(fov) = wish.fov {
+            return named(Projection::Rectilinear, fov, size);
+        }
+        let focal = told_focal_px().ok_or_else(|| {
+            let help = "give --lens FILE, or --lens MODEL with --fov DEG";
+            RunError::Usage(format!("the lens is not known, and the clip tells no focal length: {help}"))
+        })?;
+        let fov = 2.0 * (0.5 * size.0 / focal).atan();
+        let fov = FieldOfView::degrees(fov.to_degrees(), FieldAxis::Horizontal);
+        let mut found = named(Projection::Rectilinear, fov, size)?;
+        found.warnings.push(format!("the lens is taken for a rectilinear one of {focal:.0} px, which the clip tells"));
+        return Ok(found);
+    }
     if Projection::named(lens).is_some() && fov.is_none() {
         return Err(RunError::Usage(format!("the lens `{lens}` needs a field of view: give --fov DEG (`fov`)")));
     }

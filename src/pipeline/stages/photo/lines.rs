@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::lens::{self, Found, Wish};
-use super::picture;
+use super::{begin, cannot, picture};
 use crate::image::still::Photo;
 use crate::image::{Plane, analysis_luma};
 use crate::math::Point2;
 use crate::photo::Line;
 use crate::photo::line_detection::{LineDetectionOptions, detect_lines};
 use crate::photo::marks::LinesFile;
-use crate::pipeline::kinds::{LinesDetectSettings, LinesLoadSettings};
+use crate::pipeline::kinds::{LinesDetectSettings, LinesLoadSettings, LinesSaveSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 
@@ -24,6 +24,8 @@ pub(super) struct LineSet {
     pub(super) lines: Vec<Line>,
     /// `None` for lines that were marked: they may tell the lens themselves.
     pub(super) lens: Option<Arc<Found>>,
+    /// They were found, not marked: each is as straight as the lens says, and its ends tell all of it.
+    pub(super) found: bool,
 }
 
 /// Reads marked lines.
@@ -40,7 +42,7 @@ pub(super) fn load(context: &mut Context<'_, '_>, stage: usize, settings: &Lines
         context.warn(format!("{}: {note}", path.display()));
     }
     let lines = file.in_use().cloned().collect();
-    context.values.put(stage, "lines", LineSet { lines, lens: None });
+    context.values.put(stage, "lines", LineSet { lines, lens: None, found: false });
     Ok(())
 }
 
@@ -60,14 +62,33 @@ pub(super) fn detect(
     Ok(())
 }
 
+/// Writes lines as marked ones, all in use. Of those that were found the ends: more points would be taken for measurements
+/// from which the lens can be told, but they follow from the lens.
+pub(super) fn save(context: &mut Context<'_, '_>, stage: usize, settings: &LinesSaveSettings) -> Result<(), RunError> {
+    let photo = picture(context, stage, "image")?;
+    let set = context.values.get::<LineSet>(context.required(stage, "lines")?)?;
+    let kept = |line: &Line| match (set.found, line.points.as_slice()) {
+        (true, [first, .., last]) => Line { points: vec![*first, *last], ..line.clone() },
+        _ => line.clone(),
+    };
+    let size = (photo.frame.width as u32, photo.frame.height as u32);
+    let text = LinesFile::new(size, set.lines.iter().map(kept).collect()).to_json();
+    let path = Path::new(&settings.path);
+    let unfinished = begin(path)?;
+    std::fs::write(unfinished.path(), text).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+    context.summary.outputs.push(path.to_owned());
+    Ok(())
+}
+
 fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunError> {
     let lens = match Wish::of_lines(settings) {
-        Some(wish) => Some(Arc::new(lens::find(photo, &[], wish)?)),
+        Some(wish) => lens::find_unless_stitched(photo, &[], wish)?.map(Arc::new),
         None => None,
     };
     let mut luma = Plane::new(0, 0);
     if !analysis_luma(&photo.frame, MOST_PX, &mut luma) {
-        return Ok(LineSet { lines: Vec::new(), lens });
+        return Ok(LineSet { lines: Vec::new(), lens, found: true });
     }
     let (width, height) = (luma.width(), luma.height());
     let levels = Plane::from_fn(width, height, |x, y| f32::from(luma.as_ref().row(y)[x]));
@@ -80,5 +101,5 @@ fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunEr
     let line = |line: Line| Line { points: line.points.iter().map(at).collect(), ..line };
     let wanted = |line: &Line| !settings.without.contains(&line.name);
     let lines = detection.lines.into_iter().map(|d| line(d.line)).filter(wanted).collect();
-    Ok(LineSet { lines, lens })
+    Ok(LineSet { lines, lens, found: true })
 }

@@ -12,11 +12,13 @@ mod lines;
 mod load;
 mod map_export;
 mod numpy;
+mod rectangle;
 mod rectify;
 mod render;
 mod report;
 mod retarget;
 mod save;
+mod transparency;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -30,8 +32,8 @@ use crate::pipeline::graph::Graph;
 use crate::pipeline::job::Values;
 use crate::pipeline::kinds::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
-    ImageSaveSettings, ImportanceSettings, LinesDetectSettings, LinesLoadSettings, MapExportSettings,
-    PhotoRectifySettings, PhotoReportSettings, PhotoRetargetSettings,
+    ImageSaveSettings, ImportanceSettings, LinesDetectSettings, LinesLoadSettings, LinesSaveSettings,
+    MapExportSettings, PhotoRectangleSettings, PhotoRectifySettings, PhotoReportSettings, PhotoRetargetSettings,
 };
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::LinesSummary;
@@ -57,6 +59,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         lines::load(context, stage, settings)
     } else if let Some(settings) = settings.get::<LinesDetectSettings>() {
         lines::detect(context, stage, settings)
+    } else if let Some(settings) = settings.get::<LinesSaveSettings>() {
+        lines::save(context, stage, settings)
     } else if let Some(settings) = settings.get::<FacesLoadSettings>() {
         faces::load(context, stage, settings)
     } else if let Some(settings) = settings.get::<FacesDetectSettings>() {
@@ -65,6 +69,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         importance::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<PhotoRectifySettings>() {
         rectify::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<PhotoRectangleSettings>() {
+        rectangle::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<PhotoRetargetSettings>() {
         retarget::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<ImageRenderSettings>() {

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use serde_json::{Map, json};
 
 use super::lens::{self, Wish};
-use super::{PhotoMap, all_lines, picture, tell_lines};
+use super::{PhotoMap, all_lines, picture, rectangle, tell_lines};
 use crate::camera::{Lens, Projection};
 use crate::feature::{Face, Importance};
 use crate::math::Rect;
+use crate::photo::rectangle::RectangleShape;
 use crate::photo::rectify::{
     Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, Window, rectify,
 };
@@ -38,8 +39,13 @@ pub(super) fn run(
         None => None,
     };
     let found = match set.lens {
-        Some(found) => found,
-        None => Arc::new(lens::find(&photo, &lines, Wish::of_rectify(settings))?),
+        Some(found) => Some(found),
+        None => lens::find_unless_stitched(&photo, &lines, Wish::of_rectify(settings))?.map(Arc::new),
+    };
+    let Some(found) = found else {
+        let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
+        context.warn(note.to_owned());
+        return rectangle::make(context, stage, &lines, &faces, shape(settings));
     };
     found.warnings.iter().for_each(|w| context.warn(w.clone()));
     context.job.check_cancel()?;
@@ -60,6 +66,15 @@ pub(super) fn run(
     told.insert("faces".into(), faces.len().into());
     context.values.put(stage, "warp", Arc::new(PhotoMap { warp, told }));
     Ok(())
+}
+
+/// The shape of a rectangle for the wishes on size and crop.
+fn shape(settings: &PhotoRectifySettings) -> RectangleShape {
+    match (settings.size, settings.crop) {
+        (Some(size), _) => RectangleShape::Exact(size.width as usize, size.height as usize),
+        (None, CropWish::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
+        (None, _) => RectangleShape::Natural,
+    }
 }
 
 fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {

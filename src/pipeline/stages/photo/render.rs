@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix2x3};
 
+use super::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
 use super::{PhotoMap, map_at, picture, with_pixels};
+use crate::image::Frame;
 use crate::math::{Point2, PointMap};
 use crate::pipeline::kinds::{self, ImageRenderSettings, PhotoBorder};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
-use crate::render::{Border, Interpolation, RenderError, RenderOptions, Renderer};
+use crate::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
 use crate::warp::{Lattice, Map, WarpField};
 
 /// Samples the picture. One that keeps its size and has no map is handed on as it is.
@@ -27,9 +29,36 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageR
         Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
         map => Lattice::between(&resized(map, natural, size), size, source),
     };
-    let frame = renderer(settings).render_still(&photo.frame, &lattice).map_err(|e| render_error(context, &e))?;
+    let frame = sampled(&photo.frame, &lattice, settings).map_err(|e| render_error(context, &e))?;
     context.values.put(stage, "image", Arc::new(with_pixels(&photo, frame)));
     Ok(())
+}
+
+/// The picture through a lattice, and what stands where it shows nothing.
+fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings) -> Result<Frame, RenderError> {
+    let renderer = renderer(settings);
+    if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+        return renderer.render_still(frame, lattice);
+    }
+    let lost = RenderError::Plane { plane: 0, role: "source" };
+    let (mut made, shown) = if frame.format.alpha {
+        let made = renderer.render_still(frame, lattice)?;
+        let shown = opacity(&made).ok_or(lost.clone())?;
+        (made, shown)
+    } else {
+        // Colors go on beyond the edge, so that a pixel shown in part has the color of what it shows.
+        let options = RenderOptions { border: Border::Replicate, ..options(settings) };
+        let made = Renderer::new(options).render_still(frame, lattice)?;
+        let mask = mask_of(frame, settings.border == PhotoBorder::Fill).ok_or(lost.clone())?;
+        let mask = renderer.render_still(&mask, lattice)?;
+        let shown = plane_of(&mask).ok_or(lost.clone())?;
+        (made, shown)
+    };
+    if settings.border == PhotoBorder::Fill {
+        complete(&mut made, &eroded(&shown))?;
+        return Ok(made);
+    }
+    if frame.format.alpha { Ok(made) } else { with_alpha(&made, &shown).ok_or(lost) }
 }
 
 /// The map followed by a resize: where the pixels of the resized output come from.
@@ -56,17 +85,21 @@ impl PointMap for Shared {
 }
 
 fn renderer(settings: &ImageRenderSettings) -> Renderer {
-    Renderer::new(RenderOptions {
+    Renderer::new(options(settings))
+}
+
+fn options(settings: &ImageRenderSettings) -> RenderOptions {
+    RenderOptions {
         interpolation: match settings.interpolation {
             kinds::Interpolation::Bicubic => Interpolation::Bicubic,
             kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
         },
         border: match settings.border {
-            PhotoBorder::Black => Border::Black,
+            PhotoBorder::Black | PhotoBorder::Transparent | PhotoBorder::Fill => Border::Black,
             PhotoBorder::Mirror => Border::Mirror,
             PhotoBorder::Replicate => Border::Replicate,
         },
-    })
+    }
 }
 
 fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {

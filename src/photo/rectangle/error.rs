@@ -1,0 +1,43 @@
+//! Why a picture cannot be made a rectangle.
+
+use crate::energy::EnergyError;
+use crate::warp::FieldError;
+
+/// What can be wrong. Unless said otherwise the fault is the caller's.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RectangleError {
+    /// Nothing around the picture is of one color.
+    #[error(
+        "nothing lies around the picture: a border that is transparent, black or white along the frame is what \
+         rectangling fills"
+    )]
+    NoBorder,
+    /// What is left after the border is no picture.
+    #[error(
+        "only {percent:.1} % of the picture lies inside its border (expected at least 20): is it the right picture?"
+    )]
+    Empty {
+        /// Share inside, %.
+        percent: f64,
+    },
+    /// The outline cannot be laid out without folds.
+    #[error("the outline of the picture is too ragged to become a rectangle: crop it first")]
+    Ragged,
+    /// An option that is no number in its range.
+    #[error("{name} is {value} (expected {range})")]
+    Option {
+        /// What it is.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// The energy has no minimizer: an input is not finite.
+    #[error(transparent)]
+    Energy(#[from] EnergyError),
+    /// The grid is no warp: an input is not finite.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+}

@@ -1,0 +1,303 @@
+//! Panoramas with an irregular outline as rectangles.
+//!
+//! What stitching leaves has a ragged border. A crop to the largest rectangle loses much of it, filling invents; warping keeps
+//! all and bends a little where it shows least. The outline is found (`outline.rs`), the picture grown to its bounding
+//! rectangle by seams, which says where the grid lies in it (`seams.rs`, `start.rs`), and the grid is solved for shapes, lines
+//! and a straight border (`energy.rs`). Then the rectangle takes the shape that stretches least: with `s_x`, `s_y` the mean
+//! growth of the cells along x and y, a rectangle of `w/s_x × h/s_y` leaves none, and the grid is solved again in it.
+//!
+//! **Folds.** The grid in the picture has none. A solved grid that folds is solved again with four times the weight where it
+//! does, and drawn back towards the last that does not if that does not help.
+//!
+//! # Reference
+//! K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, ACM Trans. Graph. (SIGGRAPH) 32 (2013).
+
+mod energy;
+mod error;
+mod outline;
+mod seams;
+mod start;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix2, Vector2};
+
+pub use error::RectangleError;
+pub use outline::Outline;
+
+use super::rectify::drawn_back;
+use super::warp::PhotoWarp;
+use super::{Line, report};
+use crate::image::PlaneRef;
+use crate::math::{Point2, PointMap, Rect};
+use crate::mesh::{Grid, GridMesh};
+use crate::warp::{InverseMesh, Map, WarpField};
+use energy::Rectangling;
+
+/// Largest side of an output, px: what the renderer takes.
+const MAX_SIDE: usize = 16_384;
+/// Solves of grid and turns in turn, for each shape of the rectangle.
+const ROUNDS: usize = 10;
+/// Times the shape of folding cells is raised before the grid is drawn back.
+const FOLD_ROUNDS: usize = 6;
+/// Least share of the picture inside its outline.
+const LEAST_INSIDE: f64 = 0.2;
+/// Points along the longer side at which the result is tried for pixels from outside.
+const TRIED: usize = 600;
+
+/// Shape of the output.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum RectangleShape {
+    /// The one that stretches least, as dense as the picture.
+    #[default]
+    Natural,
+    /// This ratio of width to height, as dense as the picture.
+    Aspect(f64),
+    /// So many pixels.
+    Exact(usize, usize),
+}
+
+/// How to make a rectangle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RectangleOptions {
+    /// Shape of the output.
+    pub shape: RectangleShape,
+    /// Cells of the grid, about; 64 to 10 000. With 400, as in the paper, ragged outlines lose more of what is there.
+    pub cells: usize,
+    /// `λ`: straightness of lines relative to the shape of cells, ≥ 0.
+    pub straightness: f64,
+    /// Weight of cells with faces, ≥ 1.
+    pub faces: f64,
+}
+
+impl Default for RectangleOptions {
+    fn default() -> Self {
+        Self { shape: RectangleShape::default(), cells: 1600, straightness: 1000.0, faces: 10.0 }
+    }
+}
+
+/// What is known of the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct RectangleInput<'a> {
+    /// Width and height, px.
+    pub size: (usize, usize),
+    /// Where the picture ends.
+    pub outline: &'a Outline,
+    /// Its gray levels, at any resolution.
+    pub luma: PlaneRef<'a, u8>,
+    /// Lines that stay straight, px.
+    pub lines: &'a [Line],
+    /// Faces that keep their shape, px.
+    pub faces: &'a [Rect],
+}
+
+/// A picture as a rectangle.
+#[derive(Debug)]
+pub struct Rectangled {
+    /// The map, the grid in the output, the lines.
+    pub warp: PhotoWarp,
+    /// Mean growth of the cells along x and y, before the scale of an exact size.
+    pub stretch: [f64; 2],
+    /// Share of the output that shows what lies outside the outline.
+    pub outside: f64,
+}
+
+/// The warp that makes a picture with an irregular outline a rectangle.
+///
+/// # Errors
+/// [`RectangleError`]: an option out of range, an outline of nothing or too ragged.
+pub fn rectangle(input: &RectangleInput<'_>, options: &RectangleOptions) -> Result<Rectangled, RectangleError> {
+    check(options)?;
+    let share = input.outline.share();
+    if share < LEAST_INSIDE {
+        return Err(RectangleError::Empty { percent: 100.0 * share });
+    }
+    let source = start::start(input.outline, input.luma, input.size, options.cells)?;
+    let weights = weights(&source, input.faces, options.faces);
+    let lines: Vec<Line> = input.lines.iter().filter(|line| !input.outline.runs_along(line)).cloned().collect();
+    let mut energy = Rectangling::new(&source, &lines, weights, options.straightness)?;
+    let bounds = input.outline.bounds_px();
+    let first = shaped((bounds.width(), bounds.height()), options.shape);
+    let (mut mesh, mut solves) = solved(&mut energy, regular(&source, first), first)?;
+    let mut size = first;
+    if options.shape == RectangleShape::Natural {
+        let [sx, sy] = stretch(&source, &mesh);
+        size = (first.0 / sx, first.1 / sy);
+        let start = scaled(&mesh, size.0 / first.0, size.1 / first.1);
+        let (again, more) = solved(&mut energy, start, size)?;
+        (mesh, solves) = (again, solves + more);
+    }
+    let stretch = stretch(&source, &mesh);
+    let out = pixels(size, options.shape)?;
+    let mesh = scaled(&mesh, out.0 as f64 / size.0, out.1 as f64 / size.1);
+    let mut warp = warp(&source, mesh, out, solves)?;
+    warp.lines = lines.iter().map(|line| report::of_line(line, None, &warp)).collect();
+    let outside = outside(&warp, input.outline);
+    Ok(Rectangled { warp, stretch, outside })
+}
+
+fn check(options: &RectangleOptions) -> Result<(), RectangleError> {
+    let aspect = if let RectangleShape::Aspect(aspect) = options.shape { aspect } else { 1.0 };
+    let (width, height) = if let RectangleShape::Exact(w, h) = options.shape { (w, h) } else { (1, 1) };
+    let side = |n: usize| (1..=MAX_SIDE).contains(&n);
+    let numbers = [
+        ("ratio of the rectangle", aspect, (0.01..=100.0).contains(&aspect), "0.01 to 100"),
+        ("width of the output", width as f64, side(width), "1 to 16384 px"),
+        ("height of the output", height as f64, side(height), "1 to 16384 px"),
+        ("cells", options.cells as f64, (64..=10_000).contains(&options.cells), "64 to 10000"),
+        ("straightness", options.straightness, (0.0..=1e8).contains(&options.straightness), "0 to 1e8"),
+        ("weight of faces", options.faces, (1.0..=1e6).contains(&options.faces), "1 to 1e6"),
+    ];
+    match numbers.into_iter().find(|(_, _, valid, _)| !valid) {
+        Some((name, value, _, range)) => Err(RectangleError::Option { name, value, range }),
+        None => Ok(()),
+    }
+}
+
+/// The rectangle of the wanted shape with the area of another.
+fn shaped((width, height): (f64, f64), shape: RectangleShape) -> (f64, f64) {
+    let aspect = match shape {
+        RectangleShape::Natural => return (width, height),
+        RectangleShape::Aspect(aspect) => aspect,
+        RectangleShape::Exact(w, h) => w as f64 / h as f64,
+    };
+    let area = width * height;
+    ((area * aspect).sqrt(), (area / aspect).sqrt())
+}
+
+fn pixels(size: (f64, f64), shape: RectangleShape) -> Result<(usize, usize), RectangleError> {
+    if let RectangleShape::Exact(w, h) = shape {
+        return Ok((w, h));
+    }
+    let side = |name, v: f64| {
+        let px = v.round();
+        let valid = (1.0..=MAX_SIDE as f64).contains(&px);
+        if valid { Ok(px as usize) } else { Err(RectangleError::Option { name, value: v, range: "1 to 16384 px" }) }
+    };
+    Ok((side("width of the output", size.0)?, side("height of the output", size.1)?))
+}
+
+/// More where faces are.
+fn weights(source: &GridMesh, faces: &[Rect], face: f64) -> Vec<f64> {
+    let weight = |cell: usize| {
+        let center = source.quad(cell).at(0.5, 0.5);
+        let near = |r: &Rect| {
+            let d = center - r.center();
+            d.x.abs() < 0.75 * r.width() && d.y.abs() < 0.9 * r.height()
+        };
+        if faces.iter().any(near) { face } else { 1.0 }
+    };
+    (0..source.cols * source.rows).map(weight).collect()
+}
+
+fn regular(source: &GridMesh, (width, height): (f64, f64)) -> GridMesh {
+    Grid { cols: source.cols, rows: source.rows, width, height }.to_mesh()
+}
+
+fn scaled(mesh: &GridMesh, x: f64, y: f64) -> GridMesh {
+    let vertices = mesh.vertices.iter().map(|v| Point2::new(v.x * x, v.y * y)).collect();
+    GridMesh { cols: mesh.cols, rows: mesh.rows, vertices }
+}
+
+/// The grid over a rectangle, from one without folds, and the solves it took.
+fn solved(
+    energy: &mut Rectangling<'_>,
+    mut sound: GridMesh,
+    size: (f64, f64),
+) -> Result<(GridMesh, usize), RectangleError> {
+    let mut solves = 0;
+    for _ in 0..FOLD_ROUNDS {
+        let mut found = energy.solve(size, None)?;
+        for _ in 0..ROUNDS {
+            let turns = energy.turns(&found);
+            found = energy.solve(size, Some(&turns))?;
+        }
+        solves += ROUNDS + 1;
+        let folded: Vec<usize> =
+            (0..energy.weights.len()).filter(|&cell| !(found.quad(cell).least_jacobian() > 0.0)).collect();
+        if folded.is_empty() {
+            return Ok((found, solves));
+        }
+        sound = drawn_back(&sound, &found);
+        stiffen(&mut energy.weights, &folded, (found.cols, found.rows));
+    }
+    Ok((sound, solves))
+}
+
+/// Four times the weight in these cells and those around them.
+fn stiffen(weights: &mut [f64], folded: &[usize], (cols, rows): (usize, usize)) {
+    let mut touched = vec![false; weights.len()];
+    for cell in folded {
+        let (i, j) = (cell % cols, cell / cols);
+        for row in j.saturating_sub(1)..(j + 2).min(rows) {
+            touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
+        }
+    }
+    weights.iter_mut().zip(touched).filter(|(_, touched)| *touched).for_each(|(w, _)| *w *= 4.0);
+}
+
+/// Mean growth of the cells along x and y.
+fn stretch(source: &GridMesh, out: &GridMesh) -> [f64; 2] {
+    let cells = source.cols * source.rows;
+    let extent = |mesh: &GridMesh, cell: usize, axis: usize| {
+        let along = mesh.quad(cell).0.map(|p| p[axis]);
+        along.into_iter().fold(f64::MIN, f64::max) - along.into_iter().fold(f64::MAX, f64::min)
+    };
+    let mean = |axis: usize| {
+        (0..cells).map(|cell| extent(out, cell, axis) / extent(source, cell, axis)).sum::<f64>() / cells as f64
+    };
+    [mean(0), mean(1)]
+}
+
+/// The warp of a grid in the picture and in the output.
+fn warp(
+    source: &GridMesh,
+    mesh: GridMesh,
+    size: (usize, usize),
+    iterations: usize,
+) -> Result<PhotoWarp, RectangleError> {
+    let (cols, rows) = (source.cols as f64, source.rows as f64);
+    let grid = Grid { cols: source.cols, rows: source.rows, width: cols, height: rows };
+    let inverse = Map::Mesh(InverseMesh::new(&mesh, cols, rows)?);
+    let field = WarpField { chain: vec![inverse, Map::Radial(Box::new(InPicture { grid, mesh: source.clone() }))] };
+    let (back, moved) = (InverseMesh::new(source, cols, rows)?, mesh.clone());
+    let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(back.map(p)?)?)));
+    Ok(PhotoWarp { field, size, mesh, forward, lines: Vec::new(), iterations })
+}
+
+/// From the unit cells of a grid to the picture.
+#[derive(Clone, Debug)]
+struct InPicture {
+    grid: Grid,
+    mesh: GridMesh,
+}
+
+impl PointMap for InPicture {
+    fn map(&self, p: Point2) -> Option<Point2> {
+        let held = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
+        Some(self.mesh.at(self.grid.locate(held)?))
+    }
+
+    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
+        let held = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
+        let at = self.grid.locate(held)?;
+        let [a, b, c, d] = self.mesh.quad(at.cell).0;
+        let along: Vector2<f64> = (b - a) * (1.0 - at.t) + (d - c) * at.t;
+        let down: Vector2<f64> = (c - a) * (1.0 - at.s) + (d - b) * at.s;
+        Some(Matrix2::from_columns(&[along, down]))
+    }
+}
+
+/// Share of the output that comes from outside.
+fn outside(warp: &PhotoWarp, outline: &Outline) -> f64 {
+    let (width, height) = (warp.size.0 as f64, warp.size.1 as f64);
+    let step = width.max(height) / TRIED as f64;
+    let count = |length: f64| (length / step).ceil().max(1.0) as usize;
+    let (cols, rows) = (count(width), count(height));
+    let at = |k: usize| {
+        let (i, j) = ((k % cols) as f64 + 0.5, (k / cols) as f64 + 0.5);
+        Point2::new(width * i / cols as f64, height * j / rows as f64)
+    };
+    let lost = (0..cols * rows).filter(|&k| !warp.field.map(at(k)).is_some_and(|p| outline.contains(p))).count();
+    lost as f64 / (cols * rows) as f64
+}
