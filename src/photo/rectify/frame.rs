@@ -52,9 +52,14 @@ pub(super) struct Unframed {
 
 impl Unframed {
     /// The warp of the part that the options ask for.
-    pub(super) fn framed(mut self, lens: &Lens, options: &RectifyOptions) -> Result<PhotoWarp, RectifyError> {
+    pub(super) fn framed(
+        mut self,
+        lens: &Lens,
+        faces: &[Rect],
+        options: &RectifyOptions,
+    ) -> Result<PhotoWarp, RectifyError> {
         let bounds = bounds(&self.mesh).ok_or(RectifyError::EmptyView)?;
-        let frame = self.crop(bounds, lens, options).ok_or(RectifyError::EmptyView)?;
+        let frame = self.crop(bounds, lens, faces, options).ok_or(RectifyError::EmptyView)?;
         let (size, scale) = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));
@@ -72,7 +77,7 @@ impl Unframed {
     }
 
     /// The part of the plane that is kept; `None` where the picture fills nothing.
-    fn crop(&mut self, bounds: Rect, lens: &Lens, options: &RectifyOptions) -> Option<Rect> {
+    fn crop(&mut self, bounds: Rect, lens: &Lens, _faces: &[Rect], options: &RectifyOptions) -> Option<Rect> {
         let pixel = bounds.width().max(bounds.height()) / RASTER as f64;
         let plane_from_raster = Matrix2x3::new(pixel, 0.0, bounds.min.x, 0.0, pixel, bounds.min.y);
         self.maps.insert(0, Map::Affine(plane_from_raster));
