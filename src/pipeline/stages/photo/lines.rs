@@ -24,6 +24,8 @@ pub(super) struct LineSet {
     pub(super) lines: Vec<Line>,
     /// `None` for lines that were marked: they may tell the lens themselves.
     pub(super) lens: Option<Arc<Found>>,
+    /// They were found, not marked.
+    pub(super) found: bool,
 }
 
 /// Reads marked lines.
@@ -40,7 +42,7 @@ pub(super) fn load(context: &mut Context<'_, '_>, stage: usize, settings: &Lines
         context.warn(format!("{}: {note}", path.display()));
     }
     let lines = file.in_use().cloned().collect();
-    context.values.put(stage, "lines", LineSet { lines, lens: None });
+    context.values.put(stage, "lines", LineSet { lines, lens: None, found: false });
     Ok(())
 }
 
@@ -67,7 +69,7 @@ fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunEr
     };
     let mut luma = Plane::new(0, 0);
     if !analysis_luma(&photo.frame, MOST_PX, &mut luma) {
-        return Ok(LineSet { lines: Vec::new(), lens });
+        return Ok(LineSet { lines: Vec::new(), lens, found: true });
     }
     let (width, height) = (luma.width(), luma.height());
     let levels = Plane::from_fn(width, height, |x, y| f32::from(luma.as_ref().row(y)[x]));
@@ -80,5 +82,5 @@ fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunEr
     let line = |line: Line| Line { points: line.points.iter().map(at).collect(), ..line };
     let wanted = |line: &Line| !settings.without.contains(&line.name);
     let lines = detection.lines.into_iter().map(|d| line(d.line)).filter(wanted).collect();
-    Ok(LineSet { lines, lens })
+    Ok(LineSet { lines, lens, found: true })
 }
