@@ -15,7 +15,7 @@ use plumbline::feature::Importance;
 use plumbline::image::Plane;
 use plumbline::math::{Point2, Rect, Vec2};
 use plumbline::mesh::GridMesh;
-use plumbline::photo::rectify::{RectifyInput, RectifyOptions, Rectifier};
+use plumbline::photo::rectify::{Rectifier, RectifyInput, RectifyOptions};
 use plumbline::photo::retarget::{RetargetOptions, Retargeter};
 use plumbline::photo::{Line, Orientation};
 

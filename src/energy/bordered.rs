@@ -16,7 +16,7 @@
 //! So a border of another size, or one that meets other elements, costs no new analysis. `K` by itself holds what the border
 //! could let go (`q = 0`); it is positive definite wherever the whole is.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::{EnergyError, Ordering, QuadraticEnergy};
 use crate::sparse::SparseError;
@@ -34,6 +34,8 @@ pub struct BorderedEnergy {
     corner: DMatrix<f64>,
     /// `d`.
     corner_rhs: DVector<f64>,
+    /// Factor of `S`; none before the first [`Self::minimize`], nor for an empty border.
+    schur: Option<Cholesky<f64, Dyn>>,
     /// `q`.
     border: Vec<f64>,
     work: Vec<f64>,
@@ -53,7 +55,8 @@ impl BorderedEnergy {
         let inner = QuadraticEnergy::new(n, elements, ordering)?;
         let (corner, corner_rhs) = (DMatrix::zeros(0, 0), DVector::zeros(0));
         let (border, work) = (Vec::new(), Vec::new());
-        Ok(Self { inner, columns: Vec::new(), corner, corner_rhs, border, work, solution: vec![0.0; n] })
+        let (columns, solution) = (Vec::new(), vec![0.0; n]);
+        Ok(Self { inner, columns, corner, corner_rhs, schur: None, border, work, solution })
     }
 
     /// Forgets all terms; the border has `border` unknowns from now on.
@@ -104,24 +107,43 @@ impl BorderedEnergy {
     /// # Errors
     /// [`EnergyError::Solve`] where the terms leave something free or are not finite.
     pub fn minimize(&mut self) -> Result<&[f64], EnergyError> {
-        self.inner.minimize()?;
-        self.solution.copy_from_slice(self.inner.solution());
-        if self.columns.is_empty() {
-            return Ok(&self.solution);
+        self.inner.factor()?;
+        self.schur = None;
+        if !self.columns.is_empty() {
+            let n = self.solution.len();
+            let singular = || EnergyError::Solve(SparseError::Pivot { unknown: n });
+            self.schur = Some(self.schur_complement().cholesky().ok_or_else(singular)?);
         }
-        let schur = self.schur_complement();
-        let without: Vec<f64> = self.columns.iter().map(|column| dot(column, &self.solution)).collect();
-        let rhs = &self.corner_rhs - DVector::from_vec(without);
-        let n = self.solution.len();
-        let singular = || EnergyError::Solve(SparseError::Pivot { unknown: n });
-        let border = schur.cholesky().ok_or_else(singular)?.solve(&rhs);
+        let mut solution = self.inner.rhs().to_vec();
+        let border = self.solve(&mut solution, &self.corner_rhs.clone());
         self.border.copy_from_slice(border.as_slice());
-        self.solution.copy_from_slice(self.inner.rhs());
-        for (column, q) in self.columns.iter().zip(&self.border) {
-            column.iter().for_each(|&(i, b)| self.solution[i as usize] -= b * q);
-        }
-        self.inner.solve_in_place(&mut self.solution);
+        self.solution = solution;
         Ok(&self.solution)
+    }
+
+    /// The sparse part of the answer to a right-hand side `r` over the sparse unknowns other than the terms' own, `d = 0`;
+    /// the terms must not have changed since [`Self::minimize`].
+    pub fn response(&mut self, r: &[f64]) -> Vec<f64> {
+        let mut u = r.to_vec();
+        self.solve(&mut u, &DVector::zeros(self.columns.len()));
+        u
+    }
+
+    /// Replaces `r` by `u`, and gives `q`.
+    fn solve(&mut self, r: &mut [f64], d: &DVector<f64>) -> DVector<f64> {
+        let Some(schur) = &self.schur else {
+            self.inner.solve_in_place(r);
+            return DVector::zeros(0);
+        };
+        let mut without = r.to_vec();
+        self.inner.solve_in_place(&mut without);
+        let meets = self.columns.iter().map(|column| dot(column, &without));
+        let border = schur.solve(&(d - DVector::from_iterator(d.len(), meets)));
+        for (column, q) in self.columns.iter().zip(border.iter()) {
+            column.iter().for_each(|&(i, b)| r[i as usize] -= b * q);
+        }
+        self.inner.solve_in_place(r);
+        border
     }
 
     /// `S`, a block of columns at a time.
@@ -190,6 +212,14 @@ mod tests {
             let u = bordered.minimize().expect("held").to_vec();
             let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
             assert!(near(&x[..n], &u) && near(&x[n..n + border], bordered.border()), "a border of {border}");
+            // Superposition: a target that one more term has is answered by the response to it.
+            let mut unit = vec![0.0; n];
+            unit[7] = 0.5;
+            let response = bordered.response(&unit);
+            bordered.add(7, 1e-20, &[1.0, 0.0], 0.5e20);
+            let both = bordered.minimize().expect("held").to_vec();
+            let sum: Vec<f64> = u.iter().zip(&response).map(|(u, r)| u + r).collect();
+            assert!(near(&both, &sum), "a border of {border}");
         }
     }
 

@@ -25,8 +25,8 @@ mod plane_expr;
 mod quadratic;
 mod robust;
 
-pub use bordered::BorderedEnergy;
 pub use crate::sparse::{Complex, Ordering, Scalar};
+pub use bordered::BorderedEnergy;
 pub use error::EnergyError;
 pub use expr::Expr;
 pub use factored::{Factored, Targets};

@@ -117,7 +117,8 @@ impl Coverage {
             rows
         };
         let (left, right) = (outwards(&mut (0..x0).rev()), outwards(&mut (x1..self.cols)));
-        let pairs = left.iter().enumerate().flat_map(|(l, a)| right.iter().enumerate().map(move |(r, b)| (l, *a, r, *b)));
+        let pairs =
+            left.iter().enumerate().flat_map(|(l, a)| right.iter().enumerate().map(move |(r, b)| (l, *a, r, *b)));
         let grown = pairs.map(|(l, a, r, b)| {
             let (top, bottom) = narrowed(a, b);
             [x0 - l, top, x1 + r, bottom]
@@ -170,8 +171,14 @@ impl Coverage {
             kept.is_none_or(|[x0, y0, x1, y1]| i <= x0 && j <= y0 && i + cols >= x1 && j + rows >= y1)
         };
         let (i, j) = places.filter(|&(i, j)| holds(i, j) && full(i, j)).min_by_key(|&(i, j)| off(i, j))?;
-        let slack = crate::math::Vec2::new(cols as f64 - width, rows as f64 - height) * 0.5;
-        let min = self.bounds.min + (crate::math::Vec2::new(i as f64, j as f64) + slack) * self.pixel;
+        // In the middle of the pixels it touches, or as far off it as what is kept demands.
+        let slack = |count: usize, length: f64, at: usize, kept: Option<(usize, usize)>| {
+            let middle = 0.5 * (count as f64 - length);
+            kept.map_or(middle, |(from, to)| middle.max((to - at) as f64 - length).min((from - at) as f64))
+        };
+        let x = i as f64 + slack(cols, width, i, kept.map(|[x0, _, x1, _]| (x0, x1)));
+        let y = j as f64 + slack(rows, height, j, kept.map(|[_, y0, _, y1]| (y0, y1)));
+        let min = self.bounds.min + crate::math::Vec2::new(x, y) * self.pixel;
         Some(Rect { min, max: min + crate::math::Vec2::new(width, height) * self.pixel })
     }
 
@@ -256,7 +263,10 @@ mod tests {
     }
 
     fn holds(outer: &Rect, inner: &Rect) -> bool {
-        outer.min.x <= inner.min.x && outer.min.y <= inner.min.y && outer.max.x >= inner.max.x && outer.max.y >= inner.max.y
+        outer.min.x <= inner.min.x
+            && outer.min.y <= inner.min.y
+            && outer.max.x >= inner.max.x
+            && outer.max.y >= inner.max.y
     }
 
     fn area(r: Rect) -> i64 {

@@ -16,8 +16,11 @@
 //! own grid; `ℓ` says the same for any grid. `E_s` is measured in the chart, so that the chart itself costs nothing.
 //!
 //! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s` is the minimizer of `E`
-//! with the small pull `ε`, multiplied by a number: the energy without the pull is homogeneous. That also decides rotation
-//! and place where no line does.
+//! with the small pull `ε`, multiplied by a number: the energy without the pull is homogeneous. That also decides the place.
+//!
+//! **Rotation.** Where no line has an orientation, the sheet is the one with `Σ s × u = 0`: a multiple of the energy's answer
+//! to the right-hand side `R s` is taken off. It must be kept from turning: the linearized lines of `straight.rs` do not see
+//! distances across a line after a quarter turn, and would have the chart, turned, for a sheet of straight lines.
 //!
 //! **Lines** of free orientation make `E_l` bilinear: it is linearized about the present sheet (`straight.rs`) until no vertex
 //! moves, three or four solves. They are done on cells twice as large first, at an eighth of the cost. What lines and faces
@@ -223,9 +226,16 @@ impl Sheet {
         self.add_lines(lines, mesh);
         self.add_faces(offsets);
         self.add_pull();
-        let solution = self.energy.minimize()?;
-        let found: Vec<Vec2> = solution.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect();
         let rest = self.rest();
+        let pairs = |x: &[f64]| x.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect::<Vec<_>>();
+        let mut found = pairs(self.energy.minimize()?);
+        if lines.iter().all(|line| line.normal.is_none()) {
+            let aside: Vec<f64> = rest.iter().flat_map(|s| [-s.y, s.x]).collect();
+            let answer = pairs(&self.energy.response(&aside));
+            let turn = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| s.perp(a)).sum::<f64>();
+            let share = turn(&found) / turn(&answer);
+            found.iter_mut().zip(answer).for_each(|(u, a)| *u -= share * a);
+        }
         let dot = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| a.dot(s)).sum::<f64>();
         let scale = dot(&rest) / dot(&found);
         Ok(self.mesh(found.into_iter().map(|u| scale * u).collect()))

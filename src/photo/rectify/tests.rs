@@ -161,6 +161,25 @@ fn marks_that_are_not_straight_in_the_world_are_not_continued() {
 }
 
 #[test]
+fn lines_without_any_orientation_settle_without_turning_the_picture() {
+    let fov = FieldOfView::degrees(180.0, FieldAxis::Horizontal);
+    let lens = Lens::from_field_of_view(Projection::Equisolid, fov, (900.0, 900.0)).expect("a lens");
+    // A board close by: five rows and five columns, all of them free.
+    let at = |x: f64, y: f64| Vec3::new(x, y, 0.8);
+    let free = |a, b| line("edge", seen(&lens, a, b, 9), Orientation::Free);
+    let row = |k: i32| free(at(-1.0, 0.3 * f64::from(k)), at(0.9, 0.3 * f64::from(k) + 0.2));
+    let column = |k: i32| free(at(0.4 * f64::from(k), -0.8), at(0.4 * f64::from(k) - 0.1, 0.9));
+    let lines: Vec<Line> = (-2..=2).map(row).chain((-2..=2).map(column)).collect();
+    let options = RectifyOptions { crop: Crop::Rectangle, ..RectifyOptions::default() };
+    let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+    assert!(warp.iterations < 20, "{} solves", warp.iterations);
+    assert!(warp.lines.iter().all(|l| l.max_px < 0.25), "{:?}", warp.lines);
+    let out = |x: f64| (warp.forward)(crate::math::Point2::new(450.0 + x, 450.0)).expect("shown");
+    let across = out(200.0) - out(-200.0);
+    assert!(across.y.abs() < 0.1 * across.x, "{across}");
+}
+
+#[test]
 fn a_line_that_is_dragged_ends_where_a_new_solve_puts_it() {
     let lens = fisheye();
     let mut lines = room(&lens);
