@@ -140,7 +140,9 @@ impl BorderedEnergy {
         let meets = self.columns.iter().map(|column| dot(column, &without));
         let border = schur.solve(&(d - DVector::from_iterator(d.len(), meets)));
         for (column, q) in self.columns.iter().zip(border.iter()) {
-            column.iter().for_each(|&(i, b)| r[i as usize] -= b * q);
+            for &(i, b) in column {
+                r[i as usize] -= b * q;
+            }
         }
         self.inner.solve_in_place(r);
         border
@@ -155,7 +157,9 @@ impl BorderedEnergy {
             self.work.clear();
             self.work.resize(count * n, 0.0);
             for (column, dense) in self.columns[first..].iter().zip(self.work.chunks_exact_mut(n)) {
-                column.iter().for_each(|&(i, b)| dense[i as usize] += b);
+                for &(i, b) in column {
+                    dense[i as usize] += b;
+                }
             }
             self.inner.solve_in_place(&mut self.work);
             for (k, solved) in self.work.chunks_exact(n).enumerate() {

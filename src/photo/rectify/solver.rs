@@ -172,7 +172,9 @@ impl Sheet {
             sound = drawn_back(&sound, &found);
             let touched = self.around(&folded);
             cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= STIFFER);
-            lines.iter_mut().for_each(|line| line.let_go(&touched));
+            for line in &mut lines {
+                line.let_go(&touched);
+            }
         }
         Ok((sound, report))
     }
