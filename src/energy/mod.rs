@@ -7,12 +7,14 @@
 //! There are two doors. [`LeastSquares`] reads like the paper: residuals are expressions, unknowns are points of `D`
 //! coordinates that act alike (or, for `D` = 1, scalars that terms may mix: [`PlaneExpr`]). [`QuadraticEnergy`] is the fast
 //! one: coefficients go straight into a matrix whose pattern is known, nothing is allocated. They give the same minimizer.
+//! [`BorderedEnergy`] adds to the fast one a few unknowns that rows of many elements share.
 //!
 //! Three things may change, each at its own price: targets `b` and fixed values `c` at every [`Factored::solve`], weights
 //! at a [`Factored::reweight`] (one numeric factorization), the fixed *set* and the rows only with a new
 //! [`LeastSquares::factor`]. [`LocalGlobal`] and [`Reweighted`] alternate the first two with a fit of the caller's or a
 //! robust loss.
 
+mod bordered;
 mod error;
 mod expr;
 mod factored;
@@ -24,6 +26,7 @@ mod quadratic;
 mod robust;
 
 pub use crate::sparse::{Complex, Ordering, Scalar};
+pub use bordered::BorderedEnergy;
 pub use error::EnergyError;
 pub use expr::Expr;
 pub use factored::{Factored, Targets};

@@ -105,6 +105,16 @@ impl<T: Scalar> QuadraticEnergy<T> {
         }
     }
 
+    /// Unknowns of an element.
+    pub(super) fn unknowns_of(&self, element: usize) -> &[u32] {
+        &self.unknowns[self.starts[element] as usize..self.starts[element + 1] as usize]
+    }
+
+    /// `Σ w aᴴ b` of what has been added since [`Self::clear`].
+    pub(super) fn rhs(&self) -> &[T] {
+        &self.rhs
+    }
+
     /// Factors what has been added since [`Self::clear`].
     pub(super) fn factor(&mut self) -> Result<(), EnergyError> {
         Ok(self.cholesky.factor(&self.matrix)?)

@@ -23,16 +23,18 @@ pub struct PhotoWarp {
     pub forward: Box<Forward>,
     /// The marked lines, in their order.
     pub lines: Vec<LineReport>,
+    /// Numbers of the given faces of which the output does not show all.
+    pub cut_faces: Vec<usize>,
     /// Solves of the energy; 0 where the map has a closed form.
     pub iterations: usize,
 }
 
 impl std::fmt::Debug for PhotoWarp {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { field, size, mesh, lines, iterations, forward: _ } = self;
+        let Self { field, size, mesh, lines, cut_faces, iterations, forward: _ } = self;
         let mut s = f.debug_struct("PhotoWarp");
         s.field("field", field).field("size", size).field("mesh", mesh).field("lines", lines);
-        s.field("iterations", iterations).finish_non_exhaustive()
+        s.field("cut_faces", cut_faces).field("iterations", iterations).finish_non_exhaustive()
     }
 }
 

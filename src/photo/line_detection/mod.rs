@@ -27,11 +27,16 @@ use super::{Line, Orientation};
 use crate::camera::{Lens, Projection, Vec3};
 use crate::feature::{SegmentOptions, segments};
 use crate::image::PlaneRef;
-use crate::math::{Point2, Vec2};
+use crate::math::{Point2, Rect, Vec2};
 
 use arc::Arc;
 use vanishing::Directions;
 use view::View;
+
+/// How far hair and chin stand outside a face's box, as a share of it.
+const FACE_MARGIN: f64 = 0.25;
+/// Points at which a line is asked whether it lies on a face.
+const SAMPLES: usize = 33;
 
 /// Settings of [`detect_lines`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,6 +107,28 @@ pub fn detect_lines(luma: PlaneRef<'_, f32>, lens: Option<&Lens>, options: &Line
     let directions = if lens.is_some() { Directions::find(&arcs) } else { Directions::default() };
     let lines = select::best(&arcs, &directions, sight, lens.is_none(), options);
     LineDetection { lines, down: directions.down, horizontals: directions.horizontals }
+}
+
+/// The lines that do not lie on faces: what is straight there, glasses or hair, is no building.
+pub fn off_faces(lines: Vec<Line>, faces: &[Rect]) -> Vec<Line> {
+    let on = |p: &Point2| {
+        faces.iter().any(|face| {
+            let margin = Vec2::new(face.width(), face.height()) * FACE_MARGIN;
+            Rect { min: face.min - margin, max: face.max + margin }.contains(*p)
+        })
+    };
+    let free = |line: &Line| 2 * sampled(line).filter(on).count() < SAMPLES;
+    lines.into_iter().filter(free).collect()
+}
+
+/// Points of a line, evenly spread from mark to mark.
+fn sampled(line: &Line) -> impl Iterator<Item = Point2> + '_ {
+    let pieces = (line.points.len() - 1) as f64;
+    (0..SAMPLES).map(move |k| {
+        let at = pieces * k as f64 / (SAMPLES - 1) as f64;
+        let first = (at as usize).min(line.points.len() - 2);
+        line.points[first] + (line.points[first + 1] - line.points[first]) * (at - first as f64)
+    })
 }
 
 /// The edges of a view as pieces of great circles.

@@ -199,3 +199,17 @@ fn what_was_found_can_be_saved_switched_off_by_name_and_read_back() {
         assert!(line.line.points.iter().zip(&again.line.points).all(|(p, q)| (p - q).norm() < 1e-3));
     }
 }
+
+#[test]
+fn lines_on_faces_are_no_lines_of_buildings() {
+    let at = |x: f64, y: f64| Point2::new(x, y);
+    let line =
+        |points: &[Point2]| Line { name: String::new(), points: points.to_vec(), orientation: Orientation::Free };
+    let face = crate::math::Rect { min: at(100.0, 100.0), max: at(200.0, 220.0) };
+    let glasses = line(&[at(110.0, 150.0), at(190.0, 155.0)]);
+    let hair = line(&[at(90.0, 90.0), at(90.0, 200.0)]);
+    let shelf = line(&[at(0.0, 150.0), at(150.0, 150.0), at(600.0, 150.0)]);
+    let lines = vec![glasses, hair, shelf.clone()];
+    assert_eq!(super::off_faces(lines.clone(), &[]), lines);
+    assert_eq!(super::off_faces(lines, &[face]), [shelf], "most of the shelf is beside it");
+}

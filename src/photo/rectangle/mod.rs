@@ -262,7 +262,7 @@ fn warp(
     let field = WarpField { chain: vec![inverse, Map::Radial(Box::new(InPicture { grid, mesh: source.clone() }))] };
     let (back, moved) = (InverseMesh::new(source, cols, rows)?, mesh.clone());
     let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(back.map(p)?)?)));
-    Ok(PhotoWarp { field, size, mesh, forward, lines: Vec::new(), iterations })
+    Ok(PhotoWarp { field, size, mesh, forward, lines: Vec::new(), cut_faces: Vec::new(), iterations })
 }
 
 /// From the unit cells of a grid to the picture.

@@ -13,6 +13,8 @@ use crate::warp::{Lattice, Map, WarpField};
 
 /// Pixels along the longer side of the raster on which the crop is found.
 const RASTER: usize = 800;
+/// A face that stands out of the frame by more than this share of its longer side is cut: two pixels of the raster.
+const CUT: f64 = 2.0 / RASTER as f64;
 /// Largest side of an output, px: what the renderer takes.
 const MAX_SIDE: f64 = 16_384.0;
 
@@ -52,27 +54,34 @@ pub(super) struct Unframed {
 
 impl Unframed {
     /// The warp of the part that the options ask for.
-    pub(super) fn framed(mut self, lens: &Lens, options: &RectifyOptions) -> Result<PhotoWarp, RectifyError> {
+    pub(super) fn framed(
+        mut self,
+        lens: &Lens,
+        faces: &[Rect],
+        options: &RectifyOptions,
+    ) -> Result<PhotoWarp, RectifyError> {
         let bounds = bounds(&self.mesh).ok_or(RectifyError::EmptyView)?;
-        let frame = self.crop(bounds, lens, options).ok_or(RectifyError::EmptyView)?;
+        let frame = self.crop(bounds, lens, faces, options).ok_or(RectifyError::EmptyView)?;
         let (size, scale) = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));
         let out_from_plane = move |p: Point2| Point2::from((p - frame.min).component_mul(&scale));
         self.mesh.vertices.iter_mut().for_each(|v| *v = out_from_plane(*v));
         let forward = self.forward;
+        let forward: Box<Forward> = Box::new(move |p| forward(p).map(out_from_plane));
         Ok(PhotoWarp {
             field: WarpField { chain: self.maps },
             size,
             mesh: self.mesh,
-            forward: Box::new(move |p| forward(p).map(out_from_plane)),
+            cut_faces: cut_faces(faces, lens, &*forward, size),
+            forward,
             lines: Vec::new(),
             iterations: 0,
         })
     }
 
     /// The part of the plane that is kept; `None` where the picture fills nothing.
-    fn crop(&mut self, bounds: Rect, lens: &Lens, options: &RectifyOptions) -> Option<Rect> {
+    fn crop(&mut self, bounds: Rect, lens: &Lens, faces: &[Rect], options: &RectifyOptions) -> Option<Rect> {
         let pixel = bounds.width().max(bounds.height()) / RASTER as f64;
         let plane_from_raster = Matrix2x3::new(pixel, 0.0, bounds.min.x, 0.0, pixel, bounds.min.y);
         self.maps.insert(0, Map::Affine(plane_from_raster));
@@ -88,13 +97,67 @@ impl Unframed {
             lattice.src_from_out(at).is_some_and(|src| picture.contains(src))
         };
         let coverage = Coverage::new(bounds, RASTER, covered);
-        match (options.crop, options.size) {
-            (Crop::None, _) => coverage.bounds(),
-            (Crop::Aspect(aspect), _) => coverage.largest_of_shape(aspect),
-            (Crop::Auto | Crop::Rectangle, OutputSize::Exact(w, h)) => coverage.largest_of_shape(w as f64 / h as f64),
-            (Crop::Auto | Crop::Rectangle, OutputSize::Source) => coverage.largest(),
+        let largest = |kept: Option<&Rect>| match (options.crop, options.size, kept) {
+            (Crop::Aspect(aspect), _, _) => coverage.largest_of_shape(aspect, kept),
+            (_, OutputSize::Exact(w, h), _) => coverage.largest_of_shape(w as f64 / h as f64, kept),
+            (_, OutputSize::Source, Some(kept)) => coverage.largest_around(kept),
+            (_, OutputSize::Source, None) => coverage.largest(),
+        };
+        if options.crop == Crop::None {
+            return coverage.bounds();
+        }
+        let whole = largest(None)?;
+        // Pixels of the raster that the border cuts are not covered.
+        let inset = Vec2::repeat(pixel);
+        let inner = |r: Rect| Rect { min: r.min + inset, max: r.max - inset };
+        let mut shown: Vec<Rect> =
+            faces.iter().filter_map(|face| outline(face, &picture, &*self.forward).map(inner)).collect();
+        if shown.iter().all(|face| within(face, &whole)) {
+            return Some(whole);
+        }
+        Some(around_faces(&mut shown, largest).unwrap_or(whole))
+    }
+}
+
+/// Points along each side of a face.
+const FACE_POINTS: usize = 9;
+
+/// Bounds of the part of a face that the picture has, under a map; `None` where the map does not show all of it.
+fn outline(face: &Rect, picture: &Rect, forward: &Forward) -> Option<Rect> {
+    let part = Rect { min: face.min.sup(&picture.min), max: face.max.inf(&picture.max) };
+    if !(part.width() > 0.0 && part.height() > 0.0) {
+        return None;
+    }
+    let at = |k: usize| k as f64 / (FACE_POINTS - 1) as f64;
+    let mut points = (0..FACE_POINTS * FACE_POINTS).map(|k| forward(part.at(at(k % FACE_POINTS), at(k / FACE_POINTS))));
+    let first = points.next()??;
+    points.try_fold(Rect { min: first, max: first }, |b, p| Some(Rect { min: b.min.inf(&p?), max: b.max.sup(&p?) }))
+}
+
+/// The largest rectangle that holds as many faces as can be had, the largest faces first; `None` where it is none.
+fn around_faces(faces: &mut [Rect], largest: impl Fn(Option<&Rect>) -> Option<Rect>) -> Option<Rect> {
+    faces.sort_by(|a, b| (b.width() * b.height()).total_cmp(&(a.width() * a.height())));
+    let mut best: Option<(Rect, Rect)> = None;
+    for face in faces {
+        let kept = best.map_or(*face, |(kept, _)| Rect { min: kept.min.inf(&face.min), max: kept.max.sup(&face.max) });
+        if let Some(found) = largest(Some(&kept)) {
+            best = Some((kept, found));
         }
     }
+    best.map(|(_, found)| found)
+}
+
+fn within(inner: &Rect, outer: &Rect) -> bool {
+    inner.min.x >= outer.min.x && inner.min.y >= outer.min.y && inner.max.x <= outer.max.x && inner.max.y <= outer.max.y
+}
+
+/// Numbers of the faces of which a warp cuts a part away.
+fn cut_faces(faces: &[Rect], lens: &Lens, forward: &Forward, size: (usize, usize)) -> Vec<usize> {
+    let picture = Rect::of_size(lens.size.0, lens.size.1);
+    let grown = Vec2::repeat(CUT * size.0.max(size.1) as f64);
+    let frame = Rect { min: Point2::from(-grown), max: Point2::new(size.0 as f64, size.1 as f64) + grown };
+    let whole = |face: &Rect| outline(face, &picture, forward).is_some_and(|shown| within(&shown, &frame));
+    (0..faces.len()).filter(|&k| !whole(&faces[k])).collect()
 }
 
 /// Size of the output, px, and its pixels per unit of the plane along x and y.

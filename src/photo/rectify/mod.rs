@@ -12,6 +12,7 @@ mod chart;
 mod error;
 mod fixed;
 mod frame;
+mod rectifier;
 mod solver;
 mod sphere_grid;
 mod straight;
@@ -21,7 +22,9 @@ use nalgebra::Rotation3;
 
 pub use error::RectifyError;
 pub use frame::{Crop, OutputSize};
+pub use rectifier::Rectifier;
 pub use solver::EnergyWeights;
+pub(super) use solver::drawn_back;
 pub use sphere_grid::Window;
 
 use super::warp::PhotoWarp;
@@ -29,15 +32,6 @@ use super::{Line, report};
 use crate::camera::{Lens, Projection, Vec3};
 use crate::image::Plane;
 use crate::math::Rect;
-use crate::mesh::GridMesh;
-use crate::warp::{InverseMesh, Map};
-use frame::Unframed;
-pub(super) use solver::drawn_back;
-use solver::{Sheet, SolveReport};
-use sphere_grid::{SphereGrid, chart_for};
-use straight::GridLine;
-use weights::{CellWeights, FaceTarget};
-
 /// What the output shall look like.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Target {
@@ -120,13 +114,9 @@ pub struct RectifyInput<'a> {
 /// # Errors
 /// [`RectifyError`]: an option out of range, a view that shows nothing, an output without pixels.
 pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<PhotoWarp, RectifyError> {
+    let Target::Fixed(projection) = &options.target else { return Rectifier::new(input, options)?.warp() };
     check(options)?;
-    let (unframed, iterations) = match &options.target {
-        Target::Optimized => optimized(input, options)?,
-        Target::Fixed(projection) => (fixed::unframed(input.lens, projection, options)?, 0),
-    };
-    let mut warp = unframed.framed(input.lens, options)?;
-    warp.iterations = iterations;
+    let mut warp = fixed::unframed(input.lens, projection, options)?.framed(input.lens, input.faces, options)?;
     warp.lines = input.lines.iter().map(|line| report::of_line(line, Some(input.lens), &warp)).collect();
     Ok(warp)
 }
@@ -149,59 +139,6 @@ fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
         Some((name, value, _, range)) => Err(RectifyError::Option { name, value, range }),
         None => Ok(()),
     }
-}
-
-/// The minimizer of the energy, and the solves it took.
-fn optimized(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<(Unframed, usize), RectifyError> {
-    let lens = input.lens;
-    let chart = chart_for(options.view.view_from_camera(), options.window);
-    let coarse = SphereGrid::new(chart, lens, options.window, options.cells / 2).ok_or(RectifyError::EmptyView)?;
-    let fine = coarse.refined(lens);
-    let border = match options.crop {
-        Crop::Auto | Crop::Aspect(_) => straight::sides(lens, &fine).is_some(),
-        Crop::Rectangle | Crop::None => false,
-    };
-    let solved = |border: bool| {
-        let (start, first) = solved(input, options, &coarse, border, None)?;
-        let (sheet, last) = solved(input, options, &fine, border, Some(&start))?;
-        Ok::<_, RectifyError>((sheet, first.iterations + last.iterations, last.folded))
-    };
-    let (mut sheet, mut iterations, folded) = solved(border)?;
-    if border && folded {
-        // The border cannot be had straight without harm.
-        let (without, more, _) = solved(false)?;
-        (sheet, iterations) = (without, iterations + more);
-    }
-    Ok((unframed(lens, fine, &sheet)?, iterations))
-}
-
-/// The sheet of the input's lines and faces, in the chart, with a straight border if wanted.
-fn solved(
-    input: &RectifyInput<'_>,
-    options: &RectifyOptions,
-    sphere: &SphereGrid,
-    border: bool,
-    start: Option<&GridMesh>,
-) -> Result<(GridMesh, SolveReport), RectifyError> {
-    let lens = input.lens;
-    let mut lines = if border { straight::sides(lens, sphere).unwrap_or_default() } else { Vec::new() };
-    let sides = lines.len();
-    lines.extend(input.lines.iter().filter_map(|line| GridLine::new(line, lens, sphere)));
-    let faces: Vec<FaceTarget> = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, sphere)).collect();
-    let cell_weights = CellWeights::new(sphere, lens, &lines[sides..], input.faces, input.salience);
-    Ok(Sheet::new(sphere, &lines, &faces, options.weights, &cell_weights)?.solve(start)?)
-}
-
-/// The warp of a solved sheet, in px at the density of the source.
-fn unframed(lens: &Lens, sphere: SphereGrid, sheet: &GridMesh) -> Result<Unframed, RectifyError> {
-    let focal = fixed::density(lens, sphere.chart.view_from_camera());
-    let vertices = sheet.vertices.iter().map(|v| v * focal).collect();
-    let mesh = GridMesh { cols: sheet.cols, rows: sheet.rows, vertices };
-    let inverse = Map::Mesh(InverseMesh::new(&mesh, sphere.grid.width, sphere.grid.height)?);
-    let maps = vec![inverse, Map::Radial(Box::new(sphere.source(lens)))];
-    let (lens, forward_mesh) = (lens.clone(), mesh.clone());
-    let forward = Box::new(move |p| Some(forward_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
-    Ok(Unframed { maps, mesh, forward })
 }
 
 #[cfg(test)]

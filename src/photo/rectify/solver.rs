@@ -16,42 +16,50 @@
 //! own grid; `ℓ` says the same for any grid. `E_s` is measured in the chart, so that the chart itself costs nothing.
 //!
 //! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s` is the minimizer of `E`
-//! with the small pull `ε`, multiplied by a number: the energy without the pull is homogeneous. That also decides rotation
-//! and place where no line does.
+//! with the small pull `ε`, multiplied by a number: the energy without the pull is homogeneous. That also decides the place.
 //!
-//! **Alternation.** Half steps of `straight.rs` until no vertex moves: a handful of rounds. They are done on cells twice as large
-//! first, at an eighth of the cost. With a few lines one or two are left on the grid itself; with seventy they are not saved.
+//! **Rotation.** Where no line has an orientation, the sheet is the one with `Σ s × u = 0`: a multiple of the energy's answer
+//! to the right-hand side `R s` is taken off. It must be kept from turning: the linearized lines of `straight.rs` do not see
+//! distances across a line after a quarter turn, and would have the chart, turned, for a sheet of straight lines.
 //!
-//! **Folds.** Least squares does not forbid them. Cells that fold get four times the conformality and the sheet is solved
-//! again; a sheet that keeps folding goes back along the line to the last one that does not, at worst the chart.
+//! **Lines** of free orientation make `E_l` bilinear: it is linearized about the present sheet (`straight.rs`) until no vertex
+//! moves, three or four solves. They are done on cells twice as large first, at an eighth of the cost. What lines and faces
+//! share, their offsets and similarities, are a border of the sparse system ([`BorderedEnergy`]): its pattern is that of the
+//! grid, so that lines may come, go and move without a new analysis.
+//!
+//! **Folds.** Least squares does not forbid them. Cells that fold get four times the conformality, lines that are continued
+//! through them let go of what nobody marked, and the sheet is solved again; a sheet that keeps folding goes back along the line to the last one that does not, at worst the chart.
 //!
 //! # Reference
 //! Carroll et al. 2009, sections 4.1 to 4.4.
 
 use super::sphere_grid::SphereGrid;
-use super::straight::{Constraint, GridLine, HalfStep};
+use super::straight::GridLine;
 use super::weights::{CellWeights, FaceTarget};
-use crate::energy::{EnergyError, Ordering, QuadraticEnergy};
+use crate::energy::{BorderedEnergy, EnergyError, Ordering};
 use crate::math::{Point2, Vec2};
 use crate::mesh::{CellPoint, Grid, GridMesh, Quad};
 
 /// `ε`: far below what conformality weighs and far above rounding. The sheet is scaled afterwards, so its size does not count.
 const PULL: f64 = 1e-6;
-/// Keeps unknowns of a half step that the other one does not use.
+/// Keeps unknowns of lines that have shrunk to a point.
 const IDLE: f64 = 1e-9;
 /// Conformality of cells that the picture does not show, relative to those it does: they only carry on.
 const OUTSIDE: f64 = 0.1;
-/// Unknowns of a line: c; a (2); d (2).
-const LINE_UNKNOWNS: usize = 5;
 /// Unknowns of a face: a, b; c (2).
 const FACE_UNKNOWNS: usize = 4;
-/// A round that moves no vertex by more, cells, ends the alternation. Lines are straight after every half step; what rounds
-/// gain is shape, and that is a thousandth of the energy by then.
+/// A round that moves no vertex by more, cells, is the last: what the next one would move is of second order in it.
 const STILL: f64 = 0.02;
-/// Times the conformality of folding cells is raised before going back.
+/// A round that moves more than this share of the one before does not settle: the next starts half way.
+const UNSETTLED: f64 = 0.7;
+/// By how much the conformality of folding cells is raised each time.
+const STIFFER: f64 = 4.0;
+/// Times it is raised before going back.
 const FOLD_ROUNDS: usize = 8;
 /// Halvings on the way back to a sheet without folds.
 const BACKTRACKS: i32 = 30;
+/// Rounds after a small change of the lines: one goes there, the second takes out what the first left of second order.
+const FOLLOWING: usize = 2;
 
 /// What the energies weigh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +72,7 @@ pub struct EnergyWeights {
     pub straightness: f64,
     /// `w_f`: faces keep their shape as a whole.
     pub faces: f64,
-    /// Rounds of the alternation at most, ≥ 1.
+    /// Rounds of linearization at most, ≥ 1.
     pub rounds: usize,
 }
 
@@ -74,25 +82,37 @@ impl Default for EnergyWeights {
     }
 }
 
-/// The sheet of one view: lines and faces are given, vertices are asked for.
-pub(super) struct Sheet<'a> {
-    sphere: &'a SphereGrid,
-    lines: &'a [GridLine],
-    faces: &'a [FaceTarget],
+/// The sheet of one view: grid and faces are given for good, lines at every solve, vertices are asked for.
+#[derive(Debug)]
+pub(super) struct Sheet {
+    pub(super) sphere: SphereGrid,
+    faces: Vec<FaceTarget>,
     weights: EnergyWeights,
-    /// Conformality of each cell.
-    cells: Vec<f64>,
-    energy: QuadraticEnergy,
-    elements: Elements,
+    /// Weights of the cells without the lines'.
+    base: CellWeights,
+    energy: BorderedEnergy,
+    /// First element of the second differences, and of the pull; cells come first.
+    smooth: usize,
+    pull: usize,
+    forms: CellForms,
 }
 
-/// First element of each sort; cells come first.
-#[derive(Clone, Copy, Debug, Default)]
-struct Elements {
-    smooth: usize,
-    lines: usize,
-    faces: usize,
-    pull: usize,
+/// Quadratic forms over the coordinates of a cell's corners: lower triangles, row by row.
+#[derive(Clone, Debug)]
+struct CellForms {
+    /// `¼ Σ_corners ‖e_v − R e_u‖²`.
+    conformal: [f64; 36],
+    /// Twice the squared mixed difference: it occurs twice in the Hessian.
+    mixed: [f64; 36],
+}
+
+/// When to give up folding cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Folding {
+    /// Hold them stiffer, several times.
+    Held,
+    /// At once: the caller has another way.
+    Refused,
 }
 
 /// How the solve went.
@@ -104,20 +124,19 @@ pub(super) struct SolveReport {
     pub(super) folded: bool,
 }
 
-impl<'a> Sheet<'a> {
+impl Sheet {
     pub(super) fn new(
-        sphere: &'a SphereGrid,
-        lines: &'a [GridLine],
-        faces: &'a [FaceTarget],
+        sphere: SphereGrid,
+        faces: Vec<FaceTarget>,
         weights: EnergyWeights,
-        cell_weights: &CellWeights,
+        base: CellWeights,
     ) -> Result<Self, EnergyError> {
-        let shown = |(w, inside): (&f64, &bool)| weights.conformality * if *inside { w * w } else { OUTSIDE };
-        let cells = cell_weights.0.iter().zip(&sphere.inside).map(shown).collect();
-        let (list, elements) = element_list(sphere, lines, faces);
-        let unknowns = 2 * sphere.grid.vertex_count() + LINE_UNKNOWNS * lines.len() + FACE_UNKNOWNS * faces.len();
-        let energy = QuadraticEnergy::new(unknowns, list.iter().map(Vec::as_slice), &Ordering::Amd)?;
-        Ok(Self { sphere, lines, faces, weights, cells, energy, elements })
+        let (list, smooth, pull) = element_list(&sphere.grid);
+        let place = |i: usize| sphere.grid.vertex(i / 2);
+        let n = 2 * sphere.grid.vertex_count();
+        let ordering = Ordering::NestedDissection((0..n).map(place).map(|p| [p.x, p.y, 0.0]).collect());
+        let energy = BorderedEnergy::new(n, list.iter().map(Vec::as_slice), &ordering)?;
+        Ok(Self { sphere, faces, weights, base, energy, smooth, pull, forms: CellForms::new() })
     }
 
     /// The vertices in the chart: the regular grid.
@@ -125,61 +144,100 @@ impl<'a> Sheet<'a> {
         (0..self.sphere.grid.vertex_count()).map(|i| self.sphere.vertex(i)).collect()
     }
 
-    /// The sheet of least energy that has no fold, in the unit of the chart; lines start as they lie on `coarse`, a sheet of
-    /// cells twice as large over the same rectangle.
-    pub(super) fn solve(&mut self, coarse: Option<&GridMesh>) -> Result<(GridMesh, SolveReport), EnergyError> {
-        let mut sound = coarse.map_or_else(|| self.mesh(self.rest()), halved);
+    /// The sheet of least energy that has no fold, in the unit of the chart; lines start as they lie on `start`. Where folds
+    /// are refused, it may have some.
+    pub(super) fn solve(
+        &mut self,
+        lines: &[GridLine],
+        start: Option<GridMesh>,
+        folding: Folding,
+    ) -> Result<(GridMesh, SolveReport), EnergyError> {
+        let mut sound = start.unwrap_or_else(|| self.mesh(self.rest()));
         if sound.folded_cells() > 0 {
             sound = self.mesh(self.rest());
         }
+        let mut lines = lines.to_vec();
+        let mut cells = self.conformality(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
         for _ in 0..FOLD_ROUNDS {
-            let found = self.alternate(&sound, &mut report.iterations)?;
-            let folded: Vec<usize> = (0..self.cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
+            let found = self.straightened(&lines, &cells, &sound, self.weights.rounds, &mut report.iterations)?;
+            let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
                 return Ok((found, report));
             }
             report.folded = true;
+            if folding == Folding::Refused {
+                return Ok((found, report));
+            }
             sound = drawn_back(&sound, &found);
-            self.stiffen(&folded);
+            let touched = self.around(&folded);
+            cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= STIFFER);
+            for line in &mut lines {
+                line.let_go(&touched);
+            }
         }
         Ok((sound, report))
     }
 
-    /// Half steps from `start` until a round moves no vertex by more than [`STILL`].
-    fn alternate(&mut self, start: &GridMesh, iterations: &mut usize) -> Result<GridMesh, EnergyError> {
+    /// The sheet after a small change of the lines, from the one before it; `None` where it would fold.
+    pub(super) fn follow(&mut self, lines: &[GridLine], before: &GridMesh) -> Result<Option<GridMesh>, EnergyError> {
+        let cells = self.conformality(lines);
+        let mesh = self.straightened(lines, &cells, before, FOLLOWING, &mut 0)?;
+        Ok((mesh.folded_cells() == 0).then_some(mesh))
+    }
+
+    /// `w_c w²` of each cell.
+    fn conformality(&self, lines: &[GridLine]) -> Vec<f64> {
+        let weights = self.base.with_ends(&self.sphere, lines);
+        let shown = |(w, inside): (&f64, &bool)| self.weights.conformality * if *inside { w * w } else { OUTSIDE };
+        weights.0.iter().zip(&self.sphere.inside).map(shown).collect()
+    }
+
+    /// Rounds from `start` until one moves no vertex by more than [`STILL`].
+    fn straightened(
+        &mut self,
+        lines: &[GridLine],
+        cells: &[f64],
+        start: &GridMesh,
+        rounds: usize,
+        iterations: &mut usize,
+    ) -> Result<GridMesh, EnergyError> {
         let still = STILL * self.sphere.cell();
-        let free = self.lines.iter().any(|line| line.normal.is_none());
-        let mut mesh = start.clone();
-        for _ in 0..self.weights.rounds.max(1) {
-            let mut moved = 0.0_f64;
-            for step in [HalfStep::Slide, HalfStep::Turn] {
-                let next = self.half_step(&mesh, step)?;
-                *iterations += 1;
-                moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(moved, f64::max);
-                mesh = next;
-                if !free {
-                    return Ok(mesh);
-                }
+        let free = lines.iter().any(|line| line.normal.is_none());
+        let (mut mesh, mut before) = (start.clone(), f64::INFINITY);
+        for _ in 0..rounds.max(1) {
+            let mut next = self.round(lines, cells, &mesh)?;
+            *iterations += 1;
+            let moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
+            if !free || !(moved > still) {
+                return Ok(next);
             }
-            if !(moved > still) {
-                break;
+            if moved > UNSETTLED * before {
+                next.vertices.iter_mut().zip(&mesh.vertices).for_each(|(b, a)| *b = nalgebra::center(a, b));
             }
+            (mesh, before) = (next, moved);
         }
         Ok(mesh)
     }
 
-    fn half_step(&mut self, mesh: &GridMesh, step: HalfStep) -> Result<GridMesh, EnergyError> {
-        self.energy.clear();
-        self.add_conformality();
-        self.add_smoothness();
-        self.add_lines(mesh, step);
-        self.add_faces();
+    /// The minimizer of the energy linearized about `mesh`.
+    fn round(&mut self, lines: &[GridLine], cells: &[f64], mesh: &GridMesh) -> Result<GridMesh, EnergyError> {
+        let offsets: usize = lines.iter().map(GridLine::offsets).sum();
+        self.energy.clear(offsets + FACE_UNKNOWNS * self.faces.len());
+        self.add_cells(cells);
+        self.add_lines(lines, mesh);
+        self.add_faces(offsets);
         self.add_pull();
-        self.energy.minimize()?;
         let rest = self.rest();
-        let found: Vec<Vec2> =
-            self.energy.solution().chunks_exact(2).take(rest.len()).map(|u| Vec2::new(u[0], u[1])).collect();
+        let pairs = |x: &[f64]| x.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect::<Vec<_>>();
+        let mut found = pairs(self.energy.minimize()?);
+        if lines.iter().all(|line| line.normal.is_none()) {
+            let aside: Vec<f64> = rest.iter().flat_map(|s| [-s.y, s.x]).collect();
+            let answer = pairs(&self.energy.response(&aside));
+            let turn = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| s.perp(a)).sum::<f64>();
+            let share = turn(&found) / turn(&answer);
+            found.iter_mut().zip(answer).for_each(|(u, a)| *u -= share * a);
+        }
         let dot = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| a.dot(s)).sum::<f64>();
         let scale = dot(&rest) / dot(&found);
         Ok(self.mesh(found.into_iter().map(|u| scale * u).collect()))
@@ -190,89 +248,60 @@ impl<'a> Sheet<'a> {
         GridMesh { cols: grid.cols, rows: grid.rows, vertices: vertices.into_iter().map(Point2::from).collect() }
     }
 
-    /// Four times the conformality in these cells and those around them.
-    fn stiffen(&mut self, folded: &[usize]) {
+    /// These cells and those around them.
+    fn around(&self, folded: &[usize]) -> Vec<bool> {
         let (cols, rows) = (self.sphere.grid.cols, self.sphere.grid.rows);
-        let mut touched = vec![false; self.cells.len()];
+        let mut touched = vec![false; cols * rows];
         for cell in folded {
             let (i, j) = (cell % cols, cell / cols);
             for row in j.saturating_sub(1)..(j + 2).min(rows) {
                 touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
             }
         }
-        self.cells.iter_mut().zip(touched).filter(|(_, touched)| *touched).for_each(|(w, _)| *w *= 4.0);
+        touched
     }
 
-    fn add_conformality(&mut self) {
-        // Corners a b / c d; at each, its neighbor along u and along v, and the signs of the steps there.
-        const CORNERS: [(usize, usize, usize, f64, f64); 4] =
-            [(0, 1, 2, 1.0, 1.0), (1, 0, 3, -1.0, 1.0), (2, 3, 0, 1.0, -1.0), (3, 2, 1, -1.0, -1.0)];
-        for (cell, w) in self.cells.iter().enumerate() {
-            for (corner, along, down, su, sv) in CORNERS {
-                let (mut x, mut y) = ([0.0; 8], [0.0; 8]);
-                for (vertex, u, v) in [(along, su, 0.0), (down, 0.0, sv), (corner, -su, -sv)] {
-                    // e_v − R e_u with R (x, y) = (−y, x).
-                    (x[2 * vertex], x[2 * vertex + 1]) = (v, u);
-                    (y[2 * vertex + 1], y[2 * vertex]) = (v, -u);
-                }
-                self.energy.add(cell, 0.25 * w, &x, 0.0);
-                self.energy.add(cell, 0.25 * w, &y, 0.0);
+    /// `E_c` and `E_s`.
+    fn add_cells(&mut self, cells: &[f64]) {
+        let smooth = self.weights.conformality * (self.weights.smooth_length / self.sphere.cell()).powi(2);
+        let mut form = [0.0; 36];
+        for (cell, w) in cells.iter().enumerate() {
+            let parts = self.forms.conformal.iter().zip(&self.forms.mixed);
+            form.iter_mut().zip(parts).for_each(|(form, (c, m))| *form = w * c + smooth * m);
+            self.energy.add_form(cell, &form);
+        }
+        for element in self.smooth..self.pull {
+            self.energy.add(element, smooth, &[1.0, -2.0, 1.0], 0.0);
+        }
+    }
+
+    fn add_lines(&mut self, lines: &[GridLine], mesh: &GridMesh) {
+        let mut first = 0;
+        for line in lines {
+            let offset = first;
+            first += line.offsets();
+            let Some(lie) = line.lie(mesh) else { continue };
+            for (k, vertex) in line.vertices.iter().enumerate() {
+                let w = self.weights.straightness * line.weights[k];
+                let mut a = [0.0; 8];
+                place(&mut a, vertex, lie.normal.x, lie.normal.y);
+                let s = lie.along[k];
+                let shared = [(offset, s - 1.0), (first - 1, -s)];
+                self.energy.add_shared(vertex.cell, w, &a, &shared[..], 0.0);
             }
         }
     }
 
-    fn add_smoothness(&mut self) {
-        let w = self.weights.conformality * (self.weights.smooth_length / self.sphere.cell()).powi(2);
-        for element in self.elements.smooth..self.elements.lines {
-            self.energy.add(element, w, &[1.0, -2.0, 1.0], 0.0);
-        }
-        for cell in 0..self.cells.len() {
-            // The mixed difference occurs twice in the Hessian.
-            self.energy.add(cell, 2.0 * w, &[1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0], 0.0);
-            self.energy.add(cell, 2.0 * w, &[0.0, 1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0], 0.0);
-        }
-    }
-
-    fn add_lines(&mut self, mesh: &GridMesh, step: HalfStep) {
-        let mut element = self.elements.lines;
-        for line in self.lines {
-            let now: Vec<Point2> = line.vertices.iter().map(|p| mesh.at(*p)).collect();
-            for (vertex, constraint) in line.vertices.iter().zip(line.constraints(&now, step)) {
-                self.add_constraint(element, vertex, constraint);
-                element += 1;
-            }
-        }
-    }
-
-    fn add_constraint(&mut self, element: usize, vertex: &CellPoint, constraint: Constraint) {
-        let w = self.weights.straightness;
-        let mut row = |x: f64, y: f64, unknowns: [f64; LINE_UNKNOWNS]| {
-            let mut a = [0.0; 8 + LINE_UNKNOWNS];
-            place(&mut a, vertex, x, y);
-            a[8..].copy_from_slice(&unknowns);
-            self.energy.add(element, w, &a, 0.0);
-        };
-        match constraint {
-            Constraint::Slide(n) => row(n.x, n.y, [-1.0, 0.0, 0.0, 0.0, 0.0]),
-            Constraint::Turn(s) => {
-                row(1.0, 0.0, [0.0, -1.0, 0.0, -s, 0.0]);
-                row(0.0, 1.0, [0.0, 0.0, -1.0, 0.0, -s]);
-            }
-        }
-    }
-
-    fn add_faces(&mut self) {
-        let mut element = self.elements.faces;
-        for face in self.faces {
+    fn add_faces(&mut self, first: usize) {
+        for (face, at) in self.faces.iter().zip((first..).step_by(FACE_UNKNOWNS)) {
             let w = self.weights.faces / face.points.len() as f64;
             for (vertex, t) in &face.points {
                 for (x, y, unknowns) in [(1.0, 0.0, [-t.x, t.y, -1.0, 0.0]), (0.0, 1.0, [-t.y, -t.x, 0.0, -1.0])] {
-                    let mut a = [0.0; 8 + FACE_UNKNOWNS];
+                    let mut a = [0.0; 8];
                     place(&mut a, vertex, x, y);
-                    a[8..].copy_from_slice(&unknowns);
-                    self.energy.add(element, w, &a, 0.0);
+                    let shared = [0, 1, 2, 3].map(|k| (at + k, unknowns[k]));
+                    self.energy.add_shared(vertex.cell, w, &a, &shared, 0.0);
                 }
-                element += 1;
             }
         }
     }
@@ -281,10 +310,38 @@ impl<'a> Sheet<'a> {
         self.energy.add_everywhere(IDLE, 0.0);
         for i in 0..self.sphere.grid.vertex_count() {
             let s = self.sphere.vertex(i);
-            self.energy.add(self.elements.pull + 2 * i, PULL, &[1.0], s.x);
-            self.energy.add(self.elements.pull + 2 * i + 1, PULL, &[1.0], s.y);
+            self.energy.add(self.pull + 2 * i, PULL, &[1.0], s.x);
+            self.energy.add(self.pull + 2 * i + 1, PULL, &[1.0], s.y);
         }
     }
+}
+
+impl CellForms {
+    fn new() -> Self {
+        // Corners a b / c d; at each, its neighbor along u and along v, and the signs of the steps there.
+        const CORNERS: [(usize, usize, usize, f64, f64); 4] =
+            [(0, 1, 2, 1.0, 1.0), (1, 0, 3, -1.0, 1.0), (2, 3, 0, 1.0, -1.0), (3, 2, 1, -1.0, -1.0)];
+        let (mut conformal, mut mixed) = ([0.0; 36], [0.0; 36]);
+        for (corner, along, down, su, sv) in CORNERS {
+            let (mut x, mut y) = ([0.0; 8], [0.0; 8]);
+            for (vertex, u, v) in [(along, su, 0.0), (down, 0.0, sv), (corner, -su, -sv)] {
+                // e_v − R e_u with R (x, y) = (−y, x).
+                (x[2 * vertex], x[2 * vertex + 1]) = (v, u);
+                (y[2 * vertex + 1], y[2 * vertex]) = (v, -u);
+            }
+            add_square(&mut conformal, 0.25, &x);
+            add_square(&mut conformal, 0.25, &y);
+        }
+        add_square(&mut mixed, 2.0, &[1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0]);
+        add_square(&mut mixed, 2.0, &[0.0, 1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0]);
+        Self { conformal, mixed }
+    }
+}
+
+/// Adds `w a aᵀ` to a lower triangle.
+fn add_square(form: &mut [f64; 36], w: f64, a: &[f64; 8]) {
+    let pairs = (0..8).flat_map(|i| (0..=i).map(move |j| (i, j)));
+    form.iter_mut().zip(pairs).for_each(|(form, (i, j))| *form += w * a[i] * a[j]);
 }
 
 /// The coefficients of `x u_x + y u_y` at a point of a cell, over the coordinates of the cell's corners.
@@ -299,7 +356,7 @@ fn folds(quad: &Quad) -> bool {
 }
 
 /// The mesh with each cell cut into four.
-fn halved(mesh: &GridMesh) -> GridMesh {
+pub(super) fn halved(mesh: &GridMesh) -> GridMesh {
     let (cols, rows) = (2 * mesh.cols, 2 * mesh.rows);
     let grid = Grid { cols: mesh.cols, rows: mesh.rows, width: mesh.cols as f64, height: mesh.rows as f64 };
     let vertex = |k: usize| {
@@ -325,12 +382,11 @@ pub(in crate::photo) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMe
     sound.clone()
 }
 
-/// The unknowns of every element in the order of [`Elements`], each list ascending.
-fn element_list(sphere: &SphereGrid, lines: &[GridLine], faces: &[FaceTarget]) -> (Vec<Vec<usize>>, Elements) {
-    let grid = &sphere.grid;
+/// The unknowns of every element, each list ascending: cells, second differences, pulls; with the first of the two latter.
+fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, usize, usize) {
     let corners = |cell: usize| grid.corners(cell).into_iter().flat_map(|i| [2 * i, 2 * i + 1]);
     let mut list: Vec<Vec<usize>> = (0..grid.cell_count()).map(|cell| corners(cell).collect()).collect();
-    let mut elements = Elements { smooth: list.len(), ..Elements::default() };
+    let smooth = list.len();
     for i in 0..grid.vertex_count() {
         let (col, row) = (i % (grid.cols + 1), i / (grid.cols + 1));
         let mut triple = |step: usize| list.extend([0, 1].map(|k| [i - step, i, i + step].map(|v| 2 * v + k).to_vec()));
@@ -341,18 +397,7 @@ fn element_list(sphere: &SphereGrid, lines: &[GridLine], faces: &[FaceTarget]) -
             triple(grid.cols + 1);
         }
     }
-    elements.lines = list.len();
-    let mut extra = 2 * grid.vertex_count();
-    for line in lines {
-        list.extend(line.vertices.iter().map(|p| corners(p.cell).chain(extra..extra + LINE_UNKNOWNS).collect()));
-        extra += LINE_UNKNOWNS;
-    }
-    elements.faces = list.len();
-    for face in faces {
-        list.extend(face.points.iter().map(|(p, _)| corners(p.cell).chain(extra..extra + FACE_UNKNOWNS).collect()));
-        extra += FACE_UNKNOWNS;
-    }
-    elements.pull = list.len();
+    let pull = list.len();
     list.extend((0..2 * grid.vertex_count()).map(|i| vec![i]));
-    (list, elements)
+    (list, smooth, pull)
 }

@@ -1,17 +1,22 @@
 //! Marked lines as the energy sees them: virtual vertices, and what keeps them on a straight line.
 //!
 //! A line is cut into *virtual vertices* `u_k`, points of the grid that move with the corners of their cells: the marked
-//! points themselves, and between them points of the great circle through each two, half a cell apart at most. With `N` a
-//! given or current normal, `s_k` a place along the line,
+//! points themselves, and between them points of the great circle through each two, half a cell apart at most. They lie on a
+//! straight line with normal `N` where, with `s_k` the place of each along it, 0 at the first marked point and 1 at the last,
 //!
 //! ```text
-//! sliding   Σₖ (N·u_k − c)²               the angle stays, points slide along the line          unknown: c
-//! turning   Σₖ ‖u_k − (a + s_k d)‖²       the places stay, the line turns and stretches         unknown: a, d
+//! r_k = N·u_k − (1 − s_k) q₀ − s_k q₁ = 0          unknown: q₀, q₁, the offsets of the line's ends
 //! ```
 //!
-//! Both vanish where the points lie on one line, and each is one linear least squares: alternating them makes lines of free
-//! orientation straight. Lines of given orientation only slide. The paper measures from a line's first point and its chord;
-//! here offset, origin and direction are unknowns of the same solve, so that no marked point counts more than another.
+//! About a straight configuration this agrees to first order with the distance from the best line, for *every* motion:
+//! vertices slide along the line where `N` does not see them, and the line turns with `q₀` and `q₁`. So each solve is a
+//! Gauss–Newton step, and three or four of them are enough. (The paper alternates between a step that fixes `N` and lets
+//! points slide, and a step that fixes the `s_k` and lets the line turn; where lines have to turn, that creeps.) A given
+//! orientation gives `N`, and `q₀ = q₁`: linear, and exact at once.
+//!
+//! **Beyond the ends** a scene's edge mostly goes on, and a picture in which it bends where a mark happens to stop looks
+//! broken. So the line is continued along its great circle at both ends, with a weight that falls by `e` over a share of the
+//! line's length. Marks that do not lie on one great circle say that lens or marks are off there; they are not continued.
 //!
 //! # Reference
 //! Carroll et al. 2009, section 4.2.
@@ -19,36 +24,41 @@
 use super::sphere_grid::SphereGrid;
 use crate::camera::{Lens, Vec3};
 use crate::math::{Point2, Rect, Vec2};
-use crate::mesh::CellPoint;
+use crate::mesh::{CellPoint, GridMesh};
 use crate::photo::warp::FittedLine;
 use crate::photo::{Line, Orientation};
 
 /// Largest distance of virtual vertices, cells.
 const SPACING: f64 = 0.5;
+/// Share of a line's length over which the weight of its continuation falls by `e`.
+const FADE: f64 = 0.018;
+/// A continuation ends where its weight has fallen to this: conformality outweighs it by then.
+const FAINT: f64 = 1e-6;
+/// What is left of the weight of a continuation each time it is let go.
+const LET_GO: f64 = 0.01;
+/// Marks that leave their great circle by more than this share of their length are not continued.
+const OFF_CIRCLE: f64 = 0.01;
 
 /// A line on the grid.
 #[derive(Clone, Debug)]
 pub(super) struct GridLine {
-    /// The virtual vertices, in order.
+    /// The virtual vertices: those of the marked part in order, then those of its continuations.
     pub(super) vertices: Vec<CellPoint>,
+    /// Weight of each, relative to the marked ones'.
+    pub(super) weights: Vec<f64>,
+    /// Virtual vertices of the marked part.
+    marked: usize,
     /// The normal where the orientation is given.
     pub(super) normal: Option<Vec2>,
 }
 
-/// One row of a line's energy at a virtual vertex.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Constraint {
-    /// `N·u − c`.
-    Slide(Vec2),
-    /// `u − (a + s d)`.
-    Turn(f64),
-}
-
-/// Which of the two half steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum HalfStep {
-    Slide,
-    Turn,
+/// Where a line lies at present.
+#[derive(Clone, Debug)]
+pub(super) struct Lie {
+    /// `N`.
+    pub(super) normal: Vec2,
+    /// `s_k`.
+    pub(super) along: Vec<f64>,
 }
 
 impl GridLine {
@@ -69,19 +79,45 @@ impl GridLine {
             Orientation::Vertical => Some(Vec2::new(1.0, 0.0)),
             Orientation::Angle(a) => Some(Vec2::new(-a.sin(), a.cos())),
         };
-        (vertices.len() >= 2).then_some(Self { vertices, normal })
+        let marked = vertices.len();
+        let mut weights = vec![1.0; marked];
+        let rays: Vec<Vec3> = rays.into_iter().flatten().collect();
+        for (ray, weight) in continued(&rays, lens, sphere) {
+            if let Some(vertex) = place(&ray) {
+                vertices.push(vertex);
+                weights.push(weight);
+            }
+        }
+        (marked >= 2).then_some(Self { vertices, weights, marked, normal })
     }
 
-    /// What keeps the line straight in a half step from where its vertices lie now; empty where they lie on one spot.
-    pub(super) fn constraints(&self, now: &[Point2], step: HalfStep) -> Vec<Constraint> {
+    /// The first and the last virtual vertex of the marked part.
+    pub(super) fn ends(&self) -> [CellPoint; 2] {
+        [self.vertices[0], self.vertices[self.marked - 1]]
+    }
+
+    /// Lets go of the continuations where one of them meets these cells.
+    pub(super) fn let_go(&mut self, cells: &[bool]) {
+        if self.vertices[self.marked..].iter().any(|p| cells[p.cell]) {
+            self.weights[self.marked..].iter_mut().for_each(|w| *w *= LET_GO);
+        }
+    }
+
+    /// Unknowns of its own: the offsets of its ends, or one for both.
+    pub(super) fn offsets(&self) -> usize {
+        if self.normal.is_some() { 1 } else { 2 }
+    }
+
+    /// Where it lies on a mesh; `None` where it has shrunk to a point.
+    pub(super) fn lie(&self, mesh: &GridMesh) -> Option<Lie> {
         if let Some(normal) = self.normal {
-            return vec![Constraint::Slide(normal); now.len()];
+            return Some(Lie { normal, along: vec![0.0; self.vertices.len()] });
         }
-        let Some(line) = FittedLine::through(now) else { return Vec::new() };
-        match step {
-            HalfStep::Slide => vec![Constraint::Slide(line.normal()); now.len()],
-            HalfStep::Turn => now.iter().map(|p| Constraint::Turn(line.along(*p))).collect(),
-        }
+        let at: Vec<Point2> = self.vertices.iter().map(|p| mesh.at(*p)).collect();
+        let line = FittedLine::through(&at[..self.marked])?;
+        let (first, last) = (line.along(at[0]), line.along(at[self.marked - 1]));
+        let along = at.iter().map(|p| (line.along(*p) - first) / (last - first)).collect();
+        (last > first).then(|| Lie { normal: line.normal(), along })
     }
 }
 
@@ -97,7 +133,8 @@ pub(super) fn sides(lens: &Lens, sphere: &SphereGrid) -> Option<Vec<GridLine>> {
             sphere.locate(sphere.chart.at(&lens.unproject(picture.at(s, t))?)?)
         };
         let vertices: Option<Vec<CellPoint>> = (0..=steps).map(vertex).collect();
-        Some(GridLine { vertices: vertices?, normal: Some(normal) })
+        let marked = steps + 1;
+        Some(GridLine { vertices: vertices?, weights: vec![1.0; marked], marked, normal: Some(normal) })
     };
     let (level, upright) = (Vec2::new(0.0, 1.0), Vec2::new(1.0, 0.0));
     Some(vec![
@@ -122,4 +159,51 @@ fn between(from: &Vec3, to: &Vec3, sphere: &SphereGrid) -> Vec<Vec3> {
         (from * ((1.0 - t) * angle).sin() + to * (t * angle).sin()) / angle.sin()
     };
     (1..parts).map(at).collect()
+}
+
+/// Directions beyond both ends of marked ones, along their great circle, as far as the picture shows it, with their weights.
+fn continued(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64)> {
+    let Some((normal, length)) = circle(rays) else { return Vec::new() };
+    let picture = Rect::of_size(lens.size.0, lens.size.1);
+    let mut beyond = Vec::new();
+    for (end, forward) in [(rays[0], -1.0), (rays[rays.len() - 1], 1.0)] {
+        let foot = (end - normal * normal.dot(&end)).normalize();
+        let ahead = normal.cross(&foot) * forward;
+        let step = SPACING * sphere.cell() / stretch(sphere, &foot);
+        let mut angle = step;
+        while (-angle / (FADE * length)).exp() > FAINT && angle < std::f64::consts::FRAC_PI_2 {
+            let ray = foot * angle.cos() + ahead * angle.sin();
+            if !lens.project(&ray).is_some_and(|p| picture.contains(p)) {
+                break;
+            }
+            beyond.push((ray, (-angle / (FADE * length)).exp()));
+            angle += step;
+        }
+    }
+    beyond
+}
+
+/// Unit normal of the great circle through directions, about which the first turns towards the last, and their extent, rad;
+/// `None` where they do not lie on one.
+fn circle(rays: &[Vec3]) -> Option<(Vec3, f64)> {
+    let (first, last) = (rays.first()?, rays.last()?);
+    let length = first.angle(last);
+    let chord = first.cross(last).try_normalize(1e-9)?;
+    let normal = if rays.len() == 2 {
+        chord
+    } else {
+        let moment = rays.iter().fold(nalgebra::Matrix3::zeros(), |m, r| m + r * r.transpose());
+        let eigen = moment.symmetric_eigen();
+        let normal: Vec3 = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+        normal * normal.dot(&chord).signum()
+    };
+    let off = rays.iter().map(|r| normal.dot(r).abs()).fold(0.0, f64::max);
+    (off <= OFF_CIRCLE * length).then_some((normal, length))
+}
+
+/// Length in the chart of an angle on the sphere, at a direction.
+fn stretch(sphere: &SphereGrid, ray: &Vec3) -> f64 {
+    let aside = ray.cross(&Vec3::ith(ray.iamin(), 1.0)).normalize() * 1e-4;
+    let ends = [ray + aside, ray - aside].map(|r| sphere.chart.at(&r));
+    if let [Some(a), Some(b)] = ends { ((a - b).norm() / 2e-4).max(1e-3) } else { 1.0 }
 }

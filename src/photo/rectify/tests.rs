@@ -7,6 +7,7 @@ use super::chart::Chart;
 use super::*;
 use crate::camera::{FieldAxis, FieldOfView};
 use crate::math::{PointMap, Vec2};
+use crate::mesh::GridMesh;
 use crate::photo::Orientation;
 
 const SIZE: (f64, f64) = (1200.0, 900.0);
@@ -120,6 +121,127 @@ fn a_line_between_marked_points_is_straight_too() {
     let fit = super::super::FittedLine::through(&between).expect("a line");
     let worst = between.iter().map(|p| fit.off(*p).abs()).fold(0.0, f64::max);
     assert!(worst < 0.25, "{worst} px off");
+}
+
+#[test]
+fn a_line_goes_on_straight_beyond_its_marked_ends() {
+    let lens = fisheye();
+    let beams = [
+        (Vec3::new(-0.7, -0.75, 1.0), Vec3::new(0.2, -0.7, 1.1)),
+        (Vec3::new(0.85, -0.3, 1.0), Vec3::new(0.8, 0.45, 1.0)),
+        (Vec3::new(-0.9, 0.7, 1.0), Vec3::new(-0.1, 0.4, 1.3)),
+    ];
+    let marked = |(k, (a, b)): (usize, &(Vec3, Vec3))| line(&k.to_string(), seen(&lens, *a, *b, 9), Orientation::Free);
+    let lines: Vec<Line> = beams.iter().enumerate().map(marked).collect();
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    for (k, (a, b)) in beams.iter().enumerate() {
+        let out = |t: f64| (warp.forward)(lens.project(&(a + (b - a) * t)).expect("in the field")).expect("shown");
+        let points: Vec<_> = (0..=20).map(|i| out(f64::from(i) / 20.0)).collect();
+        let fit = super::super::FittedLine::through(&points).expect("a line");
+        let length = (points[20] - points[0]).norm();
+        for t in [-0.1, -0.05, 1.05, 1.1] {
+            let off = fit.off(out(t)).abs();
+            assert!(off < 0.002 * length, "line {k} is {off} px off at {t} of its {length} px");
+        }
+    }
+}
+
+#[test]
+fn marks_that_are_not_straight_in_the_world_are_not_continued() {
+    let lens = fisheye();
+    let chart = Chart::stereographic(Rotation3::identity());
+    let sphere = sphere_grid::SphereGrid::new(chart, &lens, None, 24).expect("in view");
+    let on_grid = |points| straight::GridLine::new(&line("beam", points, Orientation::Free), &lens, &sphere);
+    let points = seen(&lens, Vec3::new(-0.5, -0.4, 1.0), Vec3::new(0.6, -0.3, 1.0), 11);
+    let mut kinked = points.clone();
+    kinked[5].y += 25.0;
+    let faint = |points| on_grid(points).expect("a line").weights.iter().filter(|w| **w < 1.0).count();
+    assert!(faint(points) > 3);
+    assert_eq!(faint(kinked), 0);
+}
+
+#[test]
+fn lines_without_any_orientation_settle_without_turning_the_picture() {
+    let fov = FieldOfView::degrees(180.0, FieldAxis::Horizontal);
+    let lens = Lens::from_field_of_view(Projection::Equisolid, fov, (900.0, 900.0)).expect("a lens");
+    // A board close by: five rows and five columns, all of them free.
+    let at = |x: f64, y: f64| Vec3::new(x, y, 0.8);
+    let free = |a, b| line("edge", seen(&lens, a, b, 9), Orientation::Free);
+    let row = |k: i32| free(at(-1.0, 0.3 * f64::from(k)), at(0.9, 0.3 * f64::from(k) + 0.2));
+    let column = |k: i32| free(at(0.4 * f64::from(k), -0.8), at(0.4 * f64::from(k) - 0.1, 0.9));
+    let lines: Vec<Line> = (-2..=2).map(row).chain((-2..=2).map(column)).collect();
+    let options = RectifyOptions { crop: Crop::Rectangle, ..RectifyOptions::default() };
+    let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+    assert!(warp.iterations < 20, "{} solves", warp.iterations);
+    assert!(warp.lines.iter().all(|l| l.max_px < 0.25), "{:?}", warp.lines);
+    let out = |x: f64| (warp.forward)(crate::math::Point2::new(450.0 + x, 450.0)).expect("shown");
+    let across = out(200.0) - out(-200.0);
+    assert!(across.y.abs() < 0.1 * across.x, "{across}");
+}
+
+#[test]
+fn a_line_that_is_dragged_ends_where_a_new_solve_puts_it() {
+    let lens = fisheye();
+    let mut lines = room(&lens);
+    let options = RectifyOptions::default();
+    let mut dragged = Rectifier::new(&input(&lens, &lines, &[]), &options).expect("a view");
+    for _ in 0..10 {
+        for p in &mut lines[6].points {
+            *p += Vec2::new(1.0, 2.0);
+        }
+        dragged.follow(&lines).expect("solved");
+    }
+    let anew = Rectifier::new(&input(&lens, &lines, &[]), &options).expect("a view");
+    let farthest = |a: &GridMesh, b: &GridMesh| {
+        a.vertices.iter().zip(&b.vertices).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+    };
+    let cell = 2.0 / 48.0;
+    assert!(farthest(dragged.sheet(), anew.sheet()) < 0.02 * cell, "{}", farthest(dragged.sheet(), anew.sheet()));
+    let worst = |r: &Rectifier| r.warp().expect("a warp").lines.iter().map(|l| l.max_px).fold(0.0, f64::max);
+    assert!(worst(&dragged) < 0.5, "{} px", worst(&dragged));
+    let again = Rectifier::new(&input(&lens, &room(&lens), &[]), &options).expect("a view");
+    assert!(farthest(again.sheet(), anew.sheet()) > 0.1 * cell, "the drag moves the sheet");
+}
+
+#[test]
+fn the_frame_changes_without_a_solve() {
+    let lens = fisheye();
+    let mut view = Rectifier::new(&input(&lens, &room(&lens), &[]), &RectifyOptions::default()).expect("a view");
+    let before = view.warp().expect("a warp");
+    view.set_frame(Crop::Auto, OutputSize::Exact(640, 640)).expect("a size");
+    let square = view.warp().expect("a warp");
+    assert_eq!((square.size, square.iterations), ((640, 640), before.iterations));
+    let error = view.set_frame(Crop::Aspect(-1.0), OutputSize::Source).expect_err("refused");
+    assert!(matches!(error, RectifyError::Option { .. }), "{error}");
+}
+
+#[test]
+fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
+    let lens = fisheye();
+    let at = |x: f64, y: f64| {
+        let min = crate::math::Point2::new(x, y);
+        Rect { min, max: min + Vec2::new(90.0, 120.0) }
+    };
+    let solved = |faces: &[Rect], crop| {
+        rectify(&input(&lens, &[], faces), &RectifyOptions { crop, ..RectifyOptions::default() }).expect("a warp")
+    };
+    let face = at(20.0, 30.0);
+    let whole = |warp: &PhotoWarp, face: &Rect| {
+        let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
+        [(0.02, 0.02), (0.98, 0.02), (0.02, 0.98), (0.98, 0.98)]
+            .iter()
+            .all(|&(s, t)| frame.contains((warp.forward)(face.at(s, t)).expect("shown")))
+    };
+    for crop in [Crop::Rectangle, Crop::Aspect(1.0), Crop::Aspect(2.0)] {
+        let kept = solved(&[face], crop);
+        assert!(whole(&kept, &face) && kept.cut_faces.is_empty(), "{crop:?}");
+    }
+    assert!(!whole(&solved(&[], Crop::Aspect(1.0)), &face), "unasked, the crop cuts it");
+    let all = [face, at(1090.0, 30.0), at(20.0, 750.0), at(1090.0, 750.0)];
+    let square = solved(&all, Crop::Aspect(1.0));
+    assert!(!square.cut_faces.is_empty() && square.cut_faces.len() < 4, "{:?}", square.cut_faces);
+    assert!((0..4).all(|k| whole(&square, &all[k]) != square.cut_faces.contains(&k)));
+    assert!(solved(&all, Crop::None).cut_faces.is_empty());
 }
 
 #[test]

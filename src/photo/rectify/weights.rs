@@ -16,10 +16,13 @@ use crate::mesh::{CellPoint, Quad};
 
 /// Spread of the weight about the end of a line, as a share of the grid's longer side.
 const END_SPREAD: f64 = 0.04;
+/// How far the weight about an end reaches, spreads: it has fallen to 4e-4 there.
+const END_REACH: f64 = 4.0;
 /// Points along each side of a face box.
 const FACE_POINTS: usize = 7;
 
 /// `w` of each cell.
+#[derive(Clone, Debug)]
 pub(super) struct CellWeights(pub(super) Vec<f64>);
 
 /// A face box: points of the grid, and where one sees them who looks straight at the middle of the box, in rad.
@@ -47,38 +50,45 @@ impl FaceTarget {
 }
 
 impl CellWeights {
-    /// The weights of a view; `salience` covers the picture at any resolution, in [0, 1].
-    pub(super) fn new(
-        sphere: &SphereGrid,
-        lens: &Lens,
-        lines: &[GridLine],
-        faces: &[Rect],
-        salience: Option<&Plane<f32>>,
-    ) -> Self {
-        let grid = &sphere.grid;
+    /// The weights of a view without its lines; `salience` covers the picture at any resolution, in [0, 1].
+    pub(super) fn new(sphere: &SphereGrid, lens: &Lens, faces: &[Rect], salience: Option<&Plane<f32>>) -> Self {
         let source = sphere.source(lens);
-        let spread = END_SPREAD * grid.width.max(grid.height);
-        let ends: Vec<Point2> = lines.iter().flat_map(|line| ends(line, sphere)).collect();
         let weight = |cell: usize| {
-            let corners = grid.corners(cell);
-            let center = nalgebra::center(&grid.vertex(corners[0]), &grid.vertex(corners[3]));
-            let near = |end: &Point2| (-0.5 * (end - center).norm_squared() / (spread * spread)).exp();
-            let w_l = ends.iter().map(near).fold(0.0, f64::max);
-            let Some(p) = source.map(center) else { return 1.0 + 2.0 * w_l };
+            let Some(p) = source.map(middle(sphere, cell)) else { return 1.0 };
             let w_f = f64::from(u8::from(faces.iter().any(|face| face.contains(p))));
             let w_s = salience.map_or(0.0, |plane| sampled(plane, p, lens.size));
-            1.0 + 2.0 * w_l + 2.0 * w_s + 4.0 * w_f
+            1.0 + 2.0 * w_s + 4.0 * w_f
         };
-        Self((0..grid.cell_count()).map(weight).collect())
+        Self((0..sphere.grid.cell_count()).map(weight).collect())
+    }
+
+    /// The weights with those of the ends of lines.
+    pub(super) fn with_ends(&self, sphere: &SphereGrid, lines: &[GridLine]) -> Self {
+        let grid = &sphere.grid;
+        let spread = END_SPREAD * grid.width.max(grid.height);
+        let (w, h) = grid.cell_size();
+        let mut near = vec![0.0_f64; self.0.len()];
+        for end in lines.iter().flat_map(GridLine::ends) {
+            let at = Quad(grid.corners(end.cell).map(|i| grid.vertex(i))).at(end.s, end.t);
+            let range = |v: f64, cell: f64, count: usize| {
+                let index = |v: f64| ((v / cell).max(0.0) as usize).min(count);
+                index(v - END_REACH * spread)..(index(v + END_REACH * spread) + 1).min(count)
+            };
+            for row in range(at.y, h, grid.rows) {
+                for cell in range(at.x, w, grid.cols).map(|col| row * grid.cols + col) {
+                    let squared = (at - middle(sphere, cell)).norm_squared();
+                    near[cell] = near[cell].max((-0.5 * squared / (spread * spread)).exp());
+                }
+            }
+        }
+        Self(self.0.iter().zip(near).map(|(w, near)| w + 2.0 * near).collect())
     }
 }
 
-fn ends(line: &GridLine, sphere: &SphereGrid) -> impl Iterator<Item = Point2> {
-    let place = |p: &CellPoint| {
-        let corners = sphere.grid.corners(p.cell).map(|i| sphere.grid.vertex(i));
-        Quad(corners).at(p.s, p.t)
-    };
-    [line.vertices.first().map(place), line.vertices.last().map(place)].into_iter().flatten()
+/// The middle of a cell, on the grid's rectangle.
+fn middle(sphere: &SphereGrid, cell: usize) -> Point2 {
+    let corners = sphere.grid.corners(cell);
+    nalgebra::center(&sphere.grid.vertex(corners[0]), &sphere.grid.vertex(corners[3]))
 }
 
 /// The sample of `plane`, laid over a picture of `size`, at the picture's point `p`; 0 outside.

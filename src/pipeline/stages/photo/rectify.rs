@@ -9,6 +9,7 @@ use super::{PhotoMap, all_lines, picture, rectangle, tell_lines};
 use crate::camera::{Lens, Projection};
 use crate::feature::{Face, Importance};
 use crate::math::Rect;
+use crate::photo::line_detection::off_faces;
 use crate::photo::rectangle::RectangleShape;
 use crate::photo::rectify::{
     Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, View, Window, rectify,
@@ -29,11 +30,11 @@ pub(super) fn run(
 ) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
     let set = all_lines(context, stage)?;
-    let lines = set.lines;
     let faces: Vec<Rect> = match context.edge(stage, "faces") {
         Some(edge) => context.values.get::<Vec<Face>>(edge)?.iter().map(|f| f.rect).collect(),
         None => Vec::new(),
     };
+    let lines = if set.found { off_faces(set.lines, &faces) } else { set.lines };
     let salience = match context.edge(stage, "importance") {
         Some(edge) => Some(context.values.get::<Importance>(edge)?.plane().clone()),
         None => None,
@@ -52,6 +53,7 @@ pub(super) fn run(
     let input = RectifyInput { lens: &found.lens, lines: &lines, faces: &faces, salience: salience.as_ref() };
     let warp = rectify(&input, &options(settings, &found.lens)).map_err(|e| rectify_error(&e))?;
     tell_lines(context, &warp.lines);
+    tell_cut_faces(context, &warp.cut_faces);
     let mut told = Map::new();
     let lens = &found.lens;
     told.insert(
@@ -74,6 +76,17 @@ fn shape(settings: &PhotoRectifySettings) -> RectangleShape {
         (Some(size), _) => RectangleShape::Exact(size.width as usize, size.height as usize),
         (None, CropWish::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
         (None, _) => RectangleShape::Natural,
+    }
+}
+
+/// Says which faces the crop could not keep.
+fn tell_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
+    if !cut.is_empty() {
+        let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();
+        context.warn(format!(
+            "the output does not show all of face {}: no such rectangle holds all faces; --crop none keeps them",
+            numbers.join(", ")
+        ));
     }
 }
 

@@ -1,0 +1,177 @@
+//! A view whose lines may change: what does not depend on them is kept.
+//!
+//! The first solve starts from the chart, on cells twice as large. A line that is dragged moves little from one solve to the
+//! next: [`Rectifier::follow`] starts from the last sheet, on the grid itself, and keeps what was decided then: whether the
+//! border is straight, so that the picture does not jump.
+
+use super::error::RectifyError;
+use super::frame::{Crop, OutputSize, Unframed};
+use super::solver::{Folding, Sheet, halved};
+use super::sphere_grid::{SphereGrid, chart_for};
+use super::straight::{GridLine, sides};
+use super::weights::{CellWeights, FaceTarget};
+use super::{RectifyInput, RectifyOptions, check, fixed};
+use crate::camera::Lens;
+use crate::math::Rect;
+use crate::mesh::GridMesh;
+use crate::photo::{Line, PhotoWarp, report};
+use crate::warp::{InverseMesh, Map};
+
+/// A view of a picture, to be solved for any lines.
+#[derive(Debug)]
+pub struct Rectifier {
+    lens: Lens,
+    options: RectifyOptions,
+    faces: Vec<Rect>,
+    coarse: Sheet,
+    fine: Sheet,
+    /// The sides of the picture on both grids, where they may become straight.
+    sides: Option<[Vec<GridLine>; 2]>,
+    solved: Option<Solved>,
+}
+
+/// What the last solve found.
+#[derive(Debug)]
+struct Solved {
+    lines: Vec<Line>,
+    sheet: GridMesh,
+    /// The border is straight.
+    border: bool,
+    iterations: usize,
+}
+
+impl Rectifier {
+    /// The view of a picture; the lines of the input are the first ones.
+    ///
+    /// # Errors
+    /// As [`super::rectify`].
+    pub fn new(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<Self, RectifyError> {
+        check(options)?;
+        let lens = input.lens;
+        let chart = chart_for(options.view.view_from_camera(), options.window);
+        let coarse = SphereGrid::new(chart, lens, options.window, options.cells / 2).ok_or(RectifyError::EmptyView)?;
+        let fine = coarse.refined(lens);
+        let sides = match options.crop {
+            Crop::Auto | Crop::Aspect(_) => sides(lens, &coarse).zip(sides(lens, &fine)).map(<[_; 2]>::from),
+            Crop::Rectangle | Crop::None => None,
+        };
+        let sheet = |sphere: SphereGrid| {
+            let faces = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, &sphere)).collect();
+            let base = CellWeights::new(&sphere, lens, input.faces, input.salience);
+            Sheet::new(sphere, faces, options.weights, base)
+        };
+        let (coarse, fine) = (sheet(coarse)?, sheet(fine)?);
+        let (lens, options, faces) = (lens.clone(), options.clone(), input.faces.to_vec());
+        let mut rectifier = Self { lens, options, faces, coarse, fine, sides, solved: None };
+        rectifier.solve(input.lines)?;
+        Ok(rectifier)
+    }
+
+    /// Solves for other lines from the start: the result depends on them alone.
+    ///
+    /// # Errors
+    /// [`RectifyError::Energy`] for lines that are not finite.
+    pub fn solve(&mut self, lines: &[Line]) -> Result<(), RectifyError> {
+        let mut iterations = 0;
+        let mut found = None;
+        if self.sides.is_some() {
+            found = self.solve_with(lines, true, &mut iterations)?;
+        }
+        let border = found.is_some();
+        let sheet = match found {
+            Some(sheet) => sheet,
+            // The border cannot be had straight without harm.
+            None => self.solve_with(lines, false, &mut iterations)?.expect("folds are held"),
+        };
+        self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations });
+        Ok(())
+    }
+
+    /// Solves for lines that have moved little since the last solve, from where they lay then: a fraction of the time. Falls
+    /// back to [`Self::solve`] where the sheet would fold.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub fn follow(&mut self, lines: &[Line]) -> Result<(), RectifyError> {
+        let border = self.solved.as_ref().is_some_and(|s| s.border);
+        let on_grid = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
+        let Some(solved) = &mut self.solved else { return self.solve(lines) };
+        match self.fine.follow(&on_grid, &solved.sheet)? {
+            Some(sheet) => {
+                (solved.sheet, solved.iterations) = (sheet, solved.iterations + 1);
+                solved.lines = lines.to_vec();
+                Ok(())
+            }
+            None => self.solve(lines),
+        }
+    }
+
+    /// The solved grid, in radians at the center of the view.
+    pub fn sheet(&self) -> &GridMesh {
+        &self.solved().sheet
+    }
+
+    /// The warp of the last solve.
+    ///
+    /// # Errors
+    /// [`RectifyError::Size`], [`RectifyError::EmptyView`] where nothing is left of the picture.
+    pub fn warp(&self) -> Result<PhotoWarp, RectifyError> {
+        let solved = self.solved();
+        let mut warp = self.unframed()?.framed(&self.lens, &self.faces, &self.options)?;
+        warp.iterations = solved.iterations;
+        warp.lines = solved.lines.iter().map(|line| report::of_line(line, Some(&self.lens), &warp)).collect();
+        Ok(warp)
+    }
+
+    /// Changes what is cut away and how large the output is: nothing is solved, [`Self::warp`] gives the new one. A crop that
+    /// wants a straight border where the last one did not takes effect with the next [`Self::solve`].
+    ///
+    /// # Errors
+    /// [`RectifyError::Option`], [`RectifyError::Size`].
+    pub fn set_frame(&mut self, crop: Crop, size: OutputSize) -> Result<(), RectifyError> {
+        let options = RectifyOptions { crop, size, ..self.options.clone() };
+        check(&options)?;
+        self.options = options;
+        Ok(())
+    }
+
+    fn solved(&self) -> &Solved {
+        self.solved.as_ref().expect("solved when made")
+    }
+
+    /// The sheet with a straight border or without; `None` where the straight one folds.
+    fn solve_with(
+        &mut self,
+        lines: &[Line],
+        border: bool,
+        iterations: &mut usize,
+    ) -> Result<Option<GridMesh>, RectifyError> {
+        let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
+        let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
+        let (start, first) = self.coarse.solve(&on_coarse, None, Folding::Held)?;
+        let folding = if border { Folding::Refused } else { Folding::Held };
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&start)), folding)?;
+        *iterations += first.iterations + last.iterations;
+        Ok((!border || !last.folded).then_some(sheet))
+    }
+
+    /// Lines on a grid, after the sides where they are wanted.
+    fn on_grid(&self, lines: &[Line], sphere: &SphereGrid, sides: Option<usize>) -> Vec<GridLine> {
+        let mut all = sides.and_then(|k| Some(self.sides.as_ref()?[k].clone())).unwrap_or_default();
+        all.extend(lines.iter().filter_map(|line| GridLine::new(line, &self.lens, sphere)));
+        all
+    }
+
+    /// The warp of the solved sheet, in px at the density of the source.
+    fn unframed(&self) -> Result<Unframed, RectifyError> {
+        let (sphere, sheet) = (self.fine.sphere.clone(), self.sheet());
+        let focal = fixed::density(&self.lens, sphere.chart.view_from_camera());
+        let vertices = sheet.vertices.iter().map(|v| v * focal).collect();
+        let mesh = GridMesh { cols: sheet.cols, rows: sheet.rows, vertices };
+        let inverse = Map::Mesh(InverseMesh::new(&mesh, sphere.grid.width, sphere.grid.height)?);
+        let maps = vec![inverse, Map::Radial(Box::new(sphere.source(&self.lens)))];
+        let (lens, forward_mesh) = (self.lens.clone(), mesh.clone());
+        let forward = Box::new(move |p| Some(forward_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
+        Ok(Unframed { maps, mesh, forward })
+    }
+}
