@@ -3,6 +3,7 @@
 mod error;
 mod grid;
 mod quad;
+pub mod shapes;
 mod tri_mesh;
 
 pub use error::MeshError;
