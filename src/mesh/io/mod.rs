@@ -179,3 +179,6 @@ fn finite(
     let [x, y, z] = xyz;
     Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
 }
+
+#[cfg(test)]
+mod tests;
