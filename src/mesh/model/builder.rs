@@ -104,8 +104,11 @@ fn first_beyond(faces: &Faces, vertices: usize) -> Option<(usize, u32)> {
     faces.iter().enumerate().find_map(|(face, corners)| Some((face, beyond(corners)?)))
 }
 
+/// The data, or none where no corner has a value.
 fn filled<const N: usize>(mut data: CornerData<N>, corners: usize) -> Option<CornerData<N>> {
+    let count = data.values.len();
     data.of_corner.resize(corners, NO_VALUE);
+    data.of_corner.iter_mut().filter(|value| **value as usize >= count).for_each(|value| *value = NO_VALUE);
     data.of_corner.iter().any(|&value| value != NO_VALUE).then_some(data)
 }
 
