@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use nalgebra::Vector3;
 
 use super::text::{Words, shown};
-use super::write::one_line;
+use super::write::{Number, one_line};
 use super::{MeshFormat, finite, malformed};
 use crate::mesh::{Group, MeshError, Model, ModelBuilder, NO_VALUE, Position, TriMesh};
 
@@ -139,7 +139,7 @@ pub(super) fn write_binary(model: &Model, out: &mut impl Write) -> io::Result<()
     Ok(())
 }
 
-/// Writes the triangles as text, one solid per object.
+/// Writes the triangles as text, one solid per object, with all digits of their coordinates.
 pub(super) fn write_text(model: &Model, out: &mut impl Write) -> io::Result<()> {
     let mesh = model.mesh();
     let object = |t: usize| model.groups().get(model.face_of_triangle()[t] as usize).map_or("", |g| &g.object);
@@ -156,7 +156,7 @@ pub(super) fn write_text(model: &Model, out: &mut impl Write) -> io::Result<()> 
         let n = unit_normal(mesh, t);
         writeln!(out, "facet normal {} {} {}\n  outer loop", n.x as f32, n.y as f32, n.z as f32)?;
         for p in mesh.corners(t) {
-            writeln!(out, "    vertex {} {} {}", p.x as f32, p.y as f32, p.z as f32)?;
+            writeln!(out, "    vertex {} {} {}", Number(p.x), Number(p.y), Number(p.z))?;
         }
         writeln!(out, "  endloop\nendfacet")?;
     }

@@ -45,7 +45,7 @@ pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions) -> R
 pub fn encode_model(model: &Model, format: MeshFormat, options: &WriteOptions) -> Result<Vec<u8>, MeshError> {
     let mut out = Vec::new();
     let beyond = |x: &f64| x.abs() > f64::from(f32::MAX);
-    let single = matches!(format, MeshFormat::Stl | MeshFormat::Gltf | MeshFormat::Glb);
+    let single = matches!(format, MeshFormat::Gltf | MeshFormat::Glb) || format == MeshFormat::Stl && !options.ascii;
     if single && model.mesh().positions().iter().any(|p| p.coords.iter().any(beyond)) {
         let reason =
             format!("{format} holds coordinates up to {:e}, and the mesh has larger ones; write PLY or OBJ", f32::MAX);
@@ -81,7 +81,8 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
         (!model.groups().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "groups"),
         (!model.materials().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "materials"),
         (model.assets().is_some() && !matches!(format, F::Gltf | F::Glb), "materials but for their names, textures"),
-        (!small && triangles, "digits beyond 32-bit coordinates"),
+        (!small && format == F::Stl, "digits beyond 32-bit coordinates (STL as text keeps them)"),
+        (!small && matches!(format, F::Gltf | F::Glb), "digits beyond 32-bit coordinates"),
         (format == F::Stl, "which triangles share vertices (join them with `mesh repair`)"),
     ]
     .into_iter()

@@ -111,9 +111,10 @@ struct File<'a> {
 impl<'a> File<'a> {
     fn of(model: &'a Model) -> Self {
         let mesh = model.mesh();
-        let far = mesh.positions().iter().any(|p| p.coords.amax() > FAR * mesh.diagonal());
+        let diagonal = mesh.diagonal();
+        let far = mesh.positions().iter().any(|p| p.coords.amax() > FAR * diagonal);
         let middle = mesh.bounding_box().map(|(low, high)| nalgebra::center(&low, &high).coords);
-        let origin = middle.filter(|_| far && mesh.diagonal() > 0.0).unwrap_or_else(Vector3::zeros);
+        let origin = middle.filter(|_| far && diagonal > 0.0).unwrap_or_else(Vector3::zeros);
         // The format asks for unit normals at every vertex.
         let unit = |n: &[f64; 3]| (Vector3::from(*n).norm() - 1.0).abs() < 1e-3;
         let all =
