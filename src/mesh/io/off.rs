@@ -198,12 +198,12 @@ fn scale_colors(colors: &mut [[f32; 4]]) {
     let whole = colors.iter().flat_map(|c| &c[..3]).any(|&c| c > 1.0);
     for color in colors {
         if whole {
-            color.iter_mut().for_each(|c| *c /= 255.0);
+            *color = color.map(|c| c / 255.0);
         }
         if color[3].is_nan() {
             color[3] = 1.0;
         }
-        color.iter_mut().for_each(|c| *c = if c.is_finite() { *c } else { 0.0 });
+        *color = color.map(|c| if c.is_finite() { c } else { 0.0 });
     }
 }
 

@@ -19,9 +19,9 @@ fn every_format_gives_back_the_triangles_it_was_given() {
     let formats =
         [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off, MeshFormat::Stl, MeshFormat::Gltf, MeshFormat::Glb];
     for (format, ascii) in formats.into_iter().flat_map(|f| [(f, false), (f, true)]) {
-        let bytes = encode_model(&model, format, &WriteOptions { ascii }).unwrap();
+        let bytes = encode_model(&model, format, &WriteOptions { ascii }).expect("valid");
         assert_eq!(detect_format(&bytes, Path::new("x")).unwrap_or(MeshFormat::Obj), format, "told by content");
-        let again = decode(&bytes, format).unwrap();
+        let again = decode(&bytes, format).expect("valid");
         let joined = format == MeshFormat::Stl;
         let expected = if joined { soup(&mesh) } else { mesh.clone() };
         assert_eq!(again.mesh().triangles(), expected.triangles(), "{format}");
@@ -40,18 +40,18 @@ fn variants_of_off_are_read() {
     {
         let text =
             if head.contains('\r') { format!("{head}{}", body.replace('\n', "\r\n")) } else { format!("{head}{body}") };
-        assert_eq!(off(&text).unwrap().mesh().triangles(), [[0, 1, 2]], "{head:?}");
+        assert_eq!(off(&text).expect("valid").mesh().triangles(), [[0, 1, 2]], "{head:?}");
     }
     let full = "STCNOFF\n3 1 0\n0 0 0  0 0 1  1 0 0 0.5  0.1 0.2\n1 0 0  0 0 1  0 1 0 1  0.3 0.4\n0 1 0  0 0 1  0 0 1 1  0.5 0.6\n3 0 1 2 255 0 0\n";
-    let full = off(full).unwrap();
-    assert_eq!(full.colors().unwrap()[0], [1.0, 0.0, 0.0, 0.5]);
+    let full = off(full).expect("valid");
+    assert_eq!(full.colors().expect("valid")[0], [1.0, 0.0, 0.0, 0.5]);
     assert_eq!(
-        (full.normals().unwrap().get(1), full.texture().unwrap().get(2)),
+        (full.normals().expect("valid").get(1), full.texture().expect("valid").get(2)),
         (Some([0.0, 0.0, 1.0]), Some([0.5, 0.6]))
     );
     assert_eq!(full.warnings(), ["colors of faces are left out (1)"]);
-    let bytes = off("COFF\n3 1 0\n0 0 0 255 0 51\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n").unwrap();
-    assert_eq!(bytes.colors().unwrap()[0], [1.0, 0.0, 0.2, 1.0]);
+    let bytes = off("COFF\n3 1 0\n0 0 0 255 0 51\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n").expect("valid");
+    assert_eq!(bytes.colors().expect("valid")[0], [1.0, 0.0, 0.2, 1.0]);
 }
 
 #[test]
@@ -79,26 +79,32 @@ fn faults_of_off_and_stl_are_told_with_place_value_and_range() {
         ("OFF BINARY\n", "binary OFF is not read"),
         ("OFF\nmany\n", "\"many\" should be the numbers of vertices, faces and edges"),
     ] {
-        let fault = off(text).unwrap_err().to_string();
+        let fault = off(text).expect_err("to be refused").to_string();
         assert!(fault.contains(told), "{fault}");
     }
-    let whole = encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).unwrap();
-    let cut = decode(&whole[..whole.len() - 1], MeshFormat::Stl).unwrap_err().to_string();
+    let whole = encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).expect("valid");
+    let cut = decode(&whole[..whole.len() - 1], MeshFormat::Stl).expect_err("to be refused").to_string();
     assert_eq!(cut, "STL, byte 80: 20 triangles are announced, but the file has room for 19; it is cut short");
     let mut nan = whole.clone();
     nan[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(decode(&nan, MeshFormat::Stl).unwrap_err().to_string().contains("byte 146: vertex 3 (numbered from 0)"));
+    assert!(
+        decode(&nan, MeshFormat::Stl)
+            .expect_err("to be refused")
+            .to_string()
+            .contains("byte 146: vertex 3 (numbered from 0)")
+    );
     let text = decode(b"solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\n", MeshFormat::Stl);
-    assert_eq!(text.unwrap_err().to_string(), "STL, line 6: \"endloop\" where `vertex` should stand");
+    assert_eq!(text.expect_err("to be refused").to_string(), "STL, line 6: \"endloop\" where `vertex` should stand");
 }
 
 #[test]
 fn binary_stl_may_begin_with_any_word() {
-    let mut bytes = encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).unwrap();
+    let mut bytes =
+        encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).expect("valid");
     for word in ["solid facet", "ply\n       ", "OFF        "] {
         bytes[..11].copy_from_slice(word.as_bytes());
         assert_eq!(detect_format(&bytes, Path::new("a.stl")), Ok(MeshFormat::Stl));
-        assert_eq!(decode(&bytes, MeshFormat::Stl).unwrap().mesh().triangle_count(), 20);
+        assert_eq!(decode(&bytes, MeshFormat::Stl).expect("valid").mesh().triangle_count(), 20);
     }
 }
 
@@ -106,37 +112,42 @@ fn binary_stl_may_begin_with_any_word() {
 fn medit_surfaces_are_read_and_the_rest_is_left_out() {
     let text = "MeshVersionFormatted 1\nDimension 3\nVertices\n4\n0 0 0 1\n1 0 0 1\n0 1 0 1\n0 0 1 1\nTriangles\n1\n1 2 3 0\n\
                 Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 7\nEnd\n";
-    let model = decode(text.as_bytes(), MeshFormat::Medit).unwrap();
+    let model = decode(text.as_bytes(), MeshFormat::Medit).expect("valid");
     assert_eq!((model.faces().len(), model.warnings()), (2, &["Tetrahedra are left out (1)".to_owned()][..]));
     let beyond = decode(text.replace("1 2 3 0", "1 2 9 0").as_bytes(), MeshFormat::Medit);
-    assert!(beyond.unwrap_err().to_string().contains("line 11: a face names vertex 9; there are 4, numbered from 1"));
+    assert!(
+        beyond
+            .expect_err("to be refused")
+            .to_string()
+            .contains("line 11: a face names vertex 9; there are 4, numbered from 1")
+    );
 }
 
 #[test]
 fn a_deformation_keeps_polygons_seams_and_hard_edges() {
     let cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
                 vn 0 0 -1\nvn 0 0 1\nvn 1 0 0\nf 1/1/1 4/2/1 3/3/1 2/4/1\nf 5/1/2 6/2/2 7/3/2 8/4/2\nf 2/1/3 3/2/3 7/3/3 6/4/3\n";
-    let model = decode(cube.as_bytes(), MeshFormat::Obj).unwrap();
+    let model = decode(cube.as_bytes(), MeshFormat::Obj).expect("valid");
     let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.8, 1.9);
     let moved = model.mesh().positions().iter().map(|p| turn * p * 3.0).collect();
-    let moved = model.with_positions(moved).unwrap();
+    let moved = model.with_positions(moved).expect("valid");
     assert_eq!((moved.faces(), moved.texture()), (model.faces(), model.texture()));
     for corner in 0..12 {
-        let expected = turn * nalgebra::Vector3::from(model.normals().unwrap().get(corner).unwrap());
-        let normal = nalgebra::Vector3::from(moved.normals().unwrap().get(corner).unwrap());
+        let expected = turn * nalgebra::Vector3::from(model.normals().expect("valid").get(corner).expect("valid"));
+        let normal = nalgebra::Vector3::from(moved.normals().expect("valid").get(corner).expect("valid"));
         assert!((normal - expected).norm() < 1e-12, "corner {corner}: {normal} {expected}");
     }
 }
 
 #[test]
 fn files_appear_whole_and_name_themselves_in_faults() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("valid");
     let path = folder.path().join("a.ply");
     let model = Model::of_mesh(icosphere(1));
-    write_model(&path, &model).unwrap();
-    assert_eq!(read_model(&path, &ReadLimits::default()).unwrap(), model);
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
-    let refused = |path: &Path, limits: &ReadLimits| read_model(path, limits).unwrap_err().to_string();
+    write_model(&path, &model).expect("valid");
+    assert_eq!(read_model(&path, &ReadLimits::default()).expect("valid"), model);
+    assert_eq!(std::fs::read_dir(folder.path()).expect("valid").count(), 1, "nothing else is left");
+    let refused = |path: &Path, limits: &ReadLimits| read_model(path, limits).expect_err("to be refused").to_string();
     let small = refused(&path, &ReadLimits { max_bytes: 100, ..ReadLimits::default() });
     assert!(
         small.starts_with(&path.display().to_string()) && small.contains("is more than the limit of 100"),
@@ -145,10 +156,15 @@ fn files_appear_whole_and_name_themselves_in_faults() {
     let missing = refused(&folder.path().join("b.ply"), &ReadLimits::default());
     assert!(missing.ends_with("b.ply: cannot be read: no such file; check the name"), "{missing}");
     assert!(refused(folder.path(), &ReadLimits::default()).contains("not a file"));
-    let into_nothing = write_model(&folder.path().join("none/a.ply"), &model).unwrap_err();
+    let into_nothing = write_model(&folder.path().join("none/a.ply"), &model).expect_err("to be refused");
     assert!(into_nothing.is_output(), "{into_nothing}");
-    assert!(write_model(&folder.path().join("a.xyz"), &model).unwrap_err().to_string().contains("none of .obj"));
-    std::fs::write(folder.path().join("c.bin"), "\u{1}\u{2}\u{3}").unwrap();
+    assert!(
+        write_model(&folder.path().join("a.xyz"), &model)
+            .expect_err("to be refused")
+            .to_string()
+            .contains("none of .obj")
+    );
+    std::fs::write(folder.path().join("c.bin"), "\u{1}\u{2}\u{3}").expect("valid");
     assert!(refused(&folder.path().join("c.bin"), &ReadLimits::default()).contains("not a mesh that is read here"));
 }
 
@@ -159,7 +175,7 @@ fn losses_are_told_before_they_surprise() {
     builder.colors = vec![[0.5; 4]; 4];
     let group = builder.group(crate::mesh::Group { object: "a".into(), name: String::new() });
     builder.face(&[0, 1, 2, 3], group, crate::mesh::NO_VALUE);
-    let model = builder.finish().unwrap();
+    let model = builder.finish().expect("valid");
     assert!(losses(&model, MeshFormat::Obj).is_empty());
     assert_eq!(losses(&model, MeshFormat::Ply), ["groups"]);
     assert_eq!(losses(&model, MeshFormat::Stl).len(), 4);

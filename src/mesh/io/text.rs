@@ -34,16 +34,9 @@ impl<'a> Iterator for Lines<'a> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let rest = self.rest?;
-        let line = match rest.iter().position(|&b| b == self.end) {
-            Some(end) => {
-                self.rest = Some(&rest[end + 1..]);
-                &rest[..end]
-            }
-            None => {
-                self.rest = None;
-                rest
-            }
-        };
+        let end = rest.iter().position(|&b| b == self.end);
+        self.rest = end.map(|end| &rest[end + 1..]);
+        let line = &rest[..end.unwrap_or(rest.len())];
         self.number += 1;
         Some((self.number, line))
     }

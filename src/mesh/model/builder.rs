@@ -118,10 +118,8 @@ fn used<T>(labels: Labels<T>) -> Labels<T> {
     for &label in labels.of_face.iter().filter(|&&label| label != NO_VALUE) {
         number[label as usize] = 0;
     }
-    let mut next = 0;
-    for number in number.iter_mut().filter(|number| **number == 0) {
+    for (next, number) in (0..).zip(number.iter_mut().filter(|number| **number == 0)) {
         *number = next;
-        next += 1;
     }
     let mut numbers = number.iter();
     let mut all = labels.all;

@@ -94,9 +94,6 @@ pub struct GltfAssets {
 
 impl Model {
     /// A model of triangles alone.
-    ///
-    /// # Errors
-    /// None of a mesh within [`MeshError::TooManyVertices`].
     pub fn of_mesh(mesh: TriMesh) -> Self {
         let mut faces = Faces::default();
         for triangle in mesh.triangles() {
@@ -186,6 +183,7 @@ impl Model {
     ///
     /// # Panics
     /// Where the number of colors differs from the number of vertices.
+    #[must_use]
     pub fn with_colors(mut self, colors: Vec<[f32; 4]>) -> Self {
         assert_eq!(colors.len(), self.mesh.vertex_count(), "one color per vertex");
         self.colors = Some(colors);
@@ -193,6 +191,7 @@ impl Model {
     }
 
     /// What is left of the model after `repaired` was made of its mesh: triangles, with what lay on their corners.
+    #[must_use]
     pub fn repaired(&self, repaired: &Repaired) -> Self {
         let corners: Vec<u32> = repaired
             .source_corners
@@ -202,9 +201,9 @@ impl Model {
             .collect();
         let source_face = |t: &[u32; 3]| self.face_of_triangle[t[0] as usize / 3];
         let faces: Vec<u32> = repaired.source_corners.iter().map(source_face).collect();
-        let relabelled = |of_face: &[u32]| match of_face.is_empty() {
-            true => Vec::new(),
-            false => faces.iter().map(|&face| of_face[face as usize]).collect(),
+        let relabelled = |of_face: &[u32]| {
+            // Either every face has a label or none.
+            faces.iter().filter_map(|&face| of_face.get(face as usize).copied()).collect()
         };
         let kept = |colors: &Vec<[f32; 4]>| repaired.source_of_vertex.iter().map(|&v| colors[v as usize]).collect();
         let base = Self::of_mesh(repaired.mesh.clone());

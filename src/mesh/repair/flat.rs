@@ -26,7 +26,9 @@ pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport) 
     }
     let found = flat_ones(soup, flat);
     let mut dead = vec![false; soup.corners.len()];
-    found.iter().for_each(|&t| dead[t] = true);
+    for t in found {
+        dead[t] = true;
+    }
     report.flat_dropped.extend(soup.drop_dead(&dead));
 }
 

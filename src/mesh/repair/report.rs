@@ -146,11 +146,11 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
         let length = (0..line.len()).map(|k| (place(k + 1) - place(k)).norm()).sum();
         report.boundary_loops.push(BoundaryLoop { component, first_vertex: line[0], vertices: line.len(), length });
     }
-    let mut edges = vec![0_i64; components.len()];
+    let mut edges = vec![0_isize; components.len()];
     half_edges.edges().for_each(|h| edges[component_of[half_edges.origin(h) as usize] as usize] += 1);
     for (component, edges) in components.iter_mut().zip(edges) {
-        let euler = component.vertices as i64 - edges + component.triangles as i64;
-        component.genus = ((2 - euler - component.boundary_loops as i64) / 2).max(0) as usize;
+        let euler = component.vertices.cast_signed() - edges + component.triangles.cast_signed();
+        component.genus = ((2 - euler - component.boundary_loops.cast_signed()) / 2).max(0) as usize;
         if component.boundary_loops > 0 {
             component.volume = None;
         }
@@ -187,7 +187,9 @@ pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
         let [a, b, c] = mesh.corners(t).map(|p| p - origins[number]);
         *component.volume.get_or_insert(0.0) += a.dot(&b.cross(&c));
     }
-    components.iter_mut().for_each(|component| component.volume = component.volume.map(|six_times| six_times / 6.0));
+    for component in &mut components {
+        component.volume = component.volume.map(|six_times| six_times / 6.0);
+    }
     (component_of, components)
 }
 

@@ -141,7 +141,9 @@ impl Sheets<'_> {
     }
 
     fn turn(&mut self, members: &[u32]) {
-        members.iter().for_each(|&t| self.flipped[t as usize] ^= true);
+        for &t in members {
+            self.flipped[t as usize] ^= true;
+        }
     }
 
     /// The larger part of the area keeps the orientation it came with.
@@ -296,6 +298,7 @@ impl Sheets<'_> {
 }
 
 /// Triangles that hang together by edges, as they are oriented.
+#[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 struct Shell {
     members: Vec<u32>,
     closed: bool,

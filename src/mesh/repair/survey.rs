@@ -26,7 +26,7 @@ pub struct MeshFacts {
     /// Parts that share no vertex.
     pub components: usize,
     /// V − E + F, of the vertices that triangles name.
-    pub euler: i64,
+    pub euler: isize,
     /// Lowest coordinates; `None` without vertices.
     pub low: Option<[f64; 3]>,
     /// Highest coordinates.
@@ -57,7 +57,7 @@ impl MeshFacts {
         let parts = components(mesh).1;
         let named: usize = parts.iter().filter(|part| part.triangles > 0).map(|part| part.vertices).sum();
         facts.components = parts.iter().filter(|part| part.triangles > 0).count();
-        facts.euler = named as i64 - facts.edges as i64 + facts.triangles as i64;
+        facts.euler = named.cast_signed() - facts.edges.cast_signed() + facts.triangles.cast_signed();
         (facts.low, facts.high) = mesh.bounding_box().map(|(low, high)| (low.into(), high.into())).unzip();
         facts.area = mesh.area();
         let closed = facts.boundary_edges + facts.non_manifold_edges + facts.turned_edges == 0 && facts.triangles > 0;
@@ -80,8 +80,8 @@ impl fmt::Display for MeshFacts {
                 )?;
             }
         }
-        if let (Some(low), Some(high)) = (self.low, self.high) {
-            writeln!(f, "box ({}, {}, {}) to ({}, {}, {})", low[0], low[1], low[2], high[0], high[1], high[2])?;
+        if let (Some([x0, y0, z0]), Some([x1, y1, z1])) = (self.low, self.high) {
+            writeln!(f, "box ({x0}, {y0}, {z0}) to ({x1}, {y1}, {z1})")?;
         }
         write!(f, "area {:.6}", self.area)?;
         if let Some(volume) = self.volume {

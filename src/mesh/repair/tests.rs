@@ -14,7 +14,7 @@ fn fixed(mesh: &TriMesh) -> Repaired {
 fn changed(mesh: &TriMesh, change: impl FnOnce(&mut Vec<Point3<f64>>, &mut Vec<[u32; 3]>)) -> TriMesh {
     let (mut positions, mut triangles) = (mesh.positions().to_vec(), mesh.triangles().to_vec());
     change(&mut positions, &mut triangles);
-    TriMesh::new(positions, triangles).unwrap()
+    TriMesh::new(positions, triangles).expect("valid")
 }
 
 /// What holds of every result.
@@ -84,8 +84,12 @@ fn turned_triangles_are_turned_back_and_closed_parts_face_outward() {
 #[test]
 fn a_cavity_stays_inside_out() {
     let inner = changed(&icosphere(1), |positions, triangles| {
-        positions.iter_mut().for_each(|p| *p *= 0.5);
-        triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        for p in positions.iter_mut() {
+            *p *= 0.5;
+        }
+        for t in triangles.iter_mut() {
+            t.swap(0, 1);
+        }
     });
     let shell = changed(&icosphere(1), |positions, triangles| {
         let first = positions.len() as u32;
@@ -133,13 +137,16 @@ fn triangles_without_area_leave_no_crack() {
         let right =
             |t: &[u32; 3], p: &[Point3<f64>]| t.contains(&old) && t.iter().map(|&v| p[v as usize].x).sum::<f64>() > 1.5;
         let (moved, _): (Vec<_>, Vec<_>) = (0..triangles.len()).partition(|&t| right(&triangles[t], positions));
-        moved.iter().for_each(|&t| triangles[t].iter_mut().for_each(|v| *v = if *v == old { new } else { *v }));
+        for t in moved {
+            triangles[t] = triangles[t].map(|v| if v == old { new } else { v });
+        }
         triangles.extend([[old, new, 17], [old, 7, new]]);
     });
     let result = fixed(&with_needles);
     assert!(result.report.needles_collapsed > 0, "{}", result.report);
     assert_eq!((result.mesh.triangle_count(), result.report.boundary_loops.len()), (32, 1));
-    let line = TriMesh::new((0..3).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(), vec![[0, 1, 2]]).unwrap();
+    let line =
+        TriMesh::new((0..3).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(), vec![[0, 1, 2]]).expect("valid");
     let result = fixed(&line);
     assert_eq!((result.mesh.triangle_count(), &result.report.flat_dropped[..]), (0, &[0][..]));
     assert_eq!(result.vertex_of_source, [None; 3]);
@@ -186,7 +193,9 @@ fn similar_meshes_are_repaired_alike() {
     let turn = Rotation3::from_euler_angles(0.7, 0.2, -2.0);
     for (scale, shift) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)] {
         let moved = changed(&messy, |positions, _| {
-            positions.iter_mut().for_each(|p| *p = turn * *p * scale + Vector3::new(shift, -2.0 * shift, shift));
+            for p in positions.iter_mut() {
+                *p = turn * *p * scale + Vector3::new(shift, -2.0 * shift, shift);
+            }
         });
         let other = fixed(&moved).report;
         assert_eq!(
@@ -210,7 +219,9 @@ fn messy() -> TriMesh {
 fn welding_within_a_distance_joins_what_is_near_and_nothing_else() {
     let shaken = changed(&soup(&icosphere(2)), |positions, _| {
         let mut random = fastrand::Rng::with_seed(4);
-        positions.iter_mut().for_each(|p| *p += Vector3::from_fn(|_, _| 1e-7 * (random.f64() - 0.5)));
+        for p in positions.iter_mut() {
+            *p += Vector3::from_fn(|_, _| 1e-7 * (random.f64() - 0.5));
+        }
     });
     assert_eq!(fixed(&shaken).mesh.vertex_count(), 960);
     for fraction in [1e-7, 1e-5, 1e-3] {
@@ -226,7 +237,7 @@ fn welding_within_a_distance_joins_what_is_near_and_nothing_else() {
 fn nothing_is_repaired_into_nothing() {
     let empty = fixed(&TriMesh::default());
     assert!(empty.report.is_clean() && empty.mesh == TriMesh::default());
-    let points = TriMesh::new(vec![Point3::origin(); 3], vec![]).unwrap();
+    let points = TriMesh::new(vec![Point3::origin(); 3], vec![]).expect("valid");
     assert_eq!(fixed(&points).vertex_of_source, [None; 3]);
     assert!(fixed(&one_triangle()).report.is_clean());
     assert!(matches!(HalfEdges::new(&book(3)), Err(MeshError::NonManifoldEdge { .. })));
@@ -243,7 +254,7 @@ proptest! {
     ) {
         let n = vertices.len() as u32;
         let positions = vertices.iter().map(|p| Point3::from(p.map(f64::from))).collect();
-        let mesh = TriMesh::new(positions, corners.iter().map(|t| t.map(|v| v % n)).collect()).unwrap();
+        let mesh = TriMesh::new(positions, corners.iter().map(|t| t.map(|v| v % n)).collect()).expect("valid");
         for weld in [Weld::Exact, Weld::Never, Weld::Within(1e-9)] {
             let options = RepairOptions { weld, ..RepairOptions::default() };
             check(&mesh, &repair(&mesh, &options), &options);

@@ -94,7 +94,9 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut Joined) {
     }
     // The order in which sets are joined does not change them.
     for (cube, vertices) in &inside {
-        vertices.iter().for_each(|&v| joined.join(vertices[0], v));
+        for &vertex in vertices {
+            joined.join(vertices[0], vertex);
+        }
         for offset in forward_offsets() {
             let near = std::array::from_fn(|k| cube[k].saturating_add(offset[k]));
             let Some(others) = inside.get(&near) else { continue };

@@ -48,7 +48,7 @@ impl Component {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
         let (value, full) = match self {
-            Self::I8 => (f64::from(bytes[0] as i8), 127.0),
+            Self::I8 => (f64::from(bytes[0].cast_signed()), 127.0),
             Self::U8 => (f64::from(bytes[0]), 255.0),
             Self::I16 => (f64::from(i16::from_le_bytes(two())), 32_767.0),
             Self::U16 => (f64::from(u16::from_le_bytes(two())), 65_535.0),

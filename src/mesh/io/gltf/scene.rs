@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::super::ReadLimits;
-use super::accessor::values;
+use super::accessor::{Values, values};
 use super::buffers::Buffers;
 use super::document::{Document, Mesh, Node, Primitive};
 use super::fault;
@@ -160,12 +160,12 @@ impl Scene<'_> {
         // One value per vertex; where a primitive has none, zeros fill the gap and no corner refers to them.
         builder.normals.values.resize(if normals.is_some() { first } else { builder.normals.values.len() }, [0.0; 3]);
         let turn = normal_matrix(matrix);
-        for row in normals.iter().flat_map(|normals| normals.rows::<3>()) {
+        for row in normals.iter().flat_map(Values::rows::<3>) {
             let normal = (turn * Vector3::from(row)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
             builder.normals.values.push(normal.unwrap_or_else(Vector3::zeros).into());
         }
         builder.texture.values.resize(if texture.is_some() { first } else { builder.texture.values.len() }, [0.0; 2]);
-        for [u, v] in texture.iter().flat_map(|texture| texture.rows::<2>()) {
+        for [u, v] in texture.iter().flat_map(Values::rows::<2>) {
             builder.texture.values.push([u, 1.0 - v].map(|x| if x.is_finite() { x } else { 0.0 }));
         }
         if let Some(colors) = colors {

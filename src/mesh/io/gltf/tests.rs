@@ -11,14 +11,17 @@ fn decode(bytes: &[u8], format: MeshFormat) -> Result<Model, MeshError> {
 }
 
 fn fault_of(document: &serde_json::Value) -> String {
-    decode(document.to_string().as_bytes(), MeshFormat::Gltf).map(|_| ()).unwrap_err().to_string()
+    decode(document.to_string().as_bytes(), MeshFormat::Gltf).map(|_| ()).expect_err("to be refused").to_string()
 }
+
+/// What is done to a document.
+type Change = fn(&mut serde_json::Value);
 
 /// A square of four vertices as floats, two triangles as bytes; one node.
 fn square() -> serde_json::Value {
     let mut buffer: Vec<u8> = Vec::new();
     for p in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]] {
-        p.iter().for_each(|x| buffer.extend(x.to_le_bytes()));
+        buffer.extend(p.iter().flat_map(|x| x.to_le_bytes()));
     }
     buffer.extend([0_u8, 1, 2, 2, 1, 3]);
     let uri =
@@ -40,7 +43,7 @@ fn square() -> serde_json::Value {
 fn read_square(change: impl FnOnce(&mut serde_json::Value)) -> Model {
     let mut document = square();
     change(&mut document);
-    decode(document.to_string().as_bytes(), MeshFormat::Gltf).unwrap()
+    decode(document.to_string().as_bytes(), MeshFormat::Gltf).expect("valid")
 }
 
 #[test]
@@ -77,8 +80,8 @@ fn sparse_values_take_their_places() {
     let model = read_square(|d| {
         let values: Vec<u8> = [7.0_f32, 8.0, 9.0].iter().flat_map(|x| x.to_le_bytes()).chain([2]).collect();
         let uri = format!("data:;base64,{}", base64::engine::general_purpose::STANDARD.encode(&values));
-        d["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 13, "uri": uri }));
-        let views = d["bufferViews"].as_array_mut().unwrap();
+        d["buffers"].as_array_mut().expect("valid").push(json!({ "byteLength": 13, "uri": uri }));
+        let views = d["bufferViews"].as_array_mut().expect("valid");
         views.extend([
             json!({ "buffer": 1, "byteLength": 12 }),
             json!({ "buffer": 1, "byteOffset": 12, "byteLength": 1 }),
@@ -95,36 +98,42 @@ fn sparse_values_take_their_places() {
 fn what_is_written_reads_back_the_same() {
     let obj = "o left\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl a\nf 1/1/1 2/2/1 3/3/1\n\
                usemtl b\nf 1/2/1 3/1/1 4/1/1\no right\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5/1/1 6/2/1 7/3/1\n";
-    let model = crate::mesh::io::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).unwrap();
+    let model = crate::mesh::io::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).expect("valid");
     for format in [MeshFormat::Gltf, MeshFormat::Glb] {
-        let bytes = encode_model(&model, format, &WriteOptions::default()).unwrap();
-        let again = decode(&bytes, format).unwrap();
+        let bytes = encode_model(&model, format, &WriteOptions::default()).expect("valid");
+        let again = decode(&bytes, format).expect("valid");
         assert_eq!(again.mesh().triangle_count(), 3);
         for t in 0..3 {
             assert_eq!(again.mesh().corners(t), model.mesh().corners(t), "triangle {t}");
             for k in 0..3 {
                 let of = |m: &Model| m.triangle_corners()[t][k] as usize;
-                assert_eq!(again.texture().unwrap().get(of(&again)), model.texture().unwrap().get(of(&model)));
-                assert_eq!(again.normals().unwrap().get(of(&again)), model.normals().unwrap().get(of(&model)));
+                assert_eq!(
+                    again.texture().expect("valid").get(of(&again)),
+                    model.texture().expect("valid").get(of(&model))
+                );
+                assert_eq!(
+                    again.normals().expect("valid").get(of(&again)),
+                    model.normals().expect("valid").get(of(&model))
+                );
             }
-            assert_eq!(again.materials().get(t).unwrap().name, model.materials().get(t).unwrap().name);
+            assert_eq!(again.materials().get(t).expect("valid").name, model.materials().get(t).expect("valid").name);
             assert_eq!(again.groups().get(t), model.groups().get(t));
         }
-        assert_eq!(again.colors().unwrap()[0], [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(again.colors().expect("valid")[0], [1.0, 0.0, 0.0, 1.0]);
         // Corners 1/1 and 1/2 differ in their texture coordinate alone: a seam.
         assert_eq!(again.mesh().vertex_count(), 9);
     }
     let plain = Model::of_mesh(icosphere(1));
-    let bytes = encode_model(&plain, MeshFormat::Glb, &WriteOptions::default()).unwrap();
-    assert_eq!(decode(&bytes, MeshFormat::Glb).unwrap().mesh().triangles(), plain.mesh().triangles());
+    let bytes = encode_model(&plain, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    assert_eq!(decode(&bytes, MeshFormat::Glb).expect("valid").mesh().triangles(), plain.mesh().triangles());
 }
 
 #[test]
 fn a_mesh_far_from_the_origin_keeps_its_digits() {
     let moved = plane(3).positions().iter().map(|p| p * 0.1 + nalgebra::Vector3::new(1e6, -3e6, 0.0)).collect();
-    let model = Model::of_mesh(plane(3).with_positions(moved).unwrap());
-    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).unwrap();
-    let again = decode(&bytes, MeshFormat::Glb).unwrap();
+    let model = Model::of_mesh(plane(3).with_positions(moved).expect("valid"));
+    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    let again = decode(&bytes, MeshFormat::Glb).expect("valid");
     for (p, q) in again.mesh().positions().iter().zip(model.mesh().positions()) {
         assert!((p - q).norm() < 1e-7 * model.mesh().diagonal() + 1e-9, "{p} {q}");
     }
@@ -139,27 +148,27 @@ fn materials_and_their_pictures_are_carried_along() {
         d["images"] = json!([{ "bufferView": 1, "mimeType": "image/png" }]);
         d["meshes"][0]["primitives"][0]["material"] = json!(0);
     });
-    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).unwrap();
-    let again = decode(&bytes, MeshFormat::Glb).unwrap();
+    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    let again = decode(&bytes, MeshFormat::Glb).expect("valid");
     assert_eq!((again.materials(), again.assets()), (model.materials(), model.assets()));
-    assert_eq!(again.assets().unwrap().image_bytes, [Some(vec![0, 1, 2, 2, 1, 3])]);
+    assert_eq!(again.assets().expect("valid").image_bytes, [Some(vec![0, 1, 2, 2, 1, 3])]);
 }
 
 #[test]
 fn faults_are_told_with_place_value_and_range() {
-    let cases: [(&str, fn(&mut serde_json::Value)); 13] = [
+    let cases: [(&str, Change); 13] = [
         ("value /asset/version: \"1.0\"; only glTF 2 is read", |d| d["asset"]["version"] = json!("1.0")),
         ("value /extensionsRequired: KHR_draco_mesh_compression is not read", |d| {
             d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
         }),
         ("value /buffers/0/byteLength: 99 bytes are announced, but there are 54", |d| {
-            d["buffers"][0]["byteLength"] = json!(99)
+            d["buffers"][0]["byteLength"] = json!(99);
         }),
         ("value /bufferViews/1: 60 bytes from byte 48 go beyond the end of buffer 0 (54 bytes)", |d| {
             d["bufferViews"][1]["byteLength"] = json!(60);
         }),
         ("value /accessors/0: 5 items end at byte 60 of a buffer view of 48", |d| {
-            d["accessors"][0]["count"] = json!(5)
+            d["accessors"][0]["count"] = json!(5);
         }),
         ("number of values of an accessor of 18446744073709551615 is more than the limit", |d| {
             d["accessors"][0]["count"] = json!(u64::MAX);
@@ -178,20 +187,27 @@ fn faults_are_told_with_place_value_and_range() {
         let fault = fault_of(&document);
         assert!(fault.contains(told), "{fault}");
     }
-    assert!(decode(b"glTF\x02\0\0\0\xff\0\0\0", MeshFormat::Glb).unwrap_err().to_string().contains("is cut short"));
-    assert!(decode(b"{]", MeshFormat::Gltf).unwrap_err().to_string().starts_with("glTF, line 1: not glTF"));
+    assert!(
+        decode(b"glTF\x02\0\0\0\xff\0\0\0", MeshFormat::Glb)
+            .expect_err("to be refused")
+            .to_string()
+            .contains("is cut short")
+    );
+    assert!(
+        decode(b"{]", MeshFormat::Gltf).expect_err("to be refused").to_string().starts_with("glTF, line 1: not glTF")
+    );
 }
 
 #[test]
 fn no_address_leads_out_of_the_folder() {
-    let outer = tempfile::tempdir().unwrap();
+    let outer = tempfile::tempdir().expect("valid");
     let inner = outer.path().join("inner");
-    std::fs::create_dir(&inner).unwrap();
-    std::fs::write(outer.path().join("secret.bin"), [0; 54]).unwrap();
+    std::fs::create_dir(&inner).expect("valid");
+    std::fs::write(outer.path().join("secret.bin"), [0; 54]).expect("valid");
     let inside: Vec<u8> = std::iter::repeat_n(0, 48).chain([0, 1, 2, 2, 1, 3]).collect();
-    std::fs::write(inner.join("my data.bin"), inside).unwrap();
+    std::fs::write(inner.join("my data.bin"), inside).expect("valid");
     #[cfg(unix)]
-    std::os::unix::fs::symlink(outer.path().join("secret.bin"), inner.join("link.bin")).unwrap();
+    std::os::unix::fs::symlink(outer.path().join("secret.bin"), inner.join("link.bin")).expect("valid");
     let absolute = outer.path().join("secret.bin").display().to_string();
     let outside = ["../secret.bin", "%2e%2e/secret.bin", "..\\secret.bin", "file:///secret.bin", "link.bin", &absolute];
     for uri in outside.into_iter().chain(["my%20data.bin"]) {

@@ -205,7 +205,7 @@ fn index(line: usize, text: &[u8], count: usize, part: usize) -> Result<u32, Mes
     let from_zero = match given {
         0 => return Err(fault(line, format!("{what} 0: numbers start at 1, or at -1 from the end"))),
         1.. => given - 1,
-        _ => given.saturating_add(count as i64),
+        _ => given.saturating_add(i64::try_from(count).unwrap_or(i64::MAX)),
     };
     if from_zero < 0 {
         return Err(fault(

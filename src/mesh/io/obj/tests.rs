@@ -2,11 +2,11 @@ use super::*;
 use crate::mesh::{Model, Position};
 
 fn model(text: &str) -> Model {
-    read(text.as_bytes()).and_then(ModelBuilder::finish).unwrap()
+    read(text.as_bytes()).and_then(ModelBuilder::finish).expect("valid")
 }
 
 fn fault_of(text: &str) -> String {
-    read(text.as_bytes()).map(|_| ()).unwrap_err().to_string()
+    read(text.as_bytes()).map(|_| ()).expect_err("to be refused").to_string()
 }
 
 const FULL: &str = "mtllib a.mtl\no box\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1e-7\nvt 0 0\nvt 1 0.25\nvn 0 0 1\n\
@@ -16,15 +16,18 @@ const FULL: &str = "mtllib a.mtl\no box\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0
 fn what_is_written_reads_back_the_same() {
     let full = model(FULL);
     let mut text = Vec::new();
-    write(&full, &mut text).unwrap();
-    assert_eq!(read(&text).and_then(ModelBuilder::finish).unwrap(), full, "{}", String::from_utf8_lossy(&text));
+    write(&full, &mut text).expect("valid");
+    assert_eq!(read(&text).and_then(ModelBuilder::finish).expect("valid"), full, "{}", String::from_utf8_lossy(&text));
     assert_eq!(full.faces().get(0), [0, 1, 2, 3]);
     assert_eq!(full.mesh().triangles(), [[0, 1, 2], [0, 2, 3], [0, 4, 1], [4, 1, 0]]);
     assert_eq!(full.face_of_triangle(), [0, 0, 1, 2]);
-    assert_eq!(full.materials().get(2).unwrap().name, "red paint");
-    assert_eq!(full.groups().get(1).unwrap(), &Group { object: "box".into(), name: "back".into() });
-    assert_eq!(full.texture().unwrap().get(1), Some([1.0, 0.25]));
-    assert_eq!((full.texture().unwrap().get(3), full.normals().unwrap().get(2)), (None, Some([0.0, 0.0, 1.0])));
+    assert_eq!(full.materials().get(2).expect("valid").name, "red paint");
+    assert_eq!(full.groups().get(1).expect("valid"), &Group { object: "box".into(), name: "back".into() });
+    assert_eq!(full.texture().expect("valid").get(1), Some([1.0, 0.25]));
+    assert_eq!(
+        (full.texture().expect("valid").get(3), full.normals().expect("valid").get(2)),
+        (None, Some([0.0, 0.0, 1.0]))
+    );
 }
 
 #[test]
@@ -42,9 +45,9 @@ fn faces_may_come_before_their_vertices_and_lines_may_be_continued() {
 #[test]
 fn colors_after_positions_are_kept_in_fractions_or_bytes() {
     let fractions = model("v 0 0 0 1 0.5 0\nv 1 0 0 0 0 1 0.5\nv 0 1 0\nf 1 2 3");
-    assert_eq!(fractions.colors().unwrap(), [[1.0, 0.5, 0.0, 1.0], [0.0, 0.0, 1.0, 0.5], [1.0; 4]]);
+    assert_eq!(fractions.colors().expect("valid"), [[1.0, 0.5, 0.0, 1.0], [0.0, 0.0, 1.0, 0.5], [1.0; 4]]);
     let bytes = model("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3");
-    assert_eq!(bytes.colors().unwrap()[0], [1.0, 0.0, 0.2, 1.0]);
+    assert_eq!(bytes.colors().expect("valid")[0], [1.0, 0.0, 0.2, 1.0]);
     let weights = model("v 0 0 0 1.0\nv 1 0 0 1.0\nv 0 1 0 1.0\nf 1 2 3");
     assert_eq!(weights.colors(), None, "a fourth number is a weight");
 }
@@ -74,5 +77,5 @@ fn faults_are_told_with_line_value_and_range() {
         assert_eq!(fault_of(&format!("{head}{line}\n")), told);
     }
     assert_eq!(fault_of("hello\nworld\n"), "OBJ, line 3: no vertices (`v x y z`); this may be no OBJ file");
-    assert!(matches!(read(b"v a").unwrap_err(), MeshError::Malformed { at: Position::Line(1), .. }));
+    assert!(matches!(read(b"v a").expect_err("to be refused"), MeshError::Malformed { at: Position::Line(1), .. }));
 }

@@ -54,11 +54,10 @@ impl Scalar {
     pub(super) fn full(self) -> f64 {
         match self {
             Self::I8 => 127.0,
-            Self::U8 => 255.0,
             Self::I16 => 32_767.0,
             Self::U16 => 65_535.0,
             // Some programs write bytes as int.
-            Self::I32 | Self::U32 => 255.0,
+            Self::U8 | Self::I32 | Self::U32 => 255.0,
             Self::F32 | Self::F64 => 1.0,
         }
     }

@@ -7,22 +7,22 @@ fn read_back(bytes: &[u8]) -> Result<Model, MeshError> {
 }
 
 fn fault_of(bytes: &[u8]) -> String {
-    read_back(bytes).map(|_| ()).unwrap_err().to_string()
+    read_back(bytes).map(|_| ()).expect_err("to be refused").to_string()
 }
 
 fn written(model: &Model, ascii: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write(model, ascii, &mut bytes).unwrap();
+    write(model, ascii, &mut bytes).expect("valid");
     bytes
 }
 
 #[test]
 fn what_is_written_reads_back_the_same() {
     let obj = "v 0 0 0 1 0 0.2\nv 1 0 0 0 0 0\nv 1 1 0 0 1 0\nv 0 1 0.1 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3 4/1\nf 1/2 3/1 2/1\n";
-    let textured = super::super::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).unwrap();
+    let textured = super::super::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).expect("valid");
     for model in [Model::of_mesh(icosphere(1)), textured] {
         for ascii in [true, false] {
-            let again = read_back(&written(&model, ascii)).unwrap();
+            let again = read_back(&written(&model, ascii)).expect("valid");
             assert_eq!((again.mesh(), again.faces()), (model.mesh(), model.faces()));
             assert_eq!(again.colors(), model.colors());
             let corners = 0..model.faces().corner_count();
@@ -36,9 +36,9 @@ fn what_is_written_reads_back_the_same() {
 fn coordinates_that_need_eight_bytes_get_them() {
     let exact = String::from_utf8_lossy(&written(&Model::of_mesh(plane(2)), false)).contains("property float x");
     let far = plane(2).positions().iter().map(|p| p + nalgebra::Vector3::repeat(1e6 + 0.1)).collect();
-    let far = Model::of_mesh(plane(2).with_positions(far).unwrap());
+    let far = Model::of_mesh(plane(2).with_positions(far).expect("valid"));
     assert!(exact && String::from_utf8_lossy(&written(&far, false)).contains("property double x"));
-    assert_eq!(read_back(&written(&far, false)).unwrap().mesh(), far.mesh());
+    assert_eq!(read_back(&written(&far, false)).expect("valid").mesh(), far.mesh());
 }
 
 /// A triangle with all types, unknown elements before and after, byte by byte in either order.
@@ -58,13 +58,17 @@ fn typed(big: bool) -> Vec<u8> {
     put(&1.5_f64.to_le_bytes());
     for (x, y, z) in [(0_i16, 0.0_f64, 0.5_f32), (-3, 0.25, 0.0), (0, 1e300, 0.0)] {
         put(&x.to_le_bytes());
-        [255_u8, 0, 51].iter().for_each(|c| put(&[*c]));
+        for color in [255_u8, 0, 51] {
+            put(&[color]);
+        }
         put(&y.to_le_bytes());
         put(&z.to_le_bytes());
     }
     put(&[9]);
     put(&3_u16.to_le_bytes());
-    [2_u32, 1, 0].iter().for_each(|v| put(&v.to_le_bytes()));
+    for vertex in [2_u32, 1, 0] {
+        put(&vertex.to_le_bytes());
+    }
     put(&[1]);
     bytes
 }
@@ -72,11 +76,11 @@ fn typed(big: bool) -> Vec<u8> {
 #[test]
 fn both_byte_orders_all_types_and_unknown_elements_are_read() {
     for big in [false, true] {
-        let model = read_back(&typed(big)).unwrap();
+        let model = read_back(&typed(big)).expect("valid");
         assert_eq!(model.mesh().positions()[1], nalgebra::Point3::new(-3.0, 0.25, 0.0));
         assert_eq!(model.mesh().positions()[2].y, 1e300);
         assert_eq!(model.mesh().triangles(), [[2, 1, 0]]);
-        assert_eq!(model.colors().unwrap()[0], [1.0, 0.0, 0.2, 1.0]);
+        assert_eq!(model.colors().expect("valid")[0], [1.0, 0.0, 0.2, 1.0]);
         assert_eq!(model.warnings().len(), 3);
     }
 }
@@ -94,7 +98,7 @@ fn strips_are_triangles_of_alternating_order() {
     let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
                 element tristrips 1\nproperty list int int vertex_indices\nend_header\n\
                 0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n9 0 1 2 3 -1 2 3 4 -1\n";
-    assert_eq!(read_back(text.as_bytes()).unwrap().mesh().triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+    assert_eq!(read_back(text.as_bytes()).expect("valid").mesh().triangles(), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use super::super::write::{Number, per_vertex};
 use crate::mesh::{CornerData, Model};
 
 /// What of a model a vertex and a face of the file hold.
+#[expect(clippy::struct_excessive_bools, reason = "each is a choice of the file's own")]
 struct Layout<'a> {
     model: &'a Model,
     /// Positions need eight bytes to read back the same.
@@ -111,7 +112,7 @@ impl<'a> Layout<'a> {
         let mut row = Row { ascii: self.ascii, first: true, out };
         let corners = self.model.faces().corners(face);
         row.length(corners.len(), self.long)?;
-        self.model.faces().get(face).iter().try_for_each(|&v| row.int(v as i32))?;
+        self.model.faces().get(face).iter().try_for_each(|&v| row.int(v.cast_signed()))?;
         if let Some(texture) = self.corner_texture {
             row.length(2 * corners.len(), self.long)?;
             for corner in corners {
