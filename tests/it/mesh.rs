@@ -21,7 +21,7 @@ fn info_tells_what_is_in_files_and_what_repair_would_do() {
     let folder = tempfile::tempdir().expect("a folder");
     let told = |name: &str| out(&succeed(folder.path(), &["mesh", "info", &media(name)]));
     assert!(told("mesh-one-triangle.obj").contains("3 vertices, 1 triangles, 3 edges"));
-    assert!(told("mesh-moebius.off").contains("repair: 3 edges cut open where the surface has only one side"));
+    assert!(told("mesh-moebius.off").contains("3 edges cut open where the surface has only one side"));
     assert!(told("mesh-two-components.ply").contains("2 components"));
     assert!(
         told("mesh-non-manifold-edge.off").contains("1 edges with more than two triangles taken apart (first: 0 to 1)")
