@@ -115,29 +115,42 @@ impl Sheets<'_> {
         }
     }
 
-    /// Turns all triangles that are reached from `seed` as it is turned itself; their numbers.
+    /// Turns all triangles that are reached from `seed` as it is turned itself; their numbers. Edges whose triangles agree are
+    /// crossed first, so that as few as can be are turned, and a surface of one side is cut where it disagrees already.
     fn orient_like(&mut self, seed: u32, seen: &mut [bool]) -> Vec<u32> {
-        let (mut open, mut members) = (VecDeque::from([seed]), Vec::new());
-        while let Some(t) = open.pop_front() {
-            members.push(t);
-            for h in 3 * t..3 * t + 3 {
-                let other = self.across[h as usize];
-                if other == NONE {
-                    continue;
-                }
-                let u = other / 3;
-                let along = self.origin(h) == self.origin(other);
-                let wanted = self.flipped[t as usize] != along;
-                if !std::mem::replace(&mut seen[u as usize], true) {
-                    self.flipped[u as usize] = wanted;
-                    open.push_back(u);
-                } else if self.flipped[u as usize] != wanted {
-                    self.cut(h);
-                    self.report.unorientable_cuts += 1;
+        let (mut open, mut later, mut members) = (vec![seed], VecDeque::new(), Vec::new());
+        loop {
+            while let Some(t) = open.pop() {
+                members.push(t);
+                for h in 3 * t..3 * t + 3 {
+                    let other = self.across[h as usize];
+                    if other != NONE && self.origin(h) == self.origin(other) {
+                        later.push_back(h);
+                    } else if other != NONE {
+                        self.reach(h, seen, &mut open);
+                    }
                 }
             }
+            let Some(h) = later.pop_front() else { return members };
+            self.reach(h, seen, &mut open);
         }
-        members
+    }
+
+    /// Crosses a half-edge: turns the triangle there as the one here, or cuts where it is turned otherwise.
+    fn reach(&mut self, h: u32, seen: &mut [bool], open: &mut Vec<u32>) {
+        let other = self.across[h as usize];
+        if other == NONE {
+            return;
+        }
+        let (t, u) = (h as usize / 3, other / 3);
+        let wanted = self.flipped[t] != (self.origin(h) == self.origin(other));
+        if !std::mem::replace(&mut seen[u as usize], true) {
+            self.flipped[u as usize] = wanted;
+            open.push(u);
+        } else if self.flipped[u as usize] != wanted {
+            self.cut(h);
+            self.report.unorientable_cuts += 1;
+        }
     }
 
     fn turn(&mut self, members: &[u32]) {

@@ -181,6 +181,7 @@ fn sheets_that_meet_are_taken_apart() {
 fn a_moebius_strip_is_cut_open_once() {
     let result = fixed(&moebius(20, 3));
     assert_eq!(result.report.unorientable_cuts, 3);
+    assert!(result.report.flipped.is_empty(), "it is cut where its triangles disagree already");
     assert_eq!((result.mesh.vertex_count(), result.report.boundary_loops.len()), (84, 1));
     assert_eq!(result.report.components[0].genus, 0);
 }
