@@ -139,7 +139,7 @@ mod tests {
     fn tetrahedron(at: Vector3<f64>) -> TriMesh {
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-        TriMesh::new(positions.map(|p| Point3::from(p) + at).to_vec(), triangles).unwrap()
+        TriMesh::new(positions.map(|p| Point3::from(p) + at).to_vec(), triangles).expect("valid")
     }
 
     #[test]
@@ -169,7 +169,7 @@ mod tests {
             assert!((n.norm() - 1.0).abs() < 1e-12 && n.dot(&(p.coords - middle)) > 0.0);
         }
         assert_eq!(
-            TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap().vertex_normals()[0],
+            TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).expect("valid").vertex_normals()[0],
             Vector3::zeros()
         );
     }
