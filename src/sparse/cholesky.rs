@@ -76,7 +76,7 @@ impl<T: Scalar> Cholesky<T> {
         let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
         let elimination = Elimination::postordered(pattern, &ordering.permutation(pattern)?);
         let (permuted, source) = permute(pattern, &elimination.order);
-        let counts = elimination.column_counts(|j| permuted.row_idx_of_col_raw(j));
+        let counts = elimination.column_counts(|j| permuted.row_idx_of_col_raw(j).iter().copied());
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             supernodal_params: SymbolicSupernodalParams::default(),

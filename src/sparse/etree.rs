@@ -91,14 +91,14 @@ impl Elimination {
     /// `rows_of(j)` are the rows of column `j` of the permuted lower triangle. Row `i` of the factor is the subtree of
     /// columns between `i` and the leaves it has entries in; a column counts the leaves below it that start such a subtree,
     /// less the places where two branches of one subtree meet (Gilbert, Ng, Peyton 1994).
-    pub(super) fn column_counts<'a>(&self, rows_of: impl Fn(usize) -> &'a [u32]) -> Vec<u32> {
+    pub(super) fn column_counts<I: IntoIterator<Item = u32>>(&self, rows_of: impl Fn(usize) -> I) -> Vec<u32> {
         let n = self.parent.len();
         let first = self.first_descendants();
         let mut count: Vec<i64> = (0..n).map(|j| i64::from(first[j] == j as u32)).collect();
         let (mut last_leaf, mut last_first) = (vec![NONE; n], vec![NONE; n]);
         let mut ancestor: Vec<u32> = (0..n as u32).collect();
         for j in 0..n {
-            for &i in rows_of(j).iter().filter(|&&i| i as usize > j) {
+            for i in rows_of(j).into_iter().filter(|&i| i as usize > j) {
                 let i = i as usize;
                 // `j` is a leaf of the subtree of row `i` unless that has an entry below `j`.
                 if last_first[i] != NONE && first[j] <= last_first[i] {
@@ -134,6 +134,19 @@ impl Elimination {
         }
         first
     }
+}
+
+/// Non-zero entries of the factor that an order leads to.
+pub(super) fn fill(pattern: &Pattern, order: &Permutation) -> usize {
+    let elimination = Elimination::postordered(pattern, order);
+    let (start, neighbors) = pattern.adjacency();
+    let order = &elimination.order;
+    let counts = elimination.column_counts(|j| {
+        let old = order.old_from_new()[j] as usize;
+        let around = &neighbors[start[old] as usize..start[old + 1] as usize];
+        around.iter().map(|&w| order.new_from_old()[w as usize])
+    });
+    counts.into_iter().map(|c| c as usize).sum()
 }
 
 /// Last node on the way up from `k`, compressing that way.

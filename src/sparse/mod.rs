@@ -16,6 +16,7 @@
 mod banded;
 mod cholesky;
 mod compact;
+mod cuthill_mckee;
 mod dissection;
 mod error;
 mod etree;
