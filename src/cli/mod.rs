@@ -17,6 +17,7 @@ mod rectify;
 mod retarget;
 mod run;
 mod schema;
+mod solve;
 mod stabilize;
 mod stages;
 
@@ -61,6 +62,8 @@ enum Command {
     Stages(stages::StagesArgs),
     /// Print the JSON schema of pipeline files, for editors
     Schema,
+    /// Solve a sparse linear system; compare elimination orders
+    Solve(Box<solve::SolveArgs>),
     /// Tell what is in a clip
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
@@ -128,6 +131,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Graph(args) => args.run(),
         Command::Stages(args) => args.run(),
         Command::Schema => Ok(schema::run()),
+        Command::Solve(args) => args.run(),
         Command::Probe(args) => args.run(backend),
         Command::Completions(args) => Ok(args.run()),
     }

@@ -18,6 +18,8 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, MatRef, Par, Side};
 
 use super::etree::Elimination;
+use super::multifrontal::Multifrontal;
+use super::wide_registers::clear_upper_halves;
 use super::{Ordering, Pattern, Permutation, Scalar, SparseError, SparseMatrix};
 
 /// `lₖₖ²/aₖₖ` below which a pivot is nothing but rounding: some hundred roundings of `aₖₖ`. Larger refuses long chains
@@ -42,6 +44,8 @@ pub struct Cholesky<T = f64> {
     permuted: SparseColMat<u32, T>,
     symbolic: SymbolicCholesky<u32>,
     factor: Vec<T>,
+    /// The plan of the factorization of real matrices.
+    multifrontal: Option<Multifrontal>,
     memory: MemBuffer,
     permuted_rhs: Vec<T>,
     columns_ready: usize,
@@ -86,7 +90,8 @@ impl<T: Scalar> Cholesky<T> {
         let upper = transpose(&permuted);
         let symbolic = factorize_symbolic_cholesky(upper.as_ref(), Side::Upper, SymmetricOrdering::Identity, params)
             .map_err(|_| out_of_memory())?;
-        let numeric = symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, faer::Spec::default());
+        let multifrontal = T::reals(&[]).is_some().then(|| plan(&symbolic, &permuted));
+        let numeric = numeric_scratch::<T>(&symbolic, multifrontal.as_ref());
         let solve = symbolic.solve_in_place_scratch::<T>(1, Par::Seq);
         let memory = MemBuffer::try_new(StackReq::any_of(&[numeric, solve])).map_err(|_| out_of_memory())?;
         let nan = T::real(f64::NAN);
@@ -101,6 +106,7 @@ impl<T: Scalar> Cholesky<T> {
             counts,
             source,
             symbolic,
+            multifrontal,
             memory,
         })
     }
@@ -173,6 +179,14 @@ impl<T: Scalar> Cholesky<T> {
     }
 
     fn eliminate(&mut self) -> Result<(), LltError> {
+        let memory = MemStack::new(&mut self.memory);
+        if let (Some(plan), Some(a), Some(l)) =
+            (&mut self.multifrontal, T::reals(self.permuted.val()), T::reals_mut(&mut self.factor))
+        {
+            let result = plan.factor(a, l, memory);
+            clear_upper_halves();
+            return result;
+        }
         self.symbolic
             .factorize_numeric_llt(
                 &mut self.factor,
@@ -180,7 +194,7 @@ impl<T: Scalar> Cholesky<T> {
                 Side::Lower,
                 LltRegularization::default(),
                 Par::Seq,
-                MemStack::new(&mut self.memory),
+                memory,
                 faer::Spec::default(),
             )
             .map(|_| ())
@@ -251,7 +265,7 @@ impl<T: Scalar> Cholesky<T> {
     /// Makes room for solves with this many right-hand sides at once.
     pub fn reserve_columns(&mut self, columns: usize) {
         if columns > self.columns_ready {
-            let numeric = self.symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, faer::Spec::default());
+            let numeric = numeric_scratch::<T>(&self.symbolic, self.multifrontal.as_ref());
             let solve = self.symbolic.solve_in_place_scratch::<T>(columns, Par::Seq);
             self.memory = MemBuffer::new(StackReq::any_of(&[numeric, solve]));
             self.permuted_rhs.resize(self.n() * columns, T::default());
@@ -292,6 +306,25 @@ impl<T: Scalar> Cholesky<T> {
             *x += d;
         }
         norm
+    }
+}
+
+/// The plan for real matrices.
+fn plan(symbolic: &SymbolicCholesky<u32>, permuted: &SymbolicSparseColMat<u32>) -> Multifrontal {
+    let SymbolicCholeskyRaw::Supernodal(blocks) = symbolic.raw() else {
+        unreachable!("the analysis is forced to be supernodal")
+    };
+    let (begin, end) = (blocks.supernode_begin(), blocks.supernode_end());
+    let list = (0..blocks.n_supernodes())
+        .map(|s| (begin[s] as usize, (end[s] - begin[s]) as usize, blocks.supernode(s).pattern()));
+    Multifrontal::new(list, permuted.col_ptr(), permuted.row_idx())
+}
+
+/// Memory for the numeric factorization.
+fn numeric_scratch<T: Scalar>(symbolic: &SymbolicCholesky<u32>, plan: Option<&Multifrontal>) -> StackReq {
+    match plan {
+        Some(plan) => plan.scratch(),
+        None => symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, faer::Spec::default()),
     }
 }
 

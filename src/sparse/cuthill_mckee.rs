@@ -8,8 +8,7 @@
 //! E. Cuthill, J. McKee, *Reducing the bandwidth of sparse symmetric matrices*, ACM 1969; A. George, J. W. H. Liu, *Computer
 //! Solution of Large Sparse Positive Definite Systems*, 1981, chapter 4 (the search for a start at the rim).
 
-use super::etree::fill;
-use super::{Pattern, Permutation};
+use super::{FactorStructure, Pattern, Permutation};
 
 /// The reverse Cuthill–McKee order: started from either end of each component, whichever fills less.
 ///
@@ -34,7 +33,8 @@ pub(super) fn reverse_cuthill_mckee(pattern: &Pattern) -> Permutation {
         order.reverse();
         Permutation::from_old_from_new(order)
     });
-    if fill(pattern, &other) < fill(pattern, &one) { other } else { one }
+    let fill = |order: &Permutation| FactorStructure::of_order(pattern, order).nnz();
+    if fill(&other) < fill(&one) { other } else { one }
 }
 
 const UNSEEN: u32 = u32::MAX;

@@ -63,6 +63,7 @@ fn postorder(parent: &[u32]) -> Vec<u32> {
 }
 
 /// An elimination order whose columns of equal structure are adjacent, and what the tree says of its factor.
+#[derive(Debug)]
 pub(super) struct Elimination {
     /// The order, postordered.
     pub(super) order: Permutation,
@@ -134,19 +135,6 @@ impl Elimination {
         }
         first
     }
-}
-
-/// Non-zero entries of the factor that an order leads to.
-pub(super) fn fill(pattern: &Pattern, order: &Permutation) -> usize {
-    let elimination = Elimination::postordered(pattern, order);
-    let (start, neighbors) = pattern.adjacency();
-    let order = &elimination.order;
-    let counts = elimination.column_counts(|j| {
-        let old = order.old_from_new()[j] as usize;
-        let around = &neighbors[start[old] as usize..start[old + 1] as usize];
-        around.iter().map(|&w| order.new_from_old()[w as usize])
-    });
-    counts.into_iter().map(|c| c as usize).sum()
 }
 
 /// Last node on the way up from `k`, compressing that way.

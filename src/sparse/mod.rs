@@ -1,12 +1,19 @@
-//! Sparse symmetric systems: storage, fill-reducing orderings, Cholesky factorization.
+//! Sparse linear systems: storage, fill-reducing orderings, factorizations, iterative solvers.
 //!
 //! Every energy of this crate ends in `A x = b` with `A` symmetric positive definite (Hermitian for complex unknowns),
 //! whose *pattern* is known long before its values. The work is split accordingly: [`Pattern`] and [`Cholesky::analyze`]
-//! once, [`Cholesky::factor`] whenever values change (no allocation), [`Cholesky::solve_in_place`] for each right-hand side.
+//! once, [`Cholesky::factor`] whenever values change (no allocation), [`Cholesky::solve_in_place`] for each right-hand side,
+//! or, where there are many of them, [`CompactFactor`].
 //!
-//! Matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
-//! The factorization itself is faer's supernodal one, run on one thread: its threaded mode is slower at every size met
-//! here. Orderings and elimination-tree postordering are our own. This is the only module that names faer.
+//! For matrices of any kind there is a second door: a [`SparseBuilder`] collects entries, [`GeneralMatrix::factor`] finds the
+//! factorization that fits ([`Method`]), [`GeneralMatrix::factor_ata`] solves weighted least squares, [`Eliminated`] and
+//! [`Multipliers`] hold constraints, [`Updated`] adds and removes them, [`conjugate_gradients`] does without a factor.
+//! [`Factor::condition`] and [`Factor::refine`] say how far a solution can be trusted.
+//!
+//! Symmetric matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
+//! The numeric factorizations are faer's, run on one thread: its threaded mode is slower at every size met
+//! here. Orderings (but for minimum degree and graph dissection), elimination tree, solves with a compact factor and all that
+//! iterates are our own. This is the only module that names faer.
 //!
 //! # Reference
 //! T. A. Davis, *Direct Methods for Sparse Linear Systems*, SIAM 2006; A. George, *Nested dissection of a regular finite
@@ -26,10 +33,13 @@ mod etree;
 mod general;
 mod iterative;
 mod matrix;
+mod matrix_market;
+mod multifrontal;
 mod normal_equations;
 mod ordering;
 mod pattern;
 mod scalar;
+mod structure;
 mod sweep;
 mod updated;
 mod wide_registers;
@@ -46,8 +56,10 @@ pub use iterative::{
     GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, conjugate_gradients,
 };
 pub use matrix::SparseMatrix;
+pub use matrix_market::{read_matrix_market, write_matrix_market};
 pub use normal_equations::NormalEquations;
 pub use ordering::{Ordering, Permutation};
 pub use pattern::Pattern;
 pub use scalar::{Complex, Scalar};
+pub use structure::FactorStructure;
 pub use updated::Updated;

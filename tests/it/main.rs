@@ -28,6 +28,7 @@ mod render_oracle;
 mod render_sharpness;
 mod report;
 mod sfm;
+mod solve_cli;
 mod solvers;
 mod sparse;
 mod stabilize;
