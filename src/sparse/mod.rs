@@ -11,9 +11,10 @@
 //! [`Factor::condition`] and [`Factor::refine`] say how far a solution can be trusted.
 //!
 //! Symmetric matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
-//! The numeric factorizations are faer's, run on one thread: its threaded mode is slower at every size met
-//! here. Orderings (but for minimum degree and graph dissection), elimination tree, solves with a compact factor and all that
-//! iterates are our own. This is the only module that names faer.
+//! Real matrices are factored by a multifrontal method of our own over faer's dense kernels, complex ones and all that is not
+//! `L Lᵀ` by faer, on one thread: its threaded mode is slower at every size met here. Orderings (but for minimum degree and
+//! graph dissection), elimination tree, solves with a compact factor and all that iterates are our own. This is the only module
+//! that names faer.
 //!
 //! # Reference
 //! T. A. Davis, *Direct Methods for Sparse Linear Systems*, SIAM 2006; A. George, *Nested dissection of a regular finite
