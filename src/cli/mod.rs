@@ -18,6 +18,7 @@ mod rectify;
 mod retarget;
 mod run;
 mod schema;
+mod solve;
 mod stabilize;
 mod stages;
 
@@ -64,6 +65,8 @@ enum Command {
     Stages(stages::StagesArgs),
     /// Print the JSON schema of pipeline files, or of another format that is read
     Schema(schema::SchemaArgs),
+    /// Solve a sparse linear system; compare elimination orders
+    Solve(Box<solve::SolveArgs>),
     /// Tell what is in a clip
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
@@ -132,6 +135,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Graph(args) => args.run(),
         Command::Stages(args) => args.run(),
         Command::Schema(args) => Ok(args.run()),
+        Command::Solve(args) => args.run(),
         Command::Probe(args) => args.run(backend),
         Command::Completions(args) => Ok(args.run()),
     }

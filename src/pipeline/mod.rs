@@ -34,6 +34,7 @@ mod schema;
 mod settings;
 pub mod shipped;
 pub mod sizes;
+pub mod solve;
 pub mod stages;
 pub mod suggest;
 mod summary;

@@ -1,12 +1,20 @@
-//! Sparse symmetric systems: storage, fill-reducing orderings, Cholesky factorization.
+//! Sparse linear systems: storage, fill-reducing orderings, factorizations, iterative solvers.
 //!
 //! Every energy of this crate ends in `A x = b` with `A` symmetric positive definite (Hermitian for complex unknowns),
 //! whose *pattern* is known long before its values. The work is split accordingly: [`Pattern`] and [`Cholesky::analyze`]
-//! once, [`Cholesky::factor`] whenever values change (no allocation), [`Cholesky::solve_in_place`] for each right-hand side.
+//! once, [`Cholesky::factor`] whenever values change (no allocation), [`Cholesky::solve_in_place`] for each right-hand side,
+//! or, where there are many of them, [`CompactFactor`].
 //!
-//! Matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
-//! The factorization itself is faer's supernodal one, run on one thread: its threaded mode is slower at every size met
-//! here. Orderings and elimination-tree postordering are our own. This is the only module that names faer.
+//! For matrices of any kind there is a second door: a [`SparseBuilder`] collects entries, [`GeneralMatrix::factor`] finds the
+//! factorization that fits ([`Method`]), [`GeneralMatrix::factor_ata`] solves weighted least squares, [`Eliminated`] and
+//! [`Multipliers`] hold constraints, [`Updated`] adds and removes them, [`conjugate_gradients`] does without a factor.
+//! [`Factor::condition`] and [`Factor::refine`] say how far a solution can be trusted.
+//!
+//! Symmetric matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
+//! Real matrices are factored by a multifrontal method of our own over faer's dense kernels, complex ones and all that is not
+//! `L Lᵀ` by faer, on one thread: its threaded mode is slower at every size met here. Orderings (but for minimum degree and
+//! graph dissection), elimination tree, solves with a compact factor and all that iterates are our own. This is the only module
+//! that names faer.
 //!
 //! # Reference
 //! T. A. Davis, *Direct Methods for Sparse Linear Systems*, SIAM 2006; A. George, *Nested dissection of a regular finite
@@ -15,19 +23,44 @@
 
 mod banded;
 mod cholesky;
+mod compact;
+mod condition;
+mod constrained;
+mod cuthill_mckee;
+mod direct;
 mod dissection;
 mod error;
 mod etree;
+mod general;
+mod iterative;
 mod matrix;
+mod matrix_market;
+mod multifrontal;
+mod normal_equations;
 mod ordering;
 mod pattern;
 mod scalar;
+mod structure;
+mod sweep;
+mod updated;
 mod wide_registers;
 
 pub use banded::BandedMatrix;
 pub use cholesky::Cholesky;
+pub use compact::CompactFactor;
+pub use condition::{Refinement, backward_error, inverse_norm_1};
+pub use constrained::{Constrained, Eliminated, Multipliers};
+pub use direct::{Factor, Method};
 pub use error::{Component, SparseError};
+pub use general::{GeneralMatrix, SparseBuilder};
+pub use iterative::{
+    GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, conjugate_gradients,
+};
 pub use matrix::SparseMatrix;
+pub use matrix_market::{read_matrix_market, write_matrix_market};
+pub use normal_equations::NormalEquations;
 pub use ordering::{Ordering, Permutation};
 pub use pattern::Pattern;
 pub use scalar::{Complex, Scalar};
+pub use structure::FactorStructure;
+pub use updated::Updated;

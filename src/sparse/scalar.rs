@@ -39,6 +39,16 @@ pub trait Scalar:
     fn finite(self) -> bool;
     /// Real part.
     fn re(self) -> f64;
+    /// The numbers as real ones, where that is what they are.
+    fn reals(numbers: &[Self]) -> Option<&[f64]> {
+        let _ = numbers;
+        None
+    }
+    /// The same, writable.
+    fn reals_mut(numbers: &mut [Self]) -> Option<&mut [f64]> {
+        let _ = numbers;
+        None
+    }
 }
 
 impl Scalar for f64 {
@@ -59,6 +69,12 @@ impl Scalar for f64 {
     }
     fn re(self) -> f64 {
         self
+    }
+    fn reals(numbers: &[Self]) -> Option<&[f64]> {
+        Some(numbers)
+    }
+    fn reals_mut(numbers: &mut [Self]) -> Option<&mut [f64]> {
+        Some(numbers)
     }
 }
 

@@ -29,6 +29,7 @@ fn help_says_what_there_is() {
         "graph",
         "stages",
         "schema",
+        "solve",
         "probe",
         "completions",
     ] {

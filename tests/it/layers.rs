@@ -8,8 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates that only one place may name, and the place.
-const ROOMS: [(&str, &str); 8] = [
+const ROOMS: [(&str, &str); 9] = [
     ("faer", "sparse"),
+    ("feral_metis", "sparse"),
     ("clarabel", "optim"),
     ("ffmpeg_next", "media"),
     ("ffmpeg_sys_next", "media"),

@@ -29,6 +29,8 @@ mod render_oracle;
 mod render_sharpness;
 mod report;
 mod sfm;
+mod solve_cli;
+mod solvers;
 mod sparse;
 mod stabilize;
 mod stitched;

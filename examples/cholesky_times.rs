@@ -1,0 +1,57 @@
+//! Times of factoring and solving one matrix: `cholesky_times amd|nd A.bin` (the format of `benches/peers/cholesky.py`).
+//!
+//! Prints JSON: entries of the factor, seconds of analysis, factorization and a solve for three right-hand sides, the least of
+//! several runs each. Run on one thread, wall time is processor time unless the machine is busy.
+
+use std::error::Error;
+use std::time::Instant;
+
+use plumbline::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args: Vec<String> = std::env::args().collect();
+    let [_, order, path] = &args[..] else { return Err("usage: cholesky_times amd|nd A.bin".into()) };
+    let a = read(&std::fs::read(path)?)?;
+    let ordering = if order == "nd" { Ordering::GraphDissection } else { Ordering::Amd };
+    let began = Instant::now();
+    let mut cholesky = Cholesky::analyze(a.pattern(), &ordering)?;
+    let analyze = began.elapsed().as_secs_f64();
+    let mut failed = None;
+    let factor = least(|| failed = cholesky.factor(&a).err());
+    failed.map_or(Ok(()), Err)?;
+    let mut compact = CompactFactor::new(&cholesky);
+    let b: Vec<[f64; 3]> = (0..a.n()).map(|i| [0.0, 1.0, 2.0].map(|k| (i as f64 + k).sin())).collect();
+    let mut x = b.clone();
+    let solve = least(|| {
+        x.copy_from_slice(&b);
+        compact.solve_3(&mut x);
+    });
+    let nnz = cholesky.nnz();
+    println!("{{\"nnz\": {nnz}, \"analyze\": {analyze}, \"factor\": {factor}, \"solve\": {solve}}}");
+    Ok(())
+}
+
+/// Seconds of the quickest of at least three runs.
+fn least(mut f: impl FnMut()) -> f64 {
+    let (began, mut best, mut runs) = (Instant::now(), f64::INFINITY, 0);
+    while runs < 3 || (began.elapsed().as_secs_f64() < 0.4 && runs < 200) {
+        let start = Instant::now();
+        f();
+        best = best.min(start.elapsed().as_secs_f64());
+        runs += 1;
+    }
+    best
+}
+
+fn read(bytes: &[u8]) -> Result<SparseMatrix, Box<dyn Error>> {
+    let (head, rest) = bytes.split_at_checked(16).ok_or("the file ends early")?;
+    let size = |k: usize| u64::from_le_bytes(std::array::from_fn(|b| head[8 * k + b])) as usize;
+    let (n, m) = (size(0), size(1));
+    if rest.len() < 16 * m {
+        return Err("the file ends early".into());
+    }
+    let index = |k: usize| u32::from_le_bytes(std::array::from_fn(|b| rest[4 * k + b])) as usize;
+    let value = |k: usize| f64::from_le_bytes(std::array::from_fn(|b| rest[8 * (m + k) + b]));
+    let triplets: Vec<_> = (0..m).map(|k| (index(k), index(m + k), value(k))).collect();
+    Ok(SparseMatrix::from_triplets(n, &triplets)?)
+}

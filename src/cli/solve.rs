@@ -1,0 +1,91 @@
+//! `plumbline solve`: sparse linear systems from Matrix Market files.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::failure::Failure;
+use super::tell;
+use crate::pipeline::Exit;
+use crate::pipeline::solve::{Approach, Method, SolveJob, solve};
+
+/// Options of `plumbline solve`.
+#[derive(Debug, Args)]
+pub(super) struct SolveArgs {
+    /// The matrix, Matrix Market
+    #[arg(value_name = "A.mtx")]
+    matrix: PathBuf,
+    /// Right-hand sides, Matrix Market; without them, those whose solution is 1 throughout
+    #[arg(value_name = "B.mtx")]
+    rhs: Option<PathBuf>,
+    /// Order in which a symmetric matrix is eliminated
+    #[arg(long, value_enum, default_value = "amd")]
+    ordering: Order,
+    /// How to solve
+    #[arg(long, value_enum, default_value = "auto")]
+    method: Way,
+    /// Write the solution, Matrix Market
+    #[arg(short, long, value_name = "X.mtx")]
+    output: Option<PathBuf>,
+    /// Write fill, arithmetic, residual and condition as JSON
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Draw matrix and factor in all four orders, side by side
+    #[arg(long, value_name = "FILE.png")]
+    picture: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Order {
+    /// As numbered in the file
+    Natural,
+    /// Reverse Cuthill-McKee: a narrow band
+    Rcm,
+    /// Approximate minimum degree
+    Amd,
+    /// Nested dissection of the graph
+    Nd,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Way {
+    /// Cholesky, LDLt, LU or QR: the cheapest that the matrix allows
+    Auto,
+    /// LLt in blocks of columns
+    Cholesky,
+    /// LLt column by column
+    Simplicial,
+    /// LDLt for symmetric indefinite matrices
+    Ldlt,
+    /// LU with partial pivoting
+    Lu,
+    /// QR, for least squares
+    Qr,
+    /// Conjugate gradients with incomplete Cholesky
+    Cg,
+}
+
+impl SolveArgs {
+    pub(super) fn run(self) -> Result<Exit, Failure> {
+        let approach = match self.method {
+            Way::Auto => Approach::Direct(Method::Auto),
+            Way::Cholesky => Approach::Direct(Method::Cholesky),
+            Way::Simplicial => Approach::Direct(Method::SimplicialCholesky),
+            Way::Ldlt => Approach::Direct(Method::Ldlt),
+            Way::Lu => Approach::Direct(Method::Lu),
+            Way::Qr => Approach::Direct(Method::Qr),
+            Way::Cg => Approach::ConjugateGradients,
+        };
+        let job = SolveJob {
+            matrix: self.matrix,
+            rhs: self.rhs,
+            ordering: self.ordering as usize,
+            approach,
+            output: self.output,
+            report: self.report,
+            picture: self.picture,
+        };
+        tell(&solve(&job)?);
+        Ok(Exit::Done)
+    }
+}

@@ -1,0 +1,84 @@
+//! `plumbline solve`, by running the program.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use plumbline::sparse::read_matrix_market;
+
+use crate::support::program::{err, out, plumbline_in};
+
+/// Laplacian of a `side²` grid plus `shift`, lower triangle.
+fn grid(side: usize, shift: f64) -> String {
+    let n = side * side;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        let (x, y) = (i % side, i / side);
+        let right = (x + 1 < side).then_some(i + 1);
+        let below = (y + 1 < side).then_some(i + side);
+        let degree = usize::from(x > 0) + usize::from(y > 0) + right.iter().len() + below.iter().len();
+        entries.push((i, i, degree as f64 + shift));
+        entries.extend([right, below].into_iter().flatten().map(|j| (j, i, -1.0)));
+    }
+    let mut text = format!("%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {}\n", entries.len());
+    for (i, j, v) in entries {
+        let _ = writeln!(text, "{} {} {v}", i + 1, j + 1);
+    }
+    text
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).expect("a writable folder");
+}
+
+#[test]
+fn a_system_is_solved_reported_and_drawn() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "a.mtx", &grid(12, 0.25));
+    for method in ["auto", "cholesky", "simplicial", "ldlt", "lu", "qr", "cg"] {
+        let args = ["solve", "a.mtx", "--method", method, "--ordering", "nd", "-o", "x.mtx", "--report", "r.json"];
+        let output = plumbline_in(folder.path(), &args);
+        assert_eq!(output.status.code(), Some(0), "{method}: {}", err(&output));
+        let x = std::fs::read_to_string(folder.path().join("x.mtx")).expect("written");
+        let x = read_matrix_market(&x).expect("Matrix Market");
+        assert_eq!((x.rows(), x.columns(), x.nnz()), (144, 1, 144));
+        assert!(x.entries().all(|(_, _, v)| (v - 1.0).abs() < 1e-8), "{method}");
+        let report = std::fs::read_to_string(folder.path().join("r.json")).expect("written");
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        let name = if method == "auto" { "cholesky" } else { method };
+        assert_eq!((&report["method"], &report["ordering"]), (&name.into(), &"nd".into()));
+        assert!(report["solutions"][0]["residual"].as_f64() < Some(1e-9), "{report}");
+        assert!(out(&output).contains("nd         nnz(L)") && out(&output).contains('←'), "{}", out(&output));
+    }
+    let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--picture", "p.png"]);
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert!(std::fs::read(folder.path().join("p.png")).expect("written").starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn what_cannot_be_solved_is_told_by_whose_fault_it_is_and_leaves_no_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tall = "%%MatrixMarket matrix coordinate real general\n3 2 3\n1 1 1\n2 2 1\n3 1 1\n";
+    let wide = "%%MatrixMarket matrix coordinate real general\n2 3 3\n1 1 1\n2 2 1\n2 3 1\n";
+    write(folder.path(), "floating.mtx", &grid(4, 0.0));
+    write(folder.path(), "tall.mtx", tall);
+    write(folder.path(), "wide.mtx", wide);
+    write(folder.path(), "bad.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 9 1\n");
+    let cases: [(&[&str], i32, &str); 8] = [
+        (&["floating.mtx", "--method", "cholesky"], 65, "is held by nothing; fix one of its unknowns"),
+        (&["wide.mtx"], 2, "2 equations do not determine 3 unknowns"),
+        (&["tall.mtx", "--method", "lu"], 2, "is 3×2, not square"),
+        (&["tall.mtx", "floating.mtx"], 2, "floating.mtx: has 16 rows (expected 3)"),
+        (&["tall.mtx", "--picture", "p.png"], 2, "--picture needs a symmetric matrix"),
+        (&["bad.mtx"], 65, "bad.mtx: line 3: column `9` is out of range (expected 1 to 2)"),
+        (&["none.mtx"], 65, "none.mtx: cannot be read"),
+        (&["tall.mtx", "-o", "none/x.mtx"], 73, "none/x.mtx: cannot be written"),
+    ];
+    for (args, code, message) in cases {
+        let args: Vec<&str> = ["solve"].iter().chain(args).copied().collect();
+        let output = plumbline_in(folder.path(), &args);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", err(&output));
+        assert!(err(&output).contains(message), "{args:?}: {}", err(&output));
+        assert_eq!(out(&output), "");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4, "nothing but the inputs");
+}
