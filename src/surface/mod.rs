@@ -1,0 +1,5 @@
+//! Deformations of surfaces.
+
+pub mod hierarchy;
+
+pub use hierarchy::{Hierarchy, LevelPose};
