@@ -18,11 +18,13 @@ pub enum Method {
     ArapSpokes,
     /// As rigid as possible, triangle by triangle.
     ArapElements,
+    /// As rigid as possible, spokes and rims, minimized by Gauss–Newton steps.
+    GaussNewton,
 }
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 3] = [Self::Arap, Self::ArapSpokes, Self::ArapElements];
+    pub const ALL: [Self; 4] = [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::GaussNewton];
 
     /// The name a user types.
     pub fn name(self) -> &'static str {
@@ -30,6 +32,7 @@ impl Method {
             Self::Arap => "arap",
             Self::ArapSpokes => "arap-spokes",
             Self::ArapElements => "arap-elements",
+            Self::GaussNewton => "gauss-newton",
         }
     }
 
@@ -39,11 +42,25 @@ impl Method {
     }
 }
 
+/// How elastic energies are minimized. All reach the same minimum; they differ in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// Rotations and positions in turn: the energy falls at every step, slowly near the end.
+    LocalGlobal,
+    /// The same steps, lengthened by what the last ones taught (quasi-Newton).
+    #[default]
+    Accelerated,
+    /// Rotations and positions together, linearized: few, dear iterations.
+    GaussNewton,
+}
+
 /// What a method may be told.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeformOptions {
     /// How cotangents are taken.
     pub cotangents: CotangentRule,
+    /// How elastic energies are minimized.
+    pub solver: Solver,
     /// What happens to parts without a handle.
     pub unheld: Unheld,
 }
@@ -100,11 +117,13 @@ pub fn bind(
     handles: &Handles,
     options: &DeformOptions,
 ) -> Result<Box<dyn Deformer>, SurfaceError> {
-    let arap =
-        |kind| -> Result<Box<dyn Deformer>, SurfaceError> { Ok(Box::new(Arap::new(kind, mesh, handles, options)?)) };
+    let arap = |kind, solver| -> Result<Box<dyn Deformer>, SurfaceError> {
+        Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options })?))
+    };
     match method {
-        Method::Arap => arap(CellKind::SpokesAndRims),
-        Method::ArapSpokes => arap(CellKind::Spokes),
-        Method::ArapElements => arap(CellKind::Elements),
+        Method::Arap => arap(CellKind::SpokesAndRims, options.solver),
+        Method::ArapSpokes => arap(CellKind::Spokes, options.solver),
+        Method::ArapElements => arap(CellKind::Elements, options.solver),
+        Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
     }
 }

@@ -93,6 +93,36 @@ impl HeldLaplacian {
         self.soft.iter().map(of).sum()
     }
 
+    /// Unknowns that are vertices, ascending.
+    pub(super) fn free(&self) -> &[u32] {
+        &self.free
+    }
+
+    /// Adds `μ (x − t)` to the entries of the softly held unknowns.
+    pub(super) fn add_soft(&self, x: &[Lanes], targets: &[Lanes], g: &mut [Lanes]) {
+        for &(unknown, k, weight) in &self.soft {
+            g[unknown as usize] += Lanes::splat(weight) * (x[self.free[unknown as usize] as usize] - targets[k]);
+        }
+    }
+
+    /// Adds `μ d` to the entries of the softly held unknowns.
+    pub(super) fn add_soft_product(&self, d: &[Lanes], y: &mut [Lanes]) {
+        for &(unknown, _, weight) in &self.soft {
+            y[unknown as usize] += Lanes::splat(weight) * d[unknown as usize];
+        }
+    }
+
+    /// Replaces a vector with one entry per unknown by `A⁻¹` times it.
+    pub(super) fn solve_unknowns(&mut self, v: &mut [Lanes]) {
+        for (point, v) in self.points.iter_mut().zip(v.iter()) {
+            *point = v.xyz();
+        }
+        self.factor.solve_3(&mut self.points);
+        for (v, &point) in v.iter_mut().zip(&self.points) {
+            *v = Lanes::point(point);
+        }
+    }
+
     /// Moves the free vertices of `x` to the minimizer for the pull `b` of the vertices and that of the handles.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
         for ((point, &v), pull) in self.points.iter_mut().zip(&self.free).zip(pull) {

@@ -25,7 +25,7 @@ mod test_meshes;
 pub use crate::energy::Convergence;
 pub use crate::mesh::operators::CotangentRule;
 pub use arap::{Arap, CellKind};
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Start, bind};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};
 pub use held::{Part, Unheld};
