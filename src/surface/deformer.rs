@@ -3,6 +3,9 @@
 use nalgebra::Point3;
 
 use super::arap::{Arap, CellKind};
+use super::detail_preserving::LaplacianKind;
+use super::laplacian_editing::{LaplacianEditing, Turning};
+use super::poisson::Poisson;
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
@@ -20,11 +23,16 @@ pub enum Method {
     ArapElements,
     /// As rigid as possible, spokes and rims, minimized by Gauss–Newton steps.
     GaussNewton,
+    /// Laplacian editing.
+    Laplacian,
+    /// Poisson editing.
+    Poisson,
 }
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 4] = [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::GaussNewton];
+    pub const ALL: [Self; 6] =
+        [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::GaussNewton, Self::Laplacian, Self::Poisson];
 
     /// The name a user types.
     pub fn name(self) -> &'static str {
@@ -33,6 +41,8 @@ impl Method {
             Self::ArapSpokes => "arap-spokes",
             Self::ArapElements => "arap-elements",
             Self::GaussNewton => "gauss-newton",
+            Self::Laplacian => "laplacian",
+            Self::Poisson => "poisson",
         }
     }
 
@@ -61,6 +71,10 @@ pub struct DeformOptions {
     pub cotangents: CotangentRule,
     /// How elastic energies are minimized.
     pub solver: Solver,
+    /// Laplacian editing: whose differential coordinates are kept.
+    pub laplacian: LaplacianKind,
+    /// Laplacian editing: where their rotations come from.
+    pub turning: Turning,
     /// What happens to parts without a handle.
     pub unheld: Unheld,
 }
@@ -125,5 +139,7 @@ pub fn bind(
         Method::ArapSpokes => arap(CellKind::Spokes, options.solver),
         Method::ArapElements => arap(CellKind::Elements, options.solver),
         Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
+        Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options)?)),
+        Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options)?)),
     }
 }

@@ -10,24 +10,32 @@
 mod arap;
 mod bound;
 mod deformer;
+mod detail_preserving;
 mod error;
 mod handles;
 mod held;
 mod held_laplacian;
 pub mod hierarchy;
 mod lanes;
+mod laplacian_editing;
+mod poisson;
 mod report;
 mod rotation_fit;
+mod similarity;
 mod spread;
 #[cfg(test)]
 mod test_meshes;
+#[cfg(test)]
+mod tests;
 
 pub use crate::energy::Convergence;
 pub use crate::mesh::operators::CotangentRule;
 pub use arap::{Arap, CellKind};
 pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind};
+pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};
 pub use held::{Part, Unheld};
 pub use hierarchy::{Hierarchy, LevelPose};
+pub use laplacian_editing::Turning;
 pub use report::{DeformReport, Gauge, ShapeChange, Stop};

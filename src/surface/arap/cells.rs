@@ -50,7 +50,7 @@ struct Spoke {
 
 /// All cells of a surface at rest, and the rotation last fitted to each.
 #[derive(Clone, Debug)]
-pub(super) struct Cells {
+pub(in crate::surface) struct Cells {
     /// Spokes of cell `i`: `spokes[starts[i]..starts[i + 1]]`; empty cells fill up the last group.
     starts: Vec<u32>,
     centers: Vec<u32>,
@@ -62,7 +62,7 @@ const IDENTITY: Turns = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0
 
 impl Cells {
     /// Cells of a surface whose vertices rest at `rest`.
-    pub(super) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
+    pub(in crate::surface) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
         let (mut starts, mut centers, spokes) = match kind {
             CellKind::Elements => element_cells(rest, cotangents),
             CellKind::Spokes | CellKind::SpokesAndRims => vertex_cells(kind, rest, cotangents),
@@ -75,7 +75,7 @@ impl Cells {
 
     /// Fits all rotations to `x`, starting from the last ones, and writes the pull `b` of the fitted cells (one entry per
     /// vertex). Returns `Σ tr(R S) = b · x`.
-    pub(super) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
+    pub(in crate::surface) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
         b.fill(Lanes::ZERO);
         lanes::run(LocalStep { cells: self, x, b })
     }
@@ -100,7 +100,7 @@ impl Cells {
     }
 
     /// Rotation of a cell.
-    pub(super) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
+    pub(in crate::surface) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
         let [i, j, k, w] = self.turns[cell / LANES].map(|q| q.0[cell % LANES]);
         UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
     }

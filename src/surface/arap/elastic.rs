@@ -1,8 +1,9 @@
 //! The energy, its slope and the global step: what the solvers share.
 
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::SurfaceError;
+use super::super::bound::Bound;
 use super::super::held::Held;
 use super::super::held_laplacian::HeldLaplacian;
 use super::super::lanes::{self, Kernel, Lanes};
@@ -11,18 +12,18 @@ use crate::mesh::operators::{Cotangents, EdgeWeights};
 
 /// The elastic energy of a surface at rest with handles on it.
 #[derive(Debug)]
-pub(super) struct Elastic {
-    pub(super) kind: CellKind,
-    pub(super) cotangents: Cotangents,
-    pub(super) weights: EdgeWeights,
-    pub(super) cells: Cells,
-    pub(super) system: HeldLaplacian,
+pub(in crate::surface) struct Elastic {
+    pub(in crate::surface) kind: CellKind,
+    pub(in crate::surface) cotangents: Cotangents,
+    pub(in crate::surface) weights: EdgeWeights,
+    pub(in crate::surface) cells: Cells,
+    pub(in crate::surface) system: HeldLaplacian,
     /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
-    pub(super) at_rest: f64,
+    pub(in crate::surface) at_rest: f64,
 }
 
 impl Elastic {
-    pub(super) fn new(
+    pub(in crate::surface) fn new(
         kind: CellKind,
         rest: &[Lanes],
         cotangents: Cotangents,
@@ -37,7 +38,7 @@ impl Elastic {
     }
 
     /// Fits the rotations to `x` and writes the pull of the cells; returns the energy.
-    pub(super) fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
+    pub(in crate::surface) fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
         let traces = self.cells.fit(x, b);
         let stretch = self.kind.laplacians() * dirichlet(&self.weights, x);
         stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
@@ -45,7 +46,13 @@ impl Elastic {
 
     /// Fits the rotations to `x` and writes half the gradient at the unknowns; returns the energy. `work` is scratch of one
     /// entry per vertex.
-    pub(super) fn slope(&mut self, x: &[Lanes], targets: &[Lanes], work: &mut [Lanes], g: &mut [Lanes]) -> f64 {
+    pub(in crate::surface) fn slope(
+        &mut self,
+        x: &[Lanes],
+        targets: &[Lanes],
+        work: &mut [Lanes],
+        g: &mut [Lanes],
+    ) -> f64 {
         let traces = self.cells.fit(x, work);
         work.iter_mut().for_each(|b| *b = -*b);
         let stretch = self.add_laplacian(x, work);
@@ -55,23 +62,48 @@ impl Elastic {
     }
 
     /// Entries of the unknowns among those of the vertices.
-    pub(super) fn gather(&self, from: &[Lanes], to: &mut [Lanes]) {
+    pub(in crate::surface) fn gather(&self, from: &[Lanes], to: &mut [Lanes]) {
         to.iter_mut().zip(self.system.free()).for_each(|(to, &v)| *to = from[v as usize]);
     }
 
     /// `y ← x + t p`, `p` given at the unknowns.
-    pub(super) fn moved(&self, x: &[Lanes], t: f64, p: &[Lanes], y: &mut [Lanes]) {
+    pub(in crate::surface) fn moved(&self, x: &[Lanes], t: f64, p: &[Lanes], y: &mut [Lanes]) {
         let t = Lanes::splat(t);
         p.iter().zip(self.system.free()).for_each(|(&p, &v)| y[v as usize] = x[v as usize] + t * p);
     }
 
+    /// Sets the rotations of the cells from those of the vertices.
+    pub(in crate::surface) fn turn_cells(&mut self, turns: &[UnitQuaternion<f64>]) {
+        match self.kind {
+            CellKind::Spokes | CellKind::SpokesAndRims => {
+                turns.iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
+            }
+            CellKind::Elements => {
+                for (t, v) in self.cotangents.triangles().iter().enumerate() {
+                    self.cells.set_turn(t, &mean(v.map(|v| turns[v as usize])));
+                }
+            }
+        }
+    }
+
+    /// One global step: the surface that follows the rotations of the cells as they are.
+    pub(in crate::surface) fn follow(&mut self, bound: &Bound, targets: &[Lanes]) -> Vec<Lanes> {
+        let mut x = vec![Lanes::ZERO; bound.rest.len()];
+        bound.impose(targets, &mut x);
+        let mut b = x.clone();
+        self.cells.pull(&mut b);
+        let pull = self.system.pull(&x, targets);
+        self.system.solve(&b, &pull, &mut x);
+        x
+    }
+
     /// Adds `q L x` to `y`; returns `q xᵀ L x`.
-    pub(super) fn add_laplacian(&self, x: &[Lanes], y: &mut [Lanes]) -> f64 {
+    pub(in crate::surface) fn add_laplacian(&self, x: &[Lanes], y: &mut [Lanes]) -> f64 {
         lanes::run(AddLaplacian { weights: &self.weights, q: self.kind.laplacians(), x, y })
     }
 
     /// The energy as it is defined, edge by edge, for the rotations last fitted: exact where it is tiny.
-    pub(super) fn defined(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
+    pub(in crate::surface) fn defined(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
         let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
         let mut energy = 0.0;
         for (t, edges) in self.cotangents.edges().enumerate() {
@@ -124,13 +156,20 @@ fn dirichlet(weights: &EdgeWeights, x: &[Lanes]) -> f64 {
 }
 
 /// `aᵀ b`, over all coordinates.
-pub(super) fn dot(a: &[Lanes], b: &[Lanes]) -> f64 {
+pub(in crate::surface) fn dot(a: &[Lanes], b: &[Lanes]) -> f64 {
     let sum = a.iter().zip(b).fold(Lanes::ZERO, |sum, (&a, &b)| sum + a * b);
     sum.dot(Lanes::splat(1.0))
 }
 
 /// `a ← a + t b`.
-pub(super) fn add(a: &mut [Lanes], t: f64, b: &[Lanes]) {
+pub(in crate::surface) fn add(a: &mut [Lanes], t: f64, b: &[Lanes]) {
     let t = Lanes::splat(t);
     a.iter_mut().zip(b).for_each(|(a, &b)| *a += t * b);
+}
+
+/// A rotation between three.
+fn mean(turns: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
+    let first = turns[0].coords;
+    let sum = turns.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
+    UnitQuaternion::new_normalize(Quaternion::from_vector(sum))
 }

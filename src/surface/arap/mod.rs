@@ -25,15 +25,15 @@ mod quasi_newton;
 mod tests;
 
 pub use cells::CellKind;
+pub(super) use cells::Cells;
 use cells::Inertia;
-use elastic::Elastic;
-use nalgebra::{Quaternion, UnitQuaternion};
+pub(super) use elastic::Elastic;
 
 use super::bound::Bound;
 use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
 use super::lanes::Lanes;
 use super::spread::Patches;
-use super::{DeformReport, HandlePose, Handles, Stop, SurfaceError};
+use super::{HandlePose, Handles, Stop, SurfaceError};
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
@@ -81,48 +81,16 @@ impl Arap {
             }
             (Start::At(positions), _) => {
                 self.elastic.cells.reset();
-                self.given(positions)?
+                self.bound.given(positions)?
             }
-            (Start::Spread | Start::Last, _) => self.spread(pose, targets),
+            (Start::Spread | Start::Last, _) => {
+                let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, targets);
+                self.elastic.turn_cells(&turns);
+                self.elastic.follow(&self.bound, targets)
+            }
         };
         self.bound.impose(targets, &mut x);
         Ok(x)
-    }
-
-    fn given(&self, positions: &[nalgebra::Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
-        if positions.len() != self.bound.rest.len() {
-            return Err(SurfaceError::Start { given: positions.len(), vertices: self.bound.rest.len() });
-        }
-        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
-            None => Ok(positions.iter().map(|p| self.bound.inner(p)).collect()),
-        }
-    }
-
-    /// One global step for rotations spread from the handles.
-    fn spread(&mut self, pose: &HandlePose, targets: &[Lanes]) -> Vec<Lanes> {
-        let turns = match pose.rotations() {
-            Some(given) => given.to_vec(),
-            None => self.patches.fitted(&self.bound, targets),
-        };
-        let turns = self.patches.spread(&self.bound, &mut self.elastic.system, &turns);
-        match self.elastic.kind {
-            CellKind::Spokes | CellKind::SpokesAndRims => {
-                turns.iter().enumerate().for_each(|(v, turn)| self.elastic.cells.set_turn(v, turn));
-            }
-            CellKind::Elements => {
-                for (t, v) in self.elastic.cotangents.triangles().iter().enumerate() {
-                    self.elastic.cells.set_turn(t, &mean(v.map(|v| turns[v as usize])));
-                }
-            }
-        }
-        let mut x = vec![Lanes::ZERO; turns.len()];
-        self.bound.impose(targets, &mut x);
-        let mut b = x.clone();
-        self.elastic.cells.pull(&mut b);
-        let pull = self.elastic.system.pull(&x, targets);
-        self.elastic.system.solve(&b, &pull, &mut x);
-        x
     }
 
     fn minimize(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
@@ -158,25 +126,9 @@ impl Deformer for Arap {
         if let Some(last) = energies.last_mut() {
             *last = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }
-        let positions = self.bound.outer(&x, pose);
-        let report = DeformReport {
-            iterations: energies.len() - 1,
-            energies,
-            stop,
-            constraint_error: self.bound.constraint_error(&positions, pose),
-            shape: self.bound.gauge.measure(&positions),
-            negative_weights: self.elastic.weights.negative(),
-            degenerate_faces: self.elastic.cotangents.degenerate(),
-            held_still: self.bound.held.still.clone(),
-        };
+        let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
+        let done = self.bound.done(&x, pose, energies, stop, counts);
         self.last = Some(x);
-        Ok(Deformation { positions, report })
+        Ok(done)
     }
-}
-
-/// A rotation between three.
-fn mean(turns: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
-    let first = turns[0].coords;
-    let sum = turns.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
-    UnitQuaternion::new_normalize(Quaternion::from_vector(sum))
 }
