@@ -13,6 +13,7 @@ mod layers;
 mod lens;
 mod media_bad_input;
 mod media_roundtrip;
+mod mesh;
 mod motion;
 mod motion_file;
 mod path;
