@@ -29,6 +29,7 @@ mod render_oracle;
 mod render_sharpness;
 mod report;
 mod sfm;
+mod solvers;
 mod sparse;
 mod stabilize;
 mod support;
