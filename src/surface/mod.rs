@@ -1,5 +1,6 @@
 //! Deformations of surfaces.
 
 pub mod hierarchy;
+pub mod primo;
 
 pub use hierarchy::{Hierarchy, LevelPose};
