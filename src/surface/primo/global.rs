@@ -24,6 +24,7 @@ const SUFFICIENT: f64 = 1e-4;
 const HALVINGS: usize = 30;
 
 /// Minimizer of the energy over the velocities of clusters: structure found once, values with every step.
+#[derive(Debug)]
 pub(super) struct Global {
     matrix: SparseMatrix,
     factor: Cholesky,

@@ -11,6 +11,7 @@ use super::{PrimoOptions, STIFF_SPRING};
 use crate::energy::Convergence;
 use crate::math::nearest_rotation;
 use crate::mesh::TriMesh;
+use crate::mesh::operators::{CotangentRule, Cotangents};
 use crate::sparse::SparseError;
 
 /// Clusters of the coarsest level: a system of this size costs next to nothing.
@@ -48,12 +49,14 @@ enum Ground {
 }
 
 /// How a minimization went.
+#[derive(Debug)]
 pub(super) struct Minimized {
     pub(super) poses: Vec<BodyPose>,
     pub(super) energies: Vec<f64>,
     pub(super) converged: bool,
 }
 
+#[derive(Debug)]
 pub(super) struct Solver {
     rest: TriMesh,
     origin: Vector3<f64>,
@@ -63,44 +66,60 @@ pub(super) struct Solver {
     pub(super) levels: Vec<Clusters>,
     globals: Vec<Option<Global>>,
     largest_system: usize,
+    /// Triangles without area.
+    pub(super) degenerate: usize,
 }
 
 impl Solver {
     /// `still` says of each vertex whether its part of the surface is held by nothing.
-    pub(super) fn new(mesh: &TriMesh, anchors: Vec<Anchor>, still: &[bool], options: &PrimoOptions) -> Self {
+    pub(super) fn new(
+        mesh: &TriMesh,
+        anchors: Vec<Anchor>,
+        still: &[bool],
+        options: &PrimoOptions,
+        stiffness: Option<&[f64]>,
+    ) -> Self {
         let origin = mesh.bounding_box().map_or_else(Vector3::zeros, |(a, b)| nalgebra::center(&a, &b).coords);
         let rest = mesh.with_positions(mesh.positions().iter().map(|p| p - origin).collect());
         let rest = rest.expect("finite positions less their middle");
-        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), options.stiffness.as_deref());
+        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), stiffness);
+        let degenerate = Cotangents::new(&rest, CotangentRule::Raw).degenerate();
         let grounds = ground(&mut shell, &rest, &anchors, still);
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
         let levels = clusters::levels(&shell, COARSEST);
         let globals = levels.iter().map(|_| None).collect();
-        Self { rest, origin, anchors, grounds, shell, levels, globals, largest_system: options.largest_system }
+        Self {
+            rest,
+            origin,
+            anchors,
+            grounds,
+            shell,
+            levels,
+            globals,
+            largest_system: options.largest_system,
+            degenerate,
+        }
     }
 
-    /// Poses to start from, those of the fixed bodies as wished: the lowest in energy of the rest shape, the rest shape moved
-    /// as the wishes on the whole are, and `start`.
-    pub(super) fn begin(&self, wishes: &[Wish], start: Option<&[Point3<f64>]>) -> Vec<BodyPose> {
-        let mut candidates = vec![self.shell.rest()];
+    /// Of these poses those of the least energy, once the fixed bodies stand where they are wished.
+    pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, wishes: &[Wish]) -> Vec<BodyPose> {
+        candidates.iter_mut().for_each(|poses| self.place(wishes, poses));
+        let energy = |poses: &Vec<BodyPose>| self.shell.energy(poses);
+        candidates.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b))).expect("one candidate at least")
+    }
+
+    /// All bodies moved as the wishes are on the whole.
+    pub(super) fn moved_whole(&self, wishes: &[Wish]) -> Vec<BodyPose> {
         let held: Vec<_> = self.anchors.iter().map(|a| self.rest.positions()[a.vertex as usize].coords).collect();
         let wanted: Vec<_> = wishes.iter().map(|w| w.position.coords - self.origin).collect();
-        if !held.is_empty() {
-            let whole = Shell::fit(&Vector3::zeros(), &held, &wanted);
-            let moved = |c: &Vector3<f64>| BodyPose { turn: whole.turn, at: whole.at + whole.turn * c };
-            candidates.push(self.shell.centers.iter().map(moved).collect());
-        }
-        candidates.extend(start.map(|positions| self.fitted(positions)));
-        for candidate in &mut candidates {
-            self.place(wishes, candidate);
-        }
-        let energy = |poses: &Vec<BodyPose>| self.shell.energy(poses);
-        candidates.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b))).expect("the rest shape is one")
+        let whole = Shell::fit(&Vector3::zeros(), &held, &wanted);
+        let moved = |c: &Vector3<f64>| BodyPose { turn: whole.turn, at: whole.at + whole.turn * c };
+        self.shell.centers.iter().map(moved).collect()
     }
 
     /// Bodies of the triangles as they fit positions of the vertices.
-    fn fitted(&self, positions: &[Point3<f64>]) -> Vec<BodyPose> {
+    pub(super) fn fitted(&self, positions: &[Point3<f64>]) -> Vec<BodyPose> {
         let mut poses = self.shell.rest();
         for (t, corners) in self.rest.triangles().iter().enumerate() {
             let from = corners.map(|v| self.rest.positions()[v as usize].coords);

@@ -53,9 +53,9 @@ fn solve(
     motion: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> (Minimized, Vec<Point3<f64>>) {
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options);
+    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, None);
     let wishes = wishes(mesh, anchors, motion);
-    let start = solver.begin(&wishes, None);
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
     let found = solver.minimize(start, &convergence).unwrap();
     let positions = solver.positions(&found.poses, &wishes);
@@ -159,10 +159,11 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
 fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
     let mesh = bar(40);
     let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 19.4);
-    let mut solver = Solver::new(&mesh, anchors.clone(), &vec![false; mesh.vertex_count()], &PrimoOptions::default());
+    let mut solver =
+        Solver::new(&mesh, anchors.clone(), &vec![false; mesh.vertex_count()], &PrimoOptions::default(), None);
     assert!(solver.levels.len() > 1);
     let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
-    let start = solver.begin(&wishes, None);
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let found = solver.minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }).unwrap();
     assert!(found.converged, "{:?}", found.energies);
     assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)), "{:?}", found.energies);
@@ -179,9 +180,9 @@ fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
     let (all, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(12.0, 1.0));
     let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse);
+    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, None);
     let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
-    let start = solver.begin(&wishes, None);
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).unwrap();
     assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
     let slowly = solver.positions(&slow.poses, &wishes);
