@@ -45,7 +45,8 @@ const STIFF_SPRING: f64 = 1e3;
 /// How the shell is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrimoOptions {
-    /// `h` as a multiple of the mean length of the edges, ≥ 0. Thin shells crease, thick ones bend in wide arcs.
+    /// `h` as a multiple of the mean length of the edges, ≥ 0. Thin shells buckle and crease (a bar of 20 cells twisted by
+    /// 135° collapses at 1), thick ones bend in wide arcs and cost few iterations; from 3 to 6 little changes.
     pub thickness: f64,
     /// Most clusters that are solved for at once, ≥ 1; beyond, levels above it and local shape matching take turns. A system
     /// of 20 000 takes about a second to factor and 200 MB.
@@ -54,7 +55,7 @@ pub struct PrimoOptions {
 
 impl Default for PrimoOptions {
     fn default() -> Self {
-        Self { thickness: 1.0, largest_system: 30_000 }
+        Self { thickness: 3.0, largest_system: 30_000 }
     }
 }
 

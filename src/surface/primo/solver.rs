@@ -20,6 +20,8 @@ const COARSEST: usize = 60;
 const COARSE_TOLERANCE: f64 = 1e-2;
 /// Steps on a coarse level at most.
 const COARSE_STEPS: usize = 12;
+/// The minimum is near when a step gains less than this share of the energy: Newton's matrix is worth a try.
+const NEAR: f64 = 0.2;
 /// Rounds of local shape matching after each visit to a level; they even out what the level's clusters could not.
 const SWEEPS: usize = 3;
 
@@ -170,11 +172,12 @@ impl Solver {
         let finest = (0..self.levels.len()).find(|&l| self.levels[l].count <= self.largest_system);
         let finest = finest.unwrap_or(self.levels.len() - 1);
         for level in (finest.max(1)..self.levels.len()).rev() {
-            self.relax(level, &mut state, COARSE_STEPS, floor)?;
+            self.relax(level, &mut state, COARSE_STEPS, false, floor)?;
         }
+        let mut curved = false;
         while state.energies.len() <= convergence.max_iterations && !state.converged {
             let before = state.last();
-            self.relax(finest, &mut state, 1, floor)?;
+            self.relax(finest, &mut state, 1, curved, floor)?;
             if finest > 0 {
                 for _ in 0..SWEEPS {
                     sweep(&self.shell, &self.levels[0], &mut state.poses);
@@ -183,13 +186,21 @@ impl Solver {
                 *state.energies.last_mut().expect("a step was taken") = swept;
             }
             let now = state.last();
+            curved = before - now <= NEAR * before;
             state.converged = now <= floor || before - now <= convergence.tolerance * before;
         }
         Ok(state)
     }
 
     /// Global steps on one level, each with local shape matching after it.
-    fn relax(&mut self, level: usize, state: &mut Minimized, steps: usize, floor: f64) -> Result<(), SparseError> {
+    fn relax(
+        &mut self,
+        level: usize,
+        state: &mut Minimized,
+        steps: usize,
+        curved: bool,
+        floor: f64,
+    ) -> Result<(), SparseError> {
         let clusters = &self.levels[level];
         if self.globals[level].is_none() {
             self.globals[level] = Some(Global::new(&self.shell, clusters)?);
@@ -197,7 +208,7 @@ impl Solver {
         let global = self.globals[level].as_mut().expect("made just now");
         for _ in 0..steps {
             let before = state.last();
-            let mut now = global.step(&self.shell, clusters, &mut state.poses, before)?;
+            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, curved)?;
             if level > 0 {
                 for _ in 0..SWEEPS {
                     sweep(&self.shell, clusters, &mut state.poses);

@@ -266,3 +266,66 @@ fn broken_triangles_stay_finite() {
     }
     assert!(mean_edge(&mesh) > 0.0);
 }
+
+#[test]
+fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() {
+    let near = bar(12);
+    let count = near.vertex_count() as u32;
+    let far = near.positions().iter().map(|p| p + Vector3::new(0.0, 9.0, 0.0));
+    let positions: Vec<_> = near.positions().iter().copied().chain(far).collect();
+    let second = near.triangles().iter().map(|t| t.map(|v| v + count));
+    let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).unwrap();
+    let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).unwrap();
+    let mut primo = super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default()).unwrap();
+    let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
+    let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
+    let first = primo.deform(&pose, Start::Spread, &convergence).unwrap();
+    assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
+    assert_eq!(first.report.held_still.len(), 1);
+    assert_eq!(first.positions[count as usize..], mesh.positions()[count as usize..]);
+    for (k, start) in [Start::Last, Start::At(&first.positions), Start::Rest].into_iter().enumerate() {
+        let again = primo.deform(&pose, start, &convergence).unwrap();
+        let (now, before) = (again.report.energies.last().unwrap(), first.report.energies.last().unwrap());
+        assert!((now / before - 1.0).abs() < 1e-6, "{now} against {before}");
+        assert!(k > 0 || again.report.iterations < first.report.iterations);
+    }
+}
+
+#[test]
+fn what_no_shell_can_be_is_refused() {
+    let (mesh, handles) = (bar(2), Handles::exact([0]).unwrap());
+    let said = |primo: PrimoOptions| {
+        let options = DeformOptions { primo, ..DeformOptions::default() };
+        Primo::new(&mesh, &handles, &options).unwrap_err().to_string()
+    };
+    let thickness = PrimoOptions { thickness: -1.0, ..PrimoOptions::default() };
+    assert_eq!(said(thickness), "thickness -1 is invalid (expected a finite number, 0 or more)");
+    let system = PrimoOptions { largest_system: 0, ..PrimoOptions::default() };
+    assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
+    let soft = vec![0.0; mesh.triangle_count()];
+    let refused = Primo::with_stiffness(&mesh, &handles, &DeformOptions::default(), Some(&soft)).unwrap_err();
+    assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
+}
+
+#[test]
+fn a_stiffer_part_keeps_its_shape_better() {
+    let mesh = bar(20);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).unwrap();
+    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    // How far the first half is twisted, as the angle of a ring in the middle.
+    let angle = |factor: f64| {
+        let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
+        let stiffness: Vec<f64> =
+            (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
+        let options = DeformOptions::default();
+        let mut primo = Primo::with_stiffness(&mesh, &handles, &options, Some(&stiffness)).unwrap();
+        let done = primo.deform(&pose, Start::Spread, &Convergence::default()).unwrap();
+        let ring = &done.positions[40..44];
+        let side = ring[1] - ring[0] + (ring[2] - ring[3]);
+        side.z.atan2(side.y)
+    };
+    assert!((angle(1.0) - 0.6).abs() < 0.02, "{}", angle(1.0));
+    assert!(angle(20.0) < 0.15 && angle(0.05) > 1.05, "{} {}", angle(20.0), angle(0.05));
+}
