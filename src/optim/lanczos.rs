@@ -54,6 +54,8 @@ pub struct Eigenpairs {
     pub vectors: Vec<Vec<f64>>,
     /// `‖M^{−½}(A x − λ M x)‖ / (λ + σ)` of each, computed from `A` itself.
     pub residuals: Vec<f64>,
+    /// Known vectors that were left out: those independent of the others.
+    pub known: usize,
     /// Solves with the factor, one vector each.
     pub solves: usize,
     /// Whether all residuals met the tolerance.
@@ -124,8 +126,14 @@ impl ShiftedPencil<'_> {
 
     fn pairs(&self, space: &Space, roots: &[f64], count: usize, tolerance: f64) -> Eigenpairs {
         let count = count.min(space.basis.len());
-        let mut found =
-            Eigenpairs { values: vec![], vectors: vec![], residuals: vec![], solves: space.solves, converged: true };
+        let mut found = Eigenpairs {
+            values: vec![],
+            vectors: vec![],
+            residuals: vec![],
+            known: space.known.len(),
+            solves: space.solves,
+            converged: true,
+        };
         if count == 0 {
             return found;
         }
