@@ -39,14 +39,8 @@ impl Bound {
 
     /// Positions given as a start, checked.
     pub(super) fn given(&self, positions: &[Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
-        let vertices = self.rest.len();
-        if positions.len() != vertices {
-            return Err(SurfaceError::PerVertex { what: "positions to start from", given: positions.len(), vertices });
-        }
-        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
-            None => Ok(positions.iter().map(|p| self.inner(p)).collect()),
-        }
+        self.check_start(positions)?;
+        Ok(positions.iter().map(|p| self.inner(p)).collect())
     }
 
     /// The surface at the end of a solve, and its report; `counts` are negative weights and degenerate faces.
@@ -86,6 +80,25 @@ impl Bound {
         }
     }
 
+    /// Refuses a start that does not fit the mesh.
+    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
+        let (given, vertices) = (positions.len(), self.rest.len());
+        if given != vertices {
+            return Err(SurfaceError::PerVertex { what: "positions to start from", given, vertices });
+        }
+        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether each vertex is on a part without a handle.
+    pub(super) fn still(&self) -> Vec<bool> {
+        let mut held = vec![false; self.rest.len()];
+        self.held.handles.vertices().iter().for_each(|&v| held[self.held.part[v as usize] as usize] = true);
+        self.held.part.iter().map(|&part| !held[part as usize]).collect()
+    }
+
     /// Positions in the mesh's own frame. What is held exactly gets its target to the last bit.
     fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
         let rest = self.gauge.rest().positions();
@@ -103,7 +116,7 @@ impl Bound {
     }
 
     /// Largest distance of a held vertex from its target.
-    fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
         let handles = self.held.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }

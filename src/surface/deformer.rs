@@ -6,6 +6,7 @@ use super::arap::{Arap, CellKind};
 use super::detail_preserving::LaplacianKind;
 use super::laplacian_editing::{LaplacianEditing, Turning};
 use super::poisson::Poisson;
+use super::primo::{Primo, PrimoOptions};
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
@@ -27,12 +28,21 @@ pub enum Method {
     Laplacian,
     /// Poisson editing.
     Poisson,
+    /// Rigid prisms with elastic joints.
+    Primo,
 }
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 6] =
-        [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::GaussNewton, Self::Laplacian, Self::Poisson];
+    pub const ALL: [Self; 7] = [
+        Self::Arap,
+        Self::ArapSpokes,
+        Self::ArapElements,
+        Self::GaussNewton,
+        Self::Laplacian,
+        Self::Poisson,
+        Self::Primo,
+    ];
 
     /// The name a user types.
     pub fn name(self) -> &'static str {
@@ -43,6 +53,7 @@ impl Method {
             Self::GaussNewton => "gauss-newton",
             Self::Laplacian => "laplacian",
             Self::Poisson => "poisson",
+            Self::Primo => "primo",
         }
     }
 
@@ -77,6 +88,8 @@ pub struct DeformOptions {
     pub turning: Turning,
     /// What happens to parts without a handle.
     pub unheld: Unheld,
+    /// What the shell of [`Method::Primo`] is like.
+    pub primo: PrimoOptions,
 }
 
 /// Where an iteration starts.
@@ -141,5 +154,6 @@ pub fn bind(
         Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
         Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options)?)),
         Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options)?)),
+        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options)?)),
     }
 }
