@@ -6,6 +6,7 @@ mod grid;
 mod half_edges;
 pub mod io;
 pub mod model;
+pub mod operators;
 mod quad;
 pub mod repair;
 pub mod shapes;
