@@ -9,6 +9,8 @@
 //!
 //! The result is a raster of blocks: one is inside where all its pixels are.
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::image::Frame;
 use crate::image::still::rgb_of_frame;
 use crate::math::{Point2, Rect, Vec2};
@@ -34,9 +36,11 @@ const NEARLY: u8 = 16;
 const RINGING: usize = 2;
 /// Shares of the bounds that the inside fills between which an outline is irregular: above, a crop is enough.
 const NEARLY_ALL: f64 = 0.985;
-/// A disk is the picture of a fisheye where it misses less than this share of the inside, or of the outside where that is less, and
-/// this many blocks for each along the outline, which falls between blocks.
-const ROUND: (f64, f64) = (0.03, 0.35);
+/// RMS distance of the outline from a circle, blocks, and its part that grows with the radius, below which it is one: the
+/// outline falls between blocks, and lenses are not quite round.
+const ROUND: (f64, f64) = (0.6, 0.005);
+/// Blocks along an outline that can be told from a circle, at least.
+const LEAST_OUTLINE: f64 = 12.0;
 
 /// Which blocks of a picture lie inside its outline.
 #[derive(Clone, Debug)]
@@ -99,28 +103,37 @@ impl Outline {
         self.touched == [true; 4] && (0.4..NEARLY_ALL).contains(&fills) && self.share() > 0.3 && !self.is_round()
     }
 
-    /// Whether the inside is a disk, or as much of one as the frame holds: what a fisheye shows. Of all disks about the middle
-    /// of the inside the one with as many blocks must cover nearly the same.
+    /// Whether the inside is a disk, or as much of one as the frame holds: what a fisheye shows. The blocks along the outline,
+    /// were it in one corner alone, lie on a circle (Kåsa 1976).
     pub fn is_round(&self) -> bool {
-        let at = |k: usize| Vec2::new((k % self.cols) as f64, (k / self.cols) as f64);
-        let inside = || (0..self.inside.len()).filter(|&k| self.inside[k]);
-        let count = self.count();
-        let center = inside().fold(Vec2::zeros(), |sum, k| sum + at(k)) / count as f64;
-        let mut by_distance: Vec<usize> = (0..self.inside.len()).collect();
-        by_distance.sort_by(|a, b| (at(*a) - center).norm_squared().total_cmp(&(at(*b) - center).norm_squared()));
-        let missed = by_distance[..count].iter().filter(|&&k| !self.inside[k]).count();
-        let least = count.min(self.inside.len() - count) as f64;
-        (missed as f64) < ROUND.0 * least + ROUND.1 * self.length() as f64
+        let outline: Vec<Vec2> = self.along().collect();
+        let count = outline.len() as f64;
+        if count < LEAST_OUTLINE {
+            return false;
+        }
+        let mean = outline.iter().sum::<Vec2>() / count;
+        let (mut moments, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        for p in outline.iter().map(|p| p - mean) {
+            let row = Vector3::new(p.x, p.y, 1.0);
+            moments += row * row.transpose();
+            pull += row * p.norm_squared();
+        }
+        let Some(solved) = moments.cholesky().map(|c| c.solve(&pull)) else { return false };
+        let center = mean + solved.xy() / 2.0;
+        let radius = (solved.z + solved.xy().norm_squared() / 4.0).sqrt();
+        let misses = outline.iter().map(|p| ((p - center).norm() - radius).powi(2)).sum::<f64>();
+        let diagonal = (self.cols as f64).hypot(self.rows as f64);
+        (misses / count).sqrt() <= ROUND.0 + ROUND.1 * radius && radius < diagonal
     }
 
     /// Blocks inside that have one outside beside them.
-    fn length(&self) -> usize {
+    fn along(&self) -> impl Iterator<Item = Vec2> {
         let outside = |i: usize, j: usize| i < self.cols && j < self.rows && !self.inside[j * self.cols + i];
-        let beside = |&k: &usize| {
-            let (i, j) = (k % self.cols, k / self.cols);
+        let beside = move |(i, j): (usize, usize)| {
             outside(i.wrapping_sub(1), j) || outside(i + 1, j) || outside(i, j.wrapping_sub(1)) || outside(i, j + 1)
         };
-        (0..self.inside.len()).filter(|&k| self.inside[k]).filter(beside).count()
+        let blocks = (0..self.inside.len()).filter(|&k| self.inside[k]).map(|k| (k % self.cols, k / self.cols));
+        blocks.filter(move |&block| beside(block)).map(|(i, j)| Vec2::new(i as f64, j as f64))
     }
 
     /// Whether a point of the picture, px, lies in a block inside.
