@@ -82,6 +82,9 @@ pub struct DeformOptions {
     pub cotangents: CotangentRule,
     /// How elastic energies are minimized.
     pub solver: Solver,
+    /// ARAP with cells at vertices: how much neighbors turn alike (`α` of Levi & Gotsman), dimensionless, 0 for not at all.
+    /// 0.02 keeps the volume of twisted bars. Minimized by local–global steps, whatever the solver.
+    pub smoothness: f64,
     /// Laplacian editing: whose differential coordinates are kept.
     pub laplacian: LaplacianKind,
     /// Laplacian editing: where their rotations come from.

@@ -95,7 +95,9 @@ fn root(parent: &mut [u32], mut v: u32) -> u32 {
 
 fn still_parts(mesh: &TriMesh, handles: &Handles, part: &[u32]) -> Vec<Part> {
     let mut size = vec![0_usize; part.len()];
-    part.iter().for_each(|&p| size[p as usize] += 1);
+    for &p in part {
+        size[p as usize] += 1;
+    }
     let mut named = vec![false; part.len()];
     mesh.triangles().iter().for_each(|t| named[part[t[0] as usize] as usize] = true);
     handles.vertices().iter().for_each(|&v| named[part[v as usize] as usize] = false);

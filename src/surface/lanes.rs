@@ -3,6 +3,7 @@
 //! Plain loops over four entries: compiled for a processor with wide registers they become one instruction, elsewhere two
 //! or four, with the same results to the last bit, since no two operations are ever contracted.
 
+#![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
 #![allow(unsafe_code)] // One call, of code compiled for registers that the processor was found to have.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -69,7 +70,7 @@ impl Lanes {
     /// True where every lane is greater than the other's; never for NaN.
     #[inline(always)]
     pub(super) fn above(self, other: Self) -> bool {
-        self.0.iter().zip(&other.0).fold(true, |all, (a, b)| all & (a > b))
+        self.0.iter().zip(&other.0).all(|(a, b)| a > b)
     }
 }
 

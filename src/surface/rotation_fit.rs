@@ -21,6 +21,8 @@
 //! on a fit of rotations M. Müller, J. Bender, N. Chentanez, M. Macklin, *A robust method to extract the rotational part of
 //! deformations*, MIG 2016, whose fixed-point step `H = |tr M| I` has no certificate and converges linearly.
 
+#![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
+
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::lanes::{LANES, Lanes};
@@ -127,14 +129,14 @@ fn turned(&[i, j, k, w]: &Turns, omega: &[Lanes; 3]) -> Turns {
 #[inline(never)]
 fn decompose(s: &Covariances, turns: &mut Turns) -> Lanes {
     let mut traces = [0.0; LANES];
-    for lane in 0..LANES {
+    for (lane, trace) in traces.iter_mut().enumerate() {
         let s = Matrix3::from_fn(|r, c| s[r][c].0[lane]);
         let q = Quaternion::new(turns[3].0[lane], turns[0].0[lane], turns[1].0[lane], turns[2].0[lane]);
         let fitted = best_rotation(&s, &UnitQuaternion::new_unchecked(q));
         for (k, turn) in turns.iter_mut().enumerate() {
             turn.0[lane] = fitted.coords[k];
         }
-        traces[lane] = (fitted.to_rotation_matrix().matrix() * s).trace();
+        *trace = (fitted.to_rotation_matrix().matrix() * s).trace();
     }
     Lanes(traces)
 }

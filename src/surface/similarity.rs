@@ -108,7 +108,9 @@ impl SimilarityEditing {
         let back = frame.inverse();
         let within: Vec<Lanes> = targets.iter().map(|t| turned(&back, t)).collect();
         let (mut x, energy) = self.solve_in_frame(bound, &within);
-        x.iter_mut().for_each(|x| *x = turned(frame, x));
+        for x in &mut x {
+            *x = turned(frame, x);
+        }
         bound.impose(targets, &mut x);
         (x, energy)
     }
@@ -121,7 +123,9 @@ impl SimilarityEditing {
             let mut slope = vec![Vector3::zeros(); x.len()];
             for (row, &w) in self.rows.iter().zip(&self.weights) {
                 let misfit = residual(row, &x) * w;
-                row.iter().for_each(|(v, j)| slope[*v as usize] += j.transpose() * misfit);
+                for (v, j) in row {
+                    slope[*v as usize] += j.transpose() * misfit;
+                }
             }
             for (i, j, w) in self.edges.iter() {
                 let change = Vector3::from(((x[i] - x[j]) - (bound.rest[i] - bound.rest[j])).xyz()) * (self.faint * w);

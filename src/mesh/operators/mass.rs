@@ -11,7 +11,9 @@ pub fn barycentric_areas(mesh: &TriMesh) -> Vec<f64> {
     let mut areas = vec![0.0; mesh.vertex_count()];
     for (t, corners) in mesh.triangles().iter().enumerate() {
         let third = mesh.area_normal(t).norm() / 6.0;
-        corners.iter().for_each(|&v| areas[v as usize] += third);
+        for &v in corners {
+            areas[v as usize] += third;
+        }
     }
     areas
 }

@@ -13,8 +13,11 @@
 //!
 //! One pass over the cells gathers `S`, fits `R` to it and scatters `R c`, four cells at a time.
 
+#![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
+
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 
+use super::smoothness::Smoothness;
 use crate::mesh::operators::Cotangents;
 use crate::surface::lanes::{self, Kernel, LANES, Lanes};
 use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices, product};
@@ -78,6 +81,27 @@ impl Cells {
     pub(in crate::surface) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
         b.fill(Lanes::ZERO);
         lanes::run(LocalStep { cells: self, x, b })
+    }
+
+    /// Fits all rotations to `x` and to their neighbors' last ones, and writes the pull.
+    pub(super) fn fit_smoothly(&mut self, smoothness: &Smoothness, x: &[Lanes], b: &mut [Lanes]) {
+        let last = self.turn_matrices(smoothness.len());
+        for group in 0..self.turns.len() {
+            let mut s = self.covariances(group, x);
+            for lane in 0..LANES.min(smoothness.len().saturating_sub(LANES * group)) {
+                let pull = smoothness.pull(LANES * group + lane, &last);
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    s[r][c].0[lane] += pull[(c, r)];
+                }
+            }
+            fit(&s, &mut self.turns[group]);
+        }
+        self.pull(b);
+    }
+
+    /// Matrices of the first rotations.
+    pub(super) fn turn_matrices(&self, cells: usize) -> Vec<Matrix3<f64>> {
+        (0..cells).map(|cell| self.turn(cell).to_rotation_matrix().into_inner()).collect()
     }
 
     /// Writes the pull of the rotations as they are.

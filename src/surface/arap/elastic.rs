@@ -1,5 +1,7 @@
 //! The energy, its slope and the global step: what the solvers share.
 
+#![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
+
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::SurfaceError;
@@ -8,6 +10,7 @@ use super::super::held::Held;
 use super::super::held_laplacian::HeldLaplacian;
 use super::super::lanes::{self, Kernel, Lanes};
 use super::cells::{CellKind, Cells};
+use super::smoothness::Smoothness;
 use crate::mesh::operators::{Cotangents, EdgeWeights};
 
 /// The elastic energy of a surface at rest with handles on it.
@@ -20,6 +23,8 @@ pub(in crate::surface) struct Elastic {
     pub(in crate::surface) system: HeldLaplacian,
     /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
     pub(in crate::surface) at_rest: f64,
+    /// Coupling of the rotations; only the local–global iteration knows it.
+    pub(in crate::surface) smoothness: Option<Smoothness>,
 }
 
 impl Elastic {
@@ -32,16 +37,22 @@ impl Elastic {
         let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
         let system = HeldLaplacian::new(&weights, kind.laplacians(), held)?;
         let cells = Cells::new(kind, rest, &cotangents);
-        let mut this = Self { kind, cotangents, weights, cells, system, at_rest: 0.0 };
+        let mut this = Self { kind, cotangents, weights, cells, system, at_rest: 0.0, smoothness: None };
         this.at_rest = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);
         Ok(this)
     }
 
     /// Fits the rotations to `x` and writes the pull of the cells; returns the energy.
     pub(in crate::surface) fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
-        let traces = self.cells.fit(x, b);
+        let (traces, coupling) = match &self.smoothness {
+            None => (self.cells.fit(x, b), 0.0),
+            Some(smoothness) => {
+                self.cells.fit_smoothly(smoothness, x, b);
+                (dot(b, x), smoothness.energy(&self.cells.turn_matrices(smoothness.len())))
+            }
+        };
         let stretch = self.kind.laplacians() * dirichlet(&self.weights, x);
-        stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
+        stretch + self.at_rest - 2.0 * traces + coupling + self.system.soft_energy(x, targets)
     }
 
     /// Fits the rotations to `x` and writes half the gradient at the unknowns; returns the energy. `work` is scratch of one
@@ -54,7 +65,9 @@ impl Elastic {
         g: &mut [Lanes],
     ) -> f64 {
         let traces = self.cells.fit(x, work);
-        work.iter_mut().for_each(|b| *b = -*b);
+        for b in work.iter_mut() {
+            *b = -*b;
+        }
         let stretch = self.add_laplacian(x, work);
         self.gather(work, g);
         self.system.add_soft(x, targets, g);
@@ -105,7 +118,8 @@ impl Elastic {
     /// The energy as it is defined, edge by edge, for the rotations last fitted: exact where it is tiny.
     pub(in crate::surface) fn defined(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
         let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
-        let mut energy = 0.0;
+        let coupling = |s: &Smoothness| s.energy(&self.cells.turn_matrices(s.len()));
+        let mut energy = self.smoothness.as_ref().map_or(0.0, coupling);
         for (t, edges) in self.cotangents.edges().enumerate() {
             let corners = self.cotangents.triangles()[t];
             for (i, j, h) in edges {

@@ -21,6 +21,7 @@ mod gauss_newton;
 mod line_search;
 mod local_global;
 mod quasi_newton;
+mod smoothness;
 #[cfg(test)]
 mod tests;
 
@@ -28,6 +29,7 @@ pub use cells::CellKind;
 pub(super) use cells::Cells;
 use cells::Inertia;
 pub(super) use elastic::Elastic;
+use smoothness::Smoothness;
 
 use super::bound::Bound;
 use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
@@ -62,7 +64,10 @@ impl Arap {
         options: &DeformOptions,
     ) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
-        let elastic = Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held)?;
+        let mut elastic = Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held)?;
+        if let Some(strength) = smoothness_asked(options, kind)? {
+            elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
+        }
         let patches = Patches::new(&bound);
         let inertia = match options.solver {
             Solver::GaussNewton => elastic.cells.inertia(&bound.rest),
@@ -96,10 +101,23 @@ impl Arap {
     fn minimize(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
         let elastic = &mut self.elastic;
         match self.solver {
+            _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence),
             Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence),
             Solver::Accelerated => quasi_newton::minimize(elastic, targets, x, convergence),
             Solver::GaussNewton => gauss_newton::minimize(elastic, &self.inertia, targets, x, convergence),
         }
+    }
+}
+
+/// `α`, where it is not zero.
+fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, SurfaceError> {
+    let (name, value) = ("smoothness", options.smoothness);
+    match kind {
+        CellKind::Elements if value != 0.0 => {
+            Err(SurfaceError::Option { name, value, range: "0 where cells are triangles" })
+        }
+        _ if !(value >= 0.0 && value.is_finite()) => Err(SurfaceError::Option { name, value, range: "0 or more" }),
+        _ => Ok((value > 0.0).then_some(value)),
     }
 }
 

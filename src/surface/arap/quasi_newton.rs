@@ -40,7 +40,9 @@ pub(super) fn minimize(
     while energies.len() <= convergence.max_iterations {
         p.copy_from_slice(&g);
         memory.apply(&mut p, |v| elastic.system.solve_unknowns(v));
-        p.iter_mut().for_each(|p| *p = -*p);
+        for p in &mut p {
+            *p = -*p;
+        }
         let descent = -dot(&p, &g);
         let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
         let step = search(elastic, targets, (x, &p), (before, descent), scratch);

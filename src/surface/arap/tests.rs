@@ -227,3 +227,31 @@ fn what_cannot_be_held_is_refused() {
     let nothing = bind(Method::Arap, &empty, &Handles::default(), &DeformOptions::default()).unwrap_err();
     assert_eq!(nothing, SurfaceError::NoHandle);
 }
+
+#[test]
+fn smooth_rotations_differ_less_and_the_energy_still_falls() {
+    let mesh = tube(24, 12);
+    let (handles, pose) = bend(&mesh, 1.8);
+    let mut rough = f64::INFINITY;
+    for smoothness in [1e-4, 2e-2, 1.0] {
+        for kind in [CellKind::Spokes, CellKind::SpokesAndRims] {
+            let options = DeformOptions { smoothness, ..Default::default() };
+            let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
+            let done = arap.deform(&pose, Start::Rest, &tight(400)).unwrap();
+            for pair in done.report.energies.windows(2) {
+                assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {smoothness} {pair:?}");
+            }
+            if kind == CellKind::SpokesAndRims {
+                let turns = arap.elastic.cells.turn_matrices(mesh.vertex_count());
+                let unit = Smoothness::new(&arap.elastic.weights, 1.0).energy(&turns);
+                assert!(unit < 0.9 * rough, "{smoothness}: {unit} {rough}");
+                rough = unit;
+            }
+        }
+    }
+    for (kind, smoothness) in [(CellKind::Elements, 0.1), (CellKind::Spokes, -1.0), (CellKind::Spokes, f64::NAN)] {
+        let options = DeformOptions { smoothness, ..Default::default() };
+        let refused = Arap::new(kind, &mesh, &handles, &options).unwrap_err();
+        assert!(matches!(refused, SurfaceError::Option { name: "smoothness", .. }));
+    }
+}

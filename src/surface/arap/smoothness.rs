@@ -1,0 +1,70 @@
+//! Smooth rotations: neighbors are asked to turn alike, which resists bending and keeps twisted bars from collapsing.
+//!
+//! ```text
+//! E(x, R) = E_ARAP(x, R) + α A Σ_ij |w_ij| |Rᵢ − Rⱼ|²          A the area of the surface
+//! ```
+//!
+//! All rotations are fitted at once to `Sᵢ + Σⱼ k_ij Rⱼᵀ + Σⱼ k_ij Rᵢᵀ`, with those of the last round on the right and
+//! `k = α A |w|`. The last term is constant on rotations; it makes the coupling convex, so that its linearization is a lower
+//! bound of what is maximized and the energy never rises, in whatever order the cells are visited.
+//!
+//! # Reference
+//! Z. Levi, C. Gotsman, *Smooth rotation enhanced as-rigid-as-possible mesh animation*, TVCG 21 (2015).
+
+use nalgebra::Matrix3;
+
+use crate::mesh::operators::EdgeWeights;
+
+/// The coupling of the rotations of vertex cells.
+#[derive(Debug)]
+pub(in crate::surface) struct Smoothness {
+    starts: Vec<u32>,
+    neighbors: Vec<(u32, f64)>,
+}
+
+impl Smoothness {
+    /// Couplings `strength · |w_ij|`; `strength = α A` in squared mesh units.
+    pub(super) fn new(weights: &EdgeWeights, strength: f64) -> Self {
+        let mut starts = vec![0_u32; weights.vertex_count() + 1];
+        for &[i, j] in weights.edges() {
+            starts[i as usize + 1] += 1;
+            starts[j as usize + 1] += 1;
+        }
+        for v in 0..weights.vertex_count() {
+            starts[v + 1] += starts[v];
+        }
+        let mut next = starts.clone();
+        let mut neighbors = vec![(0, 0.0); starts[weights.vertex_count()] as usize];
+        for (i, j, w) in weights.iter() {
+            for (from, to) in [(i, j), (j, i)] {
+                neighbors[next[from] as usize] = (to as u32, strength * w.abs());
+                next[from] += 1;
+            }
+        }
+        Self { starts, neighbors }
+    }
+
+    /// Number of cells.
+    pub(super) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    fn of(&self, cell: usize) -> &[(u32, f64)] {
+        &self.neighbors[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
+    /// `Σⱼ k_ij (Rⱼ + Rᵢ)`.
+    pub(super) fn pull(&self, cell: usize, turns: &[Matrix3<f64>]) -> Matrix3<f64> {
+        let own = turns[cell];
+        self.of(cell).iter().fold(Matrix3::zeros(), |sum, &(j, k)| sum + (turns[j as usize] + own) * k)
+    }
+
+    /// `Σ_ij k_ij |Rᵢ − Rⱼ|²`, each pair once.
+    pub(super) fn energy(&self, turns: &[Matrix3<f64>]) -> f64 {
+        let of_cell = |cell: usize| {
+            let terms = self.of(cell).iter().map(|&(j, k)| k * (turns[j as usize] - turns[cell]).norm_squared());
+            terms.sum::<f64>()
+        };
+        0.5 * (0..self.len()).map(of_cell).sum::<f64>()
+    }
+}
