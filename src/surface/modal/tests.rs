@@ -108,6 +108,18 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
     for (value, expected) in found.values.iter().zip(&values[6..]) {
         assert!((value / expected - 1.0).abs() < 1e-8, "{value} against {expected}");
     }
+    // As `tests/oracle/modes.py` prints them.
+    let oracle = [
+        3.6116191489e-02,
+        4.6634800673e-02,
+        1.0297270782e-01,
+        1.8298219601e-01,
+        2.6571065000e-01,
+        3.0325689426e-01,
+    ];
+    for (value, expected) in found.values.iter().zip(oracle) {
+        assert!((value / expected - 1.0).abs() < 1e-8, "{value} against {expected}");
+    }
 }
 
 #[test]
@@ -202,4 +214,32 @@ fn parts_are_connected_and_each_vertex_is_in_one() {
     }
     let whole: usize = largest.iter().sum();
     assert!(whole + 8 >= mesh.vertex_count() && largest.iter().all(|&n| n > 0), "{whole} of {}", mesh.vertex_count());
+}
+
+#[test]
+fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest() {
+    use crate::surface::{DeformOptions, HandlePose, Handles, Method, Start, bind};
+    let mesh = bar(40, |_| 1.0);
+    let low = modes(&mesh, 12, &ModesOptions::default()).unwrap();
+    let held = (0..mesh.vertex_count() as u32).filter(|&v| (mesh.positions()[v as usize].x - 10.0).abs() > 9.2);
+    let handles = Handles::exact(held).unwrap();
+    let posed = |motion: &dyn Fn(&Point3<f64>) -> Point3<f64>| {
+        HandlePose::new(handles.vertices().iter().map(|&v| motion(&mesh.positions()[v as usize])).collect())
+    };
+    let r = Rotation3::new(Vector3::new(1.0, 0.5, -0.3));
+    let rigid = |p: &Point3<f64>| r * p + Vector3::new(3.0, 4.0, 5.0);
+    for (p, rest) in modal_start(&mesh, &low, &handles, &posed(&rigid)).unwrap().iter().zip(mesh.positions()) {
+        assert!((p - rigid(rest)).norm() < 1e-9 * mesh.diagonal());
+    }
+    let end = Rotation3::new(Vector3::z() * 0.8);
+    let bend = |p: &Point3<f64>| if p.x > 10.0 { end * (p - Vector3::x() * 10.0) + Vector3::x() * 9.5 } else { *p };
+    let pose = posed(&bend);
+    let start = modal_start(&mesh, &low, &handles, &pose).unwrap();
+    let mut arap = bind(Method::Arap, &mesh, &handles, &DeformOptions::default()).unwrap();
+    let criterion = crate::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
+    let mut energy = |start| *arap.deform(&pose, start, &criterion).unwrap().report.energies.last().unwrap();
+    let (from_modes, from_rest) = (energy(Start::At(&start)), energy(Start::Rest));
+    assert!(from_modes < 0.5 * from_rest, "{from_modes} against {from_rest}");
+    let none = modal_start(&mesh, &low, &Handles::default(), &HandlePose::new(vec![]));
+    assert_eq!(none.unwrap_err(), SurfaceError::NoHandle);
 }
