@@ -8,6 +8,7 @@ mod completions;
 mod failure;
 mod graph;
 mod interrupt;
+mod mesh;
 mod motion;
 mod photo;
 mod photo_clip;
@@ -49,6 +50,8 @@ enum Command {
     Retarget(Box<RetargetArgs>),
     /// Recover how the camera moved, in the picture and in space
     Motion(Box<motion::MotionArgs>),
+    /// Look at mesh files, repair and convert them
+    Mesh(mesh::MeshArgs),
     /// Run a pipeline file
     Run(run::RunArgs),
     /// Check a pipeline file, touching no input
@@ -122,6 +125,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Rectify(args) => args.run(backend),
         Command::Retarget(args) => args.run(backend),
         Command::Motion(args) => args.run(backend),
+        Command::Mesh(args) => args.run(),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),
         Command::Plan(args) => args.run(backend),

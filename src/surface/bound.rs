@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::held::{FIXED, Held};
 use super::lanes::Lanes;
-use super::{DeformOptions, Gauge, HandlePose, Handles, SurfaceError};
+use super::{DeformOptions, DeformReport, Deformation, Gauge, HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 
 /// A mesh with handles, method aside.
@@ -27,7 +27,7 @@ impl Bound {
     }
 
     /// A position relative to the middle.
-    pub(super) fn inner(&self, p: &Point3<f64>) -> Lanes {
+    fn inner(&self, p: &Point3<f64>) -> Lanes {
         Lanes::point((p.coords - self.middle).into())
     }
 
@@ -35,6 +35,58 @@ impl Bound {
     pub(super) fn targets(&self, pose: &HandlePose) -> Result<Vec<Lanes>, SurfaceError> {
         pose.check(&self.held.handles)?;
         Ok(pose.positions().iter().map(|p| self.inner(p)).collect())
+    }
+
+    /// Positions given as a start, checked.
+    pub(super) fn given(&self, positions: &[Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
+        self.check_start(positions)?;
+        Ok(positions.iter().map(|p| self.inner(p)).collect())
+    }
+
+    /// Refuses a start that does not fit the mesh.
+    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
+        let vertices = self.rest.len();
+        if positions.len() != vertices {
+            return Err(SurfaceError::PerVertex { what: "positions to start from", given: positions.len(), vertices });
+        }
+        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
+            None => Ok(()),
+        }
+    }
+
+    /// The surface at the end of a solve, and its report; `counts` are negative weights and degenerate faces.
+    pub(super) fn done(
+        &self,
+        x: &[Lanes],
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
+        counts: (usize, usize),
+    ) -> Deformation {
+        self.reported(self.outer(x, pose), pose, energies, stop, counts)
+    }
+
+    /// Positions in the mesh's own frame with their report.
+    pub(super) fn reported(
+        &self,
+        positions: Vec<Point3<f64>>,
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
+        (negative_weights, degenerate_faces): (usize, usize),
+    ) -> Deformation {
+        let report = DeformReport {
+            iterations: if stop == Stop::Solved { 1 } else { energies.len() - 1 },
+            energies,
+            stop,
+            constraint_error: self.constraint_error(&positions, pose),
+            shape: self.gauge.measure(&positions),
+            negative_weights,
+            degenerate_faces,
+            held_still: self.held.still.clone(),
+        };
+        Deformation { positions, report }
     }
 
     /// Puts the exactly held vertices on their targets and those of still parts where they rest.
@@ -51,18 +103,6 @@ impl Bound {
         }
     }
 
-    /// Refuses a start that does not fit the mesh.
-    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
-        let (given, vertices) = (positions.len(), self.rest.len());
-        if given != vertices {
-            return Err(SurfaceError::Start { given, vertices });
-        }
-        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
-            None => Ok(()),
-        }
-    }
-
     /// Whether each vertex is on a part without a handle.
     pub(super) fn still(&self) -> Vec<bool> {
         let mut held = vec![false; self.rest.len()];
@@ -71,7 +111,7 @@ impl Bound {
     }
 
     /// Positions in the mesh's own frame. What is held exactly gets its target to the last bit.
-    pub(super) fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
+    fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
         let rest = self.gauge.rest().positions();
         let place = |(v, x): (usize, &Lanes)| match self.held.unknown[v] {
             FIXED => rest[v],
@@ -87,7 +127,7 @@ impl Bound {
     }
 
     /// Largest distance of a held vertex from its target.
-    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+    fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
         let handles = self.held.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }

@@ -10,28 +10,36 @@
 mod arap;
 mod bound;
 mod deformer;
+mod detail_preserving;
 mod error;
 mod handles;
 mod held;
 mod held_laplacian;
 pub mod hierarchy;
 mod lanes;
+mod laplacian_editing;
 pub mod modal;
+mod poisson;
 mod primo;
 mod report;
 mod rotation_fit;
+mod similarity;
 mod spread;
 #[cfg(test)]
 mod test_meshes;
+#[cfg(test)]
+mod tests;
 
 pub use crate::energy::Convergence;
 pub use crate::mesh::operators::CotangentRule;
 pub use arap::{Arap, CellKind};
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Start, bind};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind};
+pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};
 pub use held::{Part, Unheld};
 pub use hierarchy::{Hierarchy, LevelPose};
+pub use laplacian_editing::Turning;
 pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_start, modes, parts};
 pub use primo::{Primo, PrimoOptions};
 pub use report::{DeformReport, Gauge, ShapeChange, Stop};

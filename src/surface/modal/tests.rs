@@ -75,13 +75,12 @@ fn the_form_is_the_energy_of_the_best_turns_and_rigid_motions_cost_nothing() {
 
 #[test]
 fn near_rest_the_nonlinear_energy_is_the_form() {
-    use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, Start};
+    use crate::surface::{DeformOptions, HandlePose, Handles, Method, Start, bind};
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
     let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).unwrap();
     let handles = Handles::exact([0, 1, 2]).unwrap();
     let options = DeformOptions::default();
-    let mut arap =
-        crate::surface::Arap::new(crate::surface::CellKind::SpokesAndRims, &mesh, &handles, &options).unwrap();
+    let mut arap = bind(Method::Arap, &mesh, &handles, &options).unwrap();
     let d: Vec<_> = random(mesh.vertex_count(), 2).into_iter().map(|d| d * 1e-4).collect();
     let moved: Vec<_> = mesh.positions().iter().zip(&d).map(|(p, d)| p + d).collect();
     let criterion = crate::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
@@ -109,14 +108,8 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
         assert!((value / expected - 1.0).abs() < 1e-8, "{value} against {expected}");
     }
     // As `tests/oracle/modes.py` prints them.
-    let oracle = [
-        3.6116191489e-02,
-        4.6634800673e-02,
-        1.0297270782e-01,
-        1.8298219601e-01,
-        2.6571065000e-01,
-        3.0325689426e-01,
-    ];
+    let oracle =
+        [3.6116191489e-02, 4.6634800673e-02, 1.0297270782e-01, 1.8298219601e-01, 2.6571065000e-01, 3.0325689426e-01];
     for (value, expected) in found.values.iter().zip(oracle) {
         assert!((value / expected - 1.0).abs() < 1e-8, "{value} against {expected}");
     }
