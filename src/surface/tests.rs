@@ -11,11 +11,11 @@ use crate::mesh::operators::{Cotangents, EdgeWeights, Gradient};
 
 const TURNINGS: [Turning; 4] = [Turning::Spread, Turning::FirstSolve, Turning::Alternating, Turning::Linear];
 
-/// Every method with each of its options.
+/// Every method that moves vertices, with each of its options.
 fn methods() -> Vec<(Method, DeformOptions)> {
     let cotangents = CotangentRule::Clamped;
-    let mut all: Vec<_> =
-        Method::ALL.map(|m| (m, DeformOptions { cotangents, ..Default::default() })).into_iter().collect();
+    let vertices = Method::ALL.into_iter().filter(|&m| m != Method::Primo);
+    let mut all: Vec<_> = vertices.map(|m| (m, DeformOptions { cotangents, ..Default::default() })).collect();
     for (turning, laplacian) in
         TURNINGS.into_iter().flat_map(|t| [LaplacianKind::Cotangent, LaplacianKind::Uniform].map(|l| (t, l)))
     {
