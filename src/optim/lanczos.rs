@@ -324,7 +324,9 @@ fn norm(a: &[f64]) -> f64 {
 }
 
 fn scale(a: &mut [f64], s: f64) {
-    a.iter_mut().for_each(|a| *a *= s);
+    for a in a {
+        *a *= s;
+    }
 }
 
 /// `y ← y − c v`.
