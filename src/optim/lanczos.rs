@@ -344,14 +344,13 @@ mod tests {
     /// The Laplacian of a ring of `n` plus a diagonal, with its factor after a shift.
     fn pencil(n: usize, diagonal: impl Fn(usize) -> f64, mass: &[f64], shift: f64) -> (SparseMatrix, Cholesky) {
         let entries: Vec<_> = (0..n).flat_map(|i| [(i, i, 2.0 + diagonal(i)), ((i + 1) % n, i, -1.0)]).collect();
-        let a = SparseMatrix::from_triplets(n, &entries).unwrap();
+        let a = SparseMatrix::from_triplets(n, &entries).expect("places inside");
         let mut shifted = a.clone();
-        for i in 0..n {
-            let s = a.pattern().slot(i, i).unwrap();
-            shifted.values_mut()[s] += shift * mass[i];
+        for (i, m) in mass.iter().enumerate() {
+            shifted.values_mut()[a.pattern().column(i).start] += shift * m;
         }
-        let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).unwrap();
-        factor.factor(&shifted).unwrap();
+        let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("a small system");
+        factor.factor(&shifted).expect("a positive definite matrix");
         (a, factor)
     }
 

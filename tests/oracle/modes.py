@@ -53,4 +53,4 @@ for i in range(n):
     H += (left.T @ left).real / 3
 values = eigh(H, np.diag(np.repeat(area, 3)), eigvals_only=True)
 assert abs(values[:6]).max() < 1e-10 * values[6], values[:8]
-print("[" + ", ".join(f"{v:.10e}" for v in values[6:12]) + "]")
+print("[" + ", ".join(f"{v:.11g}" for v in values[6:12]) + "]")
