@@ -31,7 +31,7 @@ const PASSES: usize = 2;
 /// How far to go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LanczosOptions {
-    /// Residual `‖M^{−½}(A x − λ M x)‖` of a unit `x` (`xᵀ M x = 1`) over `λ + σ` under which a pair is accepted, > 0.
+    /// Residual under which a pair is accepted, > 0 (see [`Eigenpairs::residuals`]).
     pub tolerance: f64,
     /// Blocks at most, all restarts together, ≥ 1.
     pub max_blocks: usize,
@@ -41,7 +41,7 @@ pub struct LanczosOptions {
 
 impl Default for LanczosOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_blocks: 400, seed: 0 }
+        Self { tolerance: 1e-6, max_blocks: 400, seed: 0 }
     }
 }
 
@@ -52,7 +52,8 @@ pub struct Eigenpairs {
     pub values: Vec<f64>,
     /// `x`, with `xᵀ M x = 1`, orthogonal in `M`.
     pub vectors: Vec<Vec<f64>>,
-    /// `‖M^{−½}(A x − λ M x)‖ / (λ + σ)` of each, computed from `A` itself.
+    /// `‖(λ + σ) C y − y‖` of each, `y` a unit: how far `1/(λ + σ)` may be off, relatively. (The residual of `A` itself drowns
+    /// in the rounding of its greatest eigenvalues.)
     pub residuals: Vec<f64>,
     /// Known vectors that were left out: those independent of the others.
     pub known: usize,
@@ -124,7 +125,7 @@ impl ShiftedPencil<'_> {
         }
     }
 
-    fn pairs(&self, space: &Space, roots: &[f64], count: usize, tolerance: f64) -> Eigenpairs {
+    fn pairs(&mut self, space: &Space, roots: &[f64], count: usize, tolerance: f64) -> Eigenpairs {
         let count = count.min(space.basis.len());
         let mut found = Eigenpairs {
             values: vec![],
@@ -145,13 +146,24 @@ impl ShiftedPencil<'_> {
             self.matrix.multiply(&x, &mut image);
             // Rayleigh's quotient: twice the digits of the vector.
             let value: f64 = x.iter().zip(&image).map(|(x, a)| x * a).sum();
-            let residual = image.iter().zip(&y).zip(roots).map(|((a, y), r)| (a / r - value * y).powi(2)).sum::<f64>();
-            found.residuals.push(residual.sqrt() / (value + self.shift));
             found.values.push(value);
             found.vectors.push(x);
         }
+        self.measure(&mut found, roots);
         found.converged = found.residuals.iter().all(|r| *r <= tolerance);
         found
+    }
+
+    /// Residuals of the pairs found.
+    fn measure(&mut self, found: &mut Eigenpairs, roots: &[f64]) {
+        let unit = |x: &Vec<f64>| x.iter().zip(roots).map(|(x, r)| x * r).collect::<Vec<f64>>();
+        let mut images: Vec<Vec<f64>> = found.vectors.iter().map(unit).collect();
+        self.apply(roots, &mut images);
+        for ((x, image), value) in found.vectors.iter().zip(&mut images).zip(&found.values) {
+            scale(image, value + self.shift);
+            subtract(image, &unit(x), 1.0);
+            found.residuals.push(norm(image));
+        }
     }
 }
 
@@ -312,7 +324,9 @@ fn norm(a: &[f64]) -> f64 {
 }
 
 fn scale(a: &mut [f64], s: f64) {
-    a.iter_mut().for_each(|a| *a *= s);
+    for a in a {
+        *a *= s;
+    }
 }
 
 /// `y ← y − c v`.
@@ -330,14 +344,13 @@ mod tests {
     /// The Laplacian of a ring of `n` plus a diagonal, with its factor after a shift.
     fn pencil(n: usize, diagonal: impl Fn(usize) -> f64, mass: &[f64], shift: f64) -> (SparseMatrix, Cholesky) {
         let entries: Vec<_> = (0..n).flat_map(|i| [(i, i, 2.0 + diagonal(i)), ((i + 1) % n, i, -1.0)]).collect();
-        let a = SparseMatrix::from_triplets(n, &entries).unwrap();
+        let a = SparseMatrix::from_triplets(n, &entries).expect("places inside");
         let mut shifted = a.clone();
-        for i in 0..n {
-            let s = a.pattern().slot(i, i).unwrap();
-            shifted.values_mut()[s] += shift * mass[i];
+        for (i, m) in mass.iter().enumerate() {
+            shifted.values_mut()[a.pattern().column(i).start] += shift * m;
         }
-        let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).unwrap();
-        factor.factor(&shifted).unwrap();
+        let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("a small system");
+        factor.factor(&shifted).expect("a positive definite matrix");
         (a, factor)
     }
 

@@ -43,6 +43,18 @@ impl Bound {
         Ok(positions.iter().map(|p| self.inner(p)).collect())
     }
 
+    /// Refuses a start that does not fit the mesh.
+    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
+        let vertices = self.rest.len();
+        if positions.len() != vertices {
+            return Err(SurfaceError::PerVertex { what: "positions to start from", given: positions.len(), vertices });
+        }
+        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
+            None => Ok(()),
+        }
+    }
+
     /// The surface at the end of a solve, and its report; `counts` are negative weights and degenerate faces.
     pub(super) fn done(
         &self,
@@ -50,9 +62,20 @@ impl Bound {
         pose: &HandlePose,
         energies: Vec<f64>,
         stop: Stop,
+        counts: (usize, usize),
+    ) -> Deformation {
+        self.reported(self.outer(x, pose), pose, energies, stop, counts)
+    }
+
+    /// Positions in the mesh's own frame with their report.
+    pub(super) fn reported(
+        &self,
+        positions: Vec<Point3<f64>>,
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
         (negative_weights, degenerate_faces): (usize, usize),
     ) -> Deformation {
-        let positions = self.outer(x, pose);
         let report = DeformReport {
             iterations: if stop == Stop::Solved { 1 } else { energies.len() - 1 },
             energies,
@@ -80,18 +103,6 @@ impl Bound {
         }
     }
 
-    /// Refuses a start that does not fit the mesh.
-    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
-        let (given, vertices) = (positions.len(), self.rest.len());
-        if given != vertices {
-            return Err(SurfaceError::PerVertex { what: "positions to start from", given, vertices });
-        }
-        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
-            None => Ok(()),
-        }
-    }
-
     /// Whether each vertex is on a part without a handle.
     pub(super) fn still(&self) -> Vec<bool> {
         let mut held = vec![false; self.rest.len()];
@@ -116,7 +127,7 @@ impl Bound {
     }
 
     /// Largest distance of a held vertex from its target.
-    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+    fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
         let handles = self.held.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }

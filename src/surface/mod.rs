@@ -40,6 +40,6 @@ pub use handles::{HandlePose, Handles, Hold};
 pub use held::{Part, Unheld};
 pub use hierarchy::{Hierarchy, LevelPose};
 pub use laplacian_editing::Turning;
-pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
+pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_start, modes, parts};
 pub use primo::{Primo, PrimoOptions};
 pub use report::{DeformReport, Gauge, ShapeChange, Stop};

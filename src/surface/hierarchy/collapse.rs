@@ -256,11 +256,11 @@ fn pinned(mesh: &TriMesh, keep: &[u32]) -> Vec<bool> {
     for &v in keep {
         kept[v as usize] = true;
     }
-    for t in mesh.triangles() {
-        t.iter().for_each(|&v| inside[v as usize] = true);
+    for &v in mesh.triangles().iter().flatten() {
+        inside[v as usize] = true;
     }
-    for t in mesh.triangles().iter().filter(|t| t.iter().any(|&v| !kept[v as usize])) {
-        t.iter().for_each(|&v| inside[v as usize] = false);
+    for &v in mesh.triangles().iter().filter(|t| t.iter().any(|&v| !kept[v as usize])).flatten() {
+        inside[v as usize] = false;
     }
     kept.iter().zip(inside).map(|(&kept, inside)| kept && !inside).collect()
 }

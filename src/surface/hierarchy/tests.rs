@@ -28,7 +28,7 @@ fn tube(rings: usize, around: usize) -> TriMesh {
             triangles.push(if ring == 0 { [rim[1], rim[0], tip] } else { [rim[0], rim[1], tip] });
         }
     }
-    TriMesh::new(positions, triangles).unwrap()
+    TriMesh::new(positions, triangles).expect("a sound case")
 }
 
 /// An open sheet of `n × n` vertices.
@@ -39,7 +39,7 @@ fn sheet(n: usize) -> TriMesh {
         let (a, b, c, d) = (i as u32, (i + 1) as u32, (i + n) as u32, (i + n + 1) as u32);
         triangles.extend([[a, b, d], [a, d, c]]);
     }
-    TriMesh::new((0..n * n).map(place).collect(), triangles).unwrap()
+    TriMesh::new((0..n * n).map(place).collect(), triangles).expect("a sound case")
 }
 
 /// Number of edges by how many triangles they lie in (1, 2, more).
@@ -113,7 +113,7 @@ fn handles_stay_and_a_held_region_keeps_its_rim() {
 #[test]
 fn the_rest_shape_comes_back_bit_by_bit() {
     let shifted: Vec<_> = tube(60, 40).positions().iter().map(|p| p + Vector3::new(1e6, -3e5, 7.0)).collect();
-    for mesh in [tube(60, 40), sheet(30), tube(60, 40).with_positions(shifted).unwrap()] {
+    for mesh in [tube(60, 40), sheet(30), tube(60, 40).with_positions(shifted).expect("a sound case")] {
         let hierarchy = Hierarchy::new(&mesh, &[], 60);
         let diagonal = mesh.diagonal();
         for level in (0..hierarchy.levels() - 1).rev() {
@@ -185,7 +185,7 @@ fn what_is_broken_stays_as_it_is_and_everything_stays_finite() {
     let fin = positions.len() as u32 - 1;
     triangles.extend([[100, 101, fin], [5, 6, 5], [40, 40, 40], [60, 61, 62], [60, 61, 62]]);
     positions[33] = positions[34];
-    let mesh = TriMesh::new(positions, triangles).unwrap();
+    let mesh = TriMesh::new(positions, triangles).expect("a sound case");
     let hierarchy = Hierarchy::new(&mesh, &[], 10);
     assert!(hierarchy.levels() > 1);
     for level in (0..hierarchy.levels() - 1).rev() {
@@ -193,9 +193,9 @@ fn what_is_broken_stays_as_it_is_and_everything_stays_finite() {
         let back = hierarchy.prolong(level, &turned);
         assert!(back.iter().all(|p| p.coords.iter().all(|c| c.is_finite())));
     }
-    let empty = TriMesh::new(vec![], vec![]).unwrap();
+    let empty = TriMesh::new(vec![], vec![]).expect("a sound case");
     assert_eq!(Hierarchy::new(&empty, &[], 10).levels(), 1);
     let one =
         TriMesh::new(vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)], vec![[0, 1, 2]]);
-    assert_eq!(Hierarchy::new(&one.unwrap(), &[], 1).levels(), 1);
+    assert_eq!(Hierarchy::new(&one.expect("a sound case"), &[], 1).levels(), 1);
 }

@@ -40,13 +40,11 @@ pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents) -> Result<SparseM
     blocks.sort_unstable();
     blocks.dedup();
     let mut h = SparseMatrix::zeros(Arc::new(Pattern::new(3 * mesh.vertex_count(), blocks)?));
-    for [(a, b, w), other, third] in cotangents.edges() {
-        for (a, b, w) in [(a, b, w), other, third] {
-            let spring = Matrix3::identity() * w;
-            add(&mut h, a, a, &spring);
-            add(&mut h, b, b, &spring);
-            add(&mut h, a.max(b), a.min(b), &if a == b { spring * -2.0 } else { -spring });
-        }
+    for (a, b, w) in cotangents.edges().flatten().filter(|(a, b, _)| a != b) {
+        let spring = Matrix3::identity() * w;
+        add(&mut h, a, a, &spring);
+        add(&mut h, b, b, &spring);
+        add(&mut h, a.max(b), a.min(b), &-spring);
     }
     for cell in &cells {
         for (m, &a) in cell.vertices.iter().enumerate() {
@@ -79,7 +77,9 @@ fn add(h: &mut SparseMatrix, a: u32, b: u32, block: &Matrix3<f64>) {
 fn cells(mesh: &TriMesh, cotangents: &Cotangents) -> Vec<Cell> {
     let mut around = vec![Vec::new(); mesh.vertex_count()];
     for (t, corners) in cotangents.triangles().iter().enumerate() {
-        corners.iter().for_each(|&v| around[v as usize].push(t as u32));
+        for &v in corners {
+            around[v as usize].push(t as u32);
+        }
     }
     let edges: Vec<_> = cotangents.edges().collect();
     let place = |v: u32| mesh.positions()[v as usize];

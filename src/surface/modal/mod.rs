@@ -12,6 +12,7 @@
 
 mod hessian;
 mod parts;
+mod start;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +25,7 @@ use crate::optim::lanczos::{LanczosOptions, ShiftedPencil};
 use crate::sparse::{Cholesky, Ordering};
 
 pub use parts::{PartCount, Parts, PartsOptions, parts};
+pub use start::modal_start;
 
 /// σ over the mean of `H` against that of `M`. It should lie below the lowest mode, for speed, and above rounding.
 const SHIFT: f64 = 1e-9;
@@ -35,13 +37,13 @@ const LEAST_MASS: f64 = 1e-6;
 pub struct ModesOptions {
     /// How cotangents are taken.
     pub cotangents: CotangentRule,
-    /// Relative residual under which a mode is accepted, in (0, 1).
+    /// Residual under which a mode is accepted, in (0, 1); its value is then right to about the square of it.
     pub tolerance: f64,
 }
 
 impl Default for ModesOptions {
     fn default() -> Self {
-        Self { cotangents: CotangentRule::Raw, tolerance: 1e-8 }
+        Self { cotangents: CotangentRule::Raw, tolerance: 1e-6 }
     }
 }
 
@@ -52,7 +54,7 @@ pub struct Modes {
     pub values: Vec<f64>,
     /// A displacement per vertex; `Σ m ‖u‖² = 1` with the area `m` of each vertex's cell. Vertices of no triangle do not move.
     pub vectors: Vec<Vec<Vector3<f64>>>,
-    /// `‖H u − λ M u‖` in the norm of `M⁻¹`, over `λ`.
+    /// How far `1/λ` may be off, relatively: residuals of the inverted pencil.
     pub residuals: Vec<f64>,
     /// Rigid motions that were left out: six of each part, fewer of one that is a line or a point.
     pub rigid: usize,
@@ -99,7 +101,7 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions) -> Result<Mod
     };
     Ok(Modes {
         vectors: found.vectors.iter().map(spread).collect(),
-        residuals: found.residuals.iter().zip(&found.values).map(|(r, v)| r * (v + shift) / v).collect(),
+        residuals: found.residuals,
         values: found.values,
         rigid: found.known,
         converged: found.converged,

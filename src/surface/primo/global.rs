@@ -42,7 +42,9 @@ impl Global {
         let ends = |joint: &Joint| joint.bodies.map(|b| clusters.of_body[b as usize]);
         let joined = |&[a, b]: &[u32; 2]| a != b && a != FIXED && b != FIXED;
         let mut pairs: Vec<[u32; 2]> = shell.joints.iter().map(ends).filter(joined).collect();
-        pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+        for pair in &mut pairs {
+            pair.sort_unstable();
+        }
         pairs.sort_unstable();
         pairs.dedup();
         pairs.extend((0..clusters.count as u32).map(|c| [c, c]));
@@ -124,9 +126,9 @@ impl Global {
     }
 
     fn add(&mut self, joint: &Joint, ends: [u32; 2], arms: &Arms, k: usize, curved: bool) {
-        for side in 0..2 {
-            if ends[side] != FIXED {
-                let first = 6 * ends[side] as usize;
+        for (side, &end) in ends.iter().enumerate() {
+            if end != FIXED {
+                let first = 6 * end as usize;
                 let (turning, shifting) = arms.gradient(joint, side);
                 for i in 0..3 {
                     self.gradient[first + i] += turning[i];

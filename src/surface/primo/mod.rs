@@ -32,9 +32,7 @@ use crate::energy::Convergence;
 use crate::mesh::TriMesh;
 
 use super::bound::Bound;
-use super::{
-    DeformOptions, DeformReport, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError,
-};
+use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
 use shell::BodyPose;
 use solver::{Anchor, Solver, Wish};
 
@@ -148,18 +146,10 @@ impl Deformer for Primo {
         let start = self.start(&wishes, start)?;
         let found = self.solver.minimize(start, convergence)?;
         let positions = self.solver.positions(&found.poses, &wishes);
-        let report = DeformReport {
-            iterations: found.energies.len() - 1,
-            stop: if found.converged { Stop::Converged } else { Stop::IterationsUsedUp },
-            constraint_error: self.bound.constraint_error(&positions, pose),
-            shape: self.bound.gauge.measure(&positions),
-            negative_weights: 0,
-            degenerate_faces: self.solver.degenerate,
-            held_still: self.bound.held.still.clone(),
-            energies: found.energies,
-        };
+        let stop = if found.converged { Stop::Converged } else { Stop::IterationsUsedUp };
+        let counts = (0, self.solver.degenerate);
         self.last = Some(found.poses);
-        Ok(Deformation { positions, report })
+        Ok(self.bound.reported(positions, pose, found.energies, stop, counts))
     }
 }
 

@@ -106,7 +106,9 @@ impl Solver {
 
     /// Of these poses those of the least energy, once the fixed bodies stand where they are wished.
     pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, wishes: &[Wish]) -> Vec<BodyPose> {
-        candidates.iter_mut().for_each(|poses| self.place(wishes, poses));
+        for poses in &mut candidates {
+            self.place(wishes, poses);
+        }
         let energy = |poses: &Vec<BodyPose>| self.shell.energy(poses);
         candidates.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b))).expect("one candidate at least")
     }
@@ -267,7 +269,9 @@ fn ground(shell: &mut Shell, rest: &TriMesh, anchors: &[Anchor], still: &[bool])
         if held.iter().all(|&k| exact(k)) {
             shell.free[t] = false;
             grounds.push(Ground::Triangle { body: t as u32, anchors: held });
-            held.iter().for_each(|&k| carried[k as usize] = true);
+            for k in held {
+                carried[k as usize] = true;
+            }
         } else if corners.iter().any(|&v| still[v as usize]) {
             shell.free[t] = false;
         } else {

@@ -26,7 +26,7 @@ fn bar(n: usize) -> TriMesh {
     }
     let end = 4 * n as u32;
     triangles.extend([[end, end + 1, end + 2], [end, end + 2, end + 3]]);
-    TriMesh::new(positions, triangles).unwrap()
+    TriMesh::new(positions, triangles).expect("a sound case")
 }
 
 fn shaken(shell: &Shell, seed: u64) -> Vec<BodyPose> {
@@ -57,7 +57,7 @@ fn solve(
     let wishes = wishes(mesh, anchors, motion);
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
-    let found = solver.minimize(start, &convergence).unwrap();
+    let found = solver.minimize(start, &convergence).expect("a sound case");
     let positions = solver.positions(&found.poses, &wishes);
     (found, positions)
 }
@@ -79,7 +79,7 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
     }
     let poses = shaken(&shell, 1);
     for clusters in clusters::levels(&shell, 4) {
-        let mut global = Global::new(&shell, &clusters).unwrap();
+        let mut global = Global::new(&shell, &clusters).expect("a sound case");
         let gradient = global.gradient(&shell, &clusters, &poses).to_vec();
         for (k, g) in gradient.iter().enumerate() {
             let (c, step) = (k / 6, 1e-5);
@@ -114,7 +114,7 @@ fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of
         poses.iter().map(|p| BodyPose { turn: r * p.turn, at: r * p.at + Vector3::new(3.0, 1.0, -7.0) }).collect();
     assert!((shell.energy(&moved) - energy).abs() < 1e-12 * energy);
     let scaled = |s: f64| {
-        let large = mesh.with_positions(mesh.positions().iter().map(|p| p * s).collect()).unwrap();
+        let large = mesh.with_positions(mesh.positions().iter().map(|p| p * s).collect()).expect("a sound case");
         let shell = prisms(&large, 0.7 * s, None);
         let poses: Vec<_> = poses.iter().map(|p| BodyPose { turn: p.turn, at: p.at * s }).collect();
         shell.energy(&poses)
@@ -127,7 +127,7 @@ fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of
 #[test]
 fn without_thickness_a_hinge_is_free_and_with_it_bending_costs_the_square() {
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, -1.0, 0.0]].map(Point3::from).to_vec();
-    let sheet = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]).unwrap();
+    let sheet = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]).expect("a sound case");
     let folded = |h: f64| {
         let shell = prisms(&sheet, h, None);
         let mut poses = shell.rest();
@@ -143,7 +143,7 @@ fn without_thickness_a_hinge_is_free_and_with_it_bending_costs_the_square() {
 fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
     for far in [Vector3::zeros(), Vector3::new(1e6, 2e6, -1e6)] {
         let mesh = bar(20);
-        let mesh = mesh.with_positions(mesh.positions().iter().map(|p| p + far).collect()).unwrap();
+        let mesh = mesh.with_positions(mesh.positions().iter().map(|p| p + far).collect()).expect("a sound case");
         let r = Rotation3::new(Vector3::new(1.0, -0.5, 2.0));
         let motion = |p: &Point3<f64>| r * (p - far) + far + Vector3::new(4.0, 5.0, -6.0);
         let anchors = held(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
@@ -164,10 +164,10 @@ fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
     assert!(solver.levels.len() > 1);
     let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
-    let found = solver.minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }).unwrap();
+    let found = solver.minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }).expect("a sound case");
     assert!(found.converged, "{:?}", found.energies);
     assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)), "{:?}", found.energies);
-    let mut global = Global::new(&solver.shell, &solver.levels[0]).unwrap();
+    let mut global = Global::new(&solver.shell, &solver.levels[0]).expect("a sound case");
     let steepest =
         global.gradient(&solver.shell, &solver.levels[0], &found.poses).iter().fold(0.0, |a: f64, g| a.max(g.abs()));
     assert!(steepest < 1e-6 * found.last(), "{steepest} at {}", found.last());
@@ -183,7 +183,7 @@ fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
     let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, None);
     let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
-    let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).unwrap();
+    let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).expect("a sound case");
     assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
     let slowly = solver.positions(&slow.poses, &wishes);
     let apart = slowly.iter().zip(&positions).map(|(a, b)| (a - b).norm());
@@ -224,7 +224,7 @@ fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
         assert_eq!(level.of_body[7], FIXED);
         let members: usize = (0..level.count).map(|c| level.members(c).len()).sum();
         assert_eq!(members, shell.centers.len() - 1);
-        let largest = (0..level.count).map(|c| level.members(c).len()).max().unwrap();
+        let largest = (0..level.count).map(|c| level.members(c).len()).max().expect("a sound case");
         assert!(largest <= 6 * members / level.count, "{largest} of {members} in one of {}", level.count);
     }
 }
@@ -256,7 +256,7 @@ fn broken_triangles_stay_finite() {
     positions.extend([[9.0, 9.0, 9.0], [2.0, 3.0, 0.5]].map(Point3::from));
     let fin = positions.len() as u32 - 1;
     triangles.extend([[16, 17, fin], [5, 6, 5], [8, 8, 8], [20, 21, 22], [20, 21, 22]]);
-    let mesh = TriMesh::new(positions, triangles).unwrap();
+    let mesh = TriMesh::new(positions, triangles).expect("a sound case");
     let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 3.9);
     for thickness in [0.0, 1e-6, 1.0, 100.0] {
         let options = PrimoOptions { thickness, ..PrimoOptions::default() };
@@ -274,19 +274,21 @@ fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() 
     let far = near.positions().iter().map(|p| p + Vector3::new(0.0, 9.0, 0.0));
     let positions: Vec<_> = near.positions().iter().copied().chain(far).collect();
     let second = near.triangles().iter().map(|t| t.map(|v| v + count));
-    let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).unwrap();
+    let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
     let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
-    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).unwrap();
-    let mut primo = super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default()).unwrap();
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let mut primo =
+        super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default()).expect("a sound case");
     let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
     let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
-    let first = primo.deform(&pose, Start::Spread, &convergence).unwrap();
+    let first = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
     assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
     assert_eq!(first.report.held_still.len(), 1);
     assert_eq!(first.positions[count as usize..], mesh.positions()[count as usize..]);
     for (k, start) in [Start::Last, Start::At(&first.positions), Start::Rest].into_iter().enumerate() {
-        let again = primo.deform(&pose, start, &convergence).unwrap();
-        let (now, before) = (again.report.energies.last().unwrap(), first.report.energies.last().unwrap());
+        let again = primo.deform(&pose, start, &convergence).expect("a sound case");
+        let (now, before) =
+            (again.report.energies.last().expect("a sound case"), first.report.energies.last().expect("a sound case"));
         assert!((now / before - 1.0).abs() < 1e-6, "{now} against {before}");
         assert!(k > 0 || again.report.iterations < first.report.iterations);
     }
@@ -294,17 +296,18 @@ fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() 
 
 #[test]
 fn what_no_shell_can_be_is_refused() {
-    let (mesh, handles) = (bar(2), Handles::exact([0]).unwrap());
+    let (mesh, handles) = (bar(2), Handles::exact([0]).expect("a sound case"));
     let said = |primo: PrimoOptions| {
         let options = DeformOptions { primo, ..DeformOptions::default() };
-        Primo::new(&mesh, &handles, &options).unwrap_err().to_string()
+        Primo::new(&mesh, &handles, &options).expect_err("a faulty case").to_string()
     };
     let thickness = PrimoOptions { thickness: -1.0, ..PrimoOptions::default() };
     assert_eq!(said(thickness), "thickness -1 is invalid (expected a finite number, 0 or more)");
     let system = PrimoOptions { largest_system: 0, ..PrimoOptions::default() };
     assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
     let soft = vec![0.0; mesh.triangle_count()];
-    let refused = Primo::with_stiffness(&mesh, &handles, &DeformOptions::default(), Some(&soft)).unwrap_err();
+    let refused =
+        Primo::with_stiffness(&mesh, &handles, &DeformOptions::default(), Some(&soft)).expect_err("a faulty case");
     assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
 }
 
@@ -312,7 +315,7 @@ fn what_no_shell_can_be_is_refused() {
 fn a_stiffer_part_keeps_its_shape_better() {
     let mesh = bar(20);
     let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
-    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).unwrap();
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
     let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
     // How far the first half is twisted, as the angle of a ring in the middle.
     let angle = |factor: f64| {
@@ -320,8 +323,8 @@ fn a_stiffer_part_keeps_its_shape_better() {
         let stiffness: Vec<f64> =
             (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
         let options = DeformOptions::default();
-        let mut primo = Primo::with_stiffness(&mesh, &handles, &options, Some(&stiffness)).unwrap();
-        let done = primo.deform(&pose, Start::Spread, &Convergence::default()).unwrap();
+        let mut primo = Primo::with_stiffness(&mesh, &handles, &options, Some(&stiffness)).expect("a sound case");
+        let done = primo.deform(&pose, Start::Spread, &Convergence::default()).expect("a sound case");
         let ring = &done.positions[40..44];
         let side = ring[1] - ring[0] + (ring[2] - ring[3]);
         side.z.atan2(side.y)
