@@ -26,6 +26,7 @@ pub mod raster;
 pub mod render;
 pub mod report;
 pub mod sparse;
+pub mod surface;
 pub mod time;
 pub mod track;
 pub mod warp;

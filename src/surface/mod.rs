@@ -1,0 +1,3 @@
+//! Deformations of surfaces.
+
+pub mod handle_file;
