@@ -29,7 +29,11 @@ impl Default for Convergence {
 }
 
 impl Convergence {
-    pub(super) fn check(&self) -> Result<(), EnergyError> {
+    /// Refuses a criterion out of its range.
+    ///
+    /// # Errors
+    /// [`EnergyError::Option`].
+    pub fn check(&self) -> Result<(), EnergyError> {
         if self.max_iterations == 0 {
             return Err(EnergyError::Option { name: "max_iterations", value: 0.0, range: "1 or more" });
         }
@@ -39,10 +43,10 @@ impl Convergence {
         Ok(())
     }
 
-    /// True where the last two energies no longer differ; NaN counts as standing still.
-    pub(super) fn reached(&self, energies: &[f64]) -> bool {
+    /// True where the last two energies no longer differ, of either sign; NaN counts as standing still.
+    pub fn reached(&self, energies: &[f64]) -> bool {
         match energies {
-            [.., before, now] => now.is_nan() || before - now <= self.tolerance * before,
+            [.., before, now] => now.is_nan() || before - now <= self.tolerance * before.abs(),
             _ => false,
         }
     }

@@ -2,6 +2,7 @@
 
 mod error;
 mod grid;
+pub mod operators;
 mod quad;
 mod tri_mesh;
 

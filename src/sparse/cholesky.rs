@@ -15,9 +15,9 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par, Side};
+use faer::{Conj, MatMut, MatRef, Par, Side};
 
-use super::etree::postordered;
+use super::etree::Elimination;
 use super::{Ordering, Pattern, Permutation, Scalar, SparseError, SparseMatrix};
 
 /// `lₖₖ²/aₖₖ` below which a pivot is nothing but rounding: some hundred roundings of `aₖₖ`. Larger refuses long chains
@@ -32,6 +32,10 @@ const MIRRORED: u32 = 1 << 31;
 /// Until [`Self::factor`] has succeeded, and after it has failed, solutions are NaN.
 pub struct Cholesky<T = f64> {
     order: Permutation,
+    /// Elimination tree, in the permuted numbering.
+    parent: Vec<u32>,
+    /// Entries of each column of `L`, without padding.
+    counts: Vec<u32>,
     pattern: Arc<Pattern>,
     /// For each slot of the permuted matrix, the slot of `A` it is read from, perhaps [`MIRRORED`].
     source: Vec<u32>,
@@ -41,6 +45,16 @@ pub struct Cholesky<T = f64> {
     memory: MemBuffer,
     permuted_rhs: Vec<T>,
     columns_ready: usize,
+}
+
+/// Adjacent columns of the factor, stored densely.
+pub(super) struct Block<'a, T> {
+    /// First column.
+    pub(super) first: usize,
+    /// Rows below the block's own, ascending.
+    pub(super) rows: &'a [u32],
+    /// Own rows, then those below, × own columns.
+    pub(super) values: MatRef<'a, T>,
 }
 
 impl<T> std::fmt::Debug for Cholesky<T> {
@@ -60,8 +74,9 @@ impl<T: Scalar> Cholesky<T> {
     pub fn analyze(pattern: &Arc<Pattern>, ordering: &Ordering) -> Result<Self, SparseError> {
         let n = pattern.n();
         let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
-        let order = postordered(pattern, &ordering.permutation(pattern)?);
-        let (permuted, source) = permute(pattern, &order);
+        let elimination = Elimination::postordered(pattern, &ordering.permutation(pattern)?);
+        let (permuted, source) = permute(pattern, &elimination.order);
+        let counts = elimination.column_counts(|j| permuted.row_idx_of_col_raw(j).iter().copied());
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             supernodal_params: SymbolicSupernodalParams::default(),
@@ -81,7 +96,9 @@ impl<T: Scalar> Cholesky<T> {
             permuted_rhs: vec![nan; n],
             columns_ready: 1,
             pattern: Arc::clone(pattern),
-            order,
+            parent: elimination.parent,
+            order: elimination.order,
+            counts,
             source,
             symbolic,
             memory,
@@ -96,6 +113,21 @@ impl<T: Scalar> Cholesky<T> {
     /// Stored entries of the factor, padding of supernodes included.
     pub fn stored(&self) -> usize {
         self.factor.len()
+    }
+
+    /// Non-zero entries of `L`, diagonal included, padding not.
+    pub fn nnz(&self) -> usize {
+        self.counts.iter().map(|&c| c as usize).sum()
+    }
+
+    /// Multiplications of the factorization, `Σⱼ cⱼ²` over the `cⱼ` entries of each column of `L`.
+    pub fn flops(&self) -> f64 {
+        self.counts.iter().map(|&c| f64::from(c) * f64::from(c)).sum()
+    }
+
+    /// The elimination order: given or found, then postordered.
+    pub fn order(&self) -> &Permutation {
+        &self.order
     }
 
     /// Factors `A`, which must have the analyzed pattern. Allocates nothing, but for a packing buffer of the kernels the first
@@ -161,13 +193,9 @@ impl<T: Scalar> Cholesky<T> {
 
     /// First column, in elimination order, whose pivot is rounding only.
     fn first_vanished_pivot(&self) -> Option<usize> {
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else { return None };
-        let factor = SupernodalLltRef::new(symbolic, &self.factor);
-        (0..symbolic.n_supernodes()).find_map(|s| {
-            let node = factor.supernode(s);
-            let (start, block) = (node.start(), node.val());
-            let sound = |k: usize| block[(k, k)].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(start + k);
-            (0..block.ncols()).find(|&k| !sound(k)).map(|k| start + k)
+        self.blocks().find_map(|block| {
+            let sound = |k: usize| block.values[(k, k)].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(block.first + k);
+            (0..block.values.ncols()).find(|&k| !sound(k)).map(|k| block.first + k)
         })
     }
 
@@ -229,6 +257,28 @@ impl<T: Scalar> Cholesky<T> {
             self.permuted_rhs.resize(self.n() * columns, T::default());
             self.columns_ready = columns;
         }
+    }
+
+    /// Structure of the factor: parent and size of each column, in elimination order.
+    pub(super) fn columns(&self) -> (&[u32], &[u32]) {
+        (&self.parent, &self.counts)
+    }
+
+    /// Rows of column `j` of the permuted matrix, lower triangle.
+    pub(super) fn permuted_rows(&self, j: usize) -> &[u32] {
+        self.permuted.row_idx_of_col_raw(j)
+    }
+
+    /// The factor's blocks of columns, left to right.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = Block<'_, T>> {
+        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else {
+            unreachable!("the analysis is forced to be supernodal")
+        };
+        let factor = SupernodalLltRef::new(symbolic, &self.factor);
+        (0..symbolic.n_supernodes()).map(move |s| {
+            let node = factor.supernode(s);
+            Block { first: node.start(), rows: node.pattern(), values: node.val() }
+        })
     }
 
     /// One step of iterative refinement: `x ← x + A⁻¹(b − A x)`; returns `‖b − A x‖` before the step, in units of `b`.

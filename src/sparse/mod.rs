@@ -15,6 +15,8 @@
 
 mod banded;
 mod cholesky;
+mod compact;
+mod cuthill_mckee;
 mod dissection;
 mod error;
 mod etree;
@@ -22,10 +24,12 @@ mod matrix;
 mod ordering;
 mod pattern;
 mod scalar;
+mod sweep;
 mod wide_registers;
 
 pub use banded::BandedMatrix;
 pub use cholesky::Cholesky;
+pub use compact::CompactFactor;
 pub use error::{Component, SparseError};
 pub use matrix::SparseMatrix;
 pub use ordering::{Ordering, Permutation};

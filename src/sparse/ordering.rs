@@ -3,6 +3,7 @@
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
+use super::cuthill_mckee::reverse_cuthill_mckee;
 use super::dissection::nested_dissection;
 use super::{Pattern, SparseError};
 
@@ -14,6 +15,11 @@ pub enum Ordering {
     /// Approximate minimum degree: good without knowing anything of the unknowns.
     #[default]
     Amd,
+    /// Reverse Cuthill–McKee: a narrow band. For long, thin systems, and for comparison.
+    ReverseCuthillMcKee,
+    /// Nested dissection of the graph itself, by multilevel bisection: the least fill on large surfaces, but finding it costs
+    /// several factorizations. For systems refactored many times, or too large for the fill of [`Self::Amd`].
+    GraphDissection,
     /// Geometric nested dissection by the position of each unknown, in any unit (unknowns of one vertex share it; plane
     /// positions leave the third coordinate 0). The best order for grids and surfaces, and the cheapest to find.
     NestedDissection(Vec<[f64; 3]>),
@@ -79,6 +85,8 @@ impl Ordering {
         match self {
             Self::Natural => Ok(Permutation::identity(n)),
             Self::Amd => minimum_degree(pattern),
+            Self::ReverseCuthillMcKee => Ok(reverse_cuthill_mckee(pattern)),
+            Self::GraphDissection => graph_dissection(pattern),
             Self::NestedDissection(positions) if positions.len() == n => Ok(nested_dissection(pattern, positions)),
             Self::NestedDissection(positions) => Err(SparseError::OutOfRange { index: positions.len(), unknowns: n }),
             Self::Given(p) if p.len() == n => Ok(p.clone()),
@@ -97,4 +105,19 @@ fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
     let stack = faer::dyn_stack::MemStack::new(&mut memory);
     amd::order(&mut forward, &mut inverse, symbolic, amd::Control::default(), stack).map_err(|_| out_of_memory())?;
     Ok(Permutation::from_old_from_new(forward))
+}
+
+/// Multilevel nested dissection as METIS does it (Karypis, Kumar 1998), by the crate `feral-metis`.
+fn graph_dissection(pattern: &Pattern) -> Result<Permutation, SparseError> {
+    let n = pattern.n();
+    let (start, neighbors) = pattern.adjacency();
+    if neighbors.len() > i32::MAX as usize {
+        return Err(SparseError::TooLarge { size: neighbors.len() });
+    }
+    let signed = |v: Vec<u32>| v.into_iter().map(|x| x as i32).collect::<Vec<_>>();
+    let (start, neighbors) = (signed(start), signed(neighbors));
+    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let graph = feral_metis::CscPattern::new(n, &start, &neighbors).ok_or_else(out_of_memory)?;
+    let order = feral_metis::metis_order(&graph).map_err(|_| out_of_memory())?;
+    Permutation::new(order.into_iter().map(|v| v as u32).collect()).ok_or_else(out_of_memory)
 }

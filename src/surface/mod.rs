@@ -1,3 +1,32 @@
-//! Deformations of surfaces.
+//! Deformation of surfaces: a few vertices are held, the rest follows as the method says.
+//!
+//! ```text
+//! x = argmin E(x; p)      s.t.  x_h = t_h  for the handles h        p the surface at rest
+//! ```
+//!
+//! [`bind`] prepares a [`Method`] for a mesh and a set of [`Handles`]; the [`Deformer`] it returns then takes one
+//! [`HandlePose`] after the other. Every method tells in its [`DeformReport`] what it did to the surface.
 
+mod arap;
+mod bound;
+mod deformer;
+mod error;
 pub mod handle_file;
+mod handles;
+mod held;
+mod held_laplacian;
+mod lanes;
+mod report;
+mod rotation_fit;
+mod spread;
+#[cfg(test)]
+mod test_meshes;
+
+pub use crate::energy::Convergence;
+pub use crate::mesh::operators::CotangentRule;
+pub use arap::{Arap, CellKind};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Start, bind};
+pub use error::SurfaceError;
+pub use handles::{HandlePose, Handles, Hold};
+pub use held::{Part, Unheld};
+pub use report::{DeformReport, Gauge, ShapeChange, Stop};

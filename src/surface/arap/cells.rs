@@ -1,0 +1,240 @@
+//! Cells and their rotations: the local step.
+//!
+//! A cell is a set of weighted edges that turn together. Its covariance is linear in the positions, its pull on the global
+//! system linear in its rotation, and both by the same vectors `c_ij`:
+//!
+//! ```text
+//! Sᵢ = Σⱼ c_ij (xⱼ − xᵢ)ᵀ,     b = Σᵢ Σⱼ Rᵢ c_ij (δⱼ − δᵢ),     Σᵢ tr(Rᵢ Sᵢ) = b · x
+//!
+//! spokes             c_ij = w_ij (pⱼ − pᵢ)
+//! spokes and rims    c_ij = ⅓ Σ_{t ∋ i, j} gⱼᵗ        gₖᵗ = Σ_{l ∈ t} h_kl (pₖ − p_l),   h the half cotangents of t
+//! elements           c_tk = gₖᵗ                       (the cell is a triangle, seen from its first corner)
+//! ```
+//!
+//! One pass over the cells gathers `S`, fits `R` to it and scatters `R c`, four cells at a time.
+
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::mesh::operators::Cotangents;
+use crate::surface::lanes::{self, Kernel, LANES, Lanes};
+use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices};
+
+/// Which edges turn together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CellKind {
+    /// The edges at a vertex (Sorkine & Alexa 2007). Not bounded below where weights are negative.
+    Spokes,
+    /// All edges of the triangles around a vertex (Chao, Pinkall, Sanan, Schröder 2010): never negative.
+    #[default]
+    SpokesAndRims,
+    /// The edges of one triangle: no resistance to bending, only to stretching.
+    Elements,
+}
+
+impl CellKind {
+    /// The factor of the Laplacian in the energy: how many cells the parts `h_e |e|²` of an edge come to.
+    pub(super) fn laplacians(self) -> f64 {
+        match self {
+            Self::Spokes => 2.0,
+            Self::SpokesAndRims | Self::Elements => 1.0,
+        }
+    }
+}
+
+/// `c_ij` and `j`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spoke {
+    c: [f64; 3],
+    vertex: u32,
+}
+
+/// All cells of a surface at rest, and the rotation last fitted to each.
+#[derive(Clone, Debug)]
+pub(super) struct Cells {
+    /// Spokes of cell `i`: `spokes[starts[i]..starts[i + 1]]`; empty cells fill up the last group.
+    starts: Vec<u32>,
+    centers: Vec<u32>,
+    spokes: Vec<Spoke>,
+    turns: Vec<Turns>,
+}
+
+const IDENTITY: Turns = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0)];
+
+impl Cells {
+    /// Cells of a surface whose vertices rest at `rest`.
+    pub(super) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
+        let (mut starts, mut centers, spokes) = match kind {
+            CellKind::Elements => element_cells(rest, cotangents),
+            CellKind::Spokes | CellKind::SpokesAndRims => vertex_cells(kind, rest, cotangents),
+        };
+        let groups = centers.len().div_ceil(LANES);
+        starts.resize(groups * LANES + 1, spokes.len() as u32);
+        centers.resize(groups * LANES, 0);
+        Self { starts, centers, spokes, turns: vec![IDENTITY; groups] }
+    }
+
+    /// Fits all rotations to `x`, starting from the last ones, and writes the pull `b` of the fitted cells (one entry per
+    /// vertex). Returns `Σ tr(R S) = b · x`.
+    pub(super) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
+        b.fill(Lanes::ZERO);
+        lanes::run(LocalStep { cells: self, x, b })
+    }
+
+    /// Writes the pull of the rotations as they are.
+    pub(super) fn pull(&self, b: &mut [Lanes]) {
+        b.fill(Lanes::ZERO);
+        for (group, turns) in self.turns.iter().enumerate() {
+            self.scatter(group, turns, b);
+        }
+    }
+
+    /// Rotation of a cell.
+    pub(super) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
+        let [i, j, k, w] = self.turns[cell / LANES].map(|q| q.0[cell % LANES]);
+        UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
+    }
+
+    /// Sets the rotation of a cell.
+    pub(super) fn set_turn(&mut self, cell: usize, turn: &UnitQuaternion<f64>) {
+        for (k, lanes) in self.turns[cell / LANES].iter_mut().enumerate() {
+            lanes.0[cell % LANES] = turn.coords[k];
+        }
+    }
+
+    /// Forgets all rotations.
+    pub(super) fn reset(&mut self) {
+        self.turns.fill(IDENTITY);
+    }
+
+    #[inline(always)]
+    fn spokes_of(&self, cell: usize) -> &[Spoke] {
+        &self.spokes[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
+    /// The covariances of four cells.
+    #[inline(always)]
+    fn covariances(&self, group: usize, x: &[Lanes]) -> Covariances {
+        let mut s = [[Lanes::ZERO; 3]; LANES];
+        for (lane, rows) in s.iter_mut().enumerate() {
+            let cell = LANES * group + lane;
+            let center = x[self.centers[cell] as usize];
+            for spoke in self.spokes_of(cell) {
+                let d = x[spoke.vertex as usize] - center;
+                for (row, &c) in rows.iter_mut().zip(&spoke.c) {
+                    *row += Lanes::splat(c) * d;
+                }
+            }
+        }
+        std::array::from_fn(|r| std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| s[lane][r].0[c]))))
+    }
+
+    /// Adds the pull of four cells.
+    #[inline(always)]
+    fn scatter(&self, group: usize, turns: &Turns, b: &mut [Lanes]) {
+        let r = matrices(turns);
+        for lane in 0..LANES {
+            let cell = LANES * group + lane;
+            let column = |c: usize| Lanes([r[0][c].0[lane], r[1][c].0[lane], r[2][c].0[lane], 0.0]);
+            let columns = [column(0), column(1), column(2)];
+            let mut sum = Lanes::ZERO;
+            for spoke in self.spokes_of(cell) {
+                let [x, y, z] = spoke.c.map(Lanes::splat);
+                let pull = columns[0] * x + columns[1] * y + columns[2] * z;
+                b[spoke.vertex as usize] += pull;
+                sum += pull;
+            }
+            b[self.centers[cell] as usize] -= sum;
+        }
+    }
+}
+
+struct LocalStep<'a> {
+    cells: &'a mut Cells,
+    x: &'a [Lanes],
+    b: &'a mut [Lanes],
+}
+
+impl Kernel for LocalStep<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let mut traces = Lanes::ZERO;
+        for group in 0..self.cells.turns.len() {
+            let s = self.cells.covariances(group, self.x);
+            let mut turns = self.cells.turns[group];
+            traces += fit(&s, &mut turns);
+            self.cells.turns[group] = turns;
+            self.cells.scatter(group, &turns, self.b);
+        }
+        traces.dot(Lanes::splat(1.0))
+    }
+}
+
+/// `gₖ = Σ_l h_kl (pₖ − p_l)` of a triangle's corners.
+fn pulls(rest: &[Lanes], v: &[u32; 3], h: &[f64; 3]) -> [[f64; 3]; 3] {
+    let edge =
+        |k: usize, l: usize, opposite: usize| (rest[v[k] as usize] - rest[v[l] as usize]) * Lanes::splat(h[opposite]);
+    let (ab, bc, ca) = (edge(0, 1, 2), edge(1, 2, 0), edge(2, 0, 1));
+    [(ab - ca).xyz(), (bc - ab).xyz(), (ca - bc).xyz()]
+}
+
+type Parts = (Vec<u32>, Vec<u32>, Vec<Spoke>);
+
+fn element_cells(rest: &[Lanes], cotangents: &Cotangents) -> Parts {
+    let triangles = cotangents.triangles();
+    let spokes = triangles.iter().zip(cotangents.half()).flat_map(|(v, h)| {
+        let [_, second, third] = pulls(rest, v, h);
+        [Spoke { c: second, vertex: v[1] }, Spoke { c: third, vertex: v[2] }]
+    });
+    let starts = (0..=triangles.len()).map(|t| 2 * t as u32).collect();
+    (starts, triangles.iter().map(|v| v[0]).collect(), spokes.collect())
+}
+
+fn vertex_cells(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Parts {
+    let vertices = rest.len();
+    let triangles = || cotangents.triangles().iter().zip(cotangents.half());
+    // Every triangle gives each of its corners two spokes; those of the same edge are merged.
+    let mut starts = vec![0_u32; vertices + 1];
+    triangles().flat_map(|(v, _)| v).for_each(|&v| starts[v as usize + 1] += 2);
+    for v in 0..vertices {
+        starts[v + 1] += starts[v];
+    }
+    let mut next = starts.clone();
+    let mut all = vec![Spoke::default(); starts[vertices] as usize];
+    let mut put = |center: u32, c: [f64; 3], vertex: u32| {
+        all[next[center as usize] as usize] = Spoke { c, vertex };
+        next[center as usize] += 1;
+    };
+    for (v, h) in triangles() {
+        let g = pulls(rest, v, h);
+        for i in 0..3 {
+            let [j, k] = [(i + 1) % 3, (i + 2) % 3];
+            for (other, weight) in [(j, h[k]), (k, h[j])] {
+                let c = match kind {
+                    CellKind::Spokes => spoke(rest, v[i], v[other], weight),
+                    _ => g[other].map(|g| g / 3.0),
+                };
+                put(v[i], c, v[other]);
+            }
+        }
+    }
+    let mut spokes = Vec::with_capacity(all.len() / 2 + vertices);
+    let mut merged_starts = Vec::with_capacity(vertices + 1);
+    merged_starts.push(0);
+    for i in 0..vertices {
+        let row = &mut all[starts[i] as usize..starts[i + 1] as usize];
+        row.sort_by_key(|s| s.vertex);
+        for of_edge in row.chunk_by(|a, b| a.vertex == b.vertex).filter(|s| s[0].vertex as usize != i) {
+            let c = of_edge.iter().fold([0.0; 3], |sum, s| std::array::from_fn(|k| sum[k] + s.c[k]));
+            spokes.push(Spoke { c, vertex: of_edge[0].vertex });
+        }
+        merged_starts.push(spokes.len() as u32);
+    }
+    (merged_starts, (0..vertices as u32).collect(), spokes)
+}
+
+/// `w (pⱼ − pᵢ)`.
+fn spoke(rest: &[Lanes], i: u32, j: u32, w: f64) -> [f64; 3] {
+    ((rest[j as usize] - rest[i as usize]) * Lanes::splat(w)).xyz()
+}

@@ -1,0 +1,75 @@
+//! What every method keeps of the mesh it is bound to.
+//!
+//! Positions are kept relative to the middle of the mesh's box, so that a mesh far from the origin loses no digits.
+
+use nalgebra::{Point3, Vector3};
+
+use super::held::{FIXED, Held};
+use super::lanes::Lanes;
+use super::{DeformOptions, Gauge, HandlePose, Handles, SurfaceError};
+use crate::mesh::TriMesh;
+
+/// A mesh with handles, method aside.
+#[derive(Debug)]
+pub(super) struct Bound {
+    pub(super) rest: Vec<Lanes>,
+    pub(super) held: Held,
+    pub(super) gauge: Gauge,
+    middle: Vector3<f64>,
+}
+
+impl Bound {
+    pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
+        let held = Held::new(mesh, handles, options.unheld)?;
+        let middle = mesh.bounding_box().map_or(Vector3::zeros(), |(low, high)| nalgebra::center(&low, &high).coords);
+        let rest = mesh.positions().iter().map(|p| Lanes::point((p.coords - middle).into())).collect();
+        Ok(Self { rest, held, gauge: Gauge::new(mesh), middle })
+    }
+
+    /// A position relative to the middle.
+    pub(super) fn inner(&self, p: &Point3<f64>) -> Lanes {
+        Lanes::point((p.coords - self.middle).into())
+    }
+
+    /// The targets of a pose, checked.
+    pub(super) fn targets(&self, pose: &HandlePose) -> Result<Vec<Lanes>, SurfaceError> {
+        pose.check(&self.held.handles)?;
+        Ok(pose.positions().iter().map(|p| self.inner(p)).collect())
+    }
+
+    /// Puts the exactly held vertices on their targets and those of still parts where they rest.
+    pub(super) fn impose(&self, targets: &[Lanes], x: &mut [Lanes]) {
+        for (v, &unknown) in self.held.unknown.iter().enumerate() {
+            if unknown == FIXED {
+                x[v] = self.rest[v];
+            }
+        }
+        for (&v, &target) in self.held.handles.vertices().iter().zip(targets) {
+            if self.held.unknown[v as usize] == FIXED {
+                x[v as usize] = target;
+            }
+        }
+    }
+
+    /// Positions in the mesh's own frame. What is held exactly gets its target to the last bit.
+    pub(super) fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
+        let rest = self.gauge.rest().positions();
+        let place = |(v, x): (usize, &Lanes)| match self.held.unknown[v] {
+            FIXED => rest[v],
+            _ => Point3::from(Vector3::from(x.xyz()) + self.middle),
+        };
+        let mut positions: Vec<Point3<f64>> = x.iter().enumerate().map(place).collect();
+        for (&v, target) in self.held.handles.vertices().iter().zip(pose.positions()) {
+            if self.held.unknown[v as usize] == FIXED {
+                positions[v as usize] = *target;
+            }
+        }
+        positions
+    }
+
+    /// Largest distance of a held vertex from its target.
+    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+        let handles = self.held.handles.vertices().iter().zip(pose.positions());
+        handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,110 @@
+//! The one door to all methods of deformation: bound to a mesh and a set of handles once, then solved pose by pose.
+
+use nalgebra::Point3;
+
+use super::arap::{Arap, CellKind};
+use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
+use crate::energy::Convergence;
+use crate::mesh::TriMesh;
+use crate::mesh::operators::CotangentRule;
+
+/// A method of deformation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// As rigid as possible, spokes and rims.
+    #[default]
+    Arap,
+    /// As rigid as possible, spokes only.
+    ArapSpokes,
+    /// As rigid as possible, triangle by triangle.
+    ArapElements,
+}
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 3] = [Self::Arap, Self::ArapSpokes, Self::ArapElements];
+
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Arap => "arap",
+            Self::ArapSpokes => "arap-spokes",
+            Self::ArapElements => "arap-elements",
+        }
+    }
+
+    /// The method of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.name() == name)
+    }
+}
+
+/// What a method may be told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeformOptions {
+    /// How cotangents are taken.
+    pub cotangents: CotangentRule,
+    /// What happens to parts without a handle.
+    pub unheld: Unheld,
+}
+
+/// Where an iteration starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Start<'a> {
+    /// Rotations spread smoothly from the handles: near the solution, whatever the pose.
+    #[default]
+    Spread,
+    /// The surface at rest.
+    Rest,
+    /// Where the last call ended: for drags. The first call spreads.
+    Last,
+    /// These positions, one per vertex.
+    At(&'a [Point3<f64>]),
+}
+
+/// A surface that was deformed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Deformation {
+    /// One position per vertex of the mesh.
+    pub positions: Vec<Point3<f64>>,
+    /// How it went.
+    pub report: DeformReport,
+}
+
+/// A method bound to a mesh and to a set of handles: all factorizations are done.
+pub trait Deformer: Send + std::fmt::Debug {
+    /// Which method it is.
+    fn method(&self) -> Method;
+
+    /// Deforms the surface so that its handles take a pose. The result depends on the arguments alone, but for
+    /// [`Start::Last`]. Methods that need one solve only have no use for start and criterion.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`].
+    fn deform(
+        &mut self,
+        pose: &HandlePose,
+        start: Start<'_>,
+        convergence: &Convergence,
+    ) -> Result<Deformation, SurfaceError>;
+}
+
+/// Prepares a method for a mesh and a set of handles.
+///
+/// # Errors
+/// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
+/// [`SurfaceError::Solve`] where a system has no safe factorization.
+pub fn bind(
+    method: Method,
+    mesh: &TriMesh,
+    handles: &Handles,
+    options: &DeformOptions,
+) -> Result<Box<dyn Deformer>, SurfaceError> {
+    let arap =
+        |kind| -> Result<Box<dyn Deformer>, SurfaceError> { Ok(Box::new(Arap::new(kind, mesh, handles, options)?)) };
+    match method {
+        Method::Arap => arap(CellKind::SpokesAndRims),
+        Method::ArapSpokes => arap(CellKind::Spokes),
+        Method::ArapElements => arap(CellKind::Elements),
+    }
+}
