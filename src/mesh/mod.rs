@@ -1,12 +1,22 @@
-//! Meshes: the regular grid laid over an image, the same grid after its vertices have moved, and surfaces of triangles.
+//! Meshes: the regular grid laid over an image, the same grid after its vertices have moved, and surfaces of triangles with
+//! their files, neighborhoods and repair.
 
 mod error;
 mod grid;
+mod half_edges;
+pub mod io;
+pub mod model;
 pub mod operators;
 mod quad;
+pub mod repair;
+pub mod shapes;
 mod tri_mesh;
 
-pub use error::MeshError;
+pub use error::{MeshError, Position};
 pub use grid::{CellPoint, Grid, GridMesh};
+pub use half_edges::HalfEdges;
+pub use io::{MeshFormat, ReadLimits, read_model, write_model};
+pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, ModelBuilder, NO_VALUE};
 pub use quad::Quad;
+pub use repair::{MeshFacts, RepairOptions, RepairReport, Repaired, Weld, repair};
 pub use tri_mesh::TriMesh;

@@ -1,0 +1,282 @@
+//! Neighborhoods of an oriented manifold surface, with or without boundary.
+//!
+//! Half-edge `h = 3t + k` runs from corner `k` of triangle `t` to the next corner; the triangle lies to its left. Its twin runs the
+//! other way along the same edge in the triangle beside it; on the boundary it has none. Nothing but the twins and one half-edge
+//! per vertex is stored.
+
+use super::{MeshError, TriMesh};
+
+const NONE: u32 = u32::MAX;
+
+/// Half-edges of a mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HalfEdges {
+    /// Vertex from which each half-edge starts.
+    origins: Vec<u32>,
+    twins: Vec<u32>,
+    /// One half-edge out of each vertex; on the boundary the one that lies on it.
+    outgoing: Vec<u32>,
+    boundary_edges: usize,
+}
+
+impl HalfEdges {
+    /// The half-edges of an oriented manifold mesh. Vertices that no triangle names have none.
+    ///
+    /// # Errors
+    /// [`MeshError::RepeatedCorner`], [`MeshError::NonManifoldEdge`] (also where neighbors are oriented differently),
+    /// [`MeshError::NonManifoldVertex`].
+    pub fn new(mesh: &TriMesh) -> Result<Self, MeshError> {
+        for (triangle, &[a, b, c]) in mesh.triangles().iter().enumerate() {
+            if a == b || b == c || c == a {
+                return Err(MeshError::RepeatedCorner { triangle });
+            }
+        }
+        let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
+        let mut half_edges = Self {
+            twins: vec![NONE; origins.len()],
+            outgoing: vec![NONE; mesh.vertex_count()],
+            origins,
+            boundary_edges: 0,
+        };
+        half_edges.pair()?;
+        half_edges.start()?;
+        Ok(half_edges)
+    }
+
+    fn pair(&mut self) -> Result<(), MeshError> {
+        for edge in edge_groups(&self.origins).iter() {
+            match *edge {
+                [(_, _)] => self.boundary_edges += 1,
+                [(_, g), (_, h)] if self.origins[g as usize] != self.origins[h as usize] => {
+                    self.twins[g as usize] = h;
+                    self.twins[h as usize] = g;
+                }
+                _ => {
+                    let (from, to) = (self.origin(edge[0].1), self.destination(edge[0].1));
+                    let along = edge.iter().filter(|&&(_, h)| self.origin(h) == from).count();
+                    return Err(MeshError::NonManifoldEdge { from, to, triangles: edge.len(), along });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Chooses where to start around each vertex, and checks that this leads around all its triangles.
+    fn start(&mut self) -> Result<(), MeshError> {
+        let mut degree = vec![0_u32; self.outgoing.len()];
+        for h in 0..self.origins.len() as u32 {
+            let v = self.origin(h) as usize;
+            degree[v] += 1;
+            if self.outgoing[v] == NONE || self.twin(h).is_none() {
+                self.outgoing[v] = h;
+            }
+        }
+        for (vertex, &degree) in degree.iter().enumerate() {
+            let vertex = vertex as u32;
+            let reached = self.around(vertex).count();
+            if reached < degree as usize {
+                return Err(MeshError::NonManifoldVertex { vertex, fans: self.fans(vertex) });
+            }
+        }
+        Ok(())
+    }
+
+    fn fans(&self, vertex: u32) -> usize {
+        let mut left: Vec<u32> = (0..self.origins.len() as u32).filter(|&h| self.origin(h) == vertex).collect();
+        let mut fans = 0;
+        while let Some(&first) = left.iter().find(|&&h| self.twin(h).is_none()).or(left.first()) {
+            let fan: Vec<u32> = self.rotate(first).collect();
+            left.retain(|h| !fan.contains(h));
+            fans += 1;
+        }
+        fans
+    }
+
+    /// Number of half-edges.
+    pub fn len(&self) -> usize {
+        self.origins.len()
+    }
+
+    /// Without triangles.
+    pub fn is_empty(&self) -> bool {
+        self.origins.is_empty()
+    }
+
+    /// Number of edges.
+    pub fn edge_count(&self) -> usize {
+        usize::midpoint(self.origins.len(), self.boundary_edges)
+    }
+
+    /// Number of edges with one triangle.
+    pub fn boundary_edge_count(&self) -> usize {
+        self.boundary_edges
+    }
+
+    /// One half-edge of each edge, in ascending order.
+    pub fn edges(&self) -> impl Iterator<Item = u32> {
+        (0..self.origins.len() as u32).filter(|&h| self.twin(h).is_none_or(|twin| h < twin))
+    }
+
+    /// Vertex from which a half-edge starts.
+    #[inline]
+    pub fn origin(&self, h: u32) -> u32 {
+        self.origins[h as usize]
+    }
+
+    /// Vertex to which a half-edge leads.
+    #[inline]
+    pub fn destination(&self, h: u32) -> u32 {
+        self.origins[Self::next(h) as usize]
+    }
+
+    /// The half-edge after this one in its triangle.
+    #[inline]
+    pub fn next(h: u32) -> u32 {
+        if h % 3 == 2 { h - 2 } else { h + 1 }
+    }
+
+    /// The half-edge before this one in its triangle.
+    #[inline]
+    pub fn previous(h: u32) -> u32 {
+        if h.is_multiple_of(3) { h + 2 } else { h - 1 }
+    }
+
+    /// The triangle to the left of a half-edge.
+    #[inline]
+    pub fn triangle(h: u32) -> u32 {
+        h / 3
+    }
+
+    /// The half-edge that runs the other way; `None` on the boundary.
+    #[inline]
+    pub fn twin(&self, h: u32) -> Option<u32> {
+        Some(self.twins[h as usize]).filter(|&twin| twin != NONE)
+    }
+
+    /// A half-edge out of a vertex, the one on the boundary where there is one; `None` where no triangle names the vertex.
+    #[inline]
+    pub fn outgoing(&self, vertex: u32) -> Option<u32> {
+        Some(self.outgoing[vertex as usize]).filter(|&h| h != NONE)
+    }
+
+    /// The vertex lies on the boundary.
+    pub fn is_boundary(&self, vertex: u32) -> bool {
+        self.outgoing(vertex).is_some_and(|h| self.twin(h).is_none())
+    }
+
+    /// Half-edges out of a vertex, counterclockwise, from the boundary on where there is one.
+    pub fn around(&self, vertex: u32) -> impl Iterator<Item = u32> {
+        self.outgoing(vertex).into_iter().flat_map(|first| self.rotate(first))
+    }
+
+    fn rotate(&self, first: u32) -> impl Iterator<Item = u32> {
+        let step = move |&h: &u32| self.twin(Self::previous(h)).filter(|&next| next != first);
+        std::iter::successors(Some(first), step)
+    }
+
+    /// Neighbors of a vertex, counterclockwise.
+    pub fn neighbors(&self, vertex: u32) -> impl Iterator<Item = u32> {
+        let last = self.around(vertex).last().map(Self::previous).filter(|&h| self.twin(h).is_none());
+        self.around(vertex).map(|h| self.destination(h)).chain(last.map(|h| self.origin(h)))
+    }
+
+    /// Closed lines of boundary vertices, each with the surface to its left.
+    pub fn boundary_loops(&self) -> Vec<Vec<u32>> {
+        let mut seen = vec![false; self.outgoing.len()];
+        let mut loops = Vec::new();
+        for start in 0..self.outgoing.len() as u32 {
+            let (mut vertex, mut line) = (start, Vec::new());
+            while self.is_boundary(vertex) && !std::mem::replace(&mut seen[vertex as usize], true) {
+                line.push(vertex);
+                vertex = self.destination(self.outgoing[vertex as usize]);
+            }
+            if !line.is_empty() {
+                loops.push(line);
+            }
+        }
+        loops
+    }
+}
+
+/// Half-edges sorted by their edge.
+pub(super) struct EdgeGroups(Vec<(u64, u32)>);
+
+/// Groups the half-edges of triangles, given by their origins, by the edge along which they run.
+pub(super) fn edge_groups(origins: &[u32]) -> EdgeGroups {
+    let key = |h: usize| {
+        let (p, q) = (origins[h], origins[HalfEdges::next(h as u32) as usize]);
+        u64::from(p.min(q)) << 32 | u64::from(p.max(q))
+    };
+    let mut sorted: Vec<_> = (0..origins.len()).map(|h| (key(h), h as u32)).collect();
+    sorted.sort_unstable();
+    EdgeGroups(sorted)
+}
+
+impl EdgeGroups {
+    /// The half-edges of each edge: its key and their numbers, ascending.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
+        self.0.chunk_by(|a, b| a.0 == b.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes::{book, cylinder, disjoint, hourglass, icosphere, moebius, one_triangle, plane, tube};
+
+    #[test]
+    fn going_around_a_vertex_meets_each_neighbor_once() {
+        for mesh in [icosphere(2), plane(4), tube(7, 3, 1.0, 1.0), cylinder(9, 2, 1.0, 1.0), one_triangle()] {
+            let half_edges = HalfEdges::new(&mesh).unwrap();
+            let mut expected = vec![std::collections::BTreeSet::new(); mesh.vertex_count()];
+            for &[a, b, c] in mesh.triangles() {
+                for (p, q) in [(a, b), (b, c), (c, a)] {
+                    expected[p as usize].insert(q);
+                    expected[q as usize].insert(p);
+                }
+            }
+            for (vertex, expected) in expected.iter().enumerate() {
+                let neighbors: Vec<u32> = half_edges.neighbors(vertex as u32).collect();
+                assert_eq!(neighbors.len(), expected.len(), "vertex {vertex}");
+                assert!(neighbors.iter().all(|n| expected.contains(n)));
+                // Counterclockwise: each neighbor and the next form a triangle with the vertex in this order.
+                for pair in neighbors.windows(2) {
+                    let triangle = [vertex as u32, pair[0], pair[1]];
+                    assert!(
+                        mesh.triangles()
+                            .iter()
+                            .any(|t| (0..3).any(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]] == triangle))
+                    );
+                }
+            }
+            let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
+            assert_eq!(half_edges.edges().count(), half_edges.edge_count());
+            assert_eq!(euler + half_edges.boundary_loops().len() as i64, 2, "a sphere with holes");
+        }
+    }
+
+    #[test]
+    fn boundary_loops_run_with_the_surface_to_their_left() {
+        let mesh = plane(3);
+        let loops = HalfEdges::new(&mesh).unwrap().boundary_loops();
+        let corner = |&v: &u32| mesh.positions()[v as usize];
+        let turns = |line: &[u32]| {
+            (0..line.len())
+                .map(|k| corner(&line[k]).xy().coords.perp(&corner(&line[(k + 1) % line.len()]).xy().coords))
+                .sum::<f64>()
+        };
+        assert_eq!((loops.len(), loops[0].len()), (1, 12));
+        assert!((turns(&loops[0]) - 2.0).abs() < 1e-12, "once around the unit square, counterclockwise");
+    }
+
+    #[test]
+    fn what_is_no_oriented_manifold_is_refused_with_its_place() {
+        let refused = |mesh: TriMesh| HalfEdges::new(&mesh).unwrap_err();
+        assert_eq!(refused(book(3)), MeshError::NonManifoldEdge { from: 0, to: 1, triangles: 3, along: 3 });
+        assert_eq!(refused(hourglass()), MeshError::NonManifoldVertex { vertex: 0, fans: 2 });
+        assert!(matches!(refused(moebius(8, 1)), MeshError::NonManifoldEdge { triangles: 2, along: 2, .. }));
+        let repeated = TriMesh::new(plane(1).positions().to_vec(), vec![[0, 1, 1]]).unwrap();
+        assert_eq!(refused(repeated), MeshError::RepeatedCorner { triangle: 0 });
+        assert!(HalfEdges::new(&disjoint(&[plane(2), icosphere(0)])).is_ok());
+    }
+}

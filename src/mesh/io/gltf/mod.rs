@@ -1,0 +1,124 @@
+//! glTF 2.0, as JSON (`.gltf`) or in one binary file (`.glb`).
+//!
+//! Read: all triangles, strips and fans of the scene, moved by their nodes; positions, normals, first texture coordinates and
+//! colors, also quantized or sparse; names of nodes as objects; materials with what they refer to, carried along unread. A skinned
+//! mesh stands in its bind pose, as the format asks. Cameras, lights, animations, skins and morph targets are left out with a
+//! warning. Buffers may stand in the file, in `data:` addresses or in files of the same folder; nothing outside it is opened.
+//!
+//! # Reference
+//! Khronos Group, *glTF 2.0 specification*, ISO/IEC 12113.
+
+mod accessor;
+mod buffers;
+mod document;
+mod scene;
+mod write;
+
+use std::path::Path;
+
+use super::{MeshFormat, ReadLimits, malformed};
+use crate::mesh::{GltfAssets, MeshError, ModelBuilder, Position};
+use buffers::Buffers;
+use document::Document;
+
+pub(super) use write::write;
+
+const MAGIC: &[u8; 4] = b"glTF";
+const JSON_CHUNK: u32 = 0x4E4F_534A;
+const BINARY_CHUNK: u32 = 0x004E_4942;
+
+/// Required extensions under which the geometry can be read all the same.
+const HARMLESS: [&str; 5] = ["KHR_mesh_quantization", "KHR_texture_", "KHR_materials_", "EXT_texture_", "KHR_lights_"];
+
+fn fault(at: impl Into<String>, told: impl Into<String>) -> MeshError {
+    malformed(MeshFormat::Gltf, Position::Json(at.into()), told)
+}
+
+/// Reads the file. `folder` is where other files may stand.
+pub(super) fn read(
+    bytes: &[u8],
+    format: MeshFormat,
+    folder: Option<&Path>,
+    limits: &ReadLimits,
+) -> Result<ModelBuilder, MeshError> {
+    let (json, binary) = if format == MeshFormat::Glb { chunks(bytes)? } else { (bytes, None) };
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let document: Document = serde_json::from_slice(json)
+        .map_err(|e| malformed(format, Position::Line(e.line()), format!("not glTF: {e}")))?;
+    let version = &document.asset.version;
+    if !version.starts_with("2.") {
+        return Err(fault("/asset/version", format!("{version:?}; only glTF 2 is read: convert the file first")));
+    }
+    if let Some(name) = document.extensions_required.iter().find(|name| !HARMLESS.iter().any(|h| name.starts_with(h))) {
+        let told = format!("{name} is not read; write the file again without it (compression, most often)");
+        return Err(fault("/extensionsRequired", told));
+    }
+    let buffers = Buffers::load(&document, binary, folder, limits)?;
+    let mut builder = scene::read(&document, &buffers, limits)?;
+    builder.assets = assets(&document, &buffers)?;
+    Ok(builder)
+}
+
+/// The JSON chunk of a binary file, and its buffer.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
+    let fault = |at: usize, told: String| malformed(MeshFormat::Glb, Position::Byte(at), told);
+    let word = |at: usize| {
+        let raw = bytes
+            .get(at..at + 4)
+            .ok_or_else(|| fault(at, "the file ends inside its header; it is cut short".to_owned()))?;
+        Ok::<_, MeshError>(u32::from_le_bytes(raw.try_into().expect("four bytes")))
+    };
+    if !bytes.starts_with(MAGIC) || word(4)? != 2 {
+        return Err(fault(4, "not version 2 of binary glTF; convert the file first".to_owned()));
+    }
+    let length = word(8)? as usize;
+    if length > bytes.len() {
+        return Err(fault(
+            8,
+            format!("{length} bytes are announced, but the file has {}; it is cut short", bytes.len()),
+        ));
+    }
+    let (mut at, mut json, mut binary) = (12, None, None);
+    while at + 8 <= length {
+        let (size, kind) = (word(at)? as usize, word(at + 4)?);
+        let Some(chunk) = bytes[..length].get(at + 8..(at + 8).saturating_add(size)) else {
+            return Err(fault(at, format!("a chunk of {size} bytes is longer than the file; it is cut short")));
+        };
+        match kind {
+            JSON_CHUNK if json.is_none() => json = Some(chunk),
+            BINARY_CHUNK if binary.is_none() => binary = Some(chunk),
+            _ => {}
+        }
+        at += 8 + size;
+    }
+    let json = json.ok_or_else(|| fault(12, "the file has no JSON chunk".to_owned()))?;
+    Ok((json, binary))
+}
+
+/// What materials refer to; images that stand in buffers with their bytes.
+fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAssets>, MeshError> {
+    if document.materials.is_empty() {
+        return Ok(None);
+    }
+    let (mut images, mut image_bytes) = (document.images.clone(), Vec::new());
+    for (k, image) in images.iter_mut().enumerate() {
+        let view = image.as_object_mut().and_then(|fields| fields.remove("bufferView"));
+        let bytes = match view.and_then(|view| view.as_u64()) {
+            Some(view) => Some(buffers.view(document, view as usize, &format!("/images/{k}"))?.bytes.to_vec()),
+            None => None,
+        };
+        image_bytes.push(bytes);
+    }
+    let concerns =
+        |name: &&String| ["KHR_materials_", "KHR_texture_", "EXT_texture_"].iter().any(|p| name.starts_with(p));
+    Ok(Some(GltfAssets {
+        textures: document.textures.clone(),
+        samplers: document.samplers.clone(),
+        images,
+        image_bytes,
+        extensions: document.extensions_used.iter().filter(concerns).cloned().collect(),
+    }))
+}
+
+#[cfg(test)]
+mod tests;

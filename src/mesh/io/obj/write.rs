@@ -1,0 +1,66 @@
+//! The writing of OBJ.
+
+use std::io::{self, Write};
+
+use super::super::write::{Number, one_line};
+use crate::mesh::{Model, NO_VALUE};
+
+/// Writes the model: polygons as they were, numbers so that they read back the same.
+pub(in crate::mesh::io) fn write(model: &Model, out: &mut impl Write) -> io::Result<()> {
+    for name in model.material_files() {
+        writeln!(out, "mtllib {}", one_line(name))?;
+    }
+    for (vertex, p) in model.mesh().positions().iter().enumerate() {
+        write!(out, "v {} {} {}", Number(p.x), Number(p.y), Number(p.z))?;
+        if let Some(colors) = model.colors() {
+            let [r, g, b, a] = colors[vertex];
+            write!(out, " {r} {g} {b}")?;
+            if colors.iter().any(|c| c[3] != 1.0) {
+                write!(out, " {a}")?;
+            }
+        }
+        writeln!(out)?;
+    }
+    for [u, v] in model.texture().iter().flat_map(|texture| &texture.values) {
+        writeln!(out, "vt {} {}", Number(*u), Number(*v))?;
+    }
+    for [x, y, z] in model.normals().iter().flat_map(|normals| &normals.values) {
+        writeln!(out, "vn {} {} {}", Number(*x), Number(*y), Number(*z))?;
+    }
+    faces(model, out)
+}
+
+fn faces(model: &Model, out: &mut impl Write) -> io::Result<()> {
+    let (mut object, mut group, mut material) = (String::new(), String::new(), String::new());
+    for face in 0..model.faces().len() {
+        let of = model.groups().get(face).cloned().unwrap_or_default();
+        if of.object != object {
+            writeln!(out, "o {}", one_line(&of.object))?;
+            object = of.object;
+        }
+        if of.name != group {
+            writeln!(out, "g {}", one_line(&of.name))?;
+            group = of.name;
+        }
+        let name = model.materials().get(face).map_or("", |m| &m.name);
+        if name != material {
+            writeln!(out, "usemtl {}", one_line(name))?;
+            name.clone_into(&mut material);
+        }
+        write!(out, "f")?;
+        for corner in model.faces().corners(face) {
+            let one_of = |of_corner: Option<&[u32]>| of_corner.map(|all| all[corner]).filter(|&i| i != NO_VALUE);
+            let texture = one_of(model.texture().map(|texture| &texture.of_corner[..]));
+            let normal = one_of(model.normals().map(|normals| &normals.of_corner[..]));
+            write!(out, " {}", u64::from(model.faces().vertices()[corner]) + 1)?;
+            match (texture.map(|i| u64::from(i) + 1), normal.map(|i| u64::from(i) + 1)) {
+                (None, None) => {}
+                (Some(t), None) => write!(out, "/{t}")?,
+                (None, Some(n)) => write!(out, "//{n}")?,
+                (Some(t), Some(n)) => write!(out, "/{t}/{n}")?,
+            }
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}

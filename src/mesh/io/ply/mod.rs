@@ -1,0 +1,238 @@
+//! PLY, the Stanford polygon file: as text, or binary of either byte order.
+//!
+//! Read from element `vertex`: `x y z`, `nx ny nz`, `red green blue alpha` (whole or fractions), `s t` (also `u v`, `texture_u
+//! texture_v`); from `face`: the list `vertex_indices` (also `vertex_index`) and `texcoord`, two numbers per corner; `tristrips`
+//! as in the files of the Stanford repository. All other elements and properties are skipped, whatever their types.
+//!
+//! # Reference
+//! G. Turk, *The PLY polygon file format*, 1994.
+
+mod body;
+mod header;
+mod write;
+
+use super::{MeshFormat, finite};
+use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
+use body::Body;
+use header::{Element, Header, Property, Shape};
+
+pub(super) use write::write;
+
+/// Reads the file.
+pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+    let header = Header::read(bytes)?;
+    let mut body = Body::after(&header, bytes);
+    let mut builder = ModelBuilder::default();
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    for element in &header.elements {
+        body.holds(element)?;
+        match element.name.as_str() {
+            "vertex" => read_vertices(&mut body, element, &mut builder)?,
+            "face" => read_faces(&mut body, element, vertices, &mut builder)?,
+            "tristrips" => read_strips(&mut body, element, vertices, &mut builder)?,
+            _ => skip(&mut body, element, &mut builder)?,
+        }
+    }
+    Ok(builder)
+}
+
+/// Where a property of a vertex goes.
+#[derive(Clone, Copy)]
+enum Slot {
+    Position(usize),
+    Normal(usize),
+    Color(usize, f64),
+    Texture(usize),
+    None,
+}
+
+fn slot(property: &Property) -> Slot {
+    let Shape::One(scalar) = property.shape else { return Slot::None };
+    let color = |k| Slot::Color(k, 1.0 / scalar.full());
+    match property.name.as_str() {
+        "x" => Slot::Position(0),
+        "y" => Slot::Position(1),
+        "z" => Slot::Position(2),
+        "nx" => Slot::Normal(0),
+        "ny" => Slot::Normal(1),
+        "nz" => Slot::Normal(2),
+        "red" | "r" | "diffuse_red" => color(0),
+        "green" | "g" | "diffuse_green" => color(1),
+        "blue" | "b" | "diffuse_blue" => color(2),
+        "alpha" | "a" => color(3),
+        "s" | "u" | "texture_u" => Slot::Texture(0),
+        "t" | "v" | "texture_v" => Slot::Texture(1),
+        _ => Slot::None,
+    }
+}
+
+fn read_vertices(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> Result<(), MeshError> {
+    let slots: Vec<_> = element.properties.iter().map(slot).collect();
+    let has = |wanted: fn(&Slot) -> bool| slots.iter().filter(|s| wanted(s)).count();
+    if has(|s| matches!(s, Slot::Position(_))) < 3 {
+        return Err(body.fault("element `vertex` lacks x, y or z"));
+    }
+    let normals = has(|s| matches!(s, Slot::Normal(_))) >= 3;
+    let colors = has(|s| matches!(s, Slot::Color(..))) >= 3;
+    let texture = has(|s| matches!(s, Slot::Texture(_))) >= 2;
+    builder.positions.reserve(element.count as usize);
+    for _ in 0..element.count {
+        let at = body.place();
+        let (mut xyz, mut normal, mut color, mut uv) = ([0.0; 3], [0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.0; 2]);
+        for (slot, property) in slots.iter().zip(&element.properties) {
+            let scalar = match property.shape {
+                Shape::One(scalar) => scalar,
+                Shape::List(..) => {
+                    body.list(property, &mut Vec::new())?;
+                    continue;
+                }
+            };
+            let value = body.value(scalar)?;
+            match *slot {
+                Slot::Position(k) => xyz[k] = value,
+                Slot::Normal(k) => normal[k] = value,
+                Slot::Color(k, scale) => color[k] = (value * scale) as f32,
+                Slot::Texture(k) => uv[k] = value,
+                Slot::None => {}
+            }
+        }
+        builder.positions.push(finite(MeshFormat::Ply, || at, builder.positions.len(), xyz)?);
+        if normals {
+            builder.normals.values.push(normal.map(or_zero));
+        }
+        if colors {
+            builder.colors.push(color.map(|c| or_zero(f64::from(c)) as f32));
+        }
+        if texture {
+            builder.texture.values.push(uv.map(or_zero));
+        }
+    }
+    Ok(())
+}
+
+/// What lies on a surface is not worth refusing its shape for.
+fn or_zero(value: f64) -> f64 {
+    if value.is_finite() { value } else { 0.0 }
+}
+
+fn read_faces(
+    body: &mut Body<'_>,
+    element: &Element,
+    vertices: u64,
+    builder: &mut ModelBuilder,
+) -> Result<(), MeshError> {
+    let named = |names: &[&str]| {
+        let is = |p: &Property| names.contains(&p.name.as_str()) && matches!(p.shape, Shape::List(..));
+        element.properties.iter().position(is)
+    };
+    let indices = named(&["vertex_indices", "vertex_index"])
+        .ok_or_else(|| body.fault("element `face` has no list `vertex_indices`"))?;
+    let texcoord = named(&["texcoord"]);
+    let (mut corners, mut list, mut small) = (Vec::new(), Vec::new(), 0);
+    let per_corner = texcoord.is_some();
+    for _ in 0..element.count {
+        corners.clear();
+        let mut uvs = Vec::new();
+        for (k, property) in element.properties.iter().enumerate() {
+            match property.shape {
+                Shape::One(scalar) => drop(body.value(scalar)?),
+                Shape::List(..) => {
+                    let at = body.place();
+                    body.list(property, &mut list)?;
+                    if k == indices {
+                        for &value in &list {
+                            corners.push(
+                                vertex_number(value, vertices)
+                                    .ok_or_else(|| body.fault_at(at.clone(), no_vertex(value, vertices)))?,
+                            );
+                        }
+                    } else if Some(k) == texcoord {
+                        uvs.clone_from(&list);
+                    }
+                }
+            }
+        }
+        if corners.len() < 3 {
+            small += 1;
+            continue;
+        }
+        add_face(builder, &corners, per_corner.then_some(&uvs));
+    }
+    if small > 0 {
+        builder.warnings.push(format!("faces of fewer than three corners are left out ({small})"));
+    }
+    Ok(())
+}
+
+fn add_face(builder: &mut ModelBuilder, corners: &[u32], uvs: Option<&Vec<f64>>) {
+    builder.face(corners, NO_VALUE, NO_VALUE);
+    builder.normals.of_corner.extend(corners);
+    match uvs {
+        None => builder.texture.of_corner.extend(corners),
+        Some(uvs) if uvs.len() == 2 * corners.len() => {
+            for uv in uvs.chunks_exact(2) {
+                builder.texture.of_corner.push(builder.texture.values.len() as u32);
+                builder.texture.values.push([or_zero(uv[0]), or_zero(uv[1])]);
+            }
+        }
+        Some(_) => builder.texture.of_corner.extend(corners.iter().map(|_| NO_VALUE)),
+    }
+}
+
+fn vertex_number(value: f64, vertices: u64) -> Option<u32> {
+    let fits = value >= 0.0 && value < vertices as f64 && value.fract() == 0.0;
+    fits.then_some(value as u32)
+}
+
+fn no_vertex(value: f64, vertices: u64) -> String {
+    format!("a face names vertex {value}; the file has {vertices}, numbered from 0")
+}
+
+/// Strips of triangles, each ended by −1.
+fn read_strips(
+    body: &mut Body<'_>,
+    element: &Element,
+    vertices: u64,
+    builder: &mut ModelBuilder,
+) -> Result<(), MeshError> {
+    let mut list = Vec::new();
+    for _ in 0..element.count {
+        for property in &element.properties {
+            match property.shape {
+                Shape::One(scalar) => drop(body.value(scalar)?),
+                Shape::List(..) => body.list(property, &mut list)?,
+            }
+            if property.name != "vertex_indices" {
+                continue;
+            }
+            for strip in list.split(|&value| value == -1.0) {
+                let number =
+                    |&value: &f64| vertex_number(value, vertices).ok_or_else(|| body.fault(no_vertex(value, vertices)));
+                let strip = strip.iter().map(number).collect::<Result<Vec<_>, _>>()?;
+                for (k, t) in strip.windows(3).enumerate() {
+                    let t = if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+                    add_face(builder, &t, None);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn skip(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> Result<(), MeshError> {
+    let mut list = Vec::new();
+    // An element without properties takes no room: nothing to skip, however many it claims to be.
+    for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
+        for property in &element.properties {
+            match property.shape {
+                Shape::One(scalar) => drop(body.value(scalar)?),
+                Shape::List(..) => body.list(property, &mut list)?,
+            }
+        }
+    }
+    builder.warnings.push(format!("element `{}` is left out ({})", element.name, element.count));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

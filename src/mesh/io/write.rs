@@ -1,0 +1,117 @@
+//! What all writers share: the choice of format, whole files, numbers and names.
+
+use std::fmt;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use super::{MeshFormat, gltf, obj, off, ply, stl};
+use crate::mesh::{CornerData, MeshError, Model};
+
+/// How a file is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// PLY and STL as text; they are binary otherwise.
+    pub ascii: bool,
+}
+
+/// Writes a model in the format of the name's extension. The file appears whole or not at all.
+///
+/// # Errors
+/// [`MeshError::InFile`] around [`MeshError::UnknownFormat`] or [`MeshError::Unwritable`].
+pub fn write_model(path: &Path, model: &Model) -> Result<(), MeshError> {
+    write_model_with(path, model, &WriteOptions::default())
+}
+
+/// [`write_model`] with options.
+///
+/// # Errors
+/// Those of [`write_model`].
+pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions) -> Result<(), MeshError> {
+    let write = || {
+        let unknown = || MeshError::Unwritable {
+            reason: "the name's extension is none of .obj, .ply, .off, .stl, .gltf, .glb".to_owned(),
+        };
+        let format = MeshFormat::of_name(path).filter(|&f| f != MeshFormat::Medit).ok_or_else(unknown)?;
+        let bytes = encode_model(model, format, options)?;
+        publish(path, &bytes).map_err(|e| MeshError::Unwritable { reason: e.to_string() })
+    };
+    write().map_err(|fault: MeshError| fault.of_file(path))
+}
+
+/// The bytes of a model's file.
+///
+/// # Errors
+/// [`MeshError::Unwritable`] for a format that is only read, and where the model is larger than the format can hold.
+pub fn encode_model(model: &Model, format: MeshFormat, options: &WriteOptions) -> Result<Vec<u8>, MeshError> {
+    let mut out = Vec::new();
+    let written = match format {
+        MeshFormat::Obj => obj::write(model, &mut out),
+        MeshFormat::Ply => ply::write(model, options.ascii, &mut out),
+        MeshFormat::Off => off::write(model, &mut out),
+        MeshFormat::Stl if options.ascii => stl::write_text(model, &mut out),
+        MeshFormat::Stl => stl::write_binary(model, &mut out),
+        MeshFormat::Gltf => gltf::write(model, false, &mut out),
+        MeshFormat::Glb => gltf::write(model, true, &mut out),
+        MeshFormat::Medit => Err(io::Error::other("Medit files are only read; write OBJ, PLY, OFF, STL or glTF")),
+    };
+    written.map_err(|e| MeshError::Unwritable { reason: e.to_string() })?;
+    Ok(out)
+}
+
+/// What of this model the format cannot hold, in words; empty where nothing is lost.
+pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
+    use MeshFormat as F;
+    let one_each = model.normals().is_none_or(|n| per_vertex(model, n).is_some());
+    let small = model.mesh().positions().iter().all(|p| p.coords.iter().all(|&x| f64::from(x as f32) == x));
+    let polygons = model.faces().len() != model.mesh().triangle_count();
+    let triangles = matches!(format, F::Stl | F::Gltf | F::Glb);
+    [
+        (polygons && triangles, "polygons (their triangles are written)"),
+        (model.texture().is_some() && matches!(format, F::Off | F::Stl), "texture coordinates"),
+        (model.normals().is_some() && matches!(format, F::Off | F::Stl), "normals"),
+        (!one_each && format == F::Ply, "normals (a vertex has several)"),
+        (model.colors().is_some() && format == F::Stl, "colors"),
+        (!model.groups().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "groups"),
+        (!model.materials().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "materials"),
+        (model.assets().is_some() && !matches!(format, F::Gltf | F::Glb), "materials but for their names, textures"),
+        (!small && triangles, "digits beyond 32-bit coordinates"),
+        (format == F::Stl, "which triangles share vertices (join them with `mesh repair`)"),
+    ]
+    .into_iter()
+    .filter_map(|(lost, what)| lost.then_some(what))
+    .collect()
+}
+
+/// One value per vertex, where corners of a vertex agree.
+pub(super) fn per_vertex<const N: usize>(model: &Model, data: &CornerData<N>) -> Option<Vec<[f64; N]>> {
+    data.per_vertex(model.faces().vertices(), model.mesh().vertex_count())
+}
+
+/// Writes the bytes beside their target and gives them its name last.
+fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".mesh.partial.");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// A number in the fewest digits that read back the same, with an exponent where that is shorter.
+pub(super) struct Number(pub(super) f64);
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let x = self.0;
+        if x == 0.0 || (1e-5..1e16).contains(&x.abs()) { write!(f, "{x}") } else { write!(f, "{x:e}") }
+    }
+}
+
+/// A name that ends no line.
+pub(super) fn one_line(name: &str) -> String {
+    name.trim().replace(|c: char| c.is_control(), "_")
+}

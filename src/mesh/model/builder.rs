@@ -1,0 +1,119 @@
+//! A model in the making: readers put in what they find, [`ModelBuilder::finish`] checks and triangulates.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
+use super::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, NO_VALUE};
+use crate::mesh::{MeshError, TriMesh};
+
+/// A model in the making.
+#[derive(Clone, Debug, Default)]
+pub struct ModelBuilder {
+    /// Positions of the vertices.
+    pub positions: Vec<Point3<f64>>,
+    /// Polygons of at least three corners.
+    pub faces: Faces,
+    /// Texture coordinates; without any where `values` is empty.
+    pub texture: CornerData<2>,
+    /// Normals; without any where `values` is empty.
+    pub normals: CornerData<3>,
+    /// Colors of the vertices; without any where empty.
+    pub colors: Vec<[f32; 4]>,
+    /// Named parts.
+    pub groups: Labels<Group>,
+    /// Materials.
+    pub materials: Labels<Material>,
+    /// Names of material libraries.
+    pub material_files: Vec<String>,
+    /// What the materials refer to.
+    pub assets: Option<GltfAssets>,
+    /// What is left out.
+    pub warnings: Vec<String>,
+    group_numbers: HashMap<Group, u32>,
+    material_numbers: HashMap<String, u32>,
+}
+
+impl ModelBuilder {
+    /// Number of a group, which is added where it is new.
+    pub fn group(&mut self, group: Group) -> u32 {
+        let all = &mut self.groups.all;
+        *self.group_numbers.entry(group.clone()).or_insert_with(|| {
+            all.push(group);
+            all.len() as u32 - 1
+        })
+    }
+
+    /// Number of the material of this name, which is added where it is new.
+    pub fn material(&mut self, name: &str) -> u32 {
+        let all = &mut self.materials.all;
+        *self.material_numbers.entry(name.to_owned()).or_insert_with(|| {
+            all.push(Material { name: name.to_owned(), gltf: None });
+            all.len() as u32 - 1
+        })
+    }
+
+    /// Adds a polygon with its labels; [`NO_VALUE`] is none.
+    pub fn face(&mut self, vertices: &[u32], group: u32, material: u32) {
+        self.faces.push(vertices);
+        self.groups.of_face.push(group);
+        self.materials.of_face.push(material);
+    }
+
+    /// The model.
+    ///
+    /// # Errors
+    /// Those of [`TriMesh::new`], [`MeshError::TooLarge`] where there are more corners than can be numbered.
+    pub fn finish(mut self) -> Result<Model, MeshError> {
+        let corners = self.faces.corner_count();
+        if corners >= NO_VALUE as usize {
+            let (value, limit) = (corners as u64, u64::from(NO_VALUE) - 1);
+            return Err(MeshError::TooLarge { what: "number of corners", value, limit });
+        }
+        let vertices = self.positions.len();
+        if let Some((triangle, vertex)) = first_beyond(&self.faces, vertices) {
+            return Err(MeshError::NoSuchVertex { triangle, vertex, vertices });
+        }
+        let (triangle_corners, face_of_triangle) = self.faces.triangulate(&self.positions);
+        let vertex = |corner: u32| self.faces.vertices()[corner as usize];
+        let triangles = triangle_corners.iter().map(|t| t.map(vertex)).collect();
+        self.colors.truncate(vertices);
+        if !self.colors.is_empty() {
+            self.colors.resize(vertices, [1.0; 4]);
+        }
+        Ok(Model {
+            mesh: TriMesh::new(self.positions, triangles)?,
+            triangle_corners,
+            face_of_triangle,
+            texture: filled(self.texture, corners),
+            normals: filled(self.normals, corners),
+            colors: (!self.colors.is_empty()).then_some(self.colors),
+            groups: used(self.groups),
+            materials: used(self.materials),
+            material_files: self.material_files,
+            assets: self.assets.map(Arc::new),
+            warnings: self.warnings,
+            faces: self.faces,
+        })
+    }
+}
+
+fn first_beyond(faces: &Faces, vertices: usize) -> Option<(usize, u32)> {
+    let beyond = |face: &[u32]| face.iter().copied().find(|&v| v as usize >= vertices);
+    faces.iter().enumerate().find_map(|(face, corners)| Some((face, beyond(corners)?)))
+}
+
+fn filled<const N: usize>(mut data: CornerData<N>, corners: usize) -> Option<CornerData<N>> {
+    data.of_corner.resize(corners, NO_VALUE);
+    data.of_corner.iter().any(|&value| value != NO_VALUE).then_some(data)
+}
+
+/// The labels, or none where no face has one.
+fn used<T>(labels: Labels<T>) -> Labels<T> {
+    if labels.of_face.iter().all(|&label| label == NO_VALUE) {
+        Labels { of_face: Vec::new(), ..labels }
+    } else {
+        labels
+    }
+}

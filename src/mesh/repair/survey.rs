@@ -1,0 +1,96 @@
+//! What can be said of any triangles before they are repaired.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::report::{components, negative_cotangents};
+use crate::mesh::TriMesh;
+use crate::mesh::half_edges::edge_groups;
+
+/// Counts and sizes of a mesh as it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct MeshFacts {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Number of edges.
+    pub edges: usize,
+    /// Edges with one triangle.
+    pub boundary_edges: usize,
+    /// Edges with more than two.
+    pub non_manifold_edges: usize,
+    /// Edges with two triangles that are oriented differently.
+    pub turned_edges: usize,
+    /// Parts that share no vertex.
+    pub components: usize,
+    /// V − E + F, of the vertices that triangles name.
+    pub euler: i64,
+    /// Lowest coordinates; `None` without vertices.
+    pub low: Option<[f64; 3]>,
+    /// Highest coordinates.
+    pub high: Option<[f64; 3]>,
+    /// Area, squared units of the positions.
+    pub area: f64,
+    /// Enclosed volume; `None` unless closed and oriented.
+    pub volume: Option<f64>,
+    /// Corners with an angle above 90°.
+    pub obtuse_corners: usize,
+    /// Edges whose cotangent weight is negative.
+    pub negative_weights: usize,
+}
+
+impl MeshFacts {
+    /// Looks at a mesh.
+    pub fn of(mesh: &TriMesh) -> Self {
+        let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
+        let mut facts = Self { vertices: mesh.vertex_count(), triangles: mesh.triangle_count(), ..Self::default() };
+        for edge in edge_groups(&origins).iter() {
+            facts.edges += 1;
+            match edge {
+                [_] => facts.boundary_edges += 1,
+                [(_, g), (_, h)] => facts.turned_edges += usize::from(origins[*g as usize] == origins[*h as usize]),
+                _ => facts.non_manifold_edges += 1,
+            }
+        }
+        let parts = components(mesh).1;
+        let named: usize = parts.iter().filter(|part| part.triangles > 0).map(|part| part.vertices).sum();
+        facts.components = parts.iter().filter(|part| part.triangles > 0).count();
+        facts.euler = named as i64 - facts.edges as i64 + facts.triangles as i64;
+        (facts.low, facts.high) = mesh.bounding_box().map(|(low, high)| (low.into(), high.into())).unzip();
+        facts.area = mesh.area();
+        let closed = facts.boundary_edges + facts.non_manifold_edges + facts.turned_edges == 0 && facts.triangles > 0;
+        facts.volume = closed.then(|| mesh.volume());
+        (facts.obtuse_corners, facts.negative_weights) = negative_cotangents(mesh);
+        facts
+    }
+}
+
+impl fmt::Display for MeshFacts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} vertices, {} triangles, {} edges", self.vertices, self.triangles, self.edges)?;
+        write!(f, "{} components, Euler number {}", self.components, self.euler)?;
+        match (self.boundary_edges, self.non_manifold_edges, self.turned_edges) {
+            (0, 0, 0) => writeln!(f, ", closed and oriented")?,
+            (open, crowded, turned) => {
+                writeln!(
+                    f,
+                    ", {open} boundary edges, {crowded} non-manifold edges, {turned} edges between turned triangles"
+                )?;
+            }
+        }
+        if let (Some(low), Some(high)) = (self.low, self.high) {
+            writeln!(f, "box ({}, {}, {}) to ({}, {}, {})", low[0], low[1], low[2], high[0], high[1], high[2])?;
+        }
+        write!(f, "area {:.6}", self.area)?;
+        if let Some(volume) = self.volume {
+            write!(f, ", volume {volume:.6}")?;
+        }
+        write!(
+            f,
+            "\n{} obtuse corners, {} edges with negative cotangent weight",
+            self.obtuse_corners, self.negative_weights
+        )
+    }
+}
