@@ -1,14 +1,16 @@
-//! Plane geometry that every layer shares: points, similarities, homographies.
+//! Geometry that every layer shares: points, similarities and homographies of the plane, rotations of space.
 //!
 //! Transforms are named `dst_from_src` and map points of `src` to points of `dst`. Image points are in pixels,
 //! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
 
 mod homography;
 mod rect;
+mod rotation;
 mod similarity;
 
 pub use homography::Homography;
 pub use rect::Rect;
+pub use rotation::nearest_rotation;
 pub use similarity::Similarity2;
 
 /// A position in the plane, px unless said otherwise.

@@ -11,7 +11,7 @@
 use super::held::{FIXED, Held};
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
-use crate::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
+use crate::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// The factored system.
 #[derive(Debug)]
@@ -21,8 +21,8 @@ pub(super) struct HeldLaplacian {
     borders: Vec<(u32, u32, f64)>,
     /// `(unknown, number of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
-    cholesky: Cholesky,
-    columns: Vec<f64>,
+    factor: CompactFactor,
+    points: Vec<[f64; 3]>,
 }
 
 impl HeldLaplacian {
@@ -67,8 +67,8 @@ impl HeldLaplacian {
         }
         let mut cholesky = Cholesky::analyze(&pattern, &Ordering::Amd)?;
         cholesky.factor(&matrix)?;
-        cholesky.reserve_columns(3);
-        Ok(Self { free: held.free.clone(), borders, soft, cholesky, columns: vec![0.0; 3 * n] })
+        let factor = CompactFactor::new(&cholesky);
+        Ok(Self { free: held.free.clone(), borders, soft, factor, points: vec![[0.0; 3]; n] })
     }
 
     /// What the held vertices add to the right-hand side: `−A_fh x_h + μ t`, one entry per unknown. `x` holds the fixed
@@ -95,16 +95,12 @@ impl HeldLaplacian {
 
     /// Moves the free vertices of `x` to the minimizer for the pull `b` of the vertices and that of the handles.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
-        let n = self.free.len();
-        for (k, (&v, pull)) in self.free.iter().zip(pull).enumerate() {
-            let rhs = b[v as usize] + *pull;
-            for c in 0..3 {
-                self.columns[c * n + k] = rhs.0[c];
-            }
+        for ((point, &v), pull) in self.points.iter_mut().zip(&self.free).zip(pull) {
+            *point = (b[v as usize] + *pull).xyz();
         }
-        self.cholesky.solve_in_place(&mut self.columns);
-        for (k, &v) in self.free.iter().enumerate() {
-            x[v as usize] = Lanes([self.columns[k], self.columns[n + k], self.columns[2 * n + k], 0.0]);
+        self.factor.solve_3(&mut self.points);
+        for (&point, &v) in self.points.iter().zip(&self.free) {
+            x[v as usize] = Lanes::point(point);
         }
     }
 }
