@@ -5,14 +5,17 @@
 mod check;
 mod clip;
 mod completions;
+mod deform;
 mod failure;
 mod graph;
 mod interrupt;
+mod modes;
 mod motion;
 mod photo;
 mod photo_clip;
 mod plan;
 mod probe;
+mod render;
 mod rectify;
 mod retarget;
 mod run;
@@ -49,6 +52,12 @@ enum Command {
     Retarget(Box<RetargetArgs>),
     /// Recover how the camera moved, in the picture and in space
     Motion(Box<motion::MotionArgs>),
+    /// Bend meshes the way they would bend: a few vertices are held or moved, the rest follows
+    Deform(Box<deform::DeformArgs>),
+    /// Find how a mesh bends most easily, and its near-rigid parts
+    Modes(modes::ModesArgs),
+    /// Draw meshes, without a graphics card
+    Render(Box<render::RenderArgs>),
     /// Run a pipeline file
     Run(run::RunArgs),
     /// Check a pipeline file, touching no input
@@ -59,8 +68,8 @@ enum Command {
     Graph(graph::GraphArgs),
     /// Describe the kinds of stages: ports, settings, defaults
     Stages(stages::StagesArgs),
-    /// Print the JSON schema of pipeline files, for editors
-    Schema,
+    /// Print the JSON schema of pipeline files or handle files, for editors
+    Schema(schema::SchemaArgs),
     /// Tell what is in a clip
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
@@ -70,7 +79,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -101,7 +110,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify` or `retarget` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -112,6 +121,9 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
         Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
+        Command::Deform(args) => args.pipeline().map_err(|f| f.message),
+        Command::Modes(args) => Ok(args.pipeline()),
+        Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
 }
@@ -122,12 +134,15 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Rectify(args) => args.run(backend),
         Command::Retarget(args) => args.run(backend),
         Command::Motion(args) => args.run(backend),
+        Command::Deform(args) => args.run(backend),
+        Command::Modes(args) => args.run(backend),
+        Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),
         Command::Plan(args) => args.run(backend),
         Command::Graph(args) => args.run(),
         Command::Stages(args) => args.run(),
-        Command::Schema => Ok(schema::run()),
+        Command::Schema(args) => Ok(args.run()),
         Command::Probe(args) => args.run(backend),
         Command::Completions(args) => Ok(args.run()),
     }

@@ -9,6 +9,11 @@ use super::options::{BatchSettings, RunSettings};
 
 const NAME_PATTERN: &str = "^[a-z][a-z0-9_-]*$";
 
+/// The schema of handle files.
+pub fn handle_file_schema() -> Json {
+    crate::surface::handle_file::handle_file_schema().to_value()
+}
+
 /// The schema of a whole file.
 pub fn schema() -> Json {
     json!({

@@ -93,6 +93,8 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// How straight the lines of a still picture became.
     pub lines: Option<LinesSummary>,
+    /// The mesh that was read, and what became of it.
+    pub surface: Option<SurfaceSummary>,
     /// Wall time, seconds; filled by the executor.
     pub seconds: f64,
 }
@@ -104,6 +106,42 @@ pub struct LinesSummary {
     pub count: usize,
     /// Name of the one that is least straight, and how far it is off, px of the output.
     pub worst: Option<(String, f64)>,
+}
+
+/// A mesh, and what was done to it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SurfaceSummary {
+    /// The file, as the user named it.
+    pub name: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of polygons.
+    pub faces: usize,
+    /// Low and high corner of its box, in its own units.
+    pub bounds: [[f64; 3]; 2],
+    /// What was mended before it was deformed.
+    pub repairs: Vec<String>,
+    /// How it was deformed.
+    pub deformation: Option<String>,
+    /// Its modes and parts.
+    pub modes: Option<String>,
+}
+
+impl SurfaceSummary {
+    fn tell(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.bounds;
+        let sides: Vec<String> = (0..3).map(|k| format!("{:.4}", high[k] - low[k])).map(|s| short(&s)).collect();
+        let Self { name, vertices, faces, .. } = self;
+        writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, {} across", sides.join(" × "))?;
+        self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
+        self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
+        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))
+    }
+}
+
+/// Without idle zeros.
+fn short(decimal: &str) -> String {
+    decimal.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 impl fmt::Display for LinesSummary {
@@ -127,6 +165,7 @@ impl fmt::Display for Summary {
         if let Some(input) = &self.input {
             writeln!(f, "  read      {input}")?;
         }
+        self.surface.iter().try_for_each(|surface| surface.tell(f))?;
         let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
         writeln!(f, "  wrote     {}", outputs.join(", "))?;
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
@@ -141,6 +180,8 @@ impl fmt::Display for Summary {
             )?;
         } else if let Some((width, height)) = self.size {
             writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
+        } else if self.surface.is_some() {
+            writeln!(f, "  took      {:.2} s", self.seconds)?;
         }
         if let Some(lines) = &self.lines {
             writeln!(f, "  lines     {lines}")?;

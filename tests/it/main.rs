@@ -31,5 +31,6 @@ mod sfm;
 mod sparse;
 mod stabilize;
 mod support;
+mod surface;
 mod track;
 mod warp;

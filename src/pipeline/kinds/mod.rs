@@ -13,6 +13,11 @@ mod lens_undistort;
 mod lines_detect;
 mod lines_load;
 mod map_export;
+mod mesh_deform;
+mod mesh_load;
+mod mesh_modes;
+mod mesh_render;
+mod mesh_save;
 mod motion;
 mod motion_export;
 mod motion_import;
@@ -42,6 +47,11 @@ pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use map_export::MapExportSettings;
+pub use mesh_deform::{CotangentWish, MeshDeformSettings, UnheldWish};
+pub use mesh_load::MeshLoadSettings;
+pub use mesh_modes::MeshModesSettings;
+pub use mesh_render::{MeshRenderSettings, UpWish};
+pub use mesh_save::MeshSaveSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
@@ -60,7 +70,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 27] = [
+pub static KINDS: [StageKind; 32] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -88,6 +98,11 @@ pub static KINDS: [StageKind; 27] = [
     StageKind::of::<ImageSaveSettings>(),
     StageKind::of::<MapExportSettings>(),
     StageKind::of::<PhotoReportSettings>(),
+    StageKind::of::<MeshLoadSettings>(),
+    StageKind::of::<MeshDeformSettings>(),
+    StageKind::of::<MeshModesSettings>(),
+    StageKind::of::<MeshRenderSettings>(),
+    StageKind::of::<MeshSaveSettings>(),
 ];
 
 /// The kind called `name`.
