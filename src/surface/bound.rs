@@ -51,6 +51,25 @@ impl Bound {
         }
     }
 
+    /// Refuses a start that does not fit the mesh.
+    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
+        let (given, vertices) = (positions.len(), self.rest.len());
+        if given != vertices {
+            return Err(SurfaceError::Start { given, vertices });
+        }
+        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether each vertex is on a part without a handle.
+    pub(super) fn still(&self) -> Vec<bool> {
+        let mut held = vec![false; self.rest.len()];
+        self.held.handles.vertices().iter().for_each(|&v| held[self.held.part[v as usize] as usize] = true);
+        self.held.part.iter().map(|&part| !held[part as usize]).collect()
+    }
+
     /// Positions in the mesh's own frame. What is held exactly gets its target to the last bit.
     pub(super) fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
         let rest = self.gauge.rest().positions();

@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 
 use super::arap::{Arap, CellKind};
+use super::primo::{Primo, PrimoOptions};
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
@@ -18,11 +19,13 @@ pub enum Method {
     ArapSpokes,
     /// As rigid as possible, triangle by triangle.
     ArapElements,
+    /// Rigid prisms with elastic joints.
+    Primo,
 }
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 3] = [Self::Arap, Self::ArapSpokes, Self::ArapElements];
+    pub const ALL: [Self; 4] = [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::Primo];
 
     /// The name a user types.
     pub fn name(self) -> &'static str {
@@ -30,6 +33,7 @@ impl Method {
             Self::Arap => "arap",
             Self::ArapSpokes => "arap-spokes",
             Self::ArapElements => "arap-elements",
+            Self::Primo => "primo",
         }
     }
 
@@ -46,6 +50,8 @@ pub struct DeformOptions {
     pub cotangents: CotangentRule,
     /// What happens to parts without a handle.
     pub unheld: Unheld,
+    /// What the shell of [`Method::Primo`] is like.
+    pub primo: PrimoOptions,
 }
 
 /// Where an iteration starts.
@@ -106,5 +112,6 @@ pub fn bind(
         Method::Arap => arap(CellKind::SpokesAndRims),
         Method::ArapSpokes => arap(CellKind::Spokes),
         Method::ArapElements => arap(CellKind::Elements),
+        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options)?)),
     }
 }

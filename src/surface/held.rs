@@ -74,7 +74,7 @@ impl Held {
 }
 
 /// Lowest vertex of the connected part of each vertex.
-fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+pub(super) fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..vertices as u32).collect();
     for &[a, b, c] in triangles {
         for (v, w) in [(a, b), (b, c)] {
