@@ -31,7 +31,8 @@ oracle: deps .venv/ready
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
 	cargo bench --locked
 
-media: deps-build ## renders the clips of media/ again
+media: deps-build ## renders the clips and meshes of media/ again
+	cargo run --release --locked --example make_meshes media
 	cargo run --release --locked --example render_clip -- --preset street-walk --out media
 	cargo run --release --locked --example render_clip -- --preset rolling-passer --size 640x360 --frames 300 --out media
 	for room in kb-125 equisolid-180 eucm rectilinear-100; do \

@@ -6,6 +6,8 @@ use std::io::Cursor;
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::math::Point2;
+use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
+use plumbline::mesh::{HalfEdges, RepairOptions, Weld, repair};
 use plumbline::motion::ClipMotion;
 use plumbline::pipeline::{Source, print, read};
 
@@ -65,4 +67,65 @@ pub(crate) fn still_file(bytes: &[u8]) {
         let again = decode(Cursor::new(file.into_inner()), options).expect("own files are read");
         assert_eq!((again.frame.width, again.frame.height), (photo.frame.width, photo.frame.height));
     }
+}
+
+/// Any bytes as a mesh file: read or refused without a panic. What was read can be repaired, and written in every format that
+/// can hold it and read again.
+fn mesh_file(bytes: &[u8], format: MeshFormat) {
+    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
+    let Ok(model) = decode_model(bytes, format, None, &limits) else { return };
+    for weld in [Weld::Exact, Weld::Within(1e-3)] {
+        let repaired = repair(model.mesh(), &RepairOptions { weld, ..RepairOptions::default() });
+        HalfEdges::new(&repaired.mesh).expect("repair makes oriented manifolds");
+        write_and_read(&model.repaired(&repaired));
+    }
+    write_and_read(&model);
+    let moved = model.mesh().positions().iter().map(|p| p * 0.5).collect();
+    write_and_read(&model.with_positions(moved).expect("half of a number is one"));
+}
+
+fn write_and_read(model: &plumbline::mesh::Model) {
+    use MeshFormat::{Glb, Gltf, Obj, Off, Ply, Stl};
+    for (format, ascii) in
+        [(Obj, true), (Ply, true), (Ply, false), (Off, true), (Stl, true), (Stl, false), (Gltf, true), (Glb, false)]
+    {
+        let Ok(file) = encode_model(model, format, &WriteOptions { ascii }) else { continue };
+        let again = decode_model(&file, format, None, &ReadLimits::default());
+        // OBJ without a vertex is taken for something else.
+        if format == Obj && model.mesh().vertex_count() == 0 {
+            continue;
+        }
+        let again = again.unwrap_or_else(|e| panic!("own files are read: {e}\n{}", String::from_utf8_lossy(&file)));
+        assert_eq!(again.mesh().triangle_count(), model.mesh().triangle_count(), "{format}");
+    }
+}
+
+/// [`mesh_file`] as OBJ.
+pub(crate) fn obj_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Obj);
+}
+
+/// [`mesh_file`] as PLY.
+pub(crate) fn ply_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Ply);
+}
+
+/// [`mesh_file`] as OFF.
+pub(crate) fn off_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Off);
+}
+
+/// [`mesh_file`] as STL.
+pub(crate) fn stl_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Stl);
+}
+
+/// [`mesh_file`] as glTF, in JSON or binary as the bytes begin.
+pub(crate) fn gltf_file(bytes: &[u8]) {
+    mesh_file(bytes, if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf });
+}
+
+/// [`mesh_file`] as Medit.
+pub(crate) fn medit_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Medit);
 }

@@ -9,6 +9,7 @@ mod deform;
 mod failure;
 mod graph;
 mod interrupt;
+mod mesh;
 mod modes;
 mod motion;
 mod photo;
@@ -52,6 +53,8 @@ enum Command {
     Retarget(Box<RetargetArgs>),
     /// Recover how the camera moved, in the picture and in space
     Motion(Box<motion::MotionArgs>),
+    /// Look at mesh files, repair and convert them
+    Mesh(mesh::MeshArgs),
     /// Bend meshes the way they would bend: a few vertices are held or moved, the rest follows
     Deform(Box<deform::DeformArgs>),
     /// Find how a mesh bends most easily, and its near-rigid parts
@@ -134,6 +137,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Rectify(args) => args.run(backend),
         Command::Retarget(args) => args.run(backend),
         Command::Motion(args) => args.run(backend),
+        Command::Mesh(args) => args.run(),
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
         Command::Render(args) => args.run(backend),

@@ -2,5 +2,6 @@
 
 pub mod lanczos;
 pub mod levenberg_marquardt;
+pub mod newton;
 pub mod qp;
 pub mod ransac;

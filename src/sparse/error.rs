@@ -64,4 +64,70 @@ pub enum SparseError {
         /// Number of unknowns.
         unknowns: usize,
     },
+    /// Input: an entry beyond the shape of its matrix.
+    #[error("entry ({row}, {col}) lies outside the {rows}×{columns} matrix (numbered from 0)")]
+    Outside {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        col: usize,
+        /// Rows of the matrix.
+        rows: usize,
+        /// Columns of the matrix.
+        columns: usize,
+    },
+    /// Input: a method for square matrices was given another.
+    #[error("the matrix is {rows}×{columns}, not square: use QR or the normal equations")]
+    NotSquare {
+        /// Rows of the matrix.
+        rows: usize,
+        /// Columns of the matrix.
+        columns: usize,
+    },
+    /// Input: fewer equations than unknowns.
+    #[error("{rows} equations do not determine {columns} unknowns: add rows, or solve for the transposed matrix")]
+    Underdetermined {
+        /// Rows of the matrix.
+        rows: usize,
+        /// Columns of the matrix.
+        columns: usize,
+    },
+    /// Input: a method for symmetric matrices was given another.
+    #[error("the matrix is not symmetric: entry ({row}, {col}) differs from its mirror image; use LU")]
+    NotSymmetric {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        col: usize,
+    },
+    /// Input: right-hand sides that do not fit the matrix.
+    #[error("{given} values are not whole columns of {expected}")]
+    Columns {
+        /// Values given.
+        given: usize,
+        /// Values of one column.
+        expected: usize,
+    },
+    /// Input: a weight that is negative or not finite.
+    #[error("row {row} has weight {weight} (expected a finite number, 0 or more)")]
+    Weight {
+        /// The row.
+        row: usize,
+        /// Its weight.
+        weight: f64,
+    },
+    /// Numerics: no digit of a solution would be right.
+    #[error("the matrix is singular to working precision: unknown {unknown} is among those that nothing determines")]
+    Undetermined {
+        /// The unknown with the largest part in what is left free.
+        unknown: usize,
+    },
+    /// Input: a Matrix Market file that is not one, or not of a kind that is read.
+    #[error("line {line}: {problem}")]
+    MatrixMarket {
+        /// Line of the file, from 1.
+        line: usize,
+        /// What is wrong, and what is expected.
+        problem: String,
+    },
 }

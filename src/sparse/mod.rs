@@ -16,22 +16,38 @@
 mod banded;
 mod cholesky;
 mod compact;
+mod condition;
+mod constrained;
 mod cuthill_mckee;
+mod direct;
 mod dissection;
 mod error;
 mod etree;
+mod general;
+mod iterative;
 mod matrix;
+mod normal_equations;
 mod ordering;
 mod pattern;
 mod scalar;
 mod sweep;
+mod updated;
 mod wide_registers;
 
 pub use banded::BandedMatrix;
 pub use cholesky::Cholesky;
 pub use compact::CompactFactor;
+pub use condition::{Refinement, backward_error, inverse_norm_1};
+pub use constrained::{Constrained, Eliminated, Multipliers};
+pub use direct::{Factor, Method};
 pub use error::{Component, SparseError};
+pub use general::{GeneralMatrix, SparseBuilder};
+pub use iterative::{
+    GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, conjugate_gradients,
+};
 pub use matrix::SparseMatrix;
+pub use normal_equations::NormalEquations;
 pub use ordering::{Ordering, Permutation};
 pub use pattern::Pattern;
 pub use scalar::{Complex, Scalar};
+pub use updated::Updated;

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::held::{FIXED, Held};
 use super::lanes::Lanes;
-use super::{DeformOptions, Gauge, HandlePose, Handles, SurfaceError};
+use super::{DeformOptions, DeformReport, Deformation, Gauge, HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 
 /// A mesh with handles, method aside.
@@ -27,7 +27,7 @@ impl Bound {
     }
 
     /// A position relative to the middle.
-    pub(super) fn inner(&self, p: &Point3<f64>) -> Lanes {
+    fn inner(&self, p: &Point3<f64>) -> Lanes {
         Lanes::point((p.coords - self.middle).into())
     }
 
@@ -35,6 +35,41 @@ impl Bound {
     pub(super) fn targets(&self, pose: &HandlePose) -> Result<Vec<Lanes>, SurfaceError> {
         pose.check(&self.held.handles)?;
         Ok(pose.positions().iter().map(|p| self.inner(p)).collect())
+    }
+
+    /// Positions given as a start, checked.
+    pub(super) fn given(&self, positions: &[Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
+        let vertices = self.rest.len();
+        if positions.len() != vertices {
+            return Err(SurfaceError::PerVertex { what: "positions to start from", given: positions.len(), vertices });
+        }
+        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
+            None => Ok(positions.iter().map(|p| self.inner(p)).collect()),
+        }
+    }
+
+    /// The surface at the end of a solve, and its report; `counts` are negative weights and degenerate faces.
+    pub(super) fn done(
+        &self,
+        x: &[Lanes],
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
+        (negative_weights, degenerate_faces): (usize, usize),
+    ) -> Deformation {
+        let positions = self.outer(x, pose);
+        let report = DeformReport {
+            iterations: if stop == Stop::Solved { 1 } else { energies.len() - 1 },
+            energies,
+            stop,
+            constraint_error: self.constraint_error(&positions, pose),
+            shape: self.gauge.measure(&positions),
+            negative_weights,
+            degenerate_faces,
+            held_still: self.held.still.clone(),
+        };
+        Deformation { positions, report }
     }
 
     /// Puts the exactly held vertices on their targets and those of still parts where they rest.
@@ -71,7 +106,7 @@ impl Bound {
     }
 
     /// Positions in the mesh's own frame. What is held exactly gets its target to the last bit.
-    pub(super) fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
+    fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
         let rest = self.gauge.rest().positions();
         let place = |(v, x): (usize, &Lanes)| match self.held.unknown[v] {
             FIXED => rest[v],
@@ -87,7 +122,7 @@ impl Bound {
     }
 
     /// Largest distance of a held vertex from its target.
-    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+    fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
         let handles = self.held.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }

@@ -3,6 +3,9 @@
 use nalgebra::Point3;
 
 use super::arap::{Arap, CellKind};
+use super::detail_preserving::LaplacianKind;
+use super::laplacian_editing::{LaplacianEditing, Turning};
+use super::poisson::Poisson;
 use super::primo::{Primo, PrimoOptions};
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::energy::Convergence;
@@ -19,13 +22,27 @@ pub enum Method {
     ArapSpokes,
     /// As rigid as possible, triangle by triangle.
     ArapElements,
+    /// As rigid as possible, spokes and rims, minimized by Gauss–Newton steps.
+    GaussNewton,
+    /// Laplacian editing.
+    Laplacian,
+    /// Poisson editing.
+    Poisson,
     /// Rigid prisms with elastic joints.
     Primo,
 }
 
 impl Method {
     /// All methods.
-    pub const ALL: [Self; 4] = [Self::Arap, Self::ArapSpokes, Self::ArapElements, Self::Primo];
+    pub const ALL: [Self; 7] = [
+        Self::Arap,
+        Self::ArapSpokes,
+        Self::ArapElements,
+        Self::GaussNewton,
+        Self::Laplacian,
+        Self::Poisson,
+        Self::Primo,
+    ];
 
     /// The name a user types.
     pub fn name(self) -> &'static str {
@@ -33,6 +50,9 @@ impl Method {
             Self::Arap => "arap",
             Self::ArapSpokes => "arap-spokes",
             Self::ArapElements => "arap-elements",
+            Self::GaussNewton => "gauss-newton",
+            Self::Laplacian => "laplacian",
+            Self::Poisson => "poisson",
             Self::Primo => "primo",
         }
     }
@@ -43,11 +63,29 @@ impl Method {
     }
 }
 
+/// How elastic energies are minimized. All reach the same minimum; they differ in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// Rotations and positions in turn: the energy falls at every step, slowly near the end.
+    LocalGlobal,
+    /// The same steps, lengthened by what the last ones taught (quasi-Newton).
+    #[default]
+    Accelerated,
+    /// Rotations and positions together, linearized: few, dear iterations.
+    GaussNewton,
+}
+
 /// What a method may be told.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeformOptions {
     /// How cotangents are taken.
     pub cotangents: CotangentRule,
+    /// How elastic energies are minimized.
+    pub solver: Solver,
+    /// Laplacian editing: whose differential coordinates are kept.
+    pub laplacian: LaplacianKind,
+    /// Laplacian editing: where their rotations come from.
+    pub turning: Turning,
     /// What happens to parts without a handle.
     pub unheld: Unheld,
     /// What the shell of [`Method::Primo`] is like.
@@ -106,12 +144,16 @@ pub fn bind(
     handles: &Handles,
     options: &DeformOptions,
 ) -> Result<Box<dyn Deformer>, SurfaceError> {
-    let arap =
-        |kind| -> Result<Box<dyn Deformer>, SurfaceError> { Ok(Box::new(Arap::new(kind, mesh, handles, options)?)) };
+    let arap = |kind, solver| -> Result<Box<dyn Deformer>, SurfaceError> {
+        Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options })?))
+    };
     match method {
-        Method::Arap => arap(CellKind::SpokesAndRims),
-        Method::ArapSpokes => arap(CellKind::Spokes),
-        Method::ArapElements => arap(CellKind::Elements),
+        Method::Arap => arap(CellKind::SpokesAndRims, options.solver),
+        Method::ArapSpokes => arap(CellKind::Spokes, options.solver),
+        Method::ArapElements => arap(CellKind::Elements, options.solver),
+        Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
+        Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options)?)),
+        Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options)?)),
         Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options)?)),
     }
 }

@@ -52,10 +52,12 @@ pub enum SurfaceError {
         /// Vertices that are held.
         handles: usize,
     },
-    /// Input: a start for another mesh.
-    #[error("a start of {given} positions does not fit a mesh of {vertices} vertices")]
-    Start {
-        /// Positions given.
+    /// Input: a start or transforms for another mesh.
+    #[error("{given} {what} do not fit a mesh of {vertices} vertices: give one for each")]
+    PerVertex {
+        /// What was counted.
+        what: &'static str,
+        /// How many were given.
         given: usize,
         /// Vertices of the mesh.
         vertices: usize,

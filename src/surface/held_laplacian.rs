@@ -21,7 +21,8 @@ pub(super) struct HeldLaplacian {
     borders: Vec<(u32, u32, f64)>,
     /// `(unknown, number of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
-    factor: CompactFactor,
+    /// None where nothing is free.
+    factor: Option<CompactFactor>,
     points: Vec<[f64; 3]>,
 }
 
@@ -65,9 +66,7 @@ impl HeldLaplacian {
         for &(unknown, _, weight) in &soft {
             values[diagonal[unknown as usize] as usize] += weight;
         }
-        let mut cholesky = Cholesky::analyze(&pattern, &Ordering::Amd)?;
-        cholesky.factor(&matrix)?;
-        let factor = CompactFactor::new(&cholesky);
+        let factor = factored(&matrix)?;
         Ok(Self { free: held.free.clone(), borders, soft, factor, points: vec![[0.0; 3]; n] })
     }
 
@@ -93,14 +92,58 @@ impl HeldLaplacian {
         self.soft.iter().map(of).sum()
     }
 
+    /// Unknowns that are vertices, ascending.
+    pub(super) fn free(&self) -> &[u32] {
+        &self.free
+    }
+
+    /// Adds `μ (x − t)` to the entries of the softly held unknowns.
+    pub(super) fn add_soft(&self, x: &[Lanes], targets: &[Lanes], g: &mut [Lanes]) {
+        for &(unknown, k, weight) in &self.soft {
+            g[unknown as usize] += Lanes::splat(weight) * (x[self.free[unknown as usize] as usize] - targets[k]);
+        }
+    }
+
+    /// Adds `μ d` to the entries of the softly held unknowns.
+    pub(super) fn add_soft_product(&self, d: &[Lanes], y: &mut [Lanes]) {
+        for &(unknown, _, weight) in &self.soft {
+            y[unknown as usize] += Lanes::splat(weight) * d[unknown as usize];
+        }
+    }
+
+    /// Replaces a vector with one entry per unknown by `A⁻¹` times it.
+    pub(super) fn solve_unknowns(&mut self, v: &mut [Lanes]) {
+        for (point, v) in self.points.iter_mut().zip(v.iter()) {
+            *point = v.xyz();
+        }
+        if let Some(factor) = &mut self.factor {
+            factor.solve_3(&mut self.points);
+        }
+        for (v, &point) in v.iter_mut().zip(&self.points) {
+            *v = Lanes::point(point);
+        }
+    }
+
     /// Moves the free vertices of `x` to the minimizer for the pull `b` of the vertices and that of the handles.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
         for ((point, &v), pull) in self.points.iter_mut().zip(&self.free).zip(pull) {
             *point = (b[v as usize] + *pull).xyz();
         }
-        self.factor.solve_3(&mut self.points);
+        if let Some(factor) = &mut self.factor {
+            factor.solve_3(&mut self.points);
+        }
         for (&point, &v) in self.points.iter().zip(&self.free) {
             x[v as usize] = Lanes::point(point);
         }
     }
+}
+
+/// The factor of a matrix, for many solves; none for a system without unknowns.
+pub(super) fn factored(matrix: &SparseMatrix) -> Result<Option<CompactFactor>, SparseError> {
+    if matrix.n() == 0 {
+        return Ok(None);
+    }
+    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
+    cholesky.factor(matrix)?;
+    Ok(Some(CompactFactor::new(&cholesky)))
 }

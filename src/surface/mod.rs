@@ -10,6 +10,7 @@
 mod arap;
 mod bound;
 mod deformer;
+mod detail_preserving;
 mod error;
 pub mod handle_file;
 mod handles;
@@ -19,20 +20,27 @@ pub mod hierarchy;
 mod lanes;
 pub mod modal;
 mod primo;
+mod laplacian_editing;
+mod poisson;
 mod report;
 mod rotation_fit;
+mod similarity;
 mod spread;
 #[cfg(test)]
 mod test_meshes;
+#[cfg(test)]
+mod tests;
 
 pub use crate::energy::Convergence;
 pub use crate::mesh::operators::CotangentRule;
 pub use arap::{Arap, CellKind};
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Start, bind};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind};
+pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};
 pub use held::{Part, Unheld};
 pub use hierarchy::{Hierarchy, LevelPose};
+pub use laplacian_editing::Turning;
 pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
 pub use primo::{Primo, PrimoOptions};
 pub use report::{DeformReport, Gauge, ShapeChange, Stop};

@@ -101,7 +101,7 @@ pub(super) fn matrices(&[i, j, k, w]: &Turns) -> Covariances {
 }
 
 #[inline(always)]
-fn product(a: &Covariances, b: &Covariances) -> Covariances {
+pub(super) fn product(a: &Covariances, b: &Covariances) -> Covariances {
     let entry = |r: usize, c: usize| a[r][0] * b[0][c] + a[r][1] * b[1][c] + a[r][2] * b[2][c];
     let row = |r: usize| [entry(r, 0), entry(r, 1), entry(r, 2)];
     [row(0), row(1), row(2)]

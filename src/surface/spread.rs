@@ -14,6 +14,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use super::HandlePose;
 use super::bound::Bound;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
@@ -59,8 +60,22 @@ impl Patches {
         Self { patch: roots.iter().map(|&r| name[r]).collect(), part, size }
     }
 
+    /// Rotation of every vertex for a pose: those given, or fitted, spread over the surface.
+    pub(super) fn turns(
+        &self,
+        bound: &Bound,
+        system: &mut HeldLaplacian,
+        pose: &HandlePose,
+        targets: &[Lanes],
+    ) -> Vec<UnitQuaternion<f64>> {
+        match pose.rotations() {
+            Some(given) => self.spread(bound, system, given),
+            None => self.spread(bound, system, &self.fitted(bound, targets)),
+        }
+    }
+
     /// Rotation of each handle: of its patch, fitted to the targets.
-    pub(super) fn fitted(&self, bound: &Bound, targets: &[Lanes]) -> Vec<UnitQuaternion<f64>> {
+    fn fitted(&self, bound: &Bound, targets: &[Lanes]) -> Vec<UnitQuaternion<f64>> {
         let places = |k: usize| {
             let v = bound.held.handles.vertices()[k] as usize;
             (Vector3::from(bound.rest[v].xyz()), Vector3::from(targets[k].xyz()))
@@ -78,7 +93,7 @@ impl Patches {
     }
 
     /// Rotation of every vertex, from those of the handles; identity on parts without one.
-    pub(super) fn spread(
+    fn spread(
         &self,
         bound: &Bound,
         system: &mut HeldLaplacian,
@@ -119,6 +134,15 @@ impl Patches {
         }
         reference
     }
+}
+
+/// The rotation that carries all handles best.
+pub(super) fn overall_turn(bound: &Bound, targets: &[Lanes]) -> UnitQuaternion<f64> {
+    let places = |k: usize| {
+        let v = bound.held.handles.vertices()[k] as usize;
+        (Vector3::from(bound.rest[v].xyz()), Vector3::from(targets[k].xyz()))
+    };
+    procrustes(1, targets.len(), |_| 0, places, |_| UnitQuaternion::identity())[0]
 }
 
 /// `log(Rᵀ_from R_to)` with an angle of at most π; exactly zero for equal rotations.

@@ -6,6 +6,8 @@ mod bodies;
 use std::io::Cursor;
 
 use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline::mesh::io::{WriteOptions, decode_model, encode_model};
+use plumbline::mesh::{MeshFormat, Model, ReadLimits, shapes};
 use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
 use plumbline::time::{Timebase, Timestamp};
 use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
@@ -156,4 +158,46 @@ fn no_picture_makes_the_reader_panic() {
     };
     let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
     hammer(&formats.map(file), bodies::still_file, 3);
+}
+
+/// A square of two materials and three vertices of color, in every format.
+fn mesh_examples(format: MeshFormat) -> Vec<Vec<u8>> {
+    let obj = b"o a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\nusemtl m\ng p\nf 1/1/1 2/2/1 3/1/1 4/2/1\n\
+                usemtl n\nf -4 3 2\nf 4//1 2//1 \\\n1//1\n";
+    let square = decode_model(obj, MeshFormat::Obj, None, &ReadLimits::default()).expect("a mesh");
+    let plain = Model::of_mesh(shapes::disjoint(&[shapes::moebius(5, 1), shapes::hourglass(), shapes::book(4)]));
+    let encoded =
+        |model: &Model, ascii: bool| encode_model(model, format, &WriteOptions { ascii }).expect("it can be written");
+    let mut examples: Vec<_> =
+        [&square, &plain].into_iter().flat_map(|m| [encoded(m, true), encoded(m, false)]).collect();
+    match format {
+        MeshFormat::Obj => examples.push(obj.to_vec()),
+        MeshFormat::Off => examples.push(b"STCNOFF 3 1 0\n0 0 0 0 0 1 1 0 0 1 0 0\n1 0 0 0 0 1 1 0 0 1 1 0\n0 1 0 0 0 1 1 0 0 1 0 1\n3 0 1 2\n".to_vec()),
+        MeshFormat::Ply => examples.push(
+            b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement tristrips 1\n\
+              property list int int vertex_indices\nelement extra 2\nproperty list uchar float w\nend_header\n0 0 0\n1 0 0\n0 1 0\n\
+              1 1 0\n4 0 1 2 3\n1 2\n0\n"
+                .to_vec(),
+        ),
+        _ => {}
+    }
+    examples
+}
+
+#[test]
+fn no_mesh_file_makes_a_reader_panic() {
+    let bodies: [(MeshFormat, fn(&[u8])); 5] = [
+        (MeshFormat::Obj, bodies::obj_file),
+        (MeshFormat::Ply, bodies::ply_file),
+        (MeshFormat::Off, bodies::off_file),
+        (MeshFormat::Stl, bodies::stl_file),
+        (MeshFormat::Glb, bodies::gltf_file),
+    ];
+    for (seed, (format, body)) in bodies.into_iter().enumerate() {
+        hammer(&mesh_examples(format), body, 10 + seed as u64);
+    }
+    hammer(&mesh_examples(MeshFormat::Gltf), bodies::gltf_file, 20);
+    let medit = b"MeshVersionFormatted 1\nDimension 3\nVertices\n4\n0 0 0 1\n1 0 0 1\n0 1 0 1\n0 0 1 1\nTriangles\n2\n1 2 3 0\n1 3 4 0\n\
+                  Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 7\nEnd\n";
+    hammer(&[medit.to_vec()], bodies::medit_file, 21);
 }

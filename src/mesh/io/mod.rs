@@ -179,3 +179,11 @@ fn finite(
     let [x, y, z] = xyz;
     Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
 }
+
+/// What lies on a surface, normals or texture coordinates, is not worth refusing its shape for.
+fn or_zero(value: f64) -> f64 {
+    if value.is_finite() { value } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests;

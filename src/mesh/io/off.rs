@@ -11,7 +11,7 @@ use std::io::{self, Write};
 
 use super::text::{Lines, number, shown, words};
 use super::write::Number;
-use super::{MeshFormat, finite, malformed};
+use super::{MeshFormat, finite, malformed, or_zero};
 use crate::mesh::{MeshError, Model, ModelBuilder, NO_VALUE, Position};
 
 /// Which variant the keyword names.
@@ -138,7 +138,7 @@ fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilde
     builder.positions.push(finite(MeshFormat::Off, || Position::Line(line), at, [values[0], values[1], values[2]])?);
     let mut next = 3;
     if variant.normals {
-        builder.normals.values.push([values[3], values[4], values[5]]);
+        builder.normals.values.push([values[3], values[4], values[5]].map(or_zero));
         next = 6;
     }
     let left = count - least;
@@ -149,7 +149,7 @@ fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilde
         next += left.min(4);
     }
     if variant.texture {
-        builder.texture.values.push([values[next], values[next + 1]]);
+        builder.texture.values.push([values[next], values[next + 1]].map(or_zero));
     }
     Ok(())
 }

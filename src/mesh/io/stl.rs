@@ -30,7 +30,7 @@ pub(super) fn is_binary(bytes: &[u8]) -> bool {
 /// Reads the file.
 pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     let text = bytes.trim_ascii_start().starts_with(b"solid");
-    let has_facets = || bytes[..bytes.len().min(2048)].windows(5).any(|w| w == b"facet" || w == b"endso");
+    let has_facets = || bytes[..bytes.len().min(1 << 16)].windows(5).any(|w| w == b"facet" || w == b"endso");
     if !is_binary(bytes) && text && has_facets() { read_text(bytes) } else { read_binary(bytes) }
 }
 

@@ -44,6 +44,13 @@ pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions) -> R
 /// [`MeshError::Unwritable`] for a format that is only read, and where the model is larger than the format can hold.
 pub fn encode_model(model: &Model, format: MeshFormat, options: &WriteOptions) -> Result<Vec<u8>, MeshError> {
     let mut out = Vec::new();
+    let beyond = |x: &f64| x.abs() > f64::from(f32::MAX);
+    let single = matches!(format, MeshFormat::Stl | MeshFormat::Gltf | MeshFormat::Glb);
+    if single && model.mesh().positions().iter().any(|p| p.coords.iter().any(beyond)) {
+        let reason =
+            format!("{format} holds coordinates up to {:e}, and the mesh has larger ones; write PLY or OBJ", f32::MAX);
+        return Err(MeshError::Unwritable { reason });
+    }
     let written = match format {
         MeshFormat::Obj => obj::write(model, &mut out),
         MeshFormat::Ply => ply::write(model, options.ascii, &mut out),
@@ -111,7 +118,12 @@ impl fmt::Display for Number {
     }
 }
 
-/// A name that ends no line.
+/// A name that neither ends its line, nor continues it, nor begins a comment.
 pub(super) fn one_line(name: &str) -> String {
-    name.trim().replace(|c: char| c.is_control(), "_")
+    let words: Vec<_> = name
+        .split_whitespace()
+        .map(|word| word.strip_prefix('#').map_or(word.to_owned(), |w| format!("_{w}")))
+        .collect();
+    let line = words.join(" ").replace(|c: char| c.is_control(), "_");
+    if line.ends_with('\\') { format!("{line}_") } else { line }
 }

@@ -104,16 +104,29 @@ fn first_beyond(faces: &Faces, vertices: usize) -> Option<(usize, u32)> {
     faces.iter().enumerate().find_map(|(face, corners)| Some((face, beyond(corners)?)))
 }
 
+/// The data, or none where no corner has a value.
 fn filled<const N: usize>(mut data: CornerData<N>, corners: usize) -> Option<CornerData<N>> {
+    let count = data.values.len();
     data.of_corner.resize(corners, NO_VALUE);
+    data.of_corner.iter_mut().filter(|value| **value as usize >= count).for_each(|value| *value = NO_VALUE);
     data.of_corner.iter().any(|&value| value != NO_VALUE).then_some(data)
 }
 
-/// The labels, or none where no face has one.
+/// The labels without those that no face has, in the order of the file.
 fn used<T>(labels: Labels<T>) -> Labels<T> {
-    if labels.of_face.iter().all(|&label| label == NO_VALUE) {
-        Labels { of_face: Vec::new(), ..labels }
-    } else {
-        labels
+    let mut number = vec![NO_VALUE; labels.all.len()];
+    for &label in labels.of_face.iter().filter(|&&label| label != NO_VALUE) {
+        number[label as usize] = 0;
     }
+    let mut next = 0;
+    for number in number.iter_mut().filter(|number| **number == 0) {
+        *number = next;
+        next += 1;
+    }
+    let mut numbers = number.iter();
+    let mut all = labels.all;
+    all.retain(|_| numbers.next().is_some_and(|&n| n != NO_VALUE));
+    let renumbered = |label: u32| number.get(label as usize).copied().unwrap_or(NO_VALUE);
+    let of_face = if all.is_empty() { Vec::new() } else { labels.of_face.into_iter().map(renumbered).collect() };
+    Labels { all, of_face }
 }

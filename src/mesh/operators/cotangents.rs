@@ -65,6 +65,13 @@ impl Cotangents {
         Self { triangles, half, degenerate }
     }
 
+    /// The same with no half cotangent beyond ± `largest`: for systems in which weights meet squared.
+    #[must_use]
+    pub fn limited(mut self, largest: f64) -> Self {
+        self.half.iter_mut().flatten().for_each(|h| *h = h.clamp(-largest, largest));
+        self
+    }
+
     /// Corners of the triangles: the mesh's own unless the rule flipped edges.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles

@@ -60,6 +60,32 @@ impl EdgeWeights {
         Self { vertices, edges, weights }
     }
 
+    /// `L W L` with `W = diag(weights)`: the bilaplacian for inverse masses. Its rows sum to zero too, so that it is given
+    /// by weights again, of edges between vertices up to two edges apart and of both signs.
+    ///
+    /// # Panics
+    /// Unless there is one weight per vertex.
+    #[must_use]
+    pub fn squared(&self, weights: &[f64]) -> Self {
+        assert_eq!(weights.len(), self.vertices, "one weight per vertex");
+        let mut rows: Vec<Vec<(u32, f64)>> = (0..self.vertices as u32).map(|v| vec![(v, 0.0)]).collect();
+        for (i, j, w) in self.iter() {
+            rows[i][0].1 += w;
+            rows[j][0].1 += w;
+            rows[i].push((j as u32, -w));
+            rows[j].push((i as u32, -w));
+        }
+        // (L W L)_ij = Σₖ wₖ L_ki L_kj
+        let products = rows.iter().zip(weights).flat_map(|(row, &w)| {
+            let pair = move |(n, a): (usize, &(u32, f64))| {
+                let (i, a) = (a.0, a.1 * w);
+                row[n + 1..].iter().map(move |&(j, b)| (i, j, -a * b))
+            };
+            row.iter().enumerate().flat_map(pair)
+        });
+        Self::summed(self.vertices, products)
+    }
+
     /// Number of vertices, those without an edge among them.
     pub fn vertex_count(&self) -> usize {
         self.vertices

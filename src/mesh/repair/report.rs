@@ -185,8 +185,9 @@ pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
         component.triangles += 1;
         component.area += 0.5 * mesh.area_normal(t).norm();
         let [a, b, c] = mesh.corners(t).map(|p| p - origins[number]);
-        *component.volume.get_or_insert(0.0) += a.dot(&b.cross(&c)) / 6.0;
+        *component.volume.get_or_insert(0.0) += a.dot(&b.cross(&c));
     }
+    components.iter_mut().for_each(|component| component.volume = component.volume.map(|six_times| six_times / 6.0));
     (component_of, components)
 }
 

@@ -31,6 +31,7 @@ pub(super) fn finish(soup: &Soup<'_>, report: RepairReport) -> Repaired {
     sheets.pair();
     sheets.orient();
     let classes = sheets.split();
+    sheets.face_outward(&classes);
     sheets.build(&classes)
 }
 
@@ -105,42 +106,38 @@ impl Sheets<'_> {
 
     /// Turns triangles so that neighbors run along their edge in opposite directions; cuts where that cannot be.
     fn orient(&mut self) {
-        let triangles = self.soup.corners.len();
-        let mut seen = vec![false; triangles];
-        let mut shells = Vec::new();
-        for seed in 0..triangles {
-            if seen[seed] {
-                continue;
+        let mut seen = vec![false; self.soup.corners.len()];
+        for seed in 0..seen.len() as u32 {
+            if !std::mem::replace(&mut seen[seed as usize], true) {
+                let members = self.orient_like(seed, &mut seen);
+                self.turn_to_majority(&members);
             }
-            seen[seed] = true;
-            let (mut open, mut members) = (VecDeque::from([seed as u32]), Vec::new());
-            let mut cuts = 0;
-            while let Some(t) = open.pop_front() {
-                members.push(t);
-                for h in 3 * t..3 * t + 3 {
-                    let other = self.across[h as usize];
-                    if other == NONE {
-                        continue;
-                    }
-                    let u = other / 3;
-                    let along = self.origin(h) == self.origin(other);
-                    let wanted = self.flipped[t as usize] != along;
-                    if !std::mem::replace(&mut seen[u as usize], true) {
-                        self.flipped[u as usize] = wanted;
-                        open.push_back(u);
-                    } else if self.flipped[u as usize] != wanted {
-                        self.cut(h);
-                        cuts += 1;
-                    }
+        }
+    }
+
+    /// Turns all triangles that are reached from `seed` as it is turned itself; their numbers.
+    fn orient_like(&mut self, seed: u32, seen: &mut [bool]) -> Vec<u32> {
+        let (mut open, mut members) = (VecDeque::from([seed]), Vec::new());
+        while let Some(t) = open.pop_front() {
+            members.push(t);
+            for h in 3 * t..3 * t + 3 {
+                let other = self.across[h as usize];
+                if other == NONE {
+                    continue;
+                }
+                let u = other / 3;
+                let along = self.origin(h) == self.origin(other);
+                let wanted = self.flipped[t as usize] != along;
+                if !std::mem::replace(&mut seen[u as usize], true) {
+                    self.flipped[u as usize] = wanted;
+                    open.push_back(u);
+                } else if self.flipped[u as usize] != wanted {
+                    self.cut(h);
+                    self.report.unorientable_cuts += 1;
                 }
             }
-            self.report.unorientable_cuts += cuts;
-            shells.push(Shell::of(self, &members));
-            self.turn_to_majority(&members, shells.last_mut().expect("just pushed"));
         }
-        self.turn_outward(&shells);
-        self.report.flipped =
-            (0..triangles).filter(|&t| self.flipped[t]).map(|t| self.soup.corners[t][0] / 3).collect();
+        members
     }
 
     fn turn(&mut self, members: &[u32]) {
@@ -148,26 +145,55 @@ impl Sheets<'_> {
     }
 
     /// The larger part of the area keeps the orientation it came with.
-    fn turn_to_majority(&mut self, members: &[u32], shell: &mut Shell) {
-        if shell.turned_area > 0.5 * shell.area {
+    fn turn_to_majority(&mut self, members: &[u32]) {
+        let area = |t: &u32| {
+            let [a, b, c] = self.soup.vertices(*t as usize).map(|v| self.soup.position(v));
+            (b - a).cross(&(c - a)).norm()
+        };
+        let turned: f64 = members.iter().filter(|&&t| self.flipped[t as usize]).map(area).sum();
+        if turned > 0.5 * members.iter().map(area).sum::<f64>() {
             self.turn(members);
-            shell.volume = -shell.volume;
         }
     }
 
     /// Closed parts face outward. One that came oriented alike stays inside out where it lies within another: it is a cavity.
-    fn turn_outward(&mut self, shells: &[Shell]) {
-        for shell in shells {
+    fn face_outward(&mut self, classes: &Joined) {
+        let shells = self.shells(classes);
+        for shell in &shells {
             if !(shell.closed && shell.volume < 0.0) {
                 continue;
             }
-            let cavity = shell.as_given
-                && shells.iter().any(|other| other.closed && other.volume > 0.0 && other.encloses(shell));
-            if !cavity {
-                let members = shell.members.clone();
-                self.turn(&members);
+            let around = |other: &Shell| other.closed && other.volume > 0.0 && other.encloses(shell);
+            if !(shell.as_given && shells.iter().any(around)) {
+                self.turn(&shell.members);
             }
         }
+        let turned = (0..self.flipped.len()).filter(|&t| self.flipped[t]);
+        self.report.flipped = turned.map(|t| self.soup.corners[t][0] / 3).collect();
+    }
+
+    /// Parts that hang together by edges, once vertices are split.
+    fn shells(&self, classes: &Joined) -> Vec<Shell> {
+        let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
+        let mut joined = Joined::apart(self.flipped.len());
+        let mut open = vec![false; self.flipped.len()];
+        for edge in edge_groups(&origins).iter() {
+            match *edge {
+                [(_, g), (_, h)] => joined.join(g / 3, h / 3),
+                _ => edge.iter().for_each(|&(_, h)| open[h as usize / 3] = true),
+            }
+        }
+        let mut number = vec![NONE; self.flipped.len()];
+        let mut shells: Vec<Shell> = Vec::new();
+        for t in 0..number.len() {
+            let root = joined.root(t as u32) as usize;
+            if root == t {
+                number[t] = shells.len() as u32;
+                shells.push(Shell::starting_at(self.soup.position(self.soup.vertices(t)[0])));
+            }
+            shells[number[root] as usize].add(self, t, open[t]);
+        }
+        shells
     }
 
     /// The vertices of a triangle as it is turned.
@@ -269,50 +295,39 @@ impl Sheets<'_> {
     }
 }
 
-/// Triangles that are neighbors of neighbors, as they are oriented.
+/// Triangles that hang together by edges, as they are oriented.
 struct Shell {
     members: Vec<u32>,
     closed: bool,
-    /// No triangle had to be turned.
+    /// Some triangle keeps its orientation, some was turned.
+    kept: bool,
+    turned: bool,
+    /// No triangle was turned against another.
     as_given: bool,
-    area: f64,
-    turned_area: f64,
     volume: f64,
+    first: Point3<f64>,
     low: Point3<f64>,
     high: Point3<f64>,
 }
 
 impl Shell {
-    fn of(sheets: &Sheets<'_>, members: &[u32]) -> Self {
-        let soup = sheets.soup;
-        let first = soup.position(soup.vertices(members[0] as usize)[0]);
-        let mut shell = Self {
-            members: members.to_vec(),
-            closed: true,
-            as_given: true,
-            area: 0.0,
-            turned_area: 0.0,
-            volume: 0.0,
-            low: first,
-            high: first,
-        };
-        for &t in members {
-            let corners = soup.vertices(t as usize).map(|v| soup.position(v));
-            let [a, b, c] = corners.map(|p| p - first);
-            let area = 0.5 * (b - a).cross(&(c - a)).norm();
-            let turned = sheets.flipped[t as usize];
-            shell.closed &= (3 * t..3 * t + 3).all(|h| sheets.across[h as usize] != NONE);
-            shell.as_given &= !turned;
-            shell.area += area;
-            shell.turned_area += if turned { area } else { 0.0 };
-            shell.volume += a.dot(&b.cross(&c)) * if turned { -1.0 } else { 1.0 } / 6.0;
-            for p in &corners {
-                (shell.low, shell.high) = (shell.low.inf(p), shell.high.sup(p));
-            }
+    fn starting_at(first: Point3<f64>) -> Self {
+        let (low, high, members) = (first, first, Vec::new());
+        Self { members, closed: true, kept: false, turned: false, as_given: true, volume: 0.0, first, low, high }
+    }
+
+    fn add(&mut self, sheets: &Sheets<'_>, t: usize, open: bool) {
+        let corners = sheets.soup.vertices(t).map(|v| sheets.soup.position(v));
+        let [a, b, c] = corners.map(|p| p - self.first);
+        let turned = sheets.flipped[t];
+        self.members.push(t as u32);
+        self.closed &= !open;
+        *(if turned { &mut self.turned } else { &mut self.kept }) = true;
+        self.as_given = !(self.turned && self.kept);
+        self.volume += a.dot(&b.cross(&c)) * if turned { -1.0 } else { 1.0 };
+        for p in &corners {
+            (self.low, self.high) = (self.low.inf(p), self.high.sup(p));
         }
-        // Turned as a whole it came oriented alike too.
-        shell.as_given |= shell.turned_area >= shell.area;
-        shell
     }
 
     fn encloses(&self, other: &Self) -> bool {

@@ -13,11 +13,11 @@
 //!
 //! One pass over the cells gathers `S`, fits `R` to it and scatters `R c`, four cells at a time.
 
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 
 use crate::mesh::operators::Cotangents;
 use crate::surface::lanes::{self, Kernel, LANES, Lanes};
-use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices};
+use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices, product};
 
 /// Which edges turn together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +50,7 @@ struct Spoke {
 
 /// All cells of a surface at rest, and the rotation last fitted to each.
 #[derive(Clone, Debug)]
-pub(super) struct Cells {
+pub(in crate::surface) struct Cells {
     /// Spokes of cell `i`: `spokes[starts[i]..starts[i + 1]]`; empty cells fill up the last group.
     starts: Vec<u32>,
     centers: Vec<u32>,
@@ -62,7 +62,7 @@ const IDENTITY: Turns = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0
 
 impl Cells {
     /// Cells of a surface whose vertices rest at `rest`.
-    pub(super) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
+    pub(in crate::surface) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
         let (mut starts, mut centers, spokes) = match kind {
             CellKind::Elements => element_cells(rest, cotangents),
             CellKind::Spokes | CellKind::SpokesAndRims => vertex_cells(kind, rest, cotangents),
@@ -75,7 +75,7 @@ impl Cells {
 
     /// Fits all rotations to `x`, starting from the last ones, and writes the pull `b` of the fitted cells (one entry per
     /// vertex). Returns `Σ tr(R S) = b · x`.
-    pub(super) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
+    pub(in crate::surface) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
         b.fill(Lanes::ZERO);
         lanes::run(LocalStep { cells: self, x, b })
     }
@@ -84,12 +84,23 @@ impl Cells {
     pub(super) fn pull(&self, b: &mut [Lanes]) {
         b.fill(Lanes::ZERO);
         for (group, turns) in self.turns.iter().enumerate() {
-            self.scatter(group, turns, b);
+            self.scatter(group, &matrices(turns), b);
         }
     }
 
+    /// Inverses of the moments of inertia of the cells at rest, `(tr C I − C)⁻¹` with `C = Σ w e eᵀ`.
+    pub(super) fn inertia(&self, rest: &[Lanes]) -> Vec<Inertia> {
+        (0..self.turns.len()).map(|group| inverse_inertia(&self.covariances(group, rest))).collect()
+    }
+
+    /// Subtracts from `y` how the pull changes when `x` moves by `p` and the cells turn along as if they were rigid:
+    /// `R [ω]ₓ c` with `ω = (tr C I − C)⁻¹ Σ c × Rᵀ(pⱼ − pᵢ)`.
+    pub(super) fn subtract_turning(&self, inertia: &[Inertia], p: &[Lanes], y: &mut [Lanes]) {
+        lanes::run(Turning { cells: self, inertia, p, y });
+    }
+
     /// Rotation of a cell.
-    pub(super) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
+    pub(in crate::surface) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
         let [i, j, k, w] = self.turns[cell / LANES].map(|q| q.0[cell % LANES]);
         UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
     }
@@ -128,10 +139,9 @@ impl Cells {
         std::array::from_fn(|r| std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| s[lane][r].0[c]))))
     }
 
-    /// Adds the pull of four cells.
+    /// Adds the pull `R c` of four cells.
     #[inline(always)]
-    fn scatter(&self, group: usize, turns: &Turns, b: &mut [Lanes]) {
-        let r = matrices(turns);
+    fn scatter(&self, group: usize, r: &Covariances, b: &mut [Lanes]) {
         for lane in 0..LANES {
             let cell = LANES * group + lane;
             let column = |c: usize| Lanes([r[0][c].0[lane], r[1][c].0[lane], r[2][c].0[lane], 0.0]);
@@ -165,9 +175,63 @@ impl Kernel for LocalStep<'_> {
             let mut turns = self.cells.turns[group];
             traces += fit(&s, &mut turns);
             self.cells.turns[group] = turns;
-            self.cells.scatter(group, &turns, self.b);
+            self.cells.scatter(group, &matrices(&turns), self.b);
         }
         traces.dot(Lanes::splat(1.0))
+    }
+}
+
+/// Four symmetric matrices: `xx, yy, zz, xy, xz, yz`.
+pub(super) type Inertia = [Lanes; 6];
+
+/// A moment of inertia about an axis is at least this fraction of the largest: a cell that is a line, or nothing, has none.
+const LEAST_INERTIA: f64 = 1e-9;
+
+fn inverse_inertia(c: &Covariances) -> Inertia {
+    let mut inverse = [Lanes::ZERO; 6];
+    for lane in 0..LANES {
+        let c = Matrix3::from_fn(|i, j| 0.5 * (c[i][j].0[lane] + c[j][i].0[lane]));
+        let inertia = Matrix3::identity() * c.trace() - c;
+        let floor = (LEAST_INERTIA * inertia.amax()).max(f64::MIN_POSITIVE);
+        let eigen = inertia.symmetric_eigen();
+        let inverted = eigen.eigenvalues.map(|m| 1.0 / m.max(floor));
+        let m = eigen.eigenvectors * Matrix3::from_diagonal(&inverted) * eigen.eigenvectors.transpose();
+        let entries = [m.m11, m.m22, m.m33, m.m12, m.m13, m.m23];
+        for (inverse, entry) in inverse.iter_mut().zip(entries) {
+            inverse.0[lane] = if entry.is_finite() { entry } else { 0.0 };
+        }
+    }
+    inverse
+}
+
+struct Turning<'a> {
+    cells: &'a Cells,
+    inertia: &'a [Inertia],
+    p: &'a [Lanes],
+    y: &'a mut [Lanes],
+}
+
+impl Kernel for Turning<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (group, [xx, yy, zz, xy, xz, yz]) in self.inertia.iter().enumerate() {
+            let r = matrices(&self.cells.turns[group]);
+            // M = δS R = Σ c (Rᵀ d)ᵀ
+            let m = product(&self.cells.covariances(group, self.p), &r);
+            let a = [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]];
+            let omega = [
+                *xx * a[0] + *xy * a[1] + *xz * a[2],
+                *xy * a[0] + *yy * a[1] + *yz * a[2],
+                *xz * a[0] + *yz * a[1] + *zz * a[2],
+            ];
+            // −R [ω]ₓ: each row of R crossed with ω, since rᵀ(ω × c) = (r × ω)ᵀ c.
+            let turned = r.map(|[x, y, z]| {
+                [z * omega[1] - y * omega[2], x * omega[2] - z * omega[0], y * omega[0] - x * omega[1]]
+            });
+            self.cells.scatter(group, &turned, self.y);
+        }
     }
 }
 

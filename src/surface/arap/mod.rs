@@ -16,35 +16,37 @@
 //! *A local/global approach to mesh parameterization*, SGP 2008 (elements).
 
 mod cells;
+mod elastic;
+mod gauss_newton;
+mod line_search;
+mod local_global;
+mod quasi_newton;
 #[cfg(test)]
 mod tests;
 
 pub use cells::CellKind;
-use cells::Cells;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+pub(super) use cells::Cells;
+use cells::Inertia;
+pub(super) use elastic::Elastic;
 
 use super::bound::Bound;
-use super::deformer::{DeformOptions, Deformation, Deformer, Method, Start};
-use super::held_laplacian::HeldLaplacian;
+use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
 use super::lanes::Lanes;
 use super::spread::Patches;
-use super::{DeformReport, HandlePose, Handles, Stop, SurfaceError};
+use super::{HandlePose, Handles, Stop, SurfaceError};
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
-use crate::mesh::operators::{Cotangents, EdgeWeights};
+use crate::mesh::operators::Cotangents;
 
 /// ARAP of one kind, bound to a mesh and handles.
 #[derive(Debug)]
 pub struct Arap {
-    kind: CellKind,
     bound: Bound,
-    cotangents: Cotangents,
-    weights: EdgeWeights,
-    cells: Cells,
-    system: HeldLaplacian,
+    elastic: Elastic,
     patches: Patches,
-    /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
-    at_rest: f64,
+    solver: Solver,
+    /// For Gauss–Newton only.
+    inertia: Vec<Inertia>,
     last: Option<Vec<Lanes>>,
 }
 
@@ -60,13 +62,13 @@ impl Arap {
         options: &DeformOptions,
     ) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
-        let cotangents = Cotangents::new(mesh, options.cotangents);
-        let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
-        let system = HeldLaplacian::new(&weights, kind.laplacians(), &bound.held)?;
-        let cells = Cells::new(kind, &bound.rest, &cotangents);
+        let elastic = Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held)?;
         let patches = Patches::new(&bound);
-        let at_rest = kind.laplacians() * dirichlet(&weights, &bound.rest);
-        Ok(Self { kind, bound, cotangents, weights, cells, system, patches, at_rest, last: None })
+        let inertia = match options.solver {
+            Solver::GaussNewton => elastic.cells.inertia(&bound.rest),
+            Solver::LocalGlobal | Solver::Accelerated => Vec::new(),
+        };
+        Ok(Self { bound, elastic, patches, solver: options.solver, inertia, last: None })
     }
 
     /// Where an iteration starts, handles on their targets.
@@ -74,104 +76,40 @@ impl Arap {
         let mut x = match (start, self.last.take()) {
             (Start::Last, Some(last)) => last,
             (Start::Rest, _) => {
-                self.cells.reset();
+                self.elastic.cells.reset();
                 self.bound.rest.clone()
             }
             (Start::At(positions), _) => {
-                self.cells.reset();
-                self.given(positions)?
+                self.elastic.cells.reset();
+                self.bound.given(positions)?
             }
-            (Start::Spread | Start::Last, _) => self.spread(pose, targets),
+            (Start::Spread | Start::Last, _) => {
+                let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, targets);
+                self.elastic.turn_cells(&turns);
+                self.elastic.follow(&self.bound, targets)
+            }
         };
         self.bound.impose(targets, &mut x);
         Ok(x)
     }
 
-    fn given(&self, positions: &[nalgebra::Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
-        if positions.len() != self.bound.rest.len() {
-            let (given, handles) = (positions.len(), self.bound.rest.len());
-            return Err(SurfaceError::Start { given, vertices: handles });
+    fn minimize(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
+        let elastic = &mut self.elastic;
+        match self.solver {
+            Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence),
+            Solver::Accelerated => quasi_newton::minimize(elastic, targets, x, convergence),
+            Solver::GaussNewton => gauss_newton::minimize(elastic, &self.inertia, targets, x, convergence),
         }
-        match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
-            None => Ok(positions.iter().map(|p| self.bound.inner(p)).collect()),
-        }
-    }
-
-    /// One global step for rotations spread from the handles.
-    fn spread(&mut self, pose: &HandlePose, targets: &[Lanes]) -> Vec<Lanes> {
-        let turns = match pose.rotations() {
-            Some(given) => given.to_vec(),
-            None => self.patches.fitted(&self.bound, targets),
-        };
-        let turns = self.patches.spread(&self.bound, &mut self.system, &turns);
-        match self.kind {
-            CellKind::Spokes | CellKind::SpokesAndRims => {
-                turns.iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
-            }
-            CellKind::Elements => {
-                for (t, v) in self.cotangents.triangles().iter().enumerate() {
-                    self.cells.set_turn(t, &mean(v.map(|v| turns[v as usize])));
-                }
-            }
-        }
-        let mut x = vec![Lanes::ZERO; turns.len()];
-        self.bound.impose(targets, &mut x);
-        let mut b = x.clone();
-        self.cells.pull(&mut b);
-        let pull = self.system.pull(&x, targets);
-        self.system.solve(&b, &pull, &mut x);
-        x
-    }
-
-    /// Fits the rotations to `x`, writes their pull, and returns the energy.
-    fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
-        let traces = self.cells.fit(x, b);
-        let stretch = self.kind.laplacians() * dirichlet(&self.weights, x);
-        stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
-    }
-
-    /// Rotations and positions in turn.
-    fn local_global(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
-        let pull = self.system.pull(x, targets);
-        let mut b = vec![Lanes::ZERO; x.len()];
-        let mut energies = vec![self.fit(x, targets, &mut b)];
-        for _ in 0..convergence.max_iterations {
-            self.system.solve(&b, &pull, x);
-            energies.push(self.fit(x, targets, &mut b));
-            if convergence.reached(&energies) {
-                return (energies, Stop::Converged);
-            }
-        }
-        (energies, Stop::IterationsUsedUp)
-    }
-
-    /// The energy as it is defined, edge by edge, for the rotations last fitted: exact where it is tiny.
-    fn energy(&self, x: &[Lanes]) -> f64 {
-        let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
-        let mut energy = 0.0;
-        for (t, edges) in self.cotangents.edges().enumerate() {
-            let corners = self.cotangents.triangles()[t];
-            for (i, j, h) in edges {
-                let (now, rest) = (vector(x, i, j), vector(&self.bound.rest, i, j));
-                let misfit = |cell: u32| (now - self.cells.turn(cell as usize) * rest).norm_squared();
-                energy += h * match self.kind {
-                    CellKind::Spokes => misfit(i) + misfit(j),
-                    CellKind::SpokesAndRims => corners.iter().map(|&v| misfit(v)).sum::<f64>() / 3.0,
-                    CellKind::Elements => misfit(t as u32),
-                };
-            }
-        }
-        energy
     }
 }
 
 impl Deformer for Arap {
     fn method(&self) -> Method {
-        match self.kind {
-            CellKind::Spokes => Method::ArapSpokes,
-            CellKind::SpokesAndRims => Method::Arap,
-            CellKind::Elements => Method::ArapElements,
+        match (self.solver, self.elastic.kind) {
+            (Solver::GaussNewton, CellKind::SpokesAndRims) => Method::GaussNewton,
+            (_, CellKind::Spokes) => Method::ArapSpokes,
+            (_, CellKind::SpokesAndRims) => Method::Arap,
+            (_, CellKind::Elements) => Method::ArapElements,
         }
     }
 
@@ -184,38 +122,13 @@ impl Deformer for Arap {
         convergence.check()?;
         let targets = self.bound.targets(pose)?;
         let mut x = self.start(pose, &targets, start)?;
-        let (mut energies, stop) = self.local_global(&targets, &mut x, convergence);
+        let (mut energies, stop) = self.minimize(&targets, &mut x, convergence);
         if let Some(last) = energies.last_mut() {
-            *last = self.energy(&x) + self.system.soft_energy(&x, &targets);
+            *last = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }
-        let positions = self.bound.outer(&x, pose);
-        let report = DeformReport {
-            iterations: energies.len() - 1,
-            energies,
-            stop,
-            constraint_error: self.bound.constraint_error(&positions, pose),
-            shape: self.bound.gauge.measure(&positions),
-            negative_weights: self.weights.negative(),
-            degenerate_faces: self.cotangents.degenerate(),
-            held_still: self.bound.held.still.clone(),
-        };
+        let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
+        let done = self.bound.done(&x, pose, energies, stop, counts);
         self.last = Some(x);
-        Ok(Deformation { positions, report })
+        Ok(done)
     }
-}
-
-/// `Σ_ij w_ij |xᵢ − xⱼ|²`.
-fn dirichlet(weights: &EdgeWeights, x: &[Lanes]) -> f64 {
-    let part = |(i, j, w): (usize, usize, f64)| {
-        let d = x[i] - x[j];
-        w * d.dot(d)
-    };
-    weights.iter().map(part).sum()
-}
-
-/// A rotation between three.
-fn mean(turns: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
-    let first = turns[0].coords;
-    let sum = turns.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
-    UnitQuaternion::new_normalize(Quaternion::from_vector(sum))
 }

@@ -97,9 +97,6 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
 
 /// What materials refer to; images that stand in buffers with their bytes.
 fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAssets>, MeshError> {
-    if document.materials.is_empty() {
-        return Ok(None);
-    }
     let (mut images, mut image_bytes) = (document.images.clone(), Vec::new());
     for (k, image) in images.iter_mut().enumerate() {
         let view = image.as_object_mut().and_then(|fields| fields.remove("bufferView"));
@@ -111,13 +108,14 @@ fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAsset
     }
     let concerns =
         |name: &&String| ["KHR_materials_", "KHR_texture_", "EXT_texture_"].iter().any(|p| name.starts_with(p));
-    Ok(Some(GltfAssets {
+    let assets = GltfAssets {
         textures: document.textures.clone(),
         samplers: document.samplers.clone(),
         images,
         image_bytes,
         extensions: document.extensions_used.iter().filter(concerns).cloned().collect(),
-    }))
+    };
+    Ok(Some(assets).filter(|assets| *assets != GltfAssets::default()))
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ mod write;
 use std::collections::BTreeMap;
 
 use super::text::{Lines, number, shown, words};
-use super::{MeshFormat, finite, malformed};
+use super::{MeshFormat, finite, malformed, or_zero};
 use crate::mesh::{Group, MeshError, ModelBuilder, NO_VALUE, Position};
 
 pub(super) use write::write;
@@ -75,7 +75,9 @@ fn fault(line: usize, fault: impl Into<String>) -> MeshError {
 
 impl Reader {
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), MeshError> {
-        let text = &text[..text.iter().position(|&b| b == b'#').unwrap_or(text.len())];
+        // A comment stands at the start or after a space: `1.#IND` is a number of some programs.
+        let begins = |k: &usize| text[*k] == b'#' && (*k == 0 || text[k - 1].is_ascii_whitespace());
+        let text = &text[..(0..text.len()).find(begins).unwrap_or(text.len())];
         let mut words = words(text);
         let Some(keyword) = words.next() else { return Ok(()) };
         match keyword {
@@ -227,8 +229,7 @@ fn numbers<'a, const N: usize>(
     let (mut values, mut count) = ([0.0; N], 0);
     for (value, word) in values.iter_mut().zip(words) {
         let given = number(word).ok_or_else(|| fault(line, format!("{} is not a number", shown(word))))?;
-        // Neither a texture coordinate nor a normal is worth refusing the shape for.
-        *value = if given.is_finite() { given } else { 0.0 };
+        *value = or_zero(given);
         count += 1;
     }
     if count < least {

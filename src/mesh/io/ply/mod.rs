@@ -11,7 +11,7 @@ mod body;
 mod header;
 mod write;
 
-use super::{MeshFormat, finite};
+use super::{MeshFormat, finite, or_zero};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
 use body::Body;
 use header::{Element, Header, Property, Shape};
@@ -108,11 +108,6 @@ fn read_vertices(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuil
         }
     }
     Ok(())
-}
-
-/// What lies on a surface is not worth refusing its shape for.
-fn or_zero(value: f64) -> f64 {
-    if value.is_finite() { value } else { 0.0 }
 }
 
 fn read_faces(

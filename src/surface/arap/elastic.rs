@@ -1,0 +1,175 @@
+//! The energy, its slope and the global step: what the solvers share.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::super::SurfaceError;
+use super::super::bound::Bound;
+use super::super::held::Held;
+use super::super::held_laplacian::HeldLaplacian;
+use super::super::lanes::{self, Kernel, Lanes};
+use super::cells::{CellKind, Cells};
+use crate::mesh::operators::{Cotangents, EdgeWeights};
+
+/// The elastic energy of a surface at rest with handles on it.
+#[derive(Debug)]
+pub(in crate::surface) struct Elastic {
+    pub(in crate::surface) kind: CellKind,
+    pub(in crate::surface) cotangents: Cotangents,
+    pub(in crate::surface) weights: EdgeWeights,
+    pub(in crate::surface) cells: Cells,
+    pub(in crate::surface) system: HeldLaplacian,
+    /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
+    pub(in crate::surface) at_rest: f64,
+}
+
+impl Elastic {
+    pub(in crate::surface) fn new(
+        kind: CellKind,
+        rest: &[Lanes],
+        cotangents: Cotangents,
+        held: &Held,
+    ) -> Result<Self, SurfaceError> {
+        let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
+        let system = HeldLaplacian::new(&weights, kind.laplacians(), held)?;
+        let cells = Cells::new(kind, rest, &cotangents);
+        let mut this = Self { kind, cotangents, weights, cells, system, at_rest: 0.0 };
+        this.at_rest = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);
+        Ok(this)
+    }
+
+    /// Fits the rotations to `x` and writes the pull of the cells; returns the energy.
+    pub(in crate::surface) fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
+        let traces = self.cells.fit(x, b);
+        let stretch = self.kind.laplacians() * dirichlet(&self.weights, x);
+        stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
+    }
+
+    /// Fits the rotations to `x` and writes half the gradient at the unknowns; returns the energy. `work` is scratch of one
+    /// entry per vertex.
+    pub(in crate::surface) fn slope(
+        &mut self,
+        x: &[Lanes],
+        targets: &[Lanes],
+        work: &mut [Lanes],
+        g: &mut [Lanes],
+    ) -> f64 {
+        let traces = self.cells.fit(x, work);
+        work.iter_mut().for_each(|b| *b = -*b);
+        let stretch = self.add_laplacian(x, work);
+        self.gather(work, g);
+        self.system.add_soft(x, targets, g);
+        stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
+    }
+
+    /// Entries of the unknowns among those of the vertices.
+    pub(in crate::surface) fn gather(&self, from: &[Lanes], to: &mut [Lanes]) {
+        to.iter_mut().zip(self.system.free()).for_each(|(to, &v)| *to = from[v as usize]);
+    }
+
+    /// `y ← x + t p`, `p` given at the unknowns.
+    pub(in crate::surface) fn moved(&self, x: &[Lanes], t: f64, p: &[Lanes], y: &mut [Lanes]) {
+        let t = Lanes::splat(t);
+        p.iter().zip(self.system.free()).for_each(|(&p, &v)| y[v as usize] = x[v as usize] + t * p);
+    }
+
+    /// Sets the rotations of the cells from those of the vertices.
+    pub(in crate::surface) fn turn_cells(&mut self, turns: &[UnitQuaternion<f64>]) {
+        match self.kind {
+            CellKind::Spokes | CellKind::SpokesAndRims => {
+                turns.iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
+            }
+            CellKind::Elements => {
+                for (t, v) in self.cotangents.triangles().iter().enumerate() {
+                    self.cells.set_turn(t, &mean(v.map(|v| turns[v as usize])));
+                }
+            }
+        }
+    }
+
+    /// One global step: the surface that follows the rotations of the cells as they are.
+    pub(in crate::surface) fn follow(&mut self, bound: &Bound, targets: &[Lanes]) -> Vec<Lanes> {
+        let mut x = vec![Lanes::ZERO; bound.rest.len()];
+        bound.impose(targets, &mut x);
+        let mut b = x.clone();
+        self.cells.pull(&mut b);
+        let pull = self.system.pull(&x, targets);
+        self.system.solve(&b, &pull, &mut x);
+        x
+    }
+
+    /// Adds `q L x` to `y`; returns `q xᵀ L x`.
+    pub(in crate::surface) fn add_laplacian(&self, x: &[Lanes], y: &mut [Lanes]) -> f64 {
+        lanes::run(AddLaplacian { weights: &self.weights, q: self.kind.laplacians(), x, y })
+    }
+
+    /// The energy as it is defined, edge by edge, for the rotations last fitted: exact where it is tiny.
+    pub(in crate::surface) fn defined(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
+        let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
+        let mut energy = 0.0;
+        for (t, edges) in self.cotangents.edges().enumerate() {
+            let corners = self.cotangents.triangles()[t];
+            for (i, j, h) in edges {
+                let (now, rest) = (vector(x, i, j), vector(rest, i, j));
+                let misfit = |cell: u32| (now - self.cells.turn(cell as usize) * rest).norm_squared();
+                energy += h * match self.kind {
+                    CellKind::Spokes => misfit(i) + misfit(j),
+                    CellKind::SpokesAndRims => corners.iter().map(|&v| misfit(v)).sum::<f64>() / 3.0,
+                    CellKind::Elements => misfit(t as u32),
+                };
+            }
+        }
+        energy
+    }
+}
+
+struct AddLaplacian<'a> {
+    weights: &'a EdgeWeights,
+    q: f64,
+    x: &'a [Lanes],
+    y: &'a mut [Lanes],
+}
+
+impl Kernel for AddLaplacian<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let mut sum = Lanes::ZERO;
+        for (i, j, w) in self.weights.iter() {
+            let d = self.x[i] - self.x[j];
+            let pull = Lanes::splat(self.q * w) * d;
+            sum += pull * d;
+            self.y[i] += pull;
+            self.y[j] -= pull;
+        }
+        sum.dot(Lanes::splat(1.0))
+    }
+}
+
+/// `Σ_ij w_ij |xᵢ − xⱼ|²`.
+fn dirichlet(weights: &EdgeWeights, x: &[Lanes]) -> f64 {
+    let part = |(i, j, w): (usize, usize, f64)| {
+        let d = x[i] - x[j];
+        Lanes::splat(w) * d * d
+    };
+    weights.iter().map(part).fold(Lanes::ZERO, |sum, d| sum + d).dot(Lanes::splat(1.0))
+}
+
+/// `aᵀ b`, over all coordinates.
+pub(in crate::surface) fn dot(a: &[Lanes], b: &[Lanes]) -> f64 {
+    let sum = a.iter().zip(b).fold(Lanes::ZERO, |sum, (&a, &b)| sum + a * b);
+    sum.dot(Lanes::splat(1.0))
+}
+
+/// `a ← a + t b`.
+pub(in crate::surface) fn add(a: &mut [Lanes], t: f64, b: &[Lanes]) {
+    let t = Lanes::splat(t);
+    a.iter_mut().zip(b).for_each(|(a, &b)| *a += t * b);
+}
+
+/// A rotation between three.
+fn mean(turns: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
+    let first = turns[0].coords;
+    let sum = turns.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
+    UnitQuaternion::new_normalize(Quaternion::from_vector(sum))
+}

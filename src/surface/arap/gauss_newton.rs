@@ -1,0 +1,144 @@
+//! Gauss–Newton: positions and rotations move together.
+//!
+//! With rotations `R exp[ω]ₓ` the residuals `e' − R e` are linear in the steps `(p, ω)`. Each cell's `ω` is eliminated, which
+//! leaves a positive semidefinite system for the positions alone:
+//!
+//! ```text
+//! min over p, ω   Σ_c Σ_e h |e' + e_p − R_c(e + ω_c × e)|²
+//! (A − Bᵀ C⁻¹ B) p = −g,      C_c = Σ h (|e|² I − e eᵀ),      (B p)_c = Σ c_ij × Rᵀ(pⱼ − pᵢ)
+//! ```
+//!
+//! It couples the coordinates, so a factorization would cost some thirty times that of `A` and be of use once. Conjugate
+//! gradients preconditioned by the factor of `A`, which is there already, solve it as far as the next linearization deserves;
+//! the slow modes of the local–global iteration are the few small eigenvalues that they find first. Rotations are fitted
+//! anew at every trial, and a line search keeps the energy falling.
+//!
+//! # Reference
+//! Q. Huang, M. Wicke, B. Adams, L. Guibas, *Shape decomposition using modal analysis*, Eurographics 2009, section 3, for
+//! the elimination (whose `C` is misprinted there as `Σ e eᵀ`); S. C. Eisenstat, H. F. Walker, *Choosing the forcing terms in
+//! an inexact Newton method*, SIAM J. Sci. Comput. 17 (1996).
+
+use super::super::Stop;
+use super::super::lanes::Lanes;
+use super::cells::Inertia;
+use super::elastic::{Elastic, add, dot};
+use super::line_search::search;
+use crate::energy::Convergence;
+
+/// The linear system is solved to this fraction of its right-hand side at first. More precise solutions of a linearization
+/// that is still far from the truth are thrown away; less precise ones end in plain local–global steps.
+const FORCING: f64 = 0.3;
+
+/// Conjugate gradient steps of one linearization at most.
+const INNER: usize = 40;
+
+/// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
+pub(super) fn minimize(
+    elastic: &mut Elastic,
+    inertia: &[Inertia],
+    targets: &[Lanes],
+    x: &mut [Lanes],
+    convergence: &Convergence,
+) -> (Vec<f64>, Stop) {
+    let n = elastic.system.free().len();
+    let (mut work, mut trial) = (vec![Lanes::ZERO; x.len()], x.to_vec());
+    let (mut g, mut next) = (vec![Lanes::ZERO; n], vec![Lanes::ZERO; n]);
+    let mut inner = Inner::new(n, x.len());
+    let mut before = elastic.slope(x, targets, &mut work, &mut g);
+    let mut energies = vec![before];
+    let mut first = None;
+    while energies.len() <= convergence.max_iterations {
+        inner.start(elastic, &g);
+        let first = *first.get_or_insert(inner.rz);
+        let forcing = FORCING.min((inner.rz / first).powf(0.25));
+        inner.solve(elastic, inertia, forcing);
+        let descent = -dot(&inner.p, &g);
+        let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
+        let Some(step) = search(elastic, targets, (x, &inner.p), (before, descent), scratch) else {
+            elastic.slope(x, targets, &mut work, &mut g);
+            return (energies, Stop::Converged);
+        };
+        x.copy_from_slice(&trial);
+        std::mem::swap(&mut g, &mut next);
+        before = step.energy;
+        energies.push(before);
+        if convergence.reached(&energies) {
+            return (energies, Stop::Converged);
+        }
+    }
+    (energies, Stop::IterationsUsedUp)
+}
+
+/// Preconditioned conjugate gradients on the eliminated system.
+#[derive(Debug)]
+struct Inner {
+    /// The solution so far.
+    p: Vec<Lanes>,
+    /// Residual, preconditioned residual, direction, its product.
+    r: Vec<Lanes>,
+    z: Vec<Lanes>,
+    d: Vec<Lanes>,
+    hd: Vec<Lanes>,
+    /// Direction and product at all vertices; the direction vanishes at the fixed ones.
+    d_all: Vec<Lanes>,
+    hd_all: Vec<Lanes>,
+    rz: f64,
+}
+
+impl Inner {
+    fn new(unknowns: usize, vertices: usize) -> Self {
+        let zero = |n: usize| vec![Lanes::ZERO; n];
+        let [p, r, z, d, hd] = [(); 5].map(|()| zero(unknowns));
+        Self { p, r, z, d, hd, d_all: zero(vertices), hd_all: zero(vertices), rz: 0.0 }
+    }
+
+    /// Begins at `p = 0`.
+    fn start(&mut self, elastic: &mut Elastic, g: &[Lanes]) {
+        self.p.fill(Lanes::ZERO);
+        self.r.iter_mut().zip(g).for_each(|(r, &g)| *r = -g);
+        self.z.copy_from_slice(&self.r);
+        elastic.system.solve_unknowns(&mut self.z);
+        self.d.copy_from_slice(&self.z);
+        self.rz = dot(&self.r, &self.z);
+    }
+
+    /// Improves `p` until the residual has fallen by `forcing`, in the norm of `A⁻¹`. The first step is never refused, so
+    /// that `p` is a direction of descent: at worst the plain local–global one.
+    fn solve(&mut self, elastic: &mut Elastic, inertia: &[Inertia], forcing: f64) {
+        let goal = self.rz * forcing * forcing;
+        for k in 0..INNER {
+            self.multiply(elastic, inertia);
+            let curvature = dot(&self.d, &self.hd);
+            if !(curvature > 0.0) {
+                if k == 0 {
+                    self.p.copy_from_slice(&self.z);
+                }
+                return;
+            }
+            let t = self.rz / curvature;
+            add(&mut self.p, t, &self.d);
+            add(&mut self.r, -t, &self.hd);
+            self.z.copy_from_slice(&self.r);
+            elastic.system.solve_unknowns(&mut self.z);
+            let rz = dot(&self.r, &self.z);
+            if !(rz > goal) {
+                return;
+            }
+            let beta = Lanes::splat(rz / self.rz);
+            self.d.iter_mut().zip(&self.z).for_each(|(d, &z)| *d = z + beta * *d);
+            self.rz = rz;
+        }
+    }
+
+    /// `hd = (A − Bᵀ C⁻¹ B) d`.
+    fn multiply(&mut self, elastic: &Elastic, inertia: &[Inertia]) {
+        for (&d, &v) in self.d.iter().zip(elastic.system.free()) {
+            self.d_all[v as usize] = d;
+        }
+        self.hd_all.fill(Lanes::ZERO);
+        elastic.add_laplacian(&self.d_all, &mut self.hd_all);
+        elastic.cells.subtract_turning(inertia, &self.d_all, &mut self.hd_all);
+        elastic.gather(&self.hd_all, &mut self.hd);
+        elastic.system.add_soft_product(&self.d, &mut self.hd);
+    }
+}
