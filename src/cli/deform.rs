@@ -8,8 +8,8 @@ use super::failure::Failure;
 use super::run::run_or_print;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::kinds::{
-    CotangentWish, ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings,
-    UnheldWish,
+    CotangentWish, ImageSaveSettings, LaplacianWish, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings,
+    MeshSaveSettings, SolverWish, TurningWish, UnheldWish,
 };
 use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::surfaces::{MethodName, ViewWish};
@@ -48,6 +48,15 @@ pub(super) struct DeformArgs {
     /// How weights of edges are taken from angles
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Method")]
     cotangents: CotangentWish,
+    /// How the energy of arap methods is minimized
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Method")]
+    solver: SolverWish,
+    /// What the method laplacian keeps
+    #[arg(long, value_enum, default_value_t, value_name = "WHAT", help_heading = "Method")]
+    laplacian: LaplacianWish,
+    /// Where the method laplacian takes its rotations from
+    #[arg(long, value_enum, default_value_t, value_name = "FROM", help_heading = "Method")]
+    turning: TurningWish,
     /// What happens to parts on which no handle is
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Method")]
     unheld: UnheldWish,
@@ -63,7 +72,14 @@ pub(super) struct DeformArgs {
     #[arg(long, value_name = "FILE.png", help_heading = "Writing")]
     render: Option<PathBuf>,
     /// From where it is drawn: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
-    #[arg(long, default_value_t, value_name = "VIEW", allow_hyphen_values = true, requires = "render", help_heading = "Writing")]
+    #[arg(
+        long,
+        default_value_t,
+        value_name = "VIEW",
+        allow_hyphen_values = true,
+        requires = "render",
+        help_heading = "Writing"
+    )]
     view: ViewWish,
 
     /// Print the pipeline that these options mean, and do nothing
@@ -94,6 +110,9 @@ impl DeformArgs {
             handles: literal_path(&self.handles),
             method: self.method,
             cotangents: self.cotangents,
+            solver: self.solver,
+            laplacian: self.laplacian,
+            turning: self.turning,
             roi: self.roi,
             iterations: self.iterations,
             tolerance: self.tolerance,

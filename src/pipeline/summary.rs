@@ -130,18 +130,19 @@ pub struct SurfaceSummary {
 impl SurfaceSummary {
     fn tell(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = self.bounds;
-        let sides: Vec<String> = (0..3).map(|k| format!("{:.4}", high[k] - low[k])).map(|s| short(&s)).collect();
+        let place = |p: [f64; 3]| format!("({})", p.map(short).join(", "));
+        let (low, high) = (place(low), place(high));
         let Self { name, vertices, faces, .. } = self;
-        writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, {} across", sides.join(" × "))?;
+        writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, from {low} to {high}")?;
         self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
         self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
         self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))
     }
 }
 
-/// Without idle zeros.
-fn short(decimal: &str) -> String {
-    decimal.trim_end_matches('0').trim_end_matches('.').to_owned()
+/// Five digits at most.
+fn short(v: f64) -> String {
+    format!("{v:.4e}").parse::<f64>().unwrap_or(v).to_string()
 }
 
 impl fmt::Display for LinesSummary {

@@ -90,7 +90,7 @@ impl Bound {
     pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
         let (given, vertices) = (positions.len(), self.rest.len());
         if given != vertices {
-            return Err(SurfaceError::Start { given, vertices });
+            return Err(SurfaceError::PerVertex { what: "start positions", given, vertices });
         }
         match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
             Some(v) => Err(SurfaceError::NotFinite { what: "start", vertex: v as u32 }),
@@ -122,7 +122,7 @@ impl Bound {
     }
 
     /// Largest distance of a held vertex from its target.
-    fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
+    pub(super) fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
         let handles = self.held.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }

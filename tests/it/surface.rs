@@ -55,7 +55,8 @@ fn a_bar_bends_with_its_ends_where_the_handles_want_them() {
     save(folder, "bar.obj", bar());
     let motion = "\"rigid\": {\"rotation\": {\"axis\": [0, 1, 0], \"angle_deg\": 60}, \"translation\": [1, 0, 0]}";
     ends(folder, &bar(), motion);
-    let args = ["deform", "bar.obj", "--handles", "h.json", "-o", "bent.obj", "--report", "r.json", "--render", "p.png"];
+    let args =
+        ["deform", "bar.obj", "--handles", "h.json", "-o", "bent.obj", "--report", "r.json", "--render", "p.png"];
     let run = succeed(folder, &args);
     assert_eq!(names(folder), ["bar.obj", "bent.obj", "h.json", "p.png", "r.json"]);
     assert!(err(&run).contains("deform    arap: converged"), "{}", err(&run));
@@ -96,7 +97,7 @@ fn handles_that_move_as_one_body_move_everything_as_one_body() {
     let turn = nalgebra::Rotation3::new(Vector3::new(1.0, 1.0, 0.0).normalize() * 100_f64.to_radians());
     let pivot = Point3::new(1.0, 2.0, 3.0);
     let wanted: Vec<_> = bar().positions().iter().map(|p| pivot + turn * (p - pivot) + Vector3::x() * 5.0).collect();
-    for method in ["arap", "arap-spokes", "arap-elements"] {
+    for method in plumbline::surface::Method::ALL.map(plumbline::surface::Method::name) {
         let args = ["deform", "bar.off", "--handles", "h.json", "-o", "moved.off", "--overwrite", "--method", method];
         succeed(folder, &args);
         let error = rms(&positions(folder, "moved.off"), &wanted);
@@ -152,7 +153,10 @@ fn the_model_that_was_read_is_written_back_in_another_pose() {
     let read = |name: &str| read_model(&folder.join(name), &ReadLimits::default()).expect("a mesh file");
     let (before, after) = (read("cube.obj"), read("tall.obj"));
     assert_eq!(after.faces(), before.faces(), "quads stay quads");
-    assert_eq!((after.texture(), after.groups(), after.materials()), (before.texture(), before.groups(), before.materials()));
+    assert_eq!(
+        (after.texture(), after.groups(), after.materials()),
+        (before.texture(), before.groups(), before.materials())
+    );
     let z: Vec<f64> = after.mesh().positions().iter().map(|p| p.z).collect();
     assert_eq!(z, [0.0, 0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0, 9.0], "the vertex of no face is still there");
 }
@@ -161,10 +165,8 @@ fn the_model_that_was_read_is_written_back_in_another_pose() {
 fn meshes_chosen_to_hurt_are_finished_and_told_of() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
-    let far = TriMesh::new(
-        bar().positions().iter().map(|p| p + Vector3::repeat(1e6)).collect(),
-        bar().triangles().to_vec(),
-    );
+    let far =
+        TriMesh::new(bar().positions().iter().map(|p| p + Vector3::repeat(1e6)).collect(), bar().triangles().to_vec());
     let mut flipped = bar().triangles().to_vec();
     flipped.iter_mut().step_by(7).for_each(|t| t.swap(0, 1));
     flipped.push([0, 0, 1]);
@@ -190,12 +192,63 @@ fn meshes_chosen_to_hurt_are_finished_and_told_of() {
 }
 
 #[test]
+fn pages_of_a_book_move_together_though_they_are_taken_apart_for_repair() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let book = shapes::book(4);
+    save(folder, "book.off", book.clone());
+    // The spine is held at one page alone.
+    let text = "{\"format\": \"plumbline.handles\", \"version\": 1, \"handles\": [{\"vertices\": {\"indices\": [0, 1, 2]}, \
+                \"rigid\": {\"rotation\": {\"axis\": [0, 1, 0], \"angle_deg\": 30}, \"translation\": [0, 0, 5]}}]}";
+    fs::write(folder.join("h.json"), text).expect("a small file");
+    let run = succeed(folder, &["deform", "book.off", "--handles", "h.json", "-o", "moved.off"]);
+    assert!(!err(&run).contains("it stays"), "{}", err(&run));
+    let (rest, moved) = (positions(folder, "book.off"), positions(folder, "moved.off"));
+    for &[a, b, c] in book.triangles() {
+        for (v, w) in [(a, b), (b, c), (c, a)] {
+            let length = |p: &[Point3<f64>]| nalgebra::distance(&p[v as usize], &p[w as usize]);
+            assert!((length(&moved) / length(&rest) - 1.0).abs() < 1e-6, "pages are stiff");
+        }
+    }
+}
+
+#[test]
+fn modes_and_parts_are_written_by_the_vertices_of_the_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let mut places = bar().positions().to_vec();
+    places.push(Point3::new(9.0, 9.0, 9.0));
+    let mesh = TriMesh::new(places, bar().triangles().to_vec()).expect("finite");
+    let vertices = mesh.vertex_count();
+    save(folder, "bar.off", mesh);
+    let run =
+        succeed(folder, &["modes", "bar.off", "-k", "4", "-o", "m.npz", "--parts", "p.json", "--part-count", "3"]);
+    assert!(err(&run).contains("modes     4 beside 6 rigid motions"), "{}", err(&run));
+    let archive = fs::read(folder.join("m.npz")).expect("written");
+    let text = String::from_utf8_lossy(&archive);
+    assert!(text.contains("values.npy") && text.contains(&format!("'shape': (4, {vertices}, 3,)")));
+    let parts: Json = serde_json::from_slice(&fs::read(folder.join("p.json")).expect("written")).expect("JSON");
+    let of_vertex = parts["of_vertex"].as_array().expect("a list");
+    assert_eq!((parts["count"].as_u64(), of_vertex.len()), (Some(3), vertices));
+    assert!(of_vertex[vertices - 1].is_null(), "the vertex of no triangle is in no part");
+    let part = |z: f64| {
+        let v = (0..vertices - 1).find(|v| (bar().positions()[*v].z - z).abs() < 1e-9).expect("a vertex there");
+        of_vertex[v].as_u64()
+    };
+    let (low, high) = bar().bounding_box().expect("vertices");
+    assert_ne!(part(low.z), part(high.z), "the ends of a bar bend apart");
+    let nothing = plumbline_in(folder, &["modes", "bar.off"]);
+    assert_eq!(nothing.status.code(), Some(2), "{}", err(&nothing));
+}
+
+#[test]
 fn pictures_show_the_mesh_from_the_side_asked_for_in_the_colors_asked_for() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     save(folder, "bar.stl", bar());
     let inked = |args: &[&str]| {
-        let all = [&["render", "bar.stl", "-o", "p.png", "--overwrite", "--size", "300x200", "--background", "black"], args];
+        let all =
+            [&["render", "bar.stl", "-o", "p.png", "--overwrite", "--size", "300x200", "--background", "black"], args];
         succeed(folder, &all.concat());
         let frame = load(&folder.join("p.png"), LoadOptions::default()).expect("a picture").frame;
         assert_eq!((frame.width, frame.height), (300, 200));
@@ -274,7 +327,8 @@ fn the_command_builds_the_shipped_graph_and_prints_it() {
     let file = pipeline_of(args.iter().chain(&["--render", "deformed.png"])).expect("options in order");
     let printed = print(&file);
     let built = check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
-    let ours = read(shipped("deform-mesh").expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+    let ours =
+        read(shipped("deform-mesh").expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
     assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&ours.graph, GraphFormat::Mermaid));
     for stage in &ours.graph.stages {
         let same = built.graph.stage(&stage.name).expect("the same stages");
@@ -284,8 +338,12 @@ fn the_command_builds_the_shipped_graph_and_prints_it() {
     assert_eq!(loaded, built, "{printed}");
     insta::assert_snapshot!("print_pipeline_deform", printed);
     let options = ["--frames", "9", "--method", "arap-elements", "--roi", "0.5", "--report", "r.json"];
-    insta::assert_snapshot!("print_pipeline_deform_frames", print(&pipeline_of(args.iter().chain(&options)).expect("options")));
-    let render = ["plumbline", "render", "a.ply", "-o", "a.png", "--view", "top", "--wireframe", "--background", "white"];
+    insta::assert_snapshot!(
+        "print_pipeline_deform_frames",
+        print(&pipeline_of(args.iter().chain(&options)).expect("options"))
+    );
+    let render =
+        ["plumbline", "render", "a.ply", "-o", "a.png", "--view", "top", "--wireframe", "--background", "white"];
     insta::assert_snapshot!("print_pipeline_render", print(&pipeline_of(render).expect("options in order")));
 }
 

@@ -8,7 +8,7 @@ use crate::mesh::operators::CotangentRule;
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::surfaces::MethodName;
-use crate::surface::{Convergence, Unheld};
+use crate::surface::{Convergence, LaplacianKind, Solver, Turning, Unheld};
 
 /// How the weights of edges are taken from the angles of triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
@@ -55,6 +55,78 @@ impl UnheldWish {
     }
 }
 
+/// How elastic energies are minimized: all reach the same minimum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SolverWish {
+    /// Rotations and positions in turn, steps lengthened by what the last ones taught
+    #[default]
+    Accelerated,
+    /// Rotations and positions in turn
+    LocalGlobal,
+    /// Rotations and positions together: few, dear rounds
+    GaussNewton,
+}
+
+impl SolverWish {
+    /// The option of the methods.
+    pub fn option(self) -> Solver {
+        match self {
+            Self::Accelerated => Solver::Accelerated,
+            Self::LocalGlobal => Solver::LocalGlobal,
+            Self::GaussNewton => Solver::GaussNewton,
+        }
+    }
+}
+
+/// What Laplacian editing keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LaplacianWish {
+    /// How far vertices stand off the surface around them
+    #[default]
+    Cotangent,
+    /// How far vertices are from the mean of their neighbors
+    Uniform,
+}
+
+impl LaplacianWish {
+    /// The option of the methods.
+    pub fn option(self) -> LaplacianKind {
+        match self {
+            Self::Cotangent => LaplacianKind::Cotangent,
+            Self::Uniform => LaplacianKind::Uniform,
+        }
+    }
+}
+
+/// Where Laplacian editing takes its rotations from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum TurningWish {
+    /// The handles', spread smoothly
+    #[default]
+    Spread,
+    /// Fitted to a first solve
+    FirstSolve,
+    /// Fitted again and again
+    Alternating,
+    /// Linear in the positions: one solve, for small turns
+    Linear,
+}
+
+impl TurningWish {
+    /// The option of the methods.
+    pub fn option(self) -> Turning {
+        match self {
+            Self::Spread => Turning::Spread,
+            Self::FirstSolve => Turning::FirstSolve,
+            Self::Alternating => Turning::Alternating,
+            Self::Linear => Turning::Linear,
+        }
+    }
+}
+
 /// Settings of `mesh.deform`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -66,6 +138,12 @@ pub struct MeshDeformSettings {
     pub method: MethodName,
     /// Weights of edges
     pub cotangents: CotangentWish,
+    /// How the energy of arap methods is minimized
+    pub solver: SolverWish,
+    /// What the method laplacian keeps
+    pub laplacian: LaplacianWish,
+    /// Where the method laplacian takes its rotations from
+    pub turning: TurningWish,
     /// The surface moves up to this far from handles that move, along edges, in units of the mesh; all of it if left out
     #[schemars(range(min = 0.0))]
     pub roi: Option<f64>,
@@ -92,6 +170,9 @@ impl Default for MeshDeformSettings {
             handles: String::new(),
             method: MethodName::default(),
             cotangents: CotangentWish::default(),
+            solver: SolverWish::default(),
+            laplacian: LaplacianWish::default(),
+            turning: TurningWish::default(),
             roi: None,
             iterations: max_iterations as u32,
             tolerance,

@@ -47,7 +47,7 @@ pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use map_export::MapExportSettings;
-pub use mesh_deform::{CotangentWish, MeshDeformSettings, UnheldWish};
+pub use mesh_deform::{CotangentWish, LaplacianWish, MeshDeformSettings, SolverWish, TurningWish, UnheldWish};
 pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
 pub use mesh_render::{MeshRenderSettings, UpWish};

@@ -1,5 +1,7 @@
 //! The bar that tells which numbers the colors stand for, at the right edge of the picture.
 
+#![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
+
 use super::Scale;
 use crate::raster::{Canvas, Rgb, text_width};
 

@@ -1,5 +1,7 @@
 //! Points and segments in space over a picture: handles, skeletons. What the surface hides is drawn faintly.
 
+#![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
+
 use nalgebra::Point3;
 
 use super::SurfaceCamera;

@@ -4,6 +4,8 @@
 //! triangles belongs to exactly one of them: no cracks, nothing drawn twice. `1/z` is affine on the screen. The picture is
 //! cut into bands of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept.
 
+#![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
+
 use nalgebra::Point3;
 use rayon::prelude::*;
 

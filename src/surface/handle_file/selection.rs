@@ -101,7 +101,9 @@ impl<'a> Selector<'a> {
     pub(super) fn extent(&self) -> (String, String) {
         let first = self.positions.first().copied().unwrap_or_else(Point3::origin);
         let (low, high) = self.positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
-        let shown = |p: Point3<f64>| format!("({}, {}, {})", p.x, p.y, p.z);
+        // Six digits at most.
+        let short = |v: f64| format!("{v:.5e}").parse::<f64>().unwrap_or(v);
+        let shown = |p: Point3<f64>| format!("({}, {}, {})", short(p.x), short(p.y), short(p.z));
         (shown(low), shown(high))
     }
 

@@ -42,6 +42,9 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshDe
     bound.warnings.iter().for_each(|w| context.warn(w.clone()));
     let options = DeformOptions {
         cotangents: settings.cotangents.rule(),
+        solver: settings.solver.option(),
+        laplacian: settings.laplacian.option(),
+        turning: settings.turning.option(),
         unheld: settings.unheld.option(),
         ..DeformOptions::default()
     };
@@ -119,7 +122,7 @@ impl Solver<'_, '_> {
 pub(super) fn surface_error(error: SurfaceError) -> RunError {
     match error {
         SurfaceError::Option { .. } | SurfaceError::Convergence(_) => RunError::Usage(error.to_string()),
-        SurfaceError::Pose { .. } | SurfaceError::Start { .. } => RunError::Internal(error.to_string()),
+        SurfaceError::Pose { .. } | SurfaceError::PerVertex { .. } => RunError::Internal(error.to_string()),
         _ => RunError::Input(error.to_string()),
     }
 }

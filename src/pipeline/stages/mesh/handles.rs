@@ -70,7 +70,9 @@ impl<'a> Bound<'a> {
                 let slot = &mut of_source[solvable.source_of_vertex[result as usize] as usize];
                 match *slot {
                     None => *slot = Some((h, k)),
-                    Some((other, at)) if other != h => return Err(self.torn(v, h, self.handles.handles[other].vertices[at], other)),
+                    Some((other, at)) if other != h => {
+                        return Err(self.torn(v, h, self.handles.handles[other].vertices[at], other));
+                    }
                     Some(_) => {}
                 }
             }
@@ -80,7 +82,8 @@ impl<'a> Bound<'a> {
                 return Err(RunError::Input(format!("{message}; name vertices of triangles that have an area")));
             }
             if gone > 0 {
-                self.warnings.push(format!("handle {:?}: {gone} of its vertices are on no triangle and stay", handle.name));
+                self.warnings
+                    .push(format!("handle {:?}: {gone} of its vertices are on no triangle and stay", handle.name));
             }
         }
         Ok(solvable.source_of_vertex.iter().map(|source| of_source[*source as usize]).collect())
@@ -97,7 +100,8 @@ impl<'a> Bound<'a> {
 
     /// Holds what is farther along edges from all handles that move.
     fn hold_beyond(&self, reach: f64, owner: &[Option<(usize, usize)>], outside: &mut [bool]) {
-        let moves = |of: &Option<(usize, usize)>| of.is_some_and(|(h, _)| self.handles.handles[h].track.times().is_some());
+        let moves =
+            |of: &Option<(usize, usize)>| of.is_some_and(|(h, _)| self.handles.handles[h].track.times().is_some());
         let starts = (0..owner.len()).filter(|v| moves(&owner[*v]));
         let distance = distances(self.mesh, starts);
         for (outside, distance) in outside.iter_mut().zip(distance) {
@@ -204,8 +208,12 @@ mod tests {
         let bound = Bound::new(&found, mesh.positions(), &solvable, None).unwrap();
         assert_eq!(bound.set().unwrap().len(), 1);
         assert_eq!(bound.pose(1.0).positions(), [Point3::new(1.0, 0.0, 3.0)]);
-        let torn = handles("{\"name\": \"a\", \"vertices\": {\"indices\": [2]}}, {\"name\": \"b\", \"vertices\": {\"indices\": [4]}}", &mesh);
-        let told = Bound::new(&torn, mesh.positions(), &solvable, None).err().expect("two wishes for one place").to_string();
+        let torn = handles(
+            "{\"name\": \"a\", \"vertices\": {\"indices\": [2]}}, {\"name\": \"b\", \"vertices\": {\"indices\": [4]}}",
+            &mesh,
+        );
+        let told =
+            Bound::new(&torn, mesh.positions(), &solvable, None).err().expect("two wishes for one place").to_string();
         assert!(told.contains("vertex 2 of handle \"a\" and vertex 4 of handle \"b\" are in the same place"), "{told}");
     }
 

@@ -19,7 +19,9 @@ use nalgebra::Point3;
 
 use super::context::Context;
 use crate::mesh::{MeshError, Model};
-use crate::pipeline::kinds::{MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings};
+use crate::pipeline::kinds::{
+    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings,
+};
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
 

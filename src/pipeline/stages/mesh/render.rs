@@ -147,7 +147,9 @@ fn of_file(path: &Path, mesh: &TriMesh) -> Result<Vec<f64>, RunError> {
     let (vertices, triangles) = (mesh.vertex_count(), mesh.triangle_count());
     if values.len() != vertices && values.len() != triangles {
         let count = values.len();
-        return Err(bad(format!("{count} numbers (expected {vertices}, one per vertex, or {triangles}, one per triangle)")));
+        return Err(bad(format!(
+            "{count} numbers (expected {vertices}, one per vertex, or {triangles}, one per triangle)"
+        )));
     }
     Ok(values)
 }

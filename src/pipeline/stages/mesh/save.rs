@@ -55,6 +55,8 @@ fn format_of(path: &Path) -> Result<MeshFormat, RunError> {
     let format = MeshFormat::of_name(path).filter(|f| *f != MeshFormat::Medit);
     format.ok_or_else(|| {
         let name = path.display();
-        RunError::Usage(format!("the extension of `{name}` names no format to write (expected .obj, .ply, .off, .stl, .gltf or .glb)"))
+        RunError::Usage(format!(
+            "the extension of `{name}` names no format to write (expected .obj, .ply, .off, .stl, .gltf or .glb)"
+        ))
     })
 }
