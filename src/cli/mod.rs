@@ -5,16 +5,19 @@
 mod check;
 mod clip;
 mod completions;
+mod deform;
 mod failure;
 mod graph;
 mod interrupt;
 mod mesh;
+mod modes;
 mod motion;
 mod photo;
 mod photo_clip;
 mod plan;
 mod probe;
 mod rectify;
+mod render;
 mod retarget;
 mod run;
 mod schema;
@@ -53,6 +56,12 @@ enum Command {
     Motion(Box<motion::MotionArgs>),
     /// Look at mesh files, repair and convert them
     Mesh(mesh::MeshArgs),
+    /// Bend meshes the way they would bend: a few vertices are held or moved, the rest follows
+    Deform(Box<deform::DeformArgs>),
+    /// Find how a mesh bends most easily, and its near-rigid parts
+    Modes(modes::ModesArgs),
+    /// Draw meshes, without a graphics card
+    Render(Box<render::RenderArgs>),
     /// Run a pipeline file
     Run(run::RunArgs),
     /// Check a pipeline file, touching no input
@@ -76,7 +85,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -107,7 +116,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify` or `retarget` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -118,6 +127,9 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
         Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
+        Command::Deform(args) => args.pipeline().map_err(|f| f.message),
+        Command::Modes(args) => Ok(args.pipeline()),
+        Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
 }
@@ -129,6 +141,9 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Retarget(args) => args.run(backend),
         Command::Motion(args) => args.run(backend),
         Command::Mesh(args) => args.run(),
+        Command::Deform(args) => args.run(backend),
+        Command::Modes(args) => args.run(backend),
+        Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),
         Command::Plan(args) => args.run(backend),

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use super::check::{Pipeline, resolved_vars, stage_settings};
 use super::file::literal_path;
 use super::graph::Graph;
-use super::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
+use super::items::{CLIP_EXTENSIONS, MESH_EXTENSIONS, PHOTO_EXTENSIONS, expand};
 use super::options::BatchSettings;
 use super::plan::Plan;
+use super::port::PortType;
 use super::problem::{Problem, Problems};
 use super::reference::{Item, Resolved, Scope, resolve};
 use super::syntax::{Node, Value};
@@ -73,7 +74,13 @@ impl Pipeline {
 
     fn items(&self, batch: &BatchSettings, problems: &mut Vec<Problem>) -> Vec<Item> {
         let place = self.file.batch.iter().flatten().find(|e| e.key == "foreach").and_then(|e| e.node.span);
-        let extensions: &[&str] = if self.graph.is_photo() { &PHOTO_EXTENSIONS } else { &CLIP_EXTENSIONS };
+        let extensions: &[&str] = if self.graph.gives(PortType::Mesh) {
+            &MESH_EXTENSIONS
+        } else if self.graph.is_still() {
+            &PHOTO_EXTENSIONS
+        } else {
+            &CLIP_EXTENSIONS
+        };
         match expand(batch.foreach.patterns(), batch.base.as_deref(), extensions) {
             Ok(paths) if paths.is_empty() && !batch.allow_empty => {
                 let message = format!("no file matches {}", batch.foreach.patterns().join(", "));

@@ -70,7 +70,7 @@ pub fn execute(
     let started = Instant::now();
     let batch = pipeline.batch.clone().unwrap_or_default();
     let jobs = match batch.jobs {
-        0 if pipeline.graph.is_photo() => pipeline.run.thread_count().min(photos_in_memory()),
+        0 if pipeline.graph.is_still() => pipeline.run.thread_count().min(photos_in_memory()),
         n => n as usize,
     };
     let jobs = jobs.clamp(1, instances.len().max(1));

@@ -62,9 +62,14 @@ impl Graph {
         self.stages.iter().find(|s| s.name == name)
     }
 
-    /// It works on still pictures.
-    pub fn is_photo(&self) -> bool {
-        self.stages.iter().any(|s| s.kind.outputs.iter().any(|o| o.data == PortType::Image))
+    /// It works on still pictures or on meshes: every stage is evaluated once.
+    pub fn is_still(&self) -> bool {
+        self.gives(PortType::Image) || self.gives(PortType::Mesh)
+    }
+
+    /// A stage gives data of this type.
+    pub fn gives(&self, data: PortType) -> bool {
+        self.stages.iter().any(|s| s.kind.outputs.iter().any(|o| o.data == data))
     }
 
     /// How often the pixels that `stage` gives have been interpolated since they were decoded.

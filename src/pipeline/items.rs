@@ -1,7 +1,7 @@
 //! Finds the files that `foreach` means.
 //!
 //! A pattern that names an existing file is that file, whatever characters it holds; one that names a folder is every clip in
-//! it, or every photo for graphs of still pictures, told by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
+//! it, or every photo or mesh for graphs of those, told by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
 
 use std::path::{Component, Path, PathBuf};
 
@@ -16,6 +16,9 @@ pub const CLIP_EXTENSIONS: [&str; 19] = [
 /// Extensions of photos: what a folder given as input is searched for by graphs of still pictures.
 pub const PHOTO_EXTENSIONS: [&str; 11] =
     ["avif", "heic", "heif", "jfif", "jpe", "jpeg", "jpg", "png", "tif", "tiff", "webp"];
+
+/// Extensions of meshes: what a folder given as input is searched for by graphs of meshes.
+pub const MESH_EXTENSIONS: [&str; 7] = ["glb", "gltf", "mesh", "obj", "off", "ply", "stl"];
 
 /// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`; of a folder, the
 /// files with one of `extensions` are meant.

@@ -38,6 +38,7 @@ pub mod solve;
 pub mod stages;
 pub mod suggest;
 mod summary;
+pub mod surfaces;
 pub mod syntax;
 pub mod units;
 mod warps;
@@ -53,5 +54,7 @@ pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::{FileFormat, schema, schema_of_format};
 pub use settings::number_for;
-pub use summary::{InputSummary, LinesSummary, SegmentSummary, Shake, ShakeSummary, Summary, WindowSummary};
+pub use summary::{
+    InputSummary, LinesSummary, SegmentSummary, Shake, ShakeSummary, Summary, SurfaceSummary, WindowSummary,
+};
 pub use syntax::Source;

@@ -25,13 +25,15 @@ pub enum PortType {
     Faces,
     /// How much each place of a picture matters.
     Importance,
+    /// A surface of triangles, with what its file holds besides, at rest and posed.
+    Mesh,
     /// A file that was written.
     File,
 }
 
 impl PortType {
     /// Every type, in the order of the data's way.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Frames,
         Self::Audio,
         Self::Tracks,
@@ -42,6 +44,7 @@ impl PortType {
         Self::Faces,
         Self::Importance,
         Self::Warp,
+        Self::Mesh,
         Self::File,
     ];
 
@@ -63,6 +66,7 @@ impl PortType {
             Self::Faces => "faces",
             Self::Importance => "importance",
             Self::Warp => "warp",
+            Self::Mesh => "mesh",
             Self::File => "file",
         }
     }

@@ -12,6 +12,7 @@ use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
+use crate::surface::handle_file::handle_file_schema;
 
 const NAME_PATTERN: &str = "^[a-z][a-z0-9_-]*$";
 
@@ -31,6 +32,8 @@ pub enum FileFormat {
     Motion,
     /// Where the camera is wanted, for stabilize --path-file
     Path,
+    /// Handles of a surface, for deform --handles
+    Handles,
 }
 
 /// The schema of a format.
@@ -42,6 +45,7 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Lens => lens_file_schema(),
         FileFormat::Motion => motion_file_schema().to_value(),
         FileFormat::Path => path_file_schema().to_value(),
+        FileFormat::Handles => handle_file_schema().to_value(),
     }
 }
 

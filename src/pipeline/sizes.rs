@@ -314,6 +314,8 @@ macro_rules! as_text {
     )*};
 }
 
+pub(super) use as_text;
+
 as_text! {
     PixelSize: "a size such as \"1600x1200\"", "^[0-9]+[xX×][0-9]+$";
     TargetSize: "a size such as \"1080x1920\", or a shape such as \"9:16\"", "^[0-9]+[xX×][0-9]+$|^[0-9.]+:[0-9.]+$";

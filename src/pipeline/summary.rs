@@ -95,6 +95,8 @@ pub struct Summary {
     pub window: Option<WindowSummary>,
     /// How straight the lines of a still picture became.
     pub lines: Option<LinesSummary>,
+    /// The mesh that was read, and what became of it.
+    pub surface: Option<SurfaceSummary>,
     /// Wall time, seconds; filled by the executor.
     pub seconds: f64,
 }
@@ -125,6 +127,43 @@ pub struct LinesSummary {
     pub worst: Option<(String, f64)>,
 }
 
+/// A mesh, and what was done to it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SurfaceSummary {
+    /// The file, as the user named it.
+    pub name: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of polygons.
+    pub faces: usize,
+    /// Low and high corner of its box, in its own units.
+    pub bounds: [[f64; 3]; 2],
+    /// What was mended before it was deformed.
+    pub repairs: Vec<String>,
+    /// How it was deformed.
+    pub deformation: Option<String>,
+    /// Its modes and parts.
+    pub modes: Option<String>,
+}
+
+impl SurfaceSummary {
+    fn tell(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.bounds;
+        let place = |p: [f64; 3]| format!("({})", p.map(short).join(", "));
+        let (low, high) = (place(low), place(high));
+        let Self { name, vertices, faces, .. } = self;
+        writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, from {low} to {high}")?;
+        self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
+        self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
+        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))
+    }
+}
+
+/// Five digits at most.
+fn short(v: f64) -> String {
+    format!("{v:.4e}").parse::<f64>().unwrap_or(v).to_string()
+}
+
 impl fmt::Display for LinesSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.worst {
@@ -146,6 +185,7 @@ impl fmt::Display for Summary {
         if let Some(input) = &self.input {
             writeln!(f, "  read      {input}")?;
         }
+        self.surface.iter().try_for_each(|surface| surface.tell(f))?;
         let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
         writeln!(f, "  wrote     {}", outputs.join(", "))?;
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
@@ -160,6 +200,8 @@ impl fmt::Display for Summary {
             )?;
         } else if let Some((width, height)) = self.size {
             writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
+        } else if self.surface.is_some() {
+            writeln!(f, "  took      {:.2} s", self.seconds)?;
         }
         if let Some(window) = &self.window {
             writeln!(f, "  window    {window}")?;

@@ -12,6 +12,7 @@ mod bound;
 mod deformer;
 mod detail_preserving;
 mod error;
+pub mod handle_file;
 mod handles;
 mod held;
 mod held_laplacian;

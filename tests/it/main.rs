@@ -35,5 +35,6 @@ mod sparse;
 mod stabilize;
 mod stitched;
 mod support;
+mod surface;
 mod track;
 mod warp;

@@ -2,6 +2,7 @@
 
 use plumbline::pipeline::draw::{GraphFormat, draw};
 use plumbline::pipeline::memory::ClipShape;
+use plumbline::pipeline::port::PortType;
 use plumbline::pipeline::shipped::{SHIPPED, shipped};
 use plumbline::pipeline::{Pipeline, Plan, Problems, Source, read};
 
@@ -243,6 +244,9 @@ fn pixels_are_interpolated_once() {
         let graph = read(shipped(name).expect("shipped"), &[]).expect("no faults").graph;
         for (i, stage) in graph.stages.iter().enumerate() {
             assert!(graph.resamples(i) <= 1, "{name}: {}", stage.name);
+        }
+        if graph.gives(PortType::Mesh) {
+            continue; // no picture comes in
         }
         let out = graph.stages.iter().position(|s| matches!(s.kind.name, "video.encode" | "image.save"));
         assert_eq!(out.map(|out| graph.resamples(out)), Some(1), "{name}");

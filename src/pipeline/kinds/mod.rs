@@ -14,6 +14,11 @@ mod lines_detect;
 mod lines_load;
 mod lines_save;
 mod map_export;
+mod mesh_deform;
+mod mesh_load;
+mod mesh_modes;
+mod mesh_render;
+mod mesh_save;
 mod motion;
 mod motion_export;
 mod motion_import;
@@ -45,6 +50,11 @@ pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use lines_save::LinesSaveSettings;
 pub use map_export::MapExportSettings;
+pub use mesh_deform::{CotangentWish, LaplacianWish, MeshDeformSettings, SolverWish, TurningWish, UnheldWish};
+pub use mesh_load::MeshLoadSettings;
+pub use mesh_modes::MeshModesSettings;
+pub use mesh_render::{MeshRenderSettings, UpWish};
+pub use mesh_save::MeshSaveSettings;
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
@@ -64,7 +74,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 29] = [
+pub static KINDS: [StageKind; 34] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -94,6 +104,11 @@ pub static KINDS: [StageKind; 29] = [
     StageKind::of::<ImageSaveSettings>(),
     StageKind::of::<MapExportSettings>(),
     StageKind::of::<PhotoReportSettings>(),
+    StageKind::of::<MeshLoadSettings>(),
+    StageKind::of::<MeshDeformSettings>(),
+    StageKind::of::<MeshModesSettings>(),
+    StageKind::of::<MeshRenderSettings>(),
+    StageKind::of::<MeshSaveSettings>(),
 ];
 
 /// The kind called `name`.

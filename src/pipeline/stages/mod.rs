@@ -18,6 +18,9 @@ mod filling;
 mod import;
 mod maps;
 mod measuring;
+mod mesh;
+mod npz;
+mod numpy;
 mod path_file;
 mod photo;
 mod probe;
@@ -62,6 +65,7 @@ impl Backend for Bodies {
 
     fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
         photo::rehearse(instance)?;
+        mesh::rehearse(instance)?;
         for stage in &instance.graph.stages {
             if let Some(settings) = stage.settings.get::<EncodeSettings>() {
                 let output = Output::parse(&settings.path);
@@ -88,21 +92,22 @@ impl Backend for Bodies {
         let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
         pool.install(|| {
             let mut context = Context { job, pass, values, summary };
-            if job.graph().is_photo() {
-                return run_photo(&mut context);
+            if job.graph().is_still() {
+                return run_still(&mut context);
             }
             pass.stages.iter().try_for_each(|&stage| run_stage(&mut context, stage))
         })
     }
 }
 
-/// Evaluates the stages of a graph of still pictures, and lets go of what no later one takes. A picture takes a second or two:
-/// progress is told by pictures done.
-fn run_photo(context: &mut Context<'_, '_>) -> Result<(), RunError> {
+/// Evaluates the stages of a graph of still pictures or meshes, and lets go of what no later one takes. A picture takes a
+/// second or two: progress is told by items done.
+fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
     let (job, pass) = (context.job, context.pass);
     for (done, &stage) in pass.stages.iter().enumerate() {
         job.check_cancel()?;
-        photo::run(context, stage).unwrap_or_else(|| run_stage(context, stage))?;
+        let done_by_kind = photo::run(context, stage).or_else(|| mesh::run(context, stage));
+        done_by_kind.unwrap_or_else(|| run_stage(context, stage))?;
         photo::let_go(job.graph(), &pass.stages, done, context.values);
     }
     Ok(())

@@ -1,25 +1,12 @@
 //! Square, repeating color textures with a mip pyramid and anisotropic lookup.
 
-use std::sync::LazyLock;
-
 use rayon::prelude::*;
 
 use super::Vec3;
+use crate::raster::srgb::{LINEAR, srgb_from_linear};
 
 /// Taps along the longer axis of a pixel's footprint: grazing ground stays sharp across and calm along.
 const MAX_TAPS: f32 = 4.0;
-
-/// sRGB byte → linear light in [0, 1].
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)));
-
-fn linear_from_srgb(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
-/// Linear light in [0, 1] → sRGB in [0, 1].
-pub(super) fn srgb_from_linear(v: f32) -> f32 {
-    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
 
 /// One level of the pyramid: `side × side` texels, side a power of two.
 struct Level {
@@ -112,14 +99,6 @@ fn half(fine: &Level) -> Level {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn srgb_and_linear_are_inverse() {
-        for i in 0..=255 {
-            let v = i as f32 / 255.0;
-            assert!((srgb_from_linear(linear_from_srgb(v)) - v).abs() < 1e-5);
-        }
-    }
 
     #[test]
     fn a_texel_center_has_the_texel_color_and_the_texture_repeats() {

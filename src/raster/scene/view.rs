@@ -6,8 +6,8 @@
 use rayon::prelude::*;
 
 use super::geometry::{LightMap, Polygon};
-use super::texture::srgb_from_linear;
 use super::{Pose, Scene, Vec3, paint};
+use crate::raster::srgb::Encode;
 use crate::raster::{Canvas, Rgb};
 
 /// Coverage samples per pixel and axis.
@@ -272,23 +272,4 @@ fn sky(direction: Vec3) -> Vec3 {
 /// Compresses highlights: nothing clips, shadows stay linear.
 fn tone(color: Vec3) -> Vec3 {
     color.map(|v| 1.0 - (-1.05 * v).exp())
-}
-
-/// Linear light to sRGB bytes, by table.
-struct Encode {
-    table: Vec<u8>,
-}
-
-impl Encode {
-    const STEPS: usize = 8192;
-
-    fn new() -> Self {
-        let byte = |i| (srgb_from_linear(i as f32 / Self::STEPS as f32) * 255.0).round() as u8;
-        Self { table: (0..=Self::STEPS).map(byte).collect() }
-    }
-
-    fn apply(&self, color: Vec3) -> Rgb {
-        let byte = |v: f32| self.table[(v.clamp(0.0, 1.0) * Self::STEPS as f32 + 0.5) as usize];
-        [byte(color.x), byte(color.y), byte(color.z)]
-    }
 }

@@ -13,7 +13,6 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::numpy::write_npy;
 use super::{begin, cannot, picture, required_map};
 use crate::image::write_exr;
 use crate::math::{Point2, PointMap};
@@ -22,6 +21,7 @@ use crate::photo::PhotoWarp;
 use crate::pipeline::kinds::MapExportSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
+use crate::pipeline::stages::numpy::write_npy;
 
 /// Writes the files.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MapExportSettings) -> Result<(), RunError> {

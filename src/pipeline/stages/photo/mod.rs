@@ -11,7 +11,6 @@ mod lens;
 mod lines;
 mod load;
 mod map_export;
-mod numpy;
 mod rectangle;
 mod rectify;
 mod render;
@@ -153,10 +152,10 @@ fn still_error(path: &Path, error: &StillError) -> RunError {
 }
 
 /// Starts the file that is to become `path`; dropped, it is removed.
-fn begin(path: &Path) -> Result<Unfinished, RunError> {
+pub(super) fn begin(path: &Path) -> Result<Unfinished, RunError> {
     Unfinished::beside(path).map_err(|e| cannot(path, &e))
 }
 
-fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
+pub(super) fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
     RunError::Output(format!("{}: cannot be written: {why}", path.display()))
 }

@@ -1,0 +1,141 @@
+//! `plumbline render`: pictures of meshes.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::run::run_or_print;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::items::is_glob;
+use crate::pipeline::kinds::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, UpWish};
+use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::reference::escape;
+use crate::pipeline::sizes::PixelSize;
+use crate::pipeline::surfaces::{BackgroundColor, ViewWish};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+
+/// Options of `plumbline render`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
+pub(super) struct RenderArgs {
+    /// Meshes (obj ply off stl gltf glb): files, globs, or folders
+    #[arg(required = true, value_name = "MESH")]
+    inputs: Vec<String>,
+    /// The picture to write, for one mesh; its extension chooses the format: png, jpg, tif or webp
+    #[arg(short, long, value_name = "OUTPUT")]
+    output: Option<PathBuf>,
+    /// The folder to write to; pictures are called as their meshes
+    #[arg(long, value_name = "DIR")]
+    out_dir: Option<PathBuf>,
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+
+    /// Size of the picture
+    #[arg(long, default_value_t = MeshRenderSettings::default().size, value_name = "WxH", help_heading = "View")]
+    size: PixelSize,
+    /// From where: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
+    #[arg(long, default_value_t, value_name = "VIEW", allow_hyphen_values = true, help_heading = "View")]
+    view: ViewWish,
+    /// Which axis points up
+    #[arg(long, value_enum, default_value_t, value_name = "AXIS", help_heading = "View")]
+    up: UpWish,
+
+    /// Edges as lines, of polygons without their diagonals
+    #[arg(long, help_heading = "Look")]
+    wireframe: bool,
+    /// Triangles flat; else normals are smooth up to creases
+    #[arg(long, help_heading = "Look")]
+    flat: bool,
+    /// The vertices' own colors, where the file has any
+    #[arg(long, conflicts_with = "scalar", help_heading = "Look")]
+    colors: bool,
+    /// Numbers as colors: a NumPy file with one per vertex or triangle, or x, y or z
+    #[arg(long, value_name = "FILE.npy|x|y|z", help_heading = "Look")]
+    scalar: Option<String>,
+    /// Faces seen from behind in another color
+    #[arg(long, help_heading = "Look")]
+    mark_back: bool,
+    /// One color behind the mesh: white, black, gray or #RRGGBB; a light gradient if left out
+    #[arg(long, value_name = "COLOR", help_heading = "Look")]
+    background: Option<BackgroundColor>,
+
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    print_pipeline: bool,
+    /// Meshes at work at once; 0 = as many as processors and memory allow
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
+    jobs: u32,
+    /// Threads for the whole run; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+impl RenderArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.print_pipeline, backend)
+    }
+
+    /// The pipeline that the options mean.
+    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        let (source, target) = self.names()?;
+        let render = MeshRenderSettings {
+            size: self.size,
+            view: self.view,
+            up: self.up,
+            flat: self.flat,
+            wireframe: self.wireframe,
+            colors: self.colors,
+            scalar: self.scalar.as_ref().map(|s| escape(s)),
+            mark_back: self.mark_back,
+            background: self.background,
+            ..MeshRenderSettings::default()
+        };
+        let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };
+        let save = ImageSaveSettings { path: target, ..ImageSaveSettings::default() };
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        Ok(PipelineFile {
+            name: Some("render".to_owned()),
+            run: entries_of(&run, &RunSettings::default()),
+            batch: self.output.is_none().then(|| self.batch()),
+            stages: vec![
+                StageEntry::built("mesh", &load),
+                StageEntry::built("drawn", &render).input("mesh", "mesh"),
+                StageEntry::built("picture", &save).input("image", "drawn"),
+            ],
+            ..PipelineFile::default()
+        })
+    }
+
+    /// What is read and what is written.
+    fn names(&self) -> Result<(String, String), Failure> {
+        let Some(output) = &self.output else {
+            let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
+            let target = format!("{}/${{item.stem}}.png", folder.trim_end_matches('/'));
+            return Ok(("${item.path}".to_owned(), target));
+        };
+        let [input] = self.inputs.as_slice() else {
+            let count = self.inputs.len();
+            let message = format!("--output names one file, but there are {count} meshes; use --out-dir");
+            return Err(Failure::usage(message));
+        };
+        if Path::new(input).is_dir() || (is_glob(input) && !Path::new(input).exists()) {
+            let message = format!("`{input}` may be many meshes, but --output names one file; use --out-dir");
+            return Err(Failure::usage(message));
+        }
+        Ok((escape(input), literal_path(output)))
+    }
+
+    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
+        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
+        let foreach = match patterns.as_slice() {
+            [one] => Foreach::One(one.clone()),
+            _ => Foreach::List(patterns),
+        };
+        entries_of(&BatchSettings { foreach, jobs: self.jobs, ..BatchSettings::default() }, &BatchSettings::default())
+    }
+}

@@ -1,0 +1,54 @@
+//! Normals at the corners of triangles: smooth within, sharp at creases.
+//!
+//! The normal at a corner is the sum of the area-weighted normals of those triangles around the vertex whose own direction
+//! differs from the corner's triangle by less than the crease angle. Orientation counts: flipped neighbors do not mix.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::mesh::TriMesh;
+
+/// Unit normals at the corners of every triangle; zero for one without area.
+pub(super) fn corner_normals(mesh: &TriMesh, crease_deg: f64) -> Vec<[Vector3<f32>; 3]> {
+    let count = mesh.triangle_count();
+    let scale = mesh.diagonal().powi(-2);
+    let scale = if scale.is_finite() { scale } else { 1.0 };
+    // In units of the diagonal: a normal is as long as an area, which single precision may not hold.
+    let area: Vec<Vector3<f32>> = (0..count).into_par_iter().map(|t| (mesh.area_normal(t) * scale).cast()).collect();
+    let unit: Vec<Vector3<f32>> = area.par_iter().map(normalized).collect();
+    let (first, around) = triangles_around(mesh);
+    let least = crease_deg.clamp(0.0, 180.0).to_radians().cos() as f32;
+    let corner = |t: usize, v: u32| {
+        let own = unit[t];
+        let around = &around[first[v as usize] as usize..first[v as usize + 1] as usize];
+        let near = around.iter().map(|n| *n as usize).filter(|n| unit[*n].dot(&own) >= least);
+        let smooth = normalized(&near.map(|n| area[n]).sum());
+        if smooth == Vector3::zeros() { own } else { smooth }
+    };
+    (0..count).into_par_iter().map(|t| mesh.triangles()[t].map(|v| corner(t, v))).collect()
+}
+
+fn normalized(v: &Vector3<f32>) -> Vector3<f32> {
+    let wide: Vector3<f64> = v.cast();
+    wide.try_normalize(0.0).map_or_else(Vector3::zeros, |n| n.cast())
+}
+
+/// The triangles around vertex `v` are `around[first[v]..first[v + 1]]`, in order.
+fn triangles_around(mesh: &TriMesh) -> (Vec<u32>, Vec<u32>) {
+    let mut first = vec![0_u32; mesh.vertex_count() + 2];
+    for v in mesh.triangles().iter().flatten() {
+        first[*v as usize + 2] += 1;
+    }
+    for v in 1..first.len() {
+        first[v] += first[v - 1];
+    }
+    let mut around = vec![0_u32; 3 * mesh.triangle_count()];
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        for v in corners {
+            let next = &mut first[*v as usize + 1];
+            around[*next as usize] = t as u32;
+            *next += 1;
+        }
+    }
+    (first, around)
+}

@@ -1,0 +1,284 @@
+//! Which triangle each sample of the picture sees: a z-buffer.
+//!
+//! Corners are snapped to a 256th of a sample and edges tested in whole numbers, so that a sample on the edge between two
+//! triangles belongs to exactly one of them: no cracks, nothing drawn twice. `1/z` is affine on the screen. The picture is
+//! cut into bands of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept.
+
+#![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use super::SurfaceCamera;
+use crate::mesh::TriMesh;
+
+/// The number of no triangle.
+pub(super) const NOTHING: u32 = u32::MAX;
+/// Steps per sample to which corners are snapped.
+const STEPS: f64 = 256.0;
+/// Corners farther from the picture than this are moved here, in steps: products of differences stay below 2^63.
+const FAR: f64 = (1_u64 << 29) as f64;
+/// Rows of samples in a band.
+const BAND: usize = 48;
+
+/// What the samples see.
+pub(super) struct Seen {
+    /// Vertices in the camera's axes.
+    pub(super) vertices: Vec<Point3<f64>>,
+    /// Samples per pixel and axis.
+    pub(super) samples: usize,
+    /// Samples per row.
+    columns: usize,
+    /// The triangle of each sample, or [`NOTHING`].
+    triangle: Vec<u32>,
+    /// `1/z` of each sample, 0 where it sees nothing.
+    nearness: Vec<f32>,
+}
+
+impl Seen {
+    pub(super) fn new(mesh: &TriMesh, camera: &SurfaceCamera, samples: usize) -> Self {
+        let vertices: Vec<Point3<f64>> = mesh.positions().par_iter().map(|p| camera.pose.apply(p)).collect();
+        let (columns, rows) = (camera.size.0 * samples, camera.size.1 * samples);
+        let screen: Vec<Screen> = mesh
+            .triangles()
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(t, corners)| {
+                let corners = corners.map(|v| vertices[v as usize]);
+                Screen::of(t as u32, &corners, camera, samples as f64)
+            })
+            .collect();
+        let bands = Bands::new(&screen, rows);
+        let mut triangle = vec![NOTHING; columns * rows];
+        let mut nearness = vec![0.0_f32; columns * rows];
+        let targets = triangle.par_chunks_mut(columns * BAND).zip(nearness.par_chunks_mut(columns * BAND));
+        targets.enumerate().for_each(|(band, (triangle, nearness))| {
+            let mut target = Target { top: band * BAND, columns, triangle, nearness };
+            bands.of(band).iter().for_each(|i| screen[*i as usize].draw(&mut target));
+        });
+        Self { vertices, samples, columns, triangle, nearness }
+    }
+
+    /// The triangle of sample (`column`, `line`) of pixel (`x`, `y`).
+    #[inline]
+    pub(super) fn triangle(&self, x: usize, y: usize, column: usize, line: usize) -> u32 {
+        self.triangle[self.index(x, y, column, line)]
+    }
+
+    /// `1/z` of that sample.
+    #[inline]
+    pub(super) fn nearness(&self, x: usize, y: usize, column: usize, line: usize) -> f32 {
+        self.nearness[self.index(x, y, column, line)]
+    }
+
+    #[inline]
+    fn index(&self, x: usize, y: usize, column: usize, line: usize) -> usize {
+        (y * self.samples + line) * self.columns + x * self.samples + column
+    }
+}
+
+/// A triangle on the screen, corners in steps, turned so that its area is positive.
+struct Screen {
+    x: [i64; 3],
+    y: [i64; 3],
+    nearness: [f32; 3],
+    triangle: u32,
+}
+
+/// Rows of the picture that one thread draws.
+struct Target<'a> {
+    top: usize,
+    columns: usize,
+    triangle: &'a mut [u32],
+    nearness: &'a mut [f32],
+}
+
+impl Screen {
+    /// What is seen of a triangle: nothing, itself, or two where the near plane cuts a corner off.
+    fn of(
+        triangle: u32,
+        corners: &[Point3<f64>; 3],
+        camera: &SurfaceCamera,
+        samples: f64,
+    ) -> impl Iterator<Item = Self> + use<> {
+        let mut polygon = [Point3::origin(); 4];
+        let count = clipped(corners, camera.near, &mut polygon);
+        let fan = (2..count).map(move |k| [polygon[0], polygon[k - 1], polygon[k]]);
+        let camera = *camera;
+        fan.filter_map(move |corners| Self::projected(triangle, &corners, &camera, samples))
+    }
+
+    fn projected(triangle: u32, corners: &[Point3<f64>; 3], camera: &SurfaceCamera, samples: f64) -> Option<Self> {
+        let places = corners.map(|p| camera.project(&p) * (samples * STEPS));
+        if !places.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
+            return None;
+        }
+        let snap = |v: f64| v.round().clamp(-FAR, FAR) as i64;
+        let (mut x, mut y) = (places.map(|p| snap(p.x)), places.map(|p| snap(p.y)));
+        let mut nearness = corners.map(|p| (1.0 / p.z) as f32);
+        let area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
+        let step = STEPS as i64;
+        let (right, bottom) = (camera.size.0 as i64, camera.size.1 as i64);
+        let (right, bottom) = (right * samples as i64 * step, bottom * samples as i64 * step);
+        let outside = x.iter().all(|x| *x < 0) || x.iter().all(|x| *x > right);
+        if area == 0 || outside || y.iter().all(|y| *y < 0) || y.iter().all(|y| *y > bottom) {
+            return None;
+        }
+        if area < 0 {
+            x.swap(1, 2);
+            y.swap(1, 2);
+            nearness.swap(1, 2);
+        }
+        Some(Self { x, y, nearness, triangle })
+    }
+
+    /// Rows of samples whose centers it may cover.
+    fn rows(&self) -> (i64, i64) {
+        span(self.y)
+    }
+
+    fn draw(&self, target: &mut Target<'_>) {
+        let height = target.triangle.len() / target.columns;
+        let (top, bottom) = self.rows();
+        let (first, last) = (top.max(target.top as i64), bottom.min((target.top + height) as i64 - 1));
+        let (left, right) = span(self.x);
+        let (left, right) = (left.max(0), right.min(target.columns as i64 - 1));
+        if left > right {
+            return;
+        }
+        let edges = [0, 1, 2].map(|k| Edge::new(self, k));
+        let plane = Plane::new(self);
+        for row in first..=last {
+            let mut inside = edges.map(|e| e.at(left, row));
+            let start = (row as usize - target.top) * target.columns;
+            for column in left..=right {
+                if inside[0] | inside[1] | inside[2] >= 0 {
+                    let i = start + column as usize;
+                    let nearness = plane.at(column, row);
+                    if nearness > target.nearness[i] {
+                        target.nearness[i] = nearness;
+                        target.triangle[i] = self.triangle;
+                    }
+                }
+                for (value, edge) in inside.iter_mut().zip(&edges) {
+                    *value += edge.across;
+                }
+            }
+        }
+    }
+}
+
+/// First and last sample whose centers lie between the least and the largest of three places.
+fn span(places: [i64; 3]) -> (i64, i64) {
+    let step = STEPS as i64;
+    let (low, high) = (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
+    ((low - step / 2 + step - 1).div_euclid(step), (high - step / 2).div_euclid(step))
+}
+
+/// Twice the area between an edge and a place, in steps²; not negative inside. Edges that are neither left nor top count as
+/// outside themselves.
+#[derive(Clone, Copy)]
+struct Edge {
+    value: i64,
+    across: i64,
+    down: i64,
+}
+
+impl Edge {
+    fn new(screen: &Screen, k: usize) -> Self {
+        let (a, b) = (k, (k + 1) % 3);
+        let (dx, dy) = (screen.x[b] - screen.x[a], screen.y[b] - screen.y[a]);
+        let (step, half) = (STEPS as i64, STEPS as i64 / 2);
+        let keeps_its_samples = dy < 0 || (dy == 0 && dx > 0);
+        let value = dx * (half - screen.y[a]) - dy * (half - screen.x[a]) - i64::from(!keeps_its_samples);
+        Self { value, across: -dy * step, down: dx * step }
+    }
+
+    fn at(&self, column: i64, row: i64) -> i64 {
+        self.value + self.across * column + self.down * row
+    }
+}
+
+/// `1/z` over the screen.
+struct Plane {
+    origin: f64,
+    across: f64,
+    down: f64,
+    range: [f32; 2],
+}
+
+impl Plane {
+    fn new(screen: &Screen) -> Self {
+        let at = |k: usize| [screen.x[k] as f64 / STEPS - 0.5, screen.y[k] as f64 / STEPS - 0.5];
+        let (a, b, c) = (at(0), at(1), at(2));
+        let [na, nb, nc] = screen.nearness.map(f64::from);
+        let (bx, by, cx, cy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
+        let area = bx * cy - by * cx;
+        let across = ((nb - na) * cy - (nc - na) * by) / area;
+        let down = ((nc - na) * bx - (nb - na) * cx) / area;
+        let [n0, n1, n2] = screen.nearness;
+        // Slivers extrapolate badly: no sample is nearer or farther than the corners.
+        let range = [n0.min(n1).min(n2), n0.max(n1).max(n2)];
+        Self { origin: na - across * a[0] - down * a[1], across, down, range }
+    }
+
+    #[inline]
+    fn at(&self, column: i64, row: i64) -> f32 {
+        let nearness = (self.origin + self.across * column as f64 + self.down * row as f64) as f32;
+        nearness.max(self.range[0]).min(self.range[1])
+    }
+}
+
+/// The part of a triangle beyond the near plane (Sutherland–Hodgman); the number of its corners.
+fn clipped(corners: &[Point3<f64>; 3], near: f64, into: &mut [Point3<f64>; 4]) -> usize {
+    let mut count = 0;
+    let mut keep = |p: Point3<f64>| {
+        into[count] = p;
+        count += 1;
+    };
+    let mut previous = corners[2];
+    for current in corners {
+        if (previous.z > near) != (current.z > near) {
+            keep(previous + (current - previous) * ((near - previous.z) / (current.z - previous.z)));
+        }
+        if current.z > near {
+            keep(*current);
+        }
+        previous = *current;
+    }
+    count
+}
+
+/// Triangles by the bands that they touch.
+struct Bands {
+    first: Vec<usize>,
+    triangles: Vec<u32>,
+}
+
+impl Bands {
+    fn new(screen: &[Screen], rows: usize) -> Self {
+        let count = rows.div_ceil(BAND);
+        let touched = |s: &Screen| {
+            let (top, bottom) = s.rows();
+            let (top, bottom) = (top.max(0), bottom.min(rows as i64 - 1));
+            if top > bottom { 0..0 } else { top as usize / BAND..bottom as usize / BAND + 1 }
+        };
+        let mut first = vec![0; count + 2];
+        screen.iter().flat_map(touched).for_each(|band| first[band + 2] += 1);
+        for band in 1..first.len() {
+            first[band] += first[band - 1];
+        }
+        let mut triangles = vec![0; first[count + 1]];
+        for (i, s) in screen.iter().enumerate() {
+            for band in touched(s) {
+                triangles[first[band + 1]] = i as u32;
+                first[band + 1] += 1;
+            }
+        }
+        Self { first, triangles }
+    }
+
+    fn of(&self, band: usize) -> &[u32] {
+        &self.triangles[self.first[band]..self.first[band + 1]]
+    }
+}
