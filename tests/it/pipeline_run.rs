@@ -274,6 +274,7 @@ fn a_summary_reads_well() {
         crop: Some(0.912),
         least_crop: Some(0.88),
         readout_s: Some(0.0183),
+        surface: None,
         lines: None,
         warnings: vec!["2 corrupt packets were concealed".into()],
         seconds: 12.0,
