@@ -275,6 +275,7 @@ fn a_summary_reads_well() {
         least_crop: Some(0.88),
         readout_s: Some(0.0183),
         window: None,
+        surface: None,
         lines: None,
         warnings: vec!["2 corrupt packets were concealed".into()],
         seconds: 12.0,

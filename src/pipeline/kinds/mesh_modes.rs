@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::CotangentWish;
-use crate::pipeline::kind::{Conflict, OverTime, StageSettings};
+use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 
 /// Settings of `mesh.modes`.
@@ -41,12 +41,6 @@ impl StageSettings for MeshModesSettings {
 
     fn over_time(&self) -> OverTime {
         OverTime::Once
-    }
-
-    fn conflicts(&self) -> Vec<Conflict> {
-        let nothing = self.modes.is_none() && self.parts.is_none();
-        let message = "neither `modes` nor `parts` is given, so that nothing would be written".to_owned();
-        if nothing { vec![Conflict { key: "modes", message, help: "name one file or both" }] } else { Vec::new() }
     }
 
     fn writes(&self) -> Vec<String> {

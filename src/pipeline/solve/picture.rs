@@ -120,8 +120,7 @@ mod tests {
             canvas.pixels()[y * canvas.width() + x]
         };
         assert_eq!([cell(0, 1, 3, 1), cell(0, 0, 3, 1), cell(0, 0, 0, 3)], [FILL, PAPER, OWN]);
-        let orange =
-            |panel| (0..4).flat_map(|i| (0..4).map(move |j| (i, j))).filter(|&(i, j)| cell(panel, 1, i, j) == FILL);
-        assert_eq!((orange(0).count(), orange(1).count()), (3, 0));
+        let orange = |panel: usize| (0..16).filter(|k| cell(panel, 1, k / 4, k % 4) == FILL).count();
+        assert_eq!((orange(0), orange(1)), (3, 0));
     }
 }

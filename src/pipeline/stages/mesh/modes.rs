@@ -19,6 +19,10 @@ use crate::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions,
 
 /// Computes and writes them.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshModesSettings) -> Result<(), RunError> {
+    if settings.modes.is_none() && settings.parts.is_none() {
+        let name = &context.stage(stage).name;
+        return Err(RunError::Usage(format!("`{name}` would write nothing; name `modes`, `parts` or both")));
+    }
     let posed = mesh_at(context, stage)?;
     let mesh = posed.model.mesh();
     let solvable = Solvable::new(mesh)?;
