@@ -3,6 +3,8 @@
 //! Prints JSON: entries of the factor, seconds of analysis, factorization and a solve for three right-hand sides, the least of
 //! several runs each. Run on one thread, wall time is processor time unless the machine is busy.
 
+#![expect(clippy::print_stdout, reason = "a program")]
+
 use std::error::Error;
 use std::time::Instant;
 

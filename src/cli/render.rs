@@ -18,6 +18,7 @@ use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 /// Options of `plumbline render`.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
+#[expect(clippy::struct_excessive_bools, reason = "switches that do not depend on each other")]
 pub(super) struct RenderArgs {
     /// Meshes (obj ply off stl gltf glb): files, globs, or folders
     #[arg(required = true, value_name = "MESH")]

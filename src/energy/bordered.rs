@@ -208,7 +208,9 @@ mod tests {
                     if border == 0 { Vec::new() } else { vec![(k % border, c[0]), ((k + 1) % border, c[1])] };
                 let mut row = vec![0.0; 2 + shared];
                 row[..2].copy_from_slice(a);
-                meets.iter().for_each(|(q, c)| row[2 + q] += c);
+                for (q, c) in &meets {
+                    row[2 + q] += c;
+                }
                 reference.add(*element, 2.0, &row, *b);
                 bordered.add_shared(*element, 2.0, a, &meets, *b);
             }

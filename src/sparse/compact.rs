@@ -185,9 +185,9 @@ fn panels_of(cholesky: &Cholesky) -> Panels {
         while first < end {
             let same = |j: &usize| parent[j - 1] == *j as u32 && counts[j - 1] == counts[*j] + 1;
             let next = (first + 1..end).find(|j| !same(j)).unwrap_or(end);
-            for j in first..next {
+            for (j, child) in (first..next).zip(last_child[first..next].to_vec()) {
                 cholesky.permuted_rows(j).iter().for_each(|&row| mark[row as usize] = first as u32);
-                let mut child = last_child[j];
+                let mut child = child;
                 while child != NONE {
                     let range: &std::ops::Range<usize> = &rows_of[child as usize];
                     panels.rows[range.clone()].iter().for_each(|&row| mark[row as usize] = first as u32);

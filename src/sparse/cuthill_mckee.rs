@@ -72,7 +72,9 @@ impl Search {
 
     /// Makes the unknowns as if never reached.
     fn forget(&mut self, found: &[u32]) {
-        found.iter().for_each(|&v| self.depth[v as usize] = UNSEEN);
+        for &v in found {
+            self.depth[v as usize] = UNSEEN;
+        }
     }
 
     /// Two unknowns about as far apart as any: search on from the last level's lowest degree while depth grows.

@@ -201,7 +201,7 @@ fn symmetric(a: &SparseMatrix, ordering: &Ordering, indefinite: bool) -> Result<
             &mut values,
             upper.as_ref(),
             side,
-            Default::default(),
+            faer::linalg::cholesky::llt::factor::LltRegularization::default(),
             par,
             stack,
             Spec::default(),

@@ -107,7 +107,9 @@ mod tests {
                 let original = full.clone();
                 for k in 0..n {
                     let rows: Vec<usize> = (k + 1..n).filter(|&i| full[(i, k)]).collect();
-                    rows.iter().for_each(|&i| rows.iter().filter(|&&j| j <= i).for_each(|&j| full[(i, j)] = true));
+                    for (i, j) in rows.iter().flat_map(|&i| rows.iter().map(move |&j| (i, j))).filter(|(i, j)| j <= i) {
+                        full[(i, j)] = true;
+                    }
                 }
                 let mut found = DMatrix::from_element(n, n, false);
                 structure.for_each(|i, j, own| {

@@ -96,7 +96,7 @@ impl Updated {
         let update = 4.0 * self.cholesky.nnz() as f64 + 2.0 * (n * self.pending.len()) as f64;
         let lasting = n * (self.pending.len() + 1) > self.cholesky.nnz();
         if self.spent + update > self.cost_of_refactoring(&change) || lasting {
-            return self.refactor_with(change);
+            return self.refactor_with(&change);
         }
         change.terms.iter().for_each(|&(i, a)| change.solved[i] += a);
         self.cholesky.solve_in_place(&mut change.solved);
@@ -106,7 +106,7 @@ impl Updated {
             return Ok(());
         }
         let Some(change) = self.pending.pop() else { return Ok(()) };
-        self.refactor_with(change)
+        self.refactor_with(&change)
     }
 
     fn cost_of_refactoring(&self, change: &Change) -> f64 {
@@ -140,8 +140,8 @@ impl Updated {
     }
 
     /// Puts all changes into the matrix and factors it; on failure all stays as it was.
-    fn refactor_with(&mut self, change: Change) -> Result<(), SparseError> {
-        let changes = || self.pending.iter().chain([&change]).flat_map(pairs);
+    fn refactor_with(&mut self, change: &Change) -> Result<(), SparseError> {
+        let changes = || self.pending.iter().chain([change]).flat_map(pairs);
         let mut triplets: Vec<(usize, usize, f64)> =
             self.base.pattern().places().map(|(i, j, s)| (i, j, self.base.values()[s])).collect();
         triplets.extend(changes());

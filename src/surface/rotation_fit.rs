@@ -233,7 +233,7 @@ mod tests {
         (m - m.transpose()).amax().max(-least) / s.amax()
     }
 
-    fn fitted(s: [Matrix3<f64>; 4], last: UnitQuaternion<f64>) -> ([UnitQuaternion<f64>; 4], [f64; 4]) {
+    fn fitted(s: &[Matrix3<f64>; 4], last: UnitQuaternion<f64>) -> ([UnitQuaternion<f64>; 4], [f64; 4]) {
         let lanes = |f: &dyn Fn(usize) -> f64| Lanes(std::array::from_fn(f));
         let covariances = std::array::from_fn(|r| std::array::from_fn(|c| lanes(&|l| s[l][(r, c)])));
         let mut turns: Turns = std::array::from_fn(|k| Lanes::splat(last.coords[k]));
@@ -250,7 +250,7 @@ mod tests {
             let thin = [1.0, 1e-3, 1e-6, 1e-9, 0.0][round % 5];
             let squeeze = Matrix3::from_diagonal(&Vector3::new(1.0, thin, [thin, thin * thin, 1.0][round % 3]));
             let s = [(); 4].map(|()| random_matrix(&mut rng) * squeeze * random_matrix(&mut rng));
-            let (turns, traces) = fitted(s, random_turn(&mut rng));
+            let (turns, traces) = fitted(&s, random_turn(&mut rng));
             for l in 0..4 {
                 assert!(fault(&turns[l], &s[l]) < 3e-14, "{round}: {}", fault(&turns[l], &s[l]));
                 let expected = (turns[l].to_rotation_matrix().matrix() * s[l]).trace();
@@ -272,7 +272,7 @@ mod tests {
                 let (turn, shape) = (random_turn(&mut rng), random_matrix(&mut rng));
                 // S = Σ c (R c)ᵀ
                 let s = shape * shape.transpose() * turn.to_rotation_matrix().matrix().transpose() * scale;
-                let (found, _) = fitted([s; 4], random_turn(&mut rng));
+                let (found, _) = fitted(&[s; 4], random_turn(&mut rng));
                 assert!(found[2].angle_to(&turn) < 1e-7, "{}", found[2].angle_to(&turn));
             }
         }
@@ -281,15 +281,15 @@ mod tests {
     #[test]
     fn where_nothing_turns_the_last_rotation_stays() {
         let last = random_turn(&mut fastrand::Rng::with_seed(5));
-        let (turns, traces) = fitted([Matrix3::zeros(); 4], last);
+        let (turns, traces) = fitted(&[Matrix3::zeros(); 4], last);
         assert_eq!((turns[0], traces[0]), (last, 0.0));
         // One direction only: what turns about it stays too.
         let axis = Vector3::new(0.3, -0.5, 0.8).normalize();
         let image = last * axis;
-        let (turns, _) = fitted([axis * image.transpose(); 4], last);
+        let (turns, _) = fitted(&[axis * image.transpose(); 4], last);
         assert!(turns[3].angle_to(&last) < 1e-12);
         // To the opposite direction: half a turn.
-        let (turns, traces) = fitted([-axis * image.transpose(); 4], last);
+        let (turns, traces) = fitted(&[-axis * image.transpose(); 4], last);
         assert!((turns[0] * axis + image).norm() < 1e-12 && (traces[0] - 1.0).abs() < 1e-12);
     }
 
@@ -297,9 +297,9 @@ mod tests {
     fn one_bad_lane_does_not_touch_the_others() {
         let mut rng = fastrand::Rng::with_seed(11);
         let good = random_matrix(&mut rng);
-        let (alone, _) = fitted([good; 4], UnitQuaternion::identity());
+        let (alone, _) = fitted(&[good; 4], UnitQuaternion::identity());
         let mixed = [good, Matrix3::zeros(), -Matrix3::identity(), Matrix3::repeat(f64::NAN)];
-        let (turns, traces) = fitted(mixed, UnitQuaternion::identity());
+        let (turns, traces) = fitted(&mixed, UnitQuaternion::identity());
         assert!(turns[0].angle_to(&alone[0]) < 1e-7);
         assert!((traces[2] - 1.0).abs() < 1e-13);
         assert!(turns.iter().all(|q| q.coords.iter().all(|c| c.is_finite())));

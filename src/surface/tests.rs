@@ -19,7 +19,7 @@ fn methods() -> Vec<(Method, DeformOptions)> {
     for (turning, laplacian) in
         TURNINGS.into_iter().flat_map(|t| [LaplacianKind::Cotangent, LaplacianKind::Uniform].map(|l| (t, l)))
     {
-        all.push((Method::Laplacian, DeformOptions { cotangents, turning, laplacian, ..Default::default() }));
+        all.push((Method::Laplacian, DeformOptions { cotangents, laplacian, turning, ..Default::default() }));
     }
     all
 }
@@ -150,8 +150,8 @@ fn poisson_editing_has_the_gradients_that_are_asked_for_where_they_can_be_had() 
     let gradient = Gradient::new(&mesh);
     let stretch = |axis: usize| gradient.apply(&moved.positions().iter().map(|p| p[axis]).collect::<Vec<_>>());
     let rows: [Vec<Vector3<f64>>; 3] = std::array::from_fn(stretch);
-    for t in 0..mesh.triangle_count() {
-        let j = Matrix3::from_rows(&[rows[0][t].transpose(), rows[1][t].transpose(), rows[2][t].transpose()]);
+    for (t, ((x, y), z)) in rows[0].iter().zip(&rows[1]).zip(&rows[2]).enumerate() {
+        let j = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
         let s = j.svd(false, false).singular_values;
         assert!(s[0] < 1.3 && s[1] > 0.7 && s[2] < 1e-12, "{t} {s}");
     }

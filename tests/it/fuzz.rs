@@ -186,7 +186,8 @@ fn mesh_examples(format: MeshFormat) -> Vec<Vec<u8>> {
 
 #[test]
 fn no_mesh_file_makes_a_reader_panic() {
-    let bodies: [(MeshFormat, fn(&[u8])); 5] = [
+    type Body = fn(&[u8]);
+    let bodies: [(MeshFormat, Body); 5] = [
         (MeshFormat::Obj, bodies::obj_file),
         (MeshFormat::Ply, bodies::ply_file),
         (MeshFormat::Off, bodies::off_file),

@@ -119,7 +119,8 @@ fn frames_go_from_rest_to_the_last_key_and_the_long_way_round() {
     // Half way up the bar is turned by half the angle, not by half of the 135° the other way.
     let last = positions(folder, "f_0002.ply");
     let (low, high) = bar().bounding_box().expect("vertices");
-    let middle: Vec<usize> = (0..rest.len()).filter(|v| (rest[*v].z - (low.z + high.z) / 2.0).abs() < 1e-9).collect();
+    let middle: Vec<usize> =
+        (0..rest.len()).filter(|v| (rest[*v].z - f64::midpoint(low.z, high.z)).abs() < 1e-9).collect();
     let axis = nalgebra::center(&low, &high);
     let off = |degrees: f64| {
         let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), degrees.to_radians());

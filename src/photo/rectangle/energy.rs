@@ -140,7 +140,7 @@ fn coordinates(mesh: &GridMesh, cell: usize) -> [usize; 8] {
 /// Where the rectangle puts coordinate `c` of the border; `None` for one that is free.
 fn fixed(mesh: &GridMesh, c: usize, size: (f64, f64)) -> Option<f64> {
     let (i, j) = (c / 2 % (mesh.cols + 1), c / 2 / (mesh.cols + 1));
-    let (at, last, extent) = if c % 2 == 0 { (i, mesh.cols, size.0) } else { (j, mesh.rows, size.1) };
+    let (at, last, extent) = if c.is_multiple_of(2) { (i, mesh.cols, size.0) } else { (j, mesh.rows, size.1) };
     match at {
         0 => Some(0.0),
         at if at == last => Some(extent),

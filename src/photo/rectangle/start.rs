@@ -57,8 +57,8 @@ pub(super) fn start(
         (mesh.folded_cells() == 0).then_some(mesh)
     };
     // A coarser grid follows a ragged outline less closely.
-    let coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= LEAST_CELLS);
-    let mut mesh = coarser.filter_map(laid).next().ok_or(RectangleError::Ragged)?;
+    let mut coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= LEAST_CELLS);
+    let mut mesh = coarser.find_map(laid).ok_or(RectangleError::Ragged)?;
     let (origin, block) = (Vec2::new(x0 as f64, y0 as f64), outline.block as f64);
     mesh.vertices.iter_mut().for_each(|v| *v = Point2::from((v.coords + origin) * block));
     Ok(mesh)

@@ -56,8 +56,11 @@ fn made(frame: &Frame, lines: &[Line], options: &RectangleOptions) -> (Rectangle
     (rectangle(&input, options).expect("a rectangle"), outline)
 }
 
+/// Which pixels are shown.
+type Shown = fn(f64, f64) -> bool;
+
 /// Outlines as stitching leaves them.
-fn outlines() -> [(&'static str, fn(f64, f64) -> bool); 4] {
+fn outlines() -> [(&'static str, Shown); 4] {
     [
         ("arcs", |x, y| {
             let bow = (x / 640.0 * std::f64::consts::TAU).sin().abs();

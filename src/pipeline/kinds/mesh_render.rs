@@ -35,6 +35,7 @@ impl UpWish {
 /// Settings of `mesh.render`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[expect(clippy::struct_excessive_bools, reason = "switches that do not depend on each other")]
 pub struct MeshRenderSettings {
     /// Size of the picture, such as 1280x960
     pub size: PixelSize,

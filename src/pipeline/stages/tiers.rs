@@ -158,7 +158,10 @@ mod tests {
 
     #[test]
     fn only_a_given_path_is_followed_closely() {
-        let given = Tiers { given: vec![0..100], ..tiers(&[(0..200, Tier::ThreeD), (200..300, Tier::Mesh)]) };
+        let given = Tiers {
+            given: std::iter::once(0..100).collect(),
+            ..tiers(&[(0..200, Tier::ThreeD), (200..300, Tier::Mesh)])
+        };
         assert_eq!((given.given(50), given.given(150), given.given(250)), (1.0, 0.0, 0.0));
     }
 

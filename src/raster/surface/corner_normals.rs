@@ -30,7 +30,7 @@ pub(super) fn corner_normals(mesh: &TriMesh, crease_deg: f64) -> Vec<[Vector3<f3
 
 fn normalized(v: &Vector3<f32>) -> Vector3<f32> {
     let wide: Vector3<f64> = v.cast();
-    wide.try_normalize(0.0).map_or_else(Vector3::zeros, |n| n.cast())
+    wide.try_normalize(0.0).unwrap_or_else(Vector3::zeros).cast()
 }
 
 /// The triangles around vertex `v` are `around[first[v]..first[v + 1]]`, in order.

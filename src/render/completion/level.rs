@@ -82,7 +82,9 @@ impl Level {
         let count = self.known.iter().filter(|k| **k).count().max(1) as f32;
         for channel in &mut self.channels {
             let mean = channel.iter().zip(&self.known).filter(|(_, k)| **k).map(|(v, _)| v).sum::<f32>() / count;
-            hole.iter().for_each(|&k| channel[k] = mean);
+            for &k in &hole {
+                channel[k] = mean;
+            }
             for _ in 0..SMOOTH_ROUNDS * w.max(h) {
                 for &k in &hole {
                     let (x, y) = (k % w, k / w);

@@ -173,6 +173,7 @@ impl Document {
 }
 
 /// A refusal of a field.
+#[expect(clippy::needless_pass_by_value, reason = "numbers and words alike")]
 pub(super) fn refused(place: &str, field: &'static str, value: impl ToString, expected: &str) -> HandleFileError {
     HandleFileError::Value { place: place.to_owned(), field, value: value.to_string(), expected: expected.to_owned() }
 }
@@ -191,14 +192,13 @@ impl HandleEntry {
         if let Some(rigid) = &self.rigid {
             rigid.keys(place)?;
         }
+        if self.positions.is_some() && !self.vertices.has_order() {
+            let expected = "\"indices\" or \"nearest\", whose order tells which place is whose";
+            return Err(refused(place, "vertices", "a set without order beside positions", expected));
+        }
         match &self.positions {
-            None => Ok(()),
-            Some(_) if !self.vertices.has_order() => {
-                let expected = "\"indices\" or \"nearest\", whose order tells which place is whose";
-                Err(refused(place, "vertices", "a set without order beside positions", expected))
-            }
-            Some(Positions::Places(_)) => Ok(()),
             Some(Positions::Keys(keys)) => check_times(place, keys.keys.iter().map(|k| k.time)),
+            None | Some(Positions::Places(_)) => Ok(()),
         }
     }
 
@@ -243,9 +243,10 @@ fn ordered(
     places: &[[f64; 3]],
 ) -> Result<Vec<Point3<f64>>, HandleFileError> {
     if places.len() != listed.len() || listed.len() != vertices.len() {
-        let expected = match listed.len() == vertices.len() {
-            true => format!("{}, one per vertex", listed.len()),
-            false => "one per vertex, and no vertex twice".to_owned(),
+        let expected = if listed.len() == vertices.len() {
+            format!("{}, one per vertex", listed.len())
+        } else {
+            "one per vertex, and no vertex twice".to_owned()
         };
         return Err(refused(place, "positions", format!("a list of {}", places.len()), &expected));
     }

@@ -1,5 +1,6 @@
 //! `mesh.modes`: low modes as a NumPy archive, parts as JSON, both by the vertices of the file.
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
@@ -65,7 +66,7 @@ fn tell(
     let mut line = format!("{} beside {} rigid motions{range}", found.values.len(), found.rigid);
     if let Some(divided) = divided {
         let left = divided.unexplained.last().copied().unwrap_or(1.0);
-        line += &format!("; {} parts leave {:.1} % of the motion unexplained", divided.count, 100.0 * left);
+        let _ = write!(line, "; {} parts leave {:.1} % of the motion unexplained", divided.count, 100.0 * left);
     }
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs = solvable.report.changes().collect();

@@ -1,5 +1,6 @@
 //! What is told of a deformation: in a line or two, and as JSON.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use serde_json::{Value as Json, json};
@@ -54,17 +55,17 @@ fn line(report: &DeformReport, method: &str, poses: usize) -> String {
         told = format!("{poses} poses; the last by {told}");
     }
     if let [first, .., last] = report.energies.as_slice() {
-        told += &format!(", energy {first:.4e} to {last:.4e}");
+        let _ = write!(told, ", energy {first:.4e} to {last:.4e}");
     }
-    told += &format!(", edges stretched by {:.1} % at most", 100.0 * shape.worst_stretch);
+    let _ = write!(told, ", edges stretched by {:.1} % at most", 100.0 * shape.worst_stretch);
     if let Some(ratio) = shape.volume_ratio {
-        told += &format!(", volume {:.1} %", 100.0 * ratio);
+        let _ = write!(told, ", volume {:.1} %", 100.0 * ratio);
     }
     if shape.flipped_faces > 0 {
-        told += &format!(", {} faces flipped", shape.flipped_faces);
+        let _ = write!(told, ", {} faces flipped", shape.flipped_faces);
     }
     if report.constraint_error > 0.0 {
-        told += &format!(", handles missed by {:.3e} at most", report.constraint_error);
+        let _ = write!(told, ", handles missed by {:.3e} at most", report.constraint_error);
     }
     told
 }

@@ -69,7 +69,9 @@ mod tests {
     #[test]
     fn what_a_camera_errs_stays_and_what_a_track_errs_goes() {
         let drift = |p: Point2| Point2::new(p.x * 1.001 + 0.3, p.y * 1.001 - 0.2);
-        let own = |k: usize| Vec2::new(if k % 2 == 0 { 0.1 } else { -0.1 }, if k % 3 == 0 { 0.1 } else { -0.05 });
+        let own = |k: usize| {
+            Vec2::new(if k.is_multiple_of(2) { 0.1 } else { -0.1 }, if k.is_multiple_of(3) { 0.1 } else { -0.05 })
+        };
         for (k, noise) in noise_of(&pairs(drift, own), &FrameScale::new(640, 360)).iter().enumerate() {
             assert!((noise - own(k)).norm() < 0.03, "{k}: {noise} for {}", own(k));
         }
