@@ -285,13 +285,17 @@ impl<T: Scalar> Cholesky<T> {
 
     /// The factor's blocks of columns, left to right.
     pub(super) fn blocks(&self) -> impl Iterator<Item = Block<'_, T>> {
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else {
-            unreachable!("the analysis is forced to be supernodal")
+        // A system without unknowns has no supernodes.
+        let symbolic = match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(symbolic) => Some(symbolic),
+            SymbolicCholeskyRaw::Simplicial(_) => None,
         };
-        let factor = SupernodalLltRef::new(symbolic, &self.factor);
-        (0..symbolic.n_supernodes()).map(move |s| {
-            let node = factor.supernode(s);
-            Block { first: node.start(), rows: node.pattern(), values: node.val() }
+        symbolic.into_iter().flat_map(|symbolic| {
+            let factor = SupernodalLltRef::new(symbolic, &self.factor);
+            (0..symbolic.n_supernodes()).map(move |s| {
+                let node = factor.supernode(s);
+                Block { first: node.start(), rows: node.pattern(), values: node.val() }
+            })
         })
     }
 
@@ -311,8 +315,9 @@ impl<T: Scalar> Cholesky<T> {
 
 /// The plan for real matrices.
 fn plan(symbolic: &SymbolicCholesky<u32>, permuted: &SymbolicSparseColMat<u32>) -> Multifrontal {
+    // Forced to be supernodal, the analysis is something else only where there is nothing to analyze.
     let SymbolicCholeskyRaw::Supernodal(blocks) = symbolic.raw() else {
-        unreachable!("the analysis is forced to be supernodal")
+        return Multifrontal::new(std::iter::empty(), permuted.col_ptr(), permuted.row_idx());
     };
     let (begin, end) = (blocks.supernode_begin(), blocks.supernode_end());
     let list = (0..blocks.n_supernodes())

@@ -151,12 +151,13 @@ fn an_uncropped_picture_is_transparent_or_filled_where_it_shows_nothing() {
     }
     let [black, clear, full] = ["black.png", "clear.png", "full.png"].map(|name| at(folder, name));
     assert_eq!((black.frame.format.alpha, clear.frame.format.alpha, full.frame.format.alpha), (false, true, false));
-    let (before, after) = (rgb_of_frame(&black.frame).expect("RGB"), rgb_of_frame(&full.frame).expect("RGB"));
+    let [before, seen, after] = [&black, &clear, &full].map(|still| rgb_of_frame(&still.frame).expect("RGB"));
     let alpha = clear.frame.plane8(clear.frame.format.planes() - 1).expect("8 bit");
     let (mut hole, mut dark) = (0, 0);
-    for (k, (b, a)) in before.iter().zip(&after).enumerate() {
+    for (k, ((b, a), seen)) in before.iter().zip(&after).zip(&seen).enumerate() {
         match alpha.row(k / 400)[k % 400] {
-            255 => assert_eq!(a, b, "what is shown stays"),
+            // A black border darkens the last pixels, since kernels reach over it.
+            255 => assert_eq!(a, seen, "what is shown stays"),
             0 => {
                 assert_eq!(*b, [0; 3]);
                 (hole, dark) = (hole + 1, dark + u32::from(a.iter().all(|v| *v < 12)));

@@ -186,7 +186,7 @@ mod tests {
         }
         assert_eq!(
             lens(Projection::Rectilinear, 200.0).expect_err("too wide").to_string(),
-            "a horizontal field of view of 200.000000° is invalid for a rectilinear lens (expected above 0° and below \
+            "a horizontal field of view of 200.000000° is invalid for the rectilinear projection (expected above 0° and below \
              180.0000°): give another angle or another projection"
         );
         assert!(matches!(

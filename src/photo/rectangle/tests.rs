@@ -156,7 +156,7 @@ fn what_is_stitched_is_told_from_disks_frames_and_photos() {
         assert!(outline(&shown).expect("a border").is_stitched(), "{name}");
     }
     let disk = |r: f64| move |x: f64, y: f64| (x - 320.0).hypot(y - 200.0) < r;
-    for r in [180.0, 260.0, 340.0] {
+    for r in [180.0, 260.0, 320.0] {
         let disk = outline(&disk(r)).expect("a border");
         assert!(disk.is_round() && !disk.is_stitched(), "{r}");
     }

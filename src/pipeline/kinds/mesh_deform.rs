@@ -163,9 +163,12 @@ pub struct MeshDeformSettings {
     pub report: Option<String>,
 }
 
+/// When a deformation is done. A bar that is twisted by 135 degrees rests on a symmetric saddle first, where rounds gain less
+/// than 10⁻⁶ of the energy and end 3.5 % above the minimum; 10⁻⁸ costs half as many rounds again.
+const DONE: Convergence = Convergence { max_iterations: 1000, tolerance: 1e-8 };
+
 impl Default for MeshDeformSettings {
     fn default() -> Self {
-        let Convergence { max_iterations, tolerance } = Convergence::default();
         Self {
             handles: String::new(),
             method: MethodName::default(),
@@ -174,8 +177,8 @@ impl Default for MeshDeformSettings {
             laplacian: LaplacianWish::default(),
             turning: TurningWish::default(),
             roi: None,
-            iterations: max_iterations as u32,
-            tolerance,
+            iterations: DONE.max_iterations as u32,
+            tolerance: DONE.tolerance,
             frames: 1,
             unheld: UnheldWish::default(),
             report: None,

@@ -4,6 +4,8 @@
 //! move: the surface would tear. The operators of deformation sum over triangles and need no manifold, so the copies of
 //! a vertex are joined again; what is left of the repair is that nothing is degenerate, double or apart in one place.
 
+use std::collections::HashMap;
+
 use nalgebra::Point3;
 
 use crate::mesh::{RepairOptions, RepairReport, Repaired, TriMesh, repair};
@@ -24,10 +26,13 @@ impl Solvable {
     pub(super) fn new(mesh: &TriMesh) -> Result<Self, RunError> {
         let Repaired { mesh, report, source_of_vertex: source, vertex_of_source, .. } =
             repair(mesh, &RepairOptions::default());
-        let mut number = vec![None; vertex_of_source.len()];
+        // Repair welds what is exactly in one place and moves nothing: copies are known by their place, in a soup too, where
+        // each may come from another vertex of the file. Adding zero makes one of the two zeros.
+        let mut number: HashMap<[u64; 3], u32> = HashMap::new();
         let (mut joined, mut source_of_vertex, mut positions) = (Vec::new(), Vec::new(), Vec::new());
         for (&source, &position) in source.iter().zip(mesh.positions()) {
-            let vertex = *number[source as usize].get_or_insert(positions.len() as u32);
+            let place = position.coords.map(|c| (c + 0.0).to_bits());
+            let vertex = *number.entry(place.into()).or_insert(positions.len() as u32);
             joined.push(vertex);
             if vertex as usize == positions.len() {
                 positions.push(position);

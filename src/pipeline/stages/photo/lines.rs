@@ -24,7 +24,7 @@ pub(super) struct LineSet {
     pub(super) lines: Vec<Line>,
     /// `None` for lines that were marked: they may tell the lens themselves.
     pub(super) lens: Option<Arc<Found>>,
-    /// They were found, not marked: each is as straight as the lens says, and its ends tell all of it.
+    /// They were found, not marked: each is two ends, and between them as straight as the lens says.
     pub(super) found: bool,
 }
 
@@ -62,17 +62,12 @@ pub(super) fn detect(
     Ok(())
 }
 
-/// Writes lines as marked ones, all in use. Of those that were found the ends: more points would be taken for measurements
-/// from which the lens can be told, but they follow from the lens.
+/// Writes lines as marked ones, all in use.
 pub(super) fn save(context: &mut Context<'_, '_>, stage: usize, settings: &LinesSaveSettings) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
     let set = context.values.get::<LineSet>(context.required(stage, "lines")?)?;
-    let kept = |line: &Line| match (set.found, line.points.as_slice()) {
-        (true, [first, .., last]) => Line { points: vec![*first, *last], ..line.clone() },
-        _ => line.clone(),
-    };
     let size = (photo.frame.width as u32, photo.frame.height as u32);
-    let text = LinesFile::new(size, set.lines.iter().map(kept).collect()).to_json();
+    let text = LinesFile::new(size, set.lines.clone()).to_json();
     let path = Path::new(&settings.path);
     let unfinished = begin(path)?;
     std::fs::write(unfinished.path(), text).map_err(|e| cannot(path, &e))?;
@@ -98,7 +93,10 @@ fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunEr
     let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default());
     let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
     let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
-    let line = |line: Line| Line { points: line.points.iter().map(at).collect(), ..line };
+    // Of what lies between the ends the lens tells all. More points would be taken for measurements of it, once they are
+    // saved and read back.
+    let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
+    let line = |line: Line| Line { points: ends(&line.points), ..line };
     let wanted = |line: &Line| !settings.without.contains(&line.name);
     let lines = detection.lines.into_iter().map(|d| line(d.line)).filter(wanted).collect();
     Ok(LineSet { lines, lens, found: true })
