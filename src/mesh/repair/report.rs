@@ -127,7 +127,8 @@ impl fmt::Display for RepairReport {
         }
         self.changes().try_for_each(|change| writeln!(f, "{change}"))?;
         write!(f, "{} vertices, {} triangles", self.vertices_after, self.triangles_after)?;
-        writeln!(f, ", {} components, {} boundaries", self.components.len(), self.boundary_loops.len())?;
+        let s = if self.components.len() == 1 { "" } else { "s" };
+        writeln!(f, ", {} component{s}, {} boundaries", self.components.len(), self.boundary_loops.len())?;
         write!(f, "{} edges with negative cotangent weight", self.negative_weights)
     }
 }

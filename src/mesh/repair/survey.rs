@@ -70,7 +70,8 @@ impl MeshFacts {
 impl fmt::Display for MeshFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} vertices, {} triangles, {} edges", self.vertices, self.triangles, self.edges)?;
-        write!(f, "{} components, Euler number {}", self.components, self.euler)?;
+        let s = if self.components == 1 { "" } else { "s" };
+        write!(f, "{} component{s}, Euler number {}", self.components, self.euler)?;
         match (self.boundary_edges, self.non_manifold_edges, self.turned_edges) {
             (0, 0, 0) => writeln!(f, ", closed and oriented")?,
             (open, crowded, turned) => {
