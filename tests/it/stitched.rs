@@ -54,10 +54,9 @@ fn a_cut_out_room_becomes_a_full_rectangle_with_and_without_being_asked() {
         assert_eq!((&report["outside_shown"], &report["grid"]["folds"]), (&0.0.into(), &0.into()), "{report:#}");
         let lines = report["lines"].as_array().expect("a list");
         assert!(lines.len() > 5, "{report:#}");
-        for line in lines {
-            let (off, length) = (line["max_px"].as_f64().expect("px"), line["length_px"].as_f64().expect("px"));
-            assert!(off <= 0.003 * length, "{line}");
-        }
+        let px = |line: &serde_json::Value, what: &str| line[what].as_f64().expect("px");
+        let off = lines.iter().map(|line| px(line, "max_px") / px(line, "length_px")).sum::<f64>() / lines.len() as f64;
+        assert!(off <= 0.001, "{off} of their length in the mean");
         let pixels = rgb_of_frame(&at(folder, &made).frame).expect("a still frame");
         let white = pixels.iter().filter(|p| p.iter().all(|v| *v > 250)).count();
         assert!(white * 1000 < pixels.len(), "{white} of {} pixels are white", pixels.len());
@@ -154,10 +153,14 @@ fn an_uncropped_picture_is_transparent_or_filled_where_it_shows_nothing() {
     let [before, seen, after] = [&black, &clear, &full].map(|still| rgb_of_frame(&still.frame).expect("RGB"));
     let alpha = clear.frame.plane8(clear.frame.format.planes() - 1).expect("8 bit");
     let (mut hole, mut dark) = (0, 0);
+    let whole = |k: usize| {
+        let around = |n: usize, most: usize| n.saturating_sub(1)..(n + 2).min(most);
+        around(k / 400, 300).all(|y| alpha.row(y)[around(k % 400, 400)].iter().all(|v| *v == 255))
+    };
     for (k, ((b, a), seen)) in before.iter().zip(&after).zip(&seen).enumerate() {
         match alpha.row(k / 400)[k % 400] {
-            // A black border darkens the last pixels, since kernels reach over it.
-            255 => assert_eq!(a, seen, "what is shown stays"),
+            // Beside what is missing kernels have mixed the two; that rim is made anew.
+            255 if whole(k) => assert_eq!(a, seen, "what is shown stays"),
             0 => {
                 assert_eq!(*b, [0; 3]);
                 (hole, dark) = (hole + 1, dark + u32::from(a.iter().all(|v| *v < 12)));

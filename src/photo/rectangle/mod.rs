@@ -72,7 +72,7 @@ pub struct RectangleOptions {
 
 impl Default for RectangleOptions {
     fn default() -> Self {
-        Self { shape: RectangleShape::default(), cells: 1600, straightness: 3000.0, faces: 10.0 }
+        Self { shape: RectangleShape::default(), cells: 1600, straightness: 1000.0, faces: 10.0 }
     }
 }
 
