@@ -153,7 +153,10 @@ impl<'a> Maps<'a> {
         let center_time = |src| rows.as_ref().map_or(src, |r| r.center_time(src));
         let virtual_camera = self.path.cameras.get(index).copied().flatten();
         let in_space = match virtual_camera.zip(self.places.as_ref()) {
-            Some((camera, places)) => shown(places, index, &camera, &still, center_time),
+            Some((camera, places)) if self.tiers.given(index) > 0.0 => {
+                shown(places, index, &camera, &still, center_time)
+            }
+            Some((camera, places)) => still.iter().map(|o| camera.show(&places.of(index, o, camera.turns)?)).collect(),
             None => vec![None; still.len()],
         };
         let points = still.iter().zip(in_space).map(|(o, in_space)| {
