@@ -75,10 +75,11 @@ impl ClipWishes {
         all.extend(stages);
         all.push(StageEntry::built("drawn", render).input("frames", "source").inputs("warps", warps));
         all.push(StageEntry::built("out", &encode).input("frames", "drawn").input("audio", "source.audio"));
+        let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
         Ok(PipelineFile {
             name: Some(name.to_owned()),
-            run: entries_of(&photo.run(), &RunSettings::default()),
-            batch: photo.output.is_none().then(|| batch(photo)),
+            run: photo.job.run(),
+            batch: photo.output.is_none().then(|| batch(&photo.inputs, jobs)),
             stages: all,
             ..PipelineFile::default()
         })
@@ -98,27 +99,8 @@ impl ClipWishes {
             let output = format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/'));
             return Ok(("${item.path}".to_owned(), output));
         };
-        let [input] = photo.inputs.as_slice() else {
-            let count = photo.inputs.len();
-            let message = format!("--output names one file, but there are {count} inputs; use --out-dir");
-            return Err(Failure::usage(message));
-        };
-        if Path::new(input).is_dir() || (is_glob(input) && !Path::new(input).exists()) {
-            let message = format!("`{input}` may be many clips, but --output names one file; use --out-dir");
-            return Err(Failure::usage(message));
-        }
-        Ok((escape(input), literal_path(output)))
+        Ok((escape(only_input(&photo.inputs, "clips")?), literal_path(output)))
     }
-}
-
-fn batch(photo: &PhotoArgs) -> Vec<crate::pipeline::syntax::Entry> {
-    let patterns: Vec<String> = photo.inputs.iter().map(|i| escape(i)).collect();
-    let foreach = match patterns.as_slice() {
-        [one] => Foreach::One(one.clone()),
-        _ => Foreach::List(patterns),
-    };
-    let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
-    entries_of(&BatchSettings { foreach, jobs, ..BatchSettings::default() }, &BatchSettings::default())
 }
 
 /// Stages `tracks` and `motion`; the points are carried through the map `lens` where there is one.
