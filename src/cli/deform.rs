@@ -7,12 +7,11 @@ use clap::Args;
 use super::failure::Failure;
 use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     CotangentWish, ImageSaveSettings, LaplacianWish, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings,
     MeshSaveSettings, SolverWish, TurningWish, UnheldWish,
 };
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::surfaces::{MethodName, ViewWish};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 

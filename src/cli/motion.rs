@@ -7,9 +7,8 @@ use clap::{ArgGroup, Args};
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::MotionExportSettings;
-use crate::pipeline::options::RunSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::is_glob;
+use super::job::{JobArgs, batch, only_input};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
     ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, LinesSaveSettings, MapExportSettings,
     PhotoReportSettings,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
 

@@ -5,14 +5,15 @@ use std::path::Path;
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::{batch, only_input};
 use super::photo::PhotoArgs;
 use super::stabilize::KEPT_CONTAINERS;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand, is_glob};
+use crate::pipeline::file::literal_path;
+use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
 use crate::pipeline::kinds::{
     Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
+use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::units::ClipTime;
 use crate::pipeline::{PipelineFile, StageEntry, number_for};

@@ -6,14 +6,15 @@ use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
 use super::failure::Failure;
+use super::job::{batch, only_input};
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::{is_glob, is_picture, pictures};
+use crate::pipeline::file::literal_path;
+use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::kinds::{
     Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionExportSettings, PathMethod,
     RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpMode, WarpSettings, Zoom,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
+use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::units::{BitRate, ByteSize};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
