@@ -16,7 +16,7 @@ use super::permuted::Permuted;
 use super::{Pattern, Permutation};
 
 /// Share of zeros up to which a merged block is kept, by its number of columns at most.
-const RELAXATION: [(u32, f64); 4] = [(4, 1.0), (16, 0.8), (48, 0.1), (u32::MAX, 0.05)];
+const RELAXATION: [(u32, f64); 4] = [(4, 0.4), (16, 0.2), (48, 0.1), (u32::MAX, 0.05)];
 
 /// Adjacent columns and the rows below them.
 #[derive(Clone, Copy, Debug)]

@@ -197,7 +197,8 @@ impl<'a> Elimination<'a> {
         let pivot = self.x[row as usize];
         for &other in &self.open {
             let value = std::mem::take(&mut self.x[other as usize]) / pivot;
-            if other != row && value != 0.0 {
+            // Zeros that come out stay: pruning counts on the structure.
+            if other != row {
                 self.lower.push(other, value);
             }
         }

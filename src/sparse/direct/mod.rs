@@ -94,15 +94,28 @@ impl GeneralMatrix {
             return self.lu(ordering);
         }
         let a = self.symmetric()?;
-        match cholesky(&a, ordering) {
-            Err(SparseError::NotPositiveDefinite { .. }) => {}
+        let fault = match cholesky(&a, ordering) {
+            Err(SparseError::NotPositiveDefinite { .. }) => None,
             // Zeros on the diagonal look singular to Cholesky, and may be those of constraints.
-            Err(SparseError::Singular { .. }) if a.n() > 1 => {}
+            Err(fault @ SparseError::Singular { .. }) if a.n() > 1 => {
+                let weighted = (0..a.n()).all(|j| a.values()[a.pattern().column(j).start] > 0.0);
+                weighted.then_some(fault)
+            }
             other => return other,
-        }
-        let Ok(ldlt) = Ldlt::new(&a, ordering) else { return self.lu(ordering) };
+        };
+        // Where nothing else works either, what Cholesky found of a semidefinite matrix says most.
+        self.indefinite(&a, ordering).map_err(|error| fault.unwrap_or(error))
+    }
+
+    fn indefinite(&self, a: &SparseMatrix, ordering: &Ordering) -> Result<Kind, SparseError> {
+        let Ok(ldlt) = Ldlt::new(a, ordering) else { return self.lu(ordering) };
         let mut factor = Factor { rows: a.n(), columns: a.n(), kind: Kind::Ldlt(Box::new(ldlt)) };
-        if factor.probe(self).is_ok() { Ok(factor.kind) } else { self.lu(ordering) }
+        if factor.probe(self).is_ok() {
+            return Ok(factor.kind);
+        }
+        let mut factor = Factor { kind: self.lu(ordering)?, ..factor };
+        factor.probe(self)?;
+        Ok(factor.kind)
     }
 
     fn lu(&self, ordering: &Ordering) -> Result<Kind, SparseError> {
