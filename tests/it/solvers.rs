@@ -268,6 +268,14 @@ fn the_condition_estimate_is_a_close_lower_bound() {
         assert!(estimate <= exact * (1.0 + 1e-9) && 3.0 * estimate >= exact, "{exact:e} estimated {estimate:e}");
     }
     assert_eq!(inverse_norm_1(0, |_| vec![], |_| vec![]), 0.0);
+    // An inverse that sends to nearly nothing what is constant, from either side: no climbing from there.
+    let alternating = |b: &[f64], across: [f64; 4], along: [f64; 4]| {
+        let share: f64 = along.iter().zip(b).map(|(w, b)| w * b).sum();
+        across.iter().zip(b).map(|(v, b)| v * share + 1e-3 * b).collect::<Vec<f64>>()
+    };
+    let (v, w) = ([1.0, -1.0, 0.0, 0.0], [1.0, -1.0, 1.0, -1.0]);
+    let hidden = inverse_norm_1(4, |b| alternating(b, v, w), |b| alternating(b, w, v));
+    assert!(hidden <= 2.001 && hidden > 2.0 / 3.0, "2.001 estimated {hidden}");
     let diagonal = inverse_norm_1(3, |b| vec![b[0], b[1] / 0.01, b[2]], |b| vec![b[0], b[1] / 0.01, b[2]]);
     assert!((diagonal - 100.0).abs() < 1e-12);
 }
