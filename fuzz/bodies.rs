@@ -10,6 +10,7 @@ use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, en
 use plumbline::mesh::{HalfEdges, RepairOptions, Weld, repair};
 use plumbline::motion::ClipMotion;
 use plumbline::pipeline::{Source, print, read};
+use plumbline::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
 pub(crate) fn motion_file(bytes: &[u8]) {
@@ -128,4 +129,27 @@ pub(crate) fn gltf_file(bytes: &[u8]) {
 /// [`mesh_file`] as Medit.
 pub(crate) fn medit_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Medit);
+}
+
+/// Any bytes as a Matrix Market file: read or refused without a panic, no larger than the file. What was read can be written and
+/// read again, and every method solves it or says why not.
+pub(crate) fn matrix_file(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let Ok(a) = read_matrix_market(&text) else { return };
+    assert!(a.nnz() <= 2 * text.lines().count() && a.entries().all(|(_, _, v)| v.is_finite()));
+    if a.rows().max(a.columns()) > 32 || a.columns() == 0 {
+        return;
+    }
+    let mut columns = vec![0.0; a.rows() * a.columns()];
+    a.entries().for_each(|(i, j, v)| columns[j * a.rows() + i] = v);
+    let again = read_matrix_market(&write_matrix_market(a.rows(), &columns)).expect("own files are read");
+    let without_zeros = || a.entries().filter(|(_, _, v)| *v != 0.0);
+    assert!(a.rows() == 0 || again.entries().eq(without_zeros()));
+    let methods = [Method::Cholesky, Method::SimplicialCholesky, Method::Ldlt, Method::Lu, Method::Qr, Method::Auto];
+    for method in methods {
+        if let Ok(mut factor) = a.factor(method, &Ordering::Amd) {
+            let b = vec![1.0; a.rows()];
+            assert_eq!(factor.solve(&b).expect("one column").len(), if a.rows() == 0 { 0 } else { a.columns() });
+        }
+    }
 }

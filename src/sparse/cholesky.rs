@@ -6,18 +6,7 @@
 
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
-use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
-use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, MatMut, MatRef, Par, Side};
-
-use super::etree::Elimination;
+use super::blocks::{self, Analysis};
 use super::multifrontal::Multifrontal;
 use super::wide_registers::clear_upper_halves;
 use super::{Ordering, Pattern, Permutation, Scalar, SparseError, SparseMatrix};
@@ -26,45 +15,47 @@ use super::{Ordering, Pattern, Permutation, Scalar, SparseError, SparseMatrix};
 /// (a fourth-order chain of 10⁴ links reaches 10⁻¹²), smaller lets singular systems of some thousand unknowns pass.
 const PIVOT_TOLERANCE: f64 = 1e-13;
 
-/// Marks a slot whose entry comes from the other triangle.
-const MIRRORED: u32 = 1 << 31;
-
 /// A factorization whose structure is fixed and whose values may be replaced.
 ///
 /// Until [`Self::factor`] has succeeded, and after it has failed, solutions are NaN.
 pub struct Cholesky<T = f64> {
-    order: Permutation,
-    /// Elimination tree, in the permuted numbering.
-    parent: Vec<u32>,
-    /// Entries of each column of `L`, without padding.
-    counts: Vec<u32>,
+    analysis: Analysis,
     pattern: Arc<Pattern>,
-    /// For each slot of the permuted matrix, the slot of `A` it is read from, perhaps [`MIRRORED`].
-    source: Vec<u32>,
-    permuted: SparseColMat<u32, T>,
-    symbolic: SymbolicCholesky<u32>,
+    /// Entries of the permuted matrix.
+    permuted: Vec<T>,
+    /// Panels of the blocks one after another.
     factor: Vec<T>,
-    /// The plan of the factorization of real matrices.
-    multifrontal: Option<Multifrontal>,
-    memory: MemBuffer,
+    plan: Multifrontal<T>,
     permuted_rhs: Vec<T>,
-    columns_ready: usize,
+    /// One entry for each row below a block.
+    below: Vec<T>,
 }
 
 /// Adjacent columns of the factor, stored densely.
+#[derive(Clone, Copy)]
 pub(super) struct Block<'a, T> {
     /// First column.
     pub(super) first: usize,
+    /// Number of columns.
+    pub(super) width: usize,
     /// Rows below the block's own, ascending.
     pub(super) rows: &'a [u32],
-    /// Own rows, then those below, × own columns.
-    pub(super) values: MatRef<'a, T>,
+    /// Column by column: own rows, then those below.
+    values: &'a [T],
+}
+
+impl<'a, T> Block<'a, T> {
+    /// Values of its `c`-th column.
+    pub(super) fn column(&self, c: usize) -> &'a [T] {
+        let rows = self.width + self.rows.len();
+        &self.values[c * rows..][..rows]
+    }
 }
 
 impl<T> std::fmt::Debug for Cholesky<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Cholesky")
-            .field("n", &self.order.len())
+            .field("n", &self.pattern.n())
             .field("stored", &self.factor.len())
             .finish_non_exhaustive()
     }
@@ -76,44 +67,28 @@ impl<T: Scalar> Cholesky<T> {
     /// # Errors
     /// [`SparseError::OutOfRange`] where a given ordering has another size; [`SparseError::OutOfMemory`].
     pub fn analyze(pattern: &Arc<Pattern>, ordering: &Ordering) -> Result<Self, SparseError> {
-        let n = pattern.n();
-        let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
-        let elimination = Elimination::postordered(pattern, &ordering.permutation(pattern)?);
-        let (permuted, source) = permute(pattern, &elimination.order);
-        let counts = elimination.column_counts(|j| permuted.row_idx_of_col_raw(j).iter().copied());
-        let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            supernodal_params: SymbolicSupernodalParams::default(),
-            ..Default::default()
-        };
-        // Without a permutation faer's analysis reads the upper triangle, whatever side it is told.
-        let upper = transpose(&permuted);
-        let symbolic = factorize_symbolic_cholesky(upper.as_ref(), Side::Upper, SymmetricOrdering::Identity, params)
-            .map_err(|_| out_of_memory())?;
-        let multifrontal = T::reals(&[]).is_some().then(|| plan(&symbolic, &permuted));
-        let numeric = numeric_scratch::<T>(&symbolic, multifrontal.as_ref());
-        let solve = symbolic.solve_in_place_scratch::<T>(1, Par::Seq);
-        let memory = MemBuffer::try_new(StackReq::any_of(&[numeric, solve])).map_err(|_| out_of_memory())?;
+        let analysis = Analysis::new(pattern, &ordering.permutation(pattern)?);
+        let plan = Multifrontal::new(&analysis.blocks, &analysis.permuted);
         let nan = T::real(f64::NAN);
+        let out_of_memory = |_| SparseError::OutOfMemory { unknowns: pattern.n() };
+        let mut factor = Vec::new();
+        factor.try_reserve_exact(plan.stored()).map_err(out_of_memory)?;
+        factor.resize(plan.stored(), nan);
+        let below = analysis.blocks.iter().map(|block| block.rows.len()).max().unwrap_or(0);
         Ok(Self {
-            factor: vec![nan; symbolic.len_val()],
-            permuted: SparseColMat::new(permuted, vec![T::default(); source.len()]),
-            permuted_rhs: vec![nan; n],
-            columns_ready: 1,
+            factor,
+            permuted: vec![T::default(); analysis.permuted.rows.len()],
+            permuted_rhs: vec![nan; pattern.n()],
+            below: vec![T::default(); below],
             pattern: Arc::clone(pattern),
-            parent: elimination.parent,
-            order: elimination.order,
-            counts,
-            source,
-            symbolic,
-            multifrontal,
-            memory,
+            plan,
+            analysis,
         })
     }
 
     /// Number of unknowns.
     pub fn n(&self) -> usize {
-        self.order.len()
+        self.pattern.n()
     }
 
     /// Stored entries of the factor, padding of supernodes included.
@@ -123,17 +98,17 @@ impl<T: Scalar> Cholesky<T> {
 
     /// Non-zero entries of `L`, diagonal included, padding not.
     pub fn nnz(&self) -> usize {
-        self.counts.iter().map(|&c| c as usize).sum()
+        self.analysis.counts.iter().map(|&c| c as usize).sum()
     }
 
     /// Multiplications of the factorization, `Σⱼ cⱼ²` over the `cⱼ` entries of each column of `L`.
     pub fn flops(&self) -> f64 {
-        self.counts.iter().map(|&c| f64::from(c) * f64::from(c)).sum()
+        self.analysis.counts.iter().map(|&c| f64::from(c) * f64::from(c)).sum()
     }
 
-    /// The elimination order: given or found, then postordered.
+    /// The elimination order: given or found, up to exchanges that leave the factor alone.
     pub fn order(&self) -> &Permutation {
-        &self.order
+        &self.analysis.order
     }
 
     /// Factors `A`, which must have the analyzed pattern. Allocates nothing, but for a packing buffer of the kernels the first
@@ -163,53 +138,36 @@ impl<T: Scalar> Cholesky<T> {
                 None => Ok(()),
                 Some(k) => Err(SparseError::Singular { component: a.component_of(self.old(k)) }),
             },
-            Err(LltError::NonPositivePivot { index }) => Err(self.explain(a, index)),
+            Err(column) => Err(self.explain(a, column)),
         }
     }
 
     fn old(&self, k: usize) -> usize {
-        self.order.old_from_new()[k.min(self.n() - 1)] as usize
+        self.order().old_from_new()[k.min(self.n() - 1)] as usize
     }
 
     fn refill(&mut self, values: &[T]) {
-        for (to, &from) in self.permuted.val_mut().iter_mut().zip(&self.source) {
-            let v = values[(from & !MIRRORED) as usize];
-            *to = if from & MIRRORED == 0 { v } else { v.conjugate() };
+        for (to, (from, mirrored)) in self.permuted.iter_mut().zip(self.analysis.permuted.sources()) {
+            *to = if mirrored { values[from].conjugate() } else { values[from] };
         }
     }
 
-    fn eliminate(&mut self) -> Result<(), LltError> {
-        let memory = MemStack::new(&mut self.memory);
-        if let (Some(plan), Some(a), Some(l)) =
-            (&mut self.multifrontal, T::reals(self.permuted.val()), T::reals_mut(&mut self.factor))
-        {
-            let result = plan.factor(a, l, memory);
-            clear_upper_halves();
-            return result;
-        }
-        self.symbolic
-            .factorize_numeric_llt(
-                &mut self.factor,
-                self.permuted.as_ref(),
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                memory,
-                faer::Spec::default(),
-            )
-            .map(|_| ())
+    fn eliminate(&mut self) -> Result<(), usize> {
+        let result = self.plan.factor(&self.permuted, &mut self.factor);
+        clear_upper_halves();
+        result
     }
 
     /// Diagonal entry of the permuted matrix.
     fn diagonal(&self, k: usize) -> f64 {
-        self.permuted.val()[self.permuted.col_ptr()[k] as usize].re()
+        self.permuted[self.analysis.permuted.starts[k] as usize].re()
     }
 
     /// First column, in elimination order, whose pivot is rounding only.
     fn first_vanished_pivot(&self) -> Option<usize> {
         self.blocks().find_map(|block| {
-            let sound = |k: usize| block.values[(k, k)].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(block.first + k);
-            (0..block.values.ncols()).find(|&k| !sound(k)).map(|k| block.first + k)
+            let sound = |k: usize| block.column(k)[k].norm_sqr() > PIVOT_TOLERANCE * self.diagonal(block.first + k);
+            (0..block.width).find(|&k| !sound(k)).map(|k| block.first + k)
         })
     }
 
@@ -217,11 +175,10 @@ impl<T: Scalar> Cholesky<T> {
     fn explain(&mut self, a: &SparseMatrix<T>, failed: usize) -> SparseError {
         let component = a.component_of(self.old(failed));
         self.refill(a.values());
-        let starts: Vec<usize> = self.permuted.col_ptr()[..self.n()].iter().map(|&s| s as usize).collect();
-        let largest = starts.iter().map(|&s| self.permuted.val()[s].re()).fold(0.0, f64::max);
-        for s in starts {
-            let d = self.permuted.val()[s];
-            self.permuted.val_mut()[s] = T::real(d.re() * (1.0 + 1e-10) + largest * f64::MIN_POSITIVE);
+        let largest = (0..self.n()).map(|k| self.diagonal(k)).fold(0.0, f64::max);
+        for k in 0..self.n() {
+            let shifted = self.diagonal(k) * (1.0 + 1e-10) + largest * f64::MIN_POSITIVE;
+            self.permuted[self.analysis.permuted.starts[k] as usize] = T::real(shifted);
         }
         let negative_diagonal = (0..self.n()).any(|k| self.diagonal(k) < 0.0);
         let vanishing_row = (0..self.n()).any(|k| self.diagonal(k) <= largest * f64::MIN_POSITIVE);
@@ -241,61 +198,49 @@ impl<T: Scalar> Cholesky<T> {
             return;
         }
         assert!(rhs.len().is_multiple_of(n), "{} values are not columns of {n}", rhs.len());
-        let columns = rhs.len() / n;
-        self.reserve_columns(columns);
-        for (column, permuted) in rhs.chunks_exact(n).zip(self.permuted_rhs.chunks_exact_mut(n)) {
-            for (to, &old) in permuted.iter_mut().zip(self.order.old_from_new()) {
-                *to = column[old as usize];
-            }
+        self.reserve_columns(rhs.len() / n);
+        let mut x = std::mem::take(&mut self.permuted_rhs);
+        let mut below = std::mem::take(&mut self.below);
+        let old = self.order().old_from_new();
+        for (column, x) in rhs.chunks_exact(n).zip(x.chunks_exact_mut(n)) {
+            x.iter_mut().zip(old).for_each(|(x, &old)| *x = column[old as usize]);
         }
-        let b = MatMut::from_column_major_slice_mut(&mut self.permuted_rhs[..n * columns], n, columns);
-        LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            b,
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-        );
-        for (column, permuted) in rhs.chunks_exact_mut(n).zip(self.permuted_rhs.chunks_exact(n)) {
-            for (&from, &old) in permuted.iter().zip(self.order.old_from_new()) {
-                column[old as usize] = from;
-            }
+        let columns = &mut x[..rhs.len()];
+        for block in self.blocks() {
+            columns.chunks_exact_mut(n).for_each(|x| forwards(&block, x, &mut below));
         }
+        for block in self.blocks().rev() {
+            columns.chunks_exact_mut(n).for_each(|x| backwards(&block, x, &mut below));
+        }
+        for (column, x) in rhs.chunks_exact_mut(n).zip(x.chunks_exact(n)) {
+            x.iter().zip(old).for_each(|(&x, &old)| column[old as usize] = x);
+        }
+        (self.permuted_rhs, self.below) = (x, below);
     }
 
     /// Makes room for solves with this many right-hand sides at once.
     pub fn reserve_columns(&mut self, columns: usize) {
-        if columns > self.columns_ready {
-            let numeric = numeric_scratch::<T>(&self.symbolic, self.multifrontal.as_ref());
-            let solve = self.symbolic.solve_in_place_scratch::<T>(columns, Par::Seq);
-            self.memory = MemBuffer::new(StackReq::any_of(&[numeric, solve]));
-            self.permuted_rhs.resize(self.n() * columns, T::default());
-            self.columns_ready = columns;
+        let size = self.n() * columns;
+        if size > self.permuted_rhs.len() {
+            self.permuted_rhs.resize(size, T::default());
         }
     }
 
     /// Structure of the factor: parent and size of each column, in elimination order.
     pub(super) fn columns(&self) -> (&[u32], &[u32]) {
-        (&self.parent, &self.counts)
+        (&self.analysis.parent, &self.analysis.counts)
     }
 
     /// Rows of column `j` of the permuted matrix, lower triangle.
     pub(super) fn permuted_rows(&self, j: usize) -> &[u32] {
-        self.permuted.row_idx_of_col_raw(j)
+        self.analysis.permuted.column(j)
     }
 
     /// The factor's blocks of columns, left to right.
-    pub(super) fn blocks(&self) -> impl Iterator<Item = Block<'_, T>> {
-        // A system without unknowns has no supernodes.
-        let symbolic = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => Some(symbolic),
-            SymbolicCholeskyRaw::Simplicial(_) => None,
-        };
-        symbolic.into_iter().flat_map(|symbolic| {
-            let factor = SupernodalLltRef::new(symbolic, &self.factor);
-            (0..symbolic.n_supernodes()).map(move |s| {
-                let node = factor.supernode(s);
-                Block { first: node.start(), rows: node.pattern(), values: node.val() }
-            })
+    pub(super) fn blocks(&self) -> impl DoubleEndedIterator<Item = Block<'_, T>> {
+        self.analysis.blocks.iter().enumerate().map(|(s, block)| {
+            let blocks::Block { first, width, rows } = block;
+            Block { first, width, rows, values: &self.factor[self.plan.panel(s)] }
         })
     }
 
@@ -313,60 +258,40 @@ impl<T: Scalar> Cholesky<T> {
     }
 }
 
-/// The plan for real matrices.
-fn plan(symbolic: &SymbolicCholesky<u32>, permuted: &SymbolicSparseColMat<u32>) -> Multifrontal {
-    // Forced to be supernodal, the analysis is something else only where there is nothing to analyze.
-    let SymbolicCholeskyRaw::Supernodal(blocks) = symbolic.raw() else {
-        return Multifrontal::new(std::iter::empty(), permuted.col_ptr(), permuted.row_idx());
-    };
-    let (begin, end) = (blocks.supernode_begin(), blocks.supernode_end());
-    let list = (0..blocks.n_supernodes())
-        .map(|s| (begin[s] as usize, (end[s] - begin[s]) as usize, blocks.supernode(s).pattern()));
-    Multifrontal::new(list, permuted.col_ptr(), permuted.row_idx())
+/// `x_own ← T⁻¹ x_own`, and what the rows below take from it, for a block of triangle `T`.
+fn forwards<T: Scalar>(block: &Block<'_, T>, x: &mut [T], below: &mut [T]) {
+    let below = &mut below[..block.rows.len()];
+    below.fill(T::default());
+    let own = &mut x[block.first..block.first + block.width];
+    for k in 0..block.width {
+        let (triangle, rows) = block.column(k).split_at(block.width);
+        let value = own[k].times(1.0 / triangle[k].re());
+        own[k] = value;
+        own[k + 1..].iter_mut().zip(&triangle[k + 1..]).for_each(|(x, &l)| *x = x.less::<false>(l, value));
+        below.iter_mut().zip(rows).for_each(|(x, &l)| *x = x.less::<false>(l, value));
+    }
+    block.rows.iter().zip(below).for_each(|(&row, taken)| x[row as usize] += *taken);
 }
 
-/// Memory for the numeric factorization.
-fn numeric_scratch<T: Scalar>(symbolic: &SymbolicCholesky<u32>, plan: Option<&Multifrontal>) -> StackReq {
-    match plan {
-        Some(plan) => plan.scratch(),
-        None => symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, faer::Spec::default()),
+/// What the rows below take from `x_own`, then `x_own ← T⁻ᴴ x_own`.
+fn backwards<T: Scalar>(block: &Block<'_, T>, x: &mut [T], below: &mut [T]) {
+    let below = &mut below[..block.rows.len()];
+    below.iter_mut().zip(block.rows).for_each(|(to, &row)| *to = x[row as usize]);
+    let own = &mut x[block.first..block.first + block.width];
+    for k in (0..block.width).rev() {
+        let (triangle, rows) = block.column(k).split_at(block.width);
+        let inner = product(&triangle[k + 1..], &own[k + 1..]) + product(rows, below);
+        own[k] = (own[k] - inner).times(1.0 / triangle[k].re());
     }
 }
 
-/// Pattern of `P A Pᵀ` (lower triangle, rows ascending) and where each of its slots is read from.
-fn permute(pattern: &Pattern, order: &Permutation) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
-    let mut entries: Vec<(u32, u32, u32)> = pattern
-        .places()
-        .map(|(i, j, slot)| {
-            let (row, col) = (order.new_from_old()[i], order.new_from_old()[j]);
-            let flag = if row < col { MIRRORED } else { 0 };
-            (row.min(col), row.max(col), slot as u32 | flag)
-        })
-        .collect();
-    entries.sort_unstable();
-    let symbolic = compress(pattern.n(), entries.iter().map(|&(col, row, _)| (col, row)));
-    (symbolic, entries.into_iter().map(|(_, _, from)| from).collect())
-}
-
-/// The upper triangle of a pattern given by its lower one.
-fn transpose(lower: &SymbolicSparseColMat<u32>) -> SymbolicSparseColMat<u32> {
-    let n = lower.nrows();
-    let mut upper: Vec<(u32, u32)> =
-        (0..n).flat_map(|j| lower.row_idx_of_col(j).map(move |i| (i as u32, j as u32))).collect();
-    upper.sort_unstable();
-    compress(n, upper.into_iter())
-}
-
-/// Column-compressed pattern from `(column, row)` in ascending order.
-fn compress(n: usize, places: impl Iterator<Item = (u32, u32)>) -> SymbolicSparseColMat<u32> {
-    let mut col_ptr = vec![0_u32; n + 1];
-    let rows = places.map(|(col, row)| {
-        col_ptr[col as usize + 1] += 1;
-        row
-    });
-    let rows: Vec<u32> = rows.collect();
-    for j in 0..n {
-        col_ptr[j + 1] += col_ptr[j];
+/// `lᴴ x`, in four sums so that they need not wait for each other.
+fn product<T: Scalar>(l: &[T], x: &[T]) -> T {
+    let mut sums = [T::default(); 4];
+    let (l_tail, x_tail) = (l.chunks_exact(4).remainder(), x.chunks_exact(4).remainder());
+    for (l, x) in l.chunks_exact(4).zip(x.chunks_exact(4)) {
+        (0..4).for_each(|c| sums[c] += l[c].conjugate() * x[c]);
     }
-    SymbolicSparseColMat::new_checked(n, n, col_ptr, None, rows)
+    let tail = l_tail.iter().zip(x_tail).fold(T::default(), |sum, (&l, &x)| sum + l.conjugate() * x);
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
 }

@@ -54,16 +54,13 @@ impl CompactFactor {
         let mut rows = &self.panels.rows[..];
         let mut panels = self.panels.list.iter().peekable();
         for block in cholesky.blocks() {
-            let width = block.values.ncols();
+            let width = block.width;
             while let Some(panel) = panels.next_if(|p| (p.first as usize) < block.first + width) {
                 let own = panel.first as usize - block.first;
                 let below;
                 (below, rows) = rows.split_at(panel.below as usize);
-                let columns: [&[f64]; MAX_WIDTH] = std::array::from_fn(|c| {
-                    let c = own + c.min(panel.width as usize - 1);
-                    let column = block.values.col(c).try_as_col_major().expect("columns of a block are contiguous");
-                    column.as_slice()
-                });
+                let last = panel.width as usize - 1;
+                let columns: [&[f64]; MAX_WIDTH] = std::array::from_fn(|c| block.column(own + c.min(last)));
                 let columns = &columns[..panel.width as usize];
                 for k in 0..columns.len() {
                     for (c, column) in columns[..=k].iter().enumerate() {
@@ -180,7 +177,7 @@ fn panels_of(cholesky: &Cholesky) -> Panels {
     // Rows of each group, as a range of `panels.rows`; the last group whose parent is a column, and the one before it.
     let (mut rows_of, mut last_child, mut sibling) = (Vec::new(), vec![NONE; cholesky.n()], Vec::new());
     for block in cholesky.blocks() {
-        let end = block.first + block.values.ncols();
+        let end = block.first + block.width;
         let mut first = block.first;
         while first < end {
             let same = |j: &usize| parent[j - 1] == *j as u32 && counts[j - 1] == counts[*j] + 1;

@@ -72,6 +72,9 @@ impl SparseBuilder {
             }
         }
         matrix.starts.resize(columns + 1, matrix.row_idx.len() as u32);
+        // Sums of numbers may be none.
+        let bad = matrix.entries().find(|(_, _, v)| !v.is_finite());
+        bad.map_or(Ok(()), |(row, col, _)| Err(SparseError::NotFinite { row, col }))?;
         Ok(matrix)
     }
 }
@@ -242,6 +245,9 @@ mod tests {
         assert_eq!(outside.to_string(), "entry (1, 2) lies outside the 3×2 matrix (numbered from 0)");
         let nan = SparseBuilder::new(3, 2).set_entry(1, 1, f64::NAN).build().expect_err("NaN");
         assert_eq!(nan.to_string(), "entry (1, 1) of the matrix is not finite");
+        let sum =
+            SparseBuilder::new(3, 2).add_entry(2, 0, 1e308).add_entry(2, 0, 1e308).build().expect_err("overflows");
+        assert_eq!(sum, SparseError::NotFinite { row: 2, col: 0 });
     }
 
     #[test]

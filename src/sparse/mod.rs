@@ -11,10 +11,9 @@
 //! [`Factor::condition`] and [`Factor::refine`] say how far a solution can be trusted.
 //!
 //! Symmetric matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.
-//! Real matrices are factored by a multifrontal method of our own over faer's dense kernels, complex ones and all that is not
-//! `L Lᵀ` by faer, on one thread: its threaded mode is slower at every size met here. Orderings (but for minimum degree and
-//! graph dissection), elimination tree, solves with a compact factor and all that iterates are our own. This is the only module
-//! that names faer.
+//! Factorizations are multifrontal ones of our own, large fronts going through faer's dense products, on one thread: its
+//! threaded mode is slower at every size met here. Of faer there are besides the minimum-degree orderings only. This is the only
+//! module that names it.
 //!
 //! # Reference
 //! T. A. Davis, *Direct Methods for Sparse Linear Systems*, SIAM 2006; A. George, *Nested dissection of a regular finite
@@ -22,6 +21,7 @@
 //! SIAM J. Matrix Anal. Appl. 11 (1990).
 
 mod banded;
+mod blocks;
 mod cholesky;
 mod compact;
 mod condition;
@@ -31,6 +31,7 @@ mod direct;
 mod dissection;
 mod error;
 mod etree;
+mod front;
 mod general;
 mod iterative;
 mod matrix;
@@ -39,6 +40,7 @@ mod multifrontal;
 mod normal_equations;
 mod ordering;
 mod pattern;
+mod permuted;
 mod scalar;
 mod structure;
 mod sweep;

@@ -1,11 +1,11 @@
 //! Elimination orders.
 
 use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::amd;
+use faer::sparse::linalg::{amd, colamd};
 
 use super::cuthill_mckee::reverse_cuthill_mckee;
 use super::dissection::nested_dissection;
-use super::{Pattern, SparseError};
+use super::{GeneralMatrix, Pattern, SparseError};
 
 /// How unknowns are renumbered before elimination; it decides fill and speed, never the solution.
 #[derive(Clone, Debug, Default)]
@@ -104,6 +104,21 @@ fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
     let mut memory = faer::dyn_stack::MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
     let stack = faer::dyn_stack::MemStack::new(&mut memory);
     amd::order(&mut forward, &mut inverse, symbolic, amd::Control::default(), stack).map_err(|_| out_of_memory())?;
+    Ok(Permutation::from_old_from_new(forward))
+}
+
+/// An order of the columns of any matrix whose `AᵀA` fills little, found without forming that product (COLAMD).
+pub(super) fn column_degree(a: &GeneralMatrix) -> Result<Permutation, SparseError> {
+    let (m, n) = (a.rows(), a.columns());
+    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let (starts, rows, _) = a.parts();
+    let symbolic = SymbolicSparseColMatRef::new_checked(m, n, starts, None, rows);
+    let (mut forward, mut inverse) = (vec![0_u32; n], vec![0_u32; n]);
+    let scratch = colamd::order_scratch::<u32>(m, n, a.nnz());
+    let mut memory = faer::dyn_stack::MemBuffer::try_new(scratch).map_err(|_| out_of_memory())?;
+    let stack = faer::dyn_stack::MemStack::new(&mut memory);
+    let control = colamd::Control::default();
+    colamd::order(&mut forward, &mut inverse, symbolic, control, stack).map_err(|_| out_of_memory())?;
     Ok(Permutation::from_old_from_new(forward))
 }
 

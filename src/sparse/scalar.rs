@@ -10,8 +10,7 @@ pub type Complex = faer::c64;
 /// Complex entries pay where an energy is linear over ℂ (similarities of the plane are): `n` complex unknowns factor with
 /// about half the arithmetic of `2n` real ones.
 pub trait Scalar:
-    faer::traits::ComplexField<Real = f64>
-    + Copy
+    Copy
     + Default
     + Send
     + Sync
@@ -35,6 +34,9 @@ pub trait Scalar:
     /// `s·z` for real `s`.
     #[must_use]
     fn times(self, s: f64) -> Self;
+    /// `self − a·s`, with fused multiplications where the caller is compiled for processors that have them.
+    #[must_use]
+    fn less<const FUSED: bool>(self, a: Self, s: Self) -> Self;
     /// True where every part is finite.
     fn finite(self) -> bool;
     /// Real part.
@@ -64,6 +66,10 @@ impl Scalar for f64 {
     fn times(self, s: f64) -> Self {
         self * s
     }
+    #[inline(always)]
+    fn less<const FUSED: bool>(self, a: Self, s: Self) -> Self {
+        if FUSED { (-a).mul_add(s, self) } else { self - a * s }
+    }
     fn finite(self) -> bool {
         self.is_finite()
     }
@@ -90,6 +96,11 @@ impl Scalar for Complex {
     }
     fn times(self, s: f64) -> Self {
         Self::new(self.re * s, self.im * s)
+    }
+    #[inline(always)]
+    fn less<const FUSED: bool>(self, a: Self, s: Self) -> Self {
+        let (re, im) = (self.re.less::<FUSED>(a.re, s.re), self.im.less::<FUSED>(a.re, s.im));
+        Self::new(re.less::<FUSED>(-a.im, s.im), im.less::<FUSED>(a.im, s.re))
     }
     fn finite(self) -> bool {
         self.re.is_finite() && self.im.is_finite()

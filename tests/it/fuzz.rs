@@ -202,3 +202,19 @@ fn no_mesh_file_makes_a_reader_panic() {
                   Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 7\nEnd\n";
     hammer(&[medit.to_vec()], bodies::medit_file, 21);
 }
+
+#[test]
+fn no_matrix_file_makes_the_reader_or_a_solver_panic() {
+    let examples = [
+        &b"%%MatrixMarket matrix coordinate real general\n% a remark\n3 3 5\n1 1 2.5\n2 2 -1e2\n3 3 4\n3 1 1\n1 2 0.5\n"[..],
+        b"%%MatrixMarket matrix coordinate real symmetric\n4 4 7\n1 1 2\n2 2 2\n3 3 2\n4 4 2\n2 1 -1\n3 2 -1\n4 3 -1\n",
+        b"%%MatrixMarket matrix coordinate real symmetric\n4 4 4\n3 1 1\n4 2 1\n1 1 1\n2 2 -1\n",
+        b"%%MatrixMarket matrix coordinate integer skew-symmetric\n3 3 2\n2 1 1\n3 2 -7\n",
+        b"%%MatrixMarket matrix coordinate pattern symmetric\n2 2 2\n1 1\n2 1\n",
+        b"%%MatrixMarket matrix array real general\n4 2\n1\n0\n2\n0\n3\n4\n0\n1\n",
+        b"%%MatrixMarket matrix array real symmetric\n2 2\n2\n-1\n2\n",
+    ]
+    .map(<[u8]>::to_vec);
+    hammer(&examples, bodies::matrix_file, 30);
+    hammer(&examples, bodies::matrix_file, 31);
+}

@@ -62,9 +62,26 @@ fn what_cannot_be_solved_is_told_by_whose_fault_it_is_and_leaves_no_file() {
     write(folder.path(), "floating.mtx", &grid(4, 0.0));
     write(folder.path(), "tall.mtx", tall);
     write(folder.path(), "wide.mtx", wide);
+    write(folder.path(), "empty.mtx", "");
+    write(folder.path(), "cut.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 3\n1 1 1\n2 2 1\n");
+    write(folder.path(), "nan.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 nan\n");
+    write(folder.path(), "sum.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 2\n1 1 1e308\n1 1 1e308\n");
+    write(folder.path(), "huge.mtx", "%%MatrixMarket matrix coordinate real general\n99999999999 9 1\n1 1 1\n");
+    write(folder.path(), "sides.mtx", "%%MatrixMarket matrix coordinate real general\n300 1000000 1\n1 1 1\n");
+    let line: String = (1..=300).map(|i| format!("{i} {i} 1\n")).collect();
+    write(folder.path(), "line.mtx", &format!("%%MatrixMarket matrix coordinate real general\n300 300 300\n{line}"));
+    std::fs::write(folder.path().join("bytes.mtx"), b"%%MatrixMarket \xff").expect("a writable folder");
     write(folder.path(), "bad.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 9 1\n");
-    let cases: [(&[&str], i32, &str); 8] = [
+    let cases: [(&[&str], i32, &str); 16] = [
         (&["floating.mtx", "--method", "cholesky"], 65, "is held by nothing; fix one of its unknowns"),
+        (&["floating.mtx"], 65, "the component of 16 unknown(s) that holds unknown 0 is held by nothing"),
+        (&["empty.mtx"], 65, "empty.mtx: line 1: expected `%%MatrixMarket"),
+        (&["cut.mtx"], 65, "cut.mtx: line 4: the file ends after 2 of 3 entries"),
+        (&["nan.mtx"], 65, "nan.mtx: line 3: `nan` is not finite"),
+        (&["sum.mtx"], 65, "sum.mtx: entry (0, 0) of the matrix is not finite"),
+        (&["huge.mtx"], 65, "huge.mtx: line 2: 99999999999×9 is too large for 1 entries"),
+        (&["bytes.mtx"], 65, "bytes.mtx: cannot be read"),
+        (&["line.mtx", "sides.mtx"], 2, "sides.mtx: has 1000000 right-hand sides, 300000000 values"),
         (&["wide.mtx"], 2, "2 equations do not determine 3 unknowns"),
         (&["tall.mtx", "--method", "lu"], 2, "is 3×2, not square"),
         (&["tall.mtx", "floating.mtx"], 2, "floating.mtx: has 16 rows (expected 3)"),
@@ -80,5 +97,5 @@ fn what_cannot_be_solved_is_told_by_whose_fault_it_is_and_leaves_no_file() {
         assert!(err(&output).contains(message), "{args:?}: {}", err(&output));
         assert_eq!(out(&output), "");
     }
-    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4, "nothing but the inputs");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 12, "nothing but the inputs");
 }

@@ -53,6 +53,16 @@ fn miss(a: &GeneralMatrix, b: &[f64], x: &[f64]) -> f64 {
     columns.map(error).fold(0.0, f64::max)
 }
 
+/// Largest difference to the solution by dense elimination with complete pivoting, relative to it, for square systems.
+fn off(a: &GeneralMatrix, b: &[f64], x: &[f64]) -> f64 {
+    let lu = dense(a).full_piv_lu();
+    let error = |(b, x): (&[f64], &[f64])| {
+        let expected = lu.solve(&DVector::from_column_slice(b)).expect("regular");
+        (DVector::from_column_slice(x) - &expected).amax() / expected.amax()
+    };
+    b.chunks(a.rows()).zip(x.chunks(a.rows())).map(error).fold(0.0, f64::max)
+}
+
 fn orderings(n: usize) -> Vec<Ordering> {
     let backwards = Permutation::new((0..n as u32).rev().collect()).expect("a permutation");
     let positions = (0..n).map(|i| [i as f64, 0.0, 0.0]).collect();
@@ -258,6 +268,14 @@ fn the_condition_estimate_is_a_close_lower_bound() {
         assert!(estimate <= exact * (1.0 + 1e-9) && 3.0 * estimate >= exact, "{exact:e} estimated {estimate:e}");
     }
     assert_eq!(inverse_norm_1(0, |_| vec![], |_| vec![]), 0.0);
+    // An inverse that sends to nearly nothing what is constant, from either side: no climbing from there.
+    let alternating = |b: &[f64], across: [f64; 4], along: [f64; 4]| {
+        let share: f64 = along.iter().zip(b).map(|(w, b)| w * b).sum();
+        across.iter().zip(b).map(|(v, b)| v * share + 1e-3 * b).collect::<Vec<f64>>()
+    };
+    let (v, w) = ([1.0, -1.0, 0.0, 0.0], [1.0, -1.0, 1.0, -1.0]);
+    let hidden = inverse_norm_1(4, |b| alternating(b, v, w), |b| alternating(b, w, v));
+    assert!(hidden <= 2.001 && hidden > 2.0 / 3.0, "2.001 estimated {hidden}");
     let diagonal = inverse_norm_1(3, |b| vec![b[0], b[1] / 0.01, b[2]], |b| vec![b[0], b[1] / 0.01, b[2]]);
     assert!((diagonal - 100.0).abs() < 1e-12);
 }
@@ -288,4 +306,129 @@ fn renumbering_unknowns_renumbers_the_solution_and_nothing_else() {
         let y = renumbered.factor(method, &Ordering::Amd).expect("definite").solve(&moved).expect("fits");
         assert!((0..70).all(|i| (y[new[i]] - x[i]).abs() < 1e-13), "{method:?}");
     }
+}
+
+/// A saddle point: a chain under equations, random ones and some of one unknown.
+fn saddle(n: usize, equations: usize, seed: u64) -> GeneralMatrix {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut entries: Vec<_> = chain(n).entries().map(|(i, j, v)| (i, j, v * (1.0 + ((i + j) % 3) as f64))).collect();
+    for k in 0..equations {
+        let terms = if k % 3 == 0 { 1 } else { 4 };
+        for t in 0..terms {
+            let (j, v) = ((k * n / equations + 5 * t) % n, 0.5 + rng.f64());
+            entries.extend([(n + k, j, v), (j, n + k, v)]);
+        }
+    }
+    matrix(n + equations, n + equations, &entries)
+}
+
+#[test]
+fn indefinite_systems_need_no_luck_with_their_diagonal() {
+    let hollow = {
+        let mut rng = fastrand::Rng::with_seed(8);
+        let pairs = (0..90).flat_map(|i| [(i, (i + 1) % 90), (i, (i * 17 + 4) % 90)]).filter(|(i, j)| i != j);
+        let entries: Vec<_> = pairs
+            .flat_map(|(i, j)| {
+                let v = rng.f64() - 0.5;
+                [(i, j, v), (j, i, v)]
+            })
+            .collect();
+        matrix(90, 90, &entries)
+    };
+    let tiny = matrix(3, 3, &[(0, 0, 1e-18), (1, 0, 1.0), (0, 1, 1.0), (2, 2, -2.0), (2, 1, 1.0), (1, 2, 1.0)]);
+    let cases = [saddle(60, 20, 3), saddle(300, 90, 4), hollow, random(80, true, 1e-15, 6), tiny];
+    for (case, a) in cases.iter().enumerate() {
+        let b = right_hand_sides(a.rows(), 2);
+        for ordering in orderings(a.rows()) {
+            for method in [Method::Ldlt, Method::Lu] {
+                let x = a.factor(method, &ordering).expect("regular").solve(&b).expect("fits");
+                assert!(off(a, &b, &x) < 1e-9, "case {case}, {method:?}, {ordering:?}: {}", off(a, &b, &x));
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_may_have_to_move_far() {
+    // A cycle and something beside it: every diagonal entry is zero or next to nothing.
+    let mut rng = fastrand::Rng::with_seed(12);
+    for (n, small) in [(2, 0.0), (50, 0.0), (120, 1e-13)] {
+        let cycle = (0..n).flat_map(|i| [(i, (i + 1) % n, 2.0), (i, i, small)]);
+        let far = (0..n / 2).map(|i| (i, (7 * i + 3) % n, rng.f64() - 0.5));
+        let a = matrix(n, n, &cycle.chain(far).filter(|e| e.2 != 0.0).collect::<Vec<_>>());
+        let b = right_hand_sides(n, 1);
+        let mut factor = a.factor(Method::Lu, &Ordering::Amd).expect("regular");
+        assert!(off(&a, &b, &factor.solve(&b).expect("fits")) < 1e-11, "{n}");
+        let x = factor.solve_transposed(&b).expect("LU offers it");
+        assert!(off(&a.transposed(), &b, &x) < 1e-11, "{n}, transposed");
+    }
+}
+
+#[test]
+fn full_matrices_go_through_large_fronts() {
+    let mut rng = fastrand::Rng::with_seed(31);
+    let n = 100;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, 60.0 + rng.f64()));
+        for j in 0..i {
+            let v = rng.f64() - 0.5;
+            entries.extend([(i, j, v), (j, i, v)]);
+        }
+    }
+    // And a chain hanging on it, so that the full part is also a parent.
+    (n..n + 40).for_each(|i| entries.extend([(i, i, 3.0), (i, i - n, 1.0), (i - n, i, 1.0)]));
+    let a = matrix(n + 40, n + 40, &entries);
+    let indefinite = matrix(
+        n + 40,
+        n + 40,
+        &entries.iter().map(|&(i, j, v)| (i, j, if i == j && i % 2 == 0 { -v } else { v })).collect::<Vec<_>>(),
+    );
+    let b = right_hand_sides(n + 40, 5);
+    for method in METHODS {
+        let x = a.factor(method, &Ordering::Amd).expect("definite").solve(&b).expect("fits");
+        assert!(off(&a, &b, &x) < 1e-12, "{method:?}");
+    }
+    for method in [Method::Ldlt, Method::Lu, Method::Qr] {
+        let x = indefinite.factor(method, &Ordering::Amd).expect("regular").solve(&b).expect("fits");
+        assert!(off(&indefinite, &b, &x) < 1e-11, "{method:?}");
+    }
+}
+
+#[test]
+fn least_squares_leave_a_residual_that_no_column_sees() {
+    let mut rng = fastrand::Rng::with_seed(77);
+    for (m, n) in [(1, 1), (7, 3), (200, 50), (400, 20), (90, 90)] {
+        let mut entries: Vec<_> = (0..n).map(|j| (j, j, 1.0 + rng.f64())).collect();
+        entries.extend(
+            (0..m)
+                .flat_map(|i| [(i, i * 7 % n, 0.0), (i, (i * i + 3) % n, 0.0)])
+                .map(|(i, j, _)| (i, j, rng.f64() - 0.5)),
+        );
+        let a = matrix(m, n, &entries);
+        let b = right_hand_sides(m, 2);
+        let x = a.factor(Method::Qr, &Ordering::Amd).expect("full rank").solve(&b).expect("fits");
+        assert!(miss(&a, &b, &x) < 1e-11, "{m}×{n}");
+        for (b, x) in b.chunks(m).zip(x.chunks(n)) {
+            let r: Vec<f64> = a.multiply(x).iter().zip(b).map(|(y, b)| b - y).collect();
+            assert!(a.multiply_transposed(&r).iter().all(|g| g.abs() < 1e-12), "{m}×{n}");
+        }
+    }
+    // Two equal columns; and one row too few for three columns that only it and another hold.
+    let equal: Vec<_> = (0..6).flat_map(|i| [(i, 0, 1.0 + i as f64), (i, 1, 1.0 + i as f64), (i, 2, 1.0)]).collect();
+    assert!(matrix(6, 3, &equal).factor(Method::Qr, &Ordering::Amd).is_err());
+    let starved = matrix(4, 3, &[(0, 0, 1.0), (1, 0, 2.0), (2, 0, 1.0), (3, 1, 1.0), (3, 2, 1.0)]);
+    assert!(matches!(starved.factor(Method::Qr, &Ordering::Amd), Err(SparseError::Undetermined { unknown: 1 | 2 })));
+}
+
+#[test]
+fn a_floating_part_is_named_among_held_ones() {
+    let mut entries: Vec<_> = chain(12).entries().collect();
+    entries.push((0, 0, 1.0));
+    entries.extend(chain(5).entries().map(|(i, j, v)| (i + 12, j + 12, v)));
+    let error = matrix(17, 17, &entries).factor(Method::Auto, &Ordering::Amd).expect_err("the second chain floats");
+    assert!(
+        matches!(&error, SparseError::Singular { component } if component.unknowns == [12, 13, 14, 15, 16]),
+        "{error}"
+    );
 }

@@ -20,6 +20,9 @@ use crate::sparse::{
 /// Largest file that is read, bytes: a matrix of some ten million entries.
 const LARGEST_FILE: u64 = 1 << 30;
 
+/// Most values of all right-hand sides together: a gibibyte.
+const LARGEST_SIDES: usize = 1 << 27;
+
 /// The orderings that are compared, by name.
 pub const ORDERINGS: [(&str, Ordering); 4] = [
     ("natural", Ordering::Natural),
@@ -116,7 +119,14 @@ fn dense(b: &GeneralMatrix, a: &GeneralMatrix, path: &Path) -> Result<Vec<f64>, 
         let (given, expected) = (b.rows(), a.rows());
         return Err(RunError::Usage(format!("{}: has {given} rows (expected {expected})", path.display())));
     }
-    let mut values = vec![0.0; b.rows() * b.columns()];
+    let size = b.rows().saturating_mul(b.columns());
+    if size > LARGEST_SIDES {
+        let columns = b.columns();
+        let text =
+            format!("{}: has {columns} right-hand sides, {size} values (at most {LARGEST_SIDES})", path.display());
+        return Err(RunError::Usage(text));
+    }
+    let mut values = vec![0.0; size];
     b.entries().for_each(|(i, j, v)| values[i + j * b.rows()] = v);
     Ok(values)
 }
