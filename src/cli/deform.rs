@@ -9,7 +9,7 @@ use super::run::run_or_print;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::kinds::{
     CotangentWish, ImageSaveSettings, LaplacianWish, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings,
-    MeshSaveSettings, SolverWish, TurningWish, UnheldWish,
+    MeshSaveSettings, SolverWish, StartWish, TurningWish, UnheldWish,
 };
 use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::surfaces::{MethodName, ViewWish};
@@ -51,6 +51,9 @@ pub(super) struct DeformArgs {
     /// How the energy of arap methods is minimized
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Method")]
     solver: SolverWish,
+    /// Where rounds start
+    #[arg(long, value_enum, default_value_t, value_name = "FROM", help_heading = "Method")]
+    start: StartWish,
     /// What the method laplacian keeps
     #[arg(long, value_enum, default_value_t, value_name = "WHAT", help_heading = "Method")]
     laplacian: LaplacianWish,
@@ -111,6 +114,7 @@ impl DeformArgs {
             method: self.method,
             cotangents: self.cotangents,
             solver: self.solver,
+            start: self.start,
             laplacian: self.laplacian,
             turning: self.turning,
             roi: self.roi,
