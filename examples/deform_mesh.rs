@@ -1,8 +1,9 @@
-//! Deforms a mesh file: `deform_mesh MESH POSE METHOD [--solver S] [--start rest] [--iterations N] [--tolerance T]
-//! [--repeat K] [-o POSITIONS]`.
+//! Deforms a mesh file: `deform_mesh MESH POSE METHOD [--solver S] [--start rest] [--bending B] [--smoothness A]
+//! [--thickness H] [--alternating] [--iterations N] [--tolerance T] [--repeat K] [-o POSITIONS]`.
 //!
 //! A line of POSE holds a vertex, numbered from 0, and its three target coordinates; all are held exactly. Prints one JSON
-//! object: CPU seconds of binding and deforming (means over K runs), energies, report. POSITIONS gets a line per vertex.
+//! object: CPU seconds of binding and deforming (means over K runs), peak memory, energies, report. POSITIONS gets a line per
+//! vertex.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -11,7 +12,9 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use nalgebra::Point3;
 use plumbline::mesh::{ReadLimits, read_model};
-use plumbline::surface::{Convergence, DeformOptions, HandlePose, Handles, Method, Solver, Start, bind};
+use plumbline::surface::{
+    Convergence, DeformOptions, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning, bind,
+};
 
 #[derive(Parser)]
 struct Arguments {
@@ -20,8 +23,16 @@ struct Arguments {
     method: String,
     #[arg(long, default_value = "accelerated", value_parser = ["local-global", "accelerated", "gauss-newton"])]
     solver: String,
-    #[arg(long, default_value = "spread", value_parser = ["rest", "spread"])]
+    #[arg(long, default_value = "auto", value_parser = ["auto", "coarse", "spread", "rest"])]
     start: String,
+    #[arg(long, default_value_t = 1.0)]
+    bending: f64,
+    #[arg(long, default_value_t = 0.0)]
+    smoothness: f64,
+    #[arg(long, default_value_t = 3.0)]
+    thickness: f64,
+    #[arg(long)]
+    alternating: bool,
     #[arg(long, default_value_t = 500)]
     iterations: usize,
     #[arg(long, default_value_t = 1e-6)]
@@ -42,8 +53,20 @@ fn main() -> Result<(), Box<dyn Error>> {
         "gauss-newton" => Solver::GaussNewton,
         _ => Solver::Accelerated,
     };
-    let options = DeformOptions { solver, ..Default::default() };
-    let start = if a.start == "rest" { Start::Rest } else { Start::Spread };
+    let options = DeformOptions {
+        solver,
+        bending: a.bending,
+        smoothness: a.smoothness,
+        primo: PrimoOptions { thickness: a.thickness, ..PrimoOptions::default() },
+        turning: if a.alternating { Turning::Alternating } else { Turning::Spread },
+        ..Default::default()
+    };
+    let start = match a.start.as_str() {
+        "rest" => Start::Rest,
+        "spread" => Start::Spread,
+        "coarse" => Start::Coarse,
+        _ => Start::Auto,
+    };
     let convergence = Convergence { max_iterations: a.iterations, tolerance: a.tolerance };
     let (mut bind_s, mut deform_s, mut last) = (0.0, 0.0, None);
     for _ in 0..a.repeat.max(1) {
@@ -61,6 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "vertices": done.positions.len(),
         "bind_s": bind_s / runs,
         "deform_s": deform_s / runs,
+        "peak_mb": peak_megabytes(),
         "iterations": report.iterations,
         "energies": report.energies,
         "stop": report.stop.to_string(),
@@ -109,4 +133,12 @@ fn cpu_seconds() -> f64 {
         || std::time::UNIX_EPOCH.elapsed().map_or(0.0, |d| d.as_secs_f64()),
         |nanoseconds| nanoseconds * 1e-9,
     )
+}
+
+/// Most memory that this process has held at once, where the system tells it.
+fn peak_megabytes() -> Option<f64> {
+    let told = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = told.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kilobytes: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kilobytes / 1024.0)
 }

@@ -7,10 +7,11 @@ use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::math::Point2;
 use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
-use plumbline::mesh::{HalfEdges, RepairOptions, Weld, repair};
+use plumbline::mesh::{HalfEdges, RepairOptions, Weld, repair, shapes};
 use plumbline::motion::ClipMotion;
 use plumbline::pipeline::{Source, print, read};
 use plumbline::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
+use plumbline::surface::handle_file::HandleFile;
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
 pub(crate) fn motion_file(bytes: &[u8]) {
@@ -152,4 +153,25 @@ pub(crate) fn matrix_file(bytes: &[u8]) {
             assert_eq!(factor.solve(&b).expect("one column").len(), if a.rows() == 0 { 0 } else { a.columns() });
         }
     }
+}
+
+/// A file of handles of any bytes, for a small mesh: refused or understood, never a panic. What is understood names vertices
+/// of the mesh, each once, and has a place for each at any time.
+pub(crate) fn handle_file(bytes: &[u8]) {
+    let Ok(file) = HandleFile::parse(&String::from_utf8_lossy(bytes)) else { return };
+    let mesh = shapes::plane(3);
+    let Ok(understood) = file.of_mesh(mesh.positions()) else { return };
+    let (first, last) = understood.times();
+    let mut named = vec![false; mesh.vertex_count()];
+    for handle in &understood.handles {
+        for &v in &handle.vertices {
+            assert!(!std::mem::replace(&mut named[v as usize], true), "vertex {v} is held twice");
+        }
+        for time in [first, 0.3 * first + 0.7 * last, last, -1e300, 1e300] {
+            let places = handle.track.positions(&handle.vertices, mesh.positions(), time);
+            assert_eq!(places.len(), handle.vertices.len());
+            let _ = handle.track.rotation(time);
+        }
+    }
+    assert!(understood.outside.iter().all(|&v| !named[v as usize]));
 }

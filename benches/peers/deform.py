@@ -1,12 +1,18 @@
 #!/usr/bin/env python3
 """ARAP beside libigl, on one thread: precomputation, seconds per iteration, and CPU seconds to 1.01 of the converged energy.
 
-    deform.py --example target/release/examples/deform_mesh --media DIR [--rounds 3] [--large]
+    deform.py --example target/release/examples/deform_mesh --media DIR [--rounds 3] [--cases NAME,NAME] [--large]
+              [--resolutions] [--scale]
 
 Spokes and rims, the same handles, exactly held. libigl starts at rest, as its interface has it; how many of its iterations
 reach 1.01 E* is read off our own local-global iterations from the same start, which are the same ones (both energies are
-checked to agree). Ours is the default: rotations spread from the handles, then accelerated. Each round runs both in turn;
-reported are the minima. --large adds the armadillo once subdivided (173 thousand vertices).
+checked to agree). Ours is the default: coarse copies first, then accelerated; making the copies counts. Each round runs both
+in turn; reported are the minima. armadillo10k is the armadillo decimated to 10 thousand vertices. --large adds the armadillo
+once subdivided (173 thousand vertices).
+
+--resolutions prints how far the same tube, bent the same way, comes to rest from where the finest of three meshes does, for
+each method. --scale prints CPU seconds and peak memory of ours as the armadillo is subdivided, and of a bar of a million
+vertices.
 """
 import argparse
 import json
@@ -19,6 +25,8 @@ import tempfile
 for threads in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]:
     os.environ[threads] = "1"
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests/oracle"))
+import numpy as np  # noqa: E402
+
 import _surfaces  # noqa: E402
 
 # Iterations that libigl is timed over where it would need more than a minute.
@@ -59,33 +67,148 @@ def measure(a, name, V, F, b, T, folder):
           flush=True)
 
 
+def decimated(V, F, sets, faces):
+    """The mesh with fewer triangles; a vertex is in the sets of the vertex nearest to it."""
+    import igl
+    from scipy.spatial import cKDTree
+
+    U, G, *_ = igl.decimate(V, F, faces)
+    nearest = cKDTree(V).query(U)[1]
+    return U, G, [s | {"vertices": np.nonzero(np.isin(nearest, s["vertices"]))[0].tolist()} for s in sets]
+
+
+def subdivided(V, F, sets):
+    """Once by Loop's rule. The midpoints of edges between held vertices of one set are held with it."""
+    import igl
+
+    fine, triangles = igl.loop(V, F, 1)
+    finer = []
+    for s in sets:
+        inside = np.zeros(len(V), bool)
+        inside[s["vertices"]] = True
+        whole = np.nonzero(inside[F].all(1))[0]
+        corners = np.unique(np.concatenate([triangles[4 * whole + k].ravel() for k in range(4)]))
+        finer.append(s | {"vertices": corners.tolist()})
+    return fine, triangles, finer
+
+
+def tube(rings, around):
+    """A tube along x of radius 0.2 and length 2, whose rings those of twice as many pass through."""
+    r, k = np.divmod(np.arange(rings * around), around)
+    angle = 2 * np.pi * k / around
+    V = np.stack([2 * r / (rings - 1), 0.2 * np.cos(angle), 0.2 * np.sin(angle)], 1)
+    r, k = np.divmod(np.arange((rings - 1) * around), around)
+    at = lambda r, k: r * around + k % around  # noqa: E731
+    a, b, c, d = at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)
+    return V, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+METHODS = {
+    "arap": ("arap", lambda h: []),
+    "arap, bending as on the finest": ("arap", lambda h: ["--bending", str(1 / h ** 2)]),
+    "arap, smooth 0.001": ("arap", lambda h: ["--smoothness", "0.001"]),
+    "arap-spokes": ("arap-spokes", lambda h: []),
+    "arap-elements": ("arap-elements", lambda h: []),
+    "primo, as thick as on the finest": ("primo", lambda h: ["--thickness", str(6 / h)]),
+    "laplacian": ("laplacian", lambda h: []),
+    "laplacian, alternating": ("laplacian", lambda h: ["--alternating"]),
+    "poisson": ("poisson", lambda h: []),
+}
+
+
+def resolutions(a, folder):
+    finest = 128
+    print(f"rms distance from the mesh of {finest // 2} x {finest + 1} vertices, over the diagonal, of meshes with 1/4, 1/2 as many rings")
+    for name, (method, options) in METHODS.items():
+        found = []
+        for rings in [finest // 4, finest // 2, finest]:
+            V, F = tube(rings + 1, rings // 2)
+            ends = [np.nonzero(V[:, 0] < 0.19)[0], np.nonzero(V[:, 0] > 1.81)[0]]
+            sets = [{"vertices": ends[0].tolist(), "axis": [0, 0, 1], "degrees": 0, "pivot": [0, 0, 0], "translation": [0, 0, 0]},
+                    {"vertices": ends[1].tolist(), "axis": [0, 0, 1], "degrees": 60, "pivot": [1, 0, 0], "translation": [0, 0, 0]}]
+            _surfaces.write_off(folder / "mesh.off", V, F)
+            _surfaces.write_pose(folder / "pose.txt", *_surfaces.targets(V, sets))
+            command = [a.example, folder / "mesh.off", folder / "pose.txt", method, "--iterations", "3000", "--tolerance", "1e-9",
+                       "-o", folder / "out.txt", *options(finest // rings)]
+            subprocess.run(command, check=True, capture_output=True)
+            found.append(np.loadtxt(folder / "out.txt").reshape(rings + 1, rings // 2, 3))
+        X = found[2]
+        apart = [np.sqrt(((Y - X[::by, ::by]) ** 2).sum(2).mean()) / np.linalg.norm([2, 0.4, 0.4])
+                 for Y, by in [(found[0], 4), (found[1], 2)]]
+        print(f"{name:34} {apart[0]:.5f} {apart[1]:.5f}", flush=True)
+
+
+def bar(cells):
+    """A closed bar of cells x cells x 4 cells squares, a unit wide."""
+    sides = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
+    size = np.array([cells, cells, 4 * cells])
+    quads = []
+    for u, v, w in sides:
+        i, j = (g.ravel() for g in np.meshgrid(np.arange(size[u]), np.arange(size[v]), indexing="ij"))
+        for end in (0, size[w]):
+            corners = []
+            for du, dv in [(0, 0), (1, 0), (1, 1), (0, 1)]:
+                c = np.zeros((len(i), 3), dtype=np.int64)
+                c[:, u], c[:, v], c[:, w] = i + du, j + dv, end
+                corners.append(c)
+            quads.append(np.stack(corners if end else corners[::-1], 1))
+    quads = np.concatenate(quads)
+    V, index = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
+    q = index.reshape(-1, 4)
+    return V / cells, np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]])
+
+
+def scale(a, folder):
+    V, F, _, _ = _surfaces.load("armadillo", a.media)
+    sets = json.loads((_surfaces.CASES / "armadillo.json").read_text())["sets"]
+    cases = []
+    for times in range(3):
+        if times:
+            V, F, sets = subdivided(V, F, sets)
+        cases.append((f"armadillo, {times} times finer", V, F, sets))
+    V, F = bar(236)
+    end = lambda inside, degrees: {"vertices": np.nonzero(inside)[0].tolist(), "axis": [0, 0, 1], "degrees": degrees,  # noqa: E731
+                                   "pivot": [0.5, 0.5, 0], "translation": [0, 0, 0]}
+    cases.append(("bar", V, F, [end(V[:, 2] == 0, 0), end(V[:, 2] == 4, 60)]))
+    print("                             vertices |  bind, s | deform, s  rounds | peak MB")
+    for name, V, F, sets in cases:
+        _surfaces.write_off(folder / "mesh.off", V, F)
+        _surfaces.write_pose(folder / "pose.txt", *_surfaces.targets(V, sets))
+        told = ours(a.example, folder)
+        print(f"{name:28} {len(V):8} | {told['bind_s']:8.2f} | {told['deform_s']:8.2f} {told['iterations']:7} | "
+              f"{told['peak_mb']:7.0f}  {told['stop']}", flush=True)
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--example", required=True)
     p.add_argument("--media", required=True, type=pathlib.Path)
     p.add_argument("--rounds", type=int, default=3)
+    p.add_argument("--cases", default="bar_twist,cylinder_bend,cactus_bend,spikes_lift,knight,armadillo10k,armadillo,horse")
     p.add_argument("--large", action="store_true")
+    p.add_argument("--resolutions", action="store_true")
+    p.add_argument("--scale", action="store_true")
     a = p.parse_args()
-    print("                       | precomputation, s     | per iteration, s        | to 1.01 E*: iterations and s")
-    print("case           vertices | libigl    ours ratio | libigl     ours   ratio | libigl ours libigl    ours      | same")
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        for case in ["bar_twist", "cylinder_bend", "cactus_bend", "spikes_lift", "knight", "armadillo"]:
-            measure(a, case, *_surfaces.load(case, a.media), folder)
+        if a.resolutions:
+            return resolutions(a, folder)
+        if a.scale:
+            return scale(a, folder)
+        print("                       | precomputation, s     | per iteration, s        | to 1.01 E*: iterations and s")
+        print("case           vertices | libigl    ours ratio | libigl     ours   ratio | libigl ours libigl    ours      | same")
+        armadillo = json.loads((_surfaces.CASES / "armadillo.json").read_text())["sets"]
+        for case in filter(None, a.cases.split(",")):
+            if case == "armadillo10k":
+                V, F, *_ = _surfaces.load("armadillo", a.media)
+                V, F, sets = decimated(V, F, armadillo, 20_000)
+                measure(a, case, V, F, *_surfaces.targets(V, sets), folder)
+            else:
+                measure(a, case, *_surfaces.load(case, a.media), folder)
         if a.large:
-            import igl
-
-            V, F, b, T = _surfaces.load("armadillo", a.media)
-            case = json.loads((_surfaces.CASES / "armadillo.json").read_text())
-            fine, triangles = igl.loop(V, F, 1)
-            # The midpoints of edges between held vertices of one set are held with it.
-            sets = []
-            for s in case["sets"]:
-                inside = set(s["vertices"])
-                whole = [t for t in range(len(F)) if all(int(v) in inside for v in F[t])]
-                vertices = sorted({int(v) for t in whole for v in triangles[4 * t:4 * t + 4].ravel()})
-                sets.append(s | {"vertices": vertices})
-            measure(a, "armadillo fine", fine, triangles, *_surfaces.targets(fine, sets), folder)
+            V, F, *_ = _surfaces.load("armadillo", a.media)
+            V, F, sets = subdivided(V, F, armadillo)
+            measure(a, "armadillo fine", V, F, *_surfaces.targets(V, sets), folder)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     CotangentWish, ImageSaveSettings, LaplacianWish, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings,
-    MeshSaveSettings, SolverWish, TurningWish, UnheldWish,
+    MeshSaveSettings, SolverWish, StartWish, TurningWish, UnheldWish,
 };
 use crate::pipeline::surfaces::{MethodName, ViewWish};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
@@ -48,6 +48,9 @@ pub(super) struct DeformArgs {
     /// How the energy of arap methods is minimized
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Method")]
     solver: SolverWish,
+    /// Where rounds start
+    #[arg(long, value_enum, default_value_t, value_name = "FROM", help_heading = "Method")]
+    start: StartWish,
     /// What the method laplacian keeps
     #[arg(long, value_enum, default_value_t, value_name = "WHAT", help_heading = "Method")]
     laplacian: LaplacianWish,
@@ -101,6 +104,7 @@ impl DeformArgs {
             method: self.method,
             cotangents: self.cotangents,
             solver: self.solver,
+            start: self.start,
             laplacian: self.laplacian,
             turning: self.turning,
             roi: self.roi,

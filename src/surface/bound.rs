@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::held::{FIXED, Held};
 use super::lanes::Lanes;
-use super::{DeformOptions, DeformReport, Deformation, Gauge, HandlePose, Handles, Stop, SurfaceError};
+use super::{DeformOptions, DeformReport, Deformation, Gauge, HandlePose, Handles, Start, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 
 /// A mesh with handles, method aside.
@@ -16,6 +16,19 @@ pub(super) struct Bound {
     pub(super) held: Held,
     pub(super) gauge: Gauge,
     middle: Vector3<f64>,
+}
+
+/// What a method begins with, once a start was checked.
+#[derive(Debug)]
+pub(super) enum Begin<T> {
+    /// With what it finds itself.
+    Itself,
+    /// With the surface at rest.
+    Rest,
+    /// With these positions.
+    At(Vec<Lanes>),
+    /// With where it ended.
+    Last(T),
 }
 
 impl Bound {
@@ -37,14 +50,21 @@ impl Bound {
         Ok(pose.positions().iter().map(|p| self.inner(p)).collect())
     }
 
-    /// Positions given as a start, checked.
-    pub(super) fn given(&self, positions: &[Point3<f64>]) -> Result<Vec<Lanes>, SurfaceError> {
-        self.check_start(positions)?;
-        Ok(positions.iter().map(|p| self.inner(p)).collect())
+    /// What a start means to a method that ended at `last`.
+    pub(super) fn begin<T>(&self, start: Start<'_>, last: Option<T>) -> Result<Begin<T>, SurfaceError> {
+        Ok(match (start, last) {
+            (Start::At(positions), _) => {
+                self.check_start(positions)?;
+                Begin::At(positions.iter().map(|p| self.inner(p)).collect())
+            }
+            (Start::Last, Some(last)) => Begin::Last(last),
+            (Start::Rest, _) => Begin::Rest,
+            (Start::Auto | Start::Coarse | Start::Spread | Start::Last, _) => Begin::Itself,
+        })
     }
 
     /// Refuses a start that does not fit the mesh.
-    pub(super) fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
+    fn check_start(&self, positions: &[Point3<f64>]) -> Result<(), SurfaceError> {
         let vertices = self.rest.len();
         if positions.len() != vertices {
             return Err(SurfaceError::PerVertex { what: "positions to start from", given: positions.len(), vertices });

@@ -5,6 +5,7 @@ use nalgebra::Point3;
 use super::arap::{Arap, CellKind};
 use super::detail_preserving::LaplacianKind;
 use super::laplacian_editing::{LaplacianEditing, Turning};
+use super::multiresolution::Multiresolution;
 use super::poisson::Poisson;
 use super::primo::{Primo, PrimoOptions};
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
@@ -76,7 +77,7 @@ pub enum Solver {
 }
 
 /// What a method may be told.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeformOptions {
     /// How cotangents are taken.
     pub cotangents: CotangentRule,
@@ -85,6 +86,10 @@ pub struct DeformOptions {
     /// ARAP with cells at vertices: how much neighbors turn alike (`α` of Levi & Gotsman), dimensionless, 0 for not at all.
     /// 0.02 keeps the volume of twisted bars. Minimized by local–global steps, whatever the solver.
     pub smoothness: f64,
+    /// ARAP with cells at vertices: share of the resistance to bending, in (0, 1]. Cells resist it by the square of their
+    /// size, so that a finer mesh of the same surface bends more easily; a mesh that stands for one of `n` times as many
+    /// vertices has `1/n` of it.
+    pub bending: f64,
     /// Laplacian editing: whose differential coordinates are kept.
     pub laplacian: LaplacianKind,
     /// Laplacian editing: where their rotations come from.
@@ -95,15 +100,35 @@ pub struct DeformOptions {
     pub primo: PrimoOptions,
 }
 
+impl Default for DeformOptions {
+    fn default() -> Self {
+        Self {
+            cotangents: CotangentRule::default(),
+            solver: Solver::default(),
+            smoothness: 0.0,
+            bending: 1.0,
+            laplacian: LaplacianKind::default(),
+            turning: Turning::default(),
+            unheld: Unheld::default(),
+            primo: PrimoOptions::default(),
+        }
+    }
+}
+
 /// Where an iteration starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Start<'a> {
-    /// Rotations spread smoothly from the handles: near the solution, whatever the pose.
+    /// What is quickest on large surfaces: [`Self::Coarse`] for ARAP without smoothness, [`Self::Spread`] for others.
     #[default]
+    Auto,
+    /// The solution of coarser copies of the surface, which are made when first asked for. As [`Self::Spread`] for surfaces of
+    /// few vertices, and for methods that need one solve only.
+    Coarse,
+    /// Rotations spread smoothly from the handles: near the solution, whatever the pose.
     Spread,
     /// The surface at rest.
     Rest,
-    /// Where the last call ended: for drags. The first call spreads.
+    /// Where the last call ended: for drags. The first call starts by itself.
     Last,
     /// These positions, one per vertex.
     At(&'a [Point3<f64>]),
@@ -118,7 +143,7 @@ pub struct Deformation {
     pub report: DeformReport,
 }
 
-/// A method bound to a mesh and to a set of handles: all factorizations are done.
+/// A method bound to a mesh and to a set of handles: the factorizations are done.
 pub trait Deformer: Send + std::fmt::Debug {
     /// Which method it is.
     fn method(&self) -> Method;
@@ -136,12 +161,28 @@ pub trait Deformer: Send + std::fmt::Debug {
     ) -> Result<Deformation, SurfaceError>;
 }
 
-/// Prepares a method for a mesh and a set of handles.
+/// Prepares a method for a mesh and a set of handles: all but the coarser copies of [`Start::Coarse`], which are made when
+/// a start first asks for them.
 ///
 /// # Errors
 /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
 /// [`SurfaceError::Solve`] where a system has no safe factorization.
 pub fn bind(
+    method: Method,
+    mesh: &TriMesh,
+    handles: &Handles,
+    options: &DeformOptions,
+) -> Result<Box<dyn Deformer>, SurfaceError> {
+    let alone = bind_alone(method, mesh, handles, options)?;
+    if Multiresolution::iterates(method, options) {
+        Ok(Box::new(Multiresolution::new(method, mesh, handles, options, alone)))
+    } else {
+        Ok(alone)
+    }
+}
+
+/// The method without coarser copies.
+pub(super) fn bind_alone(
     method: Method,
     mesh: &TriMesh,
     handles: &Handles,

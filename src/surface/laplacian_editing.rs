@@ -17,6 +17,7 @@
 use nalgebra::{Matrix3, UnitQuaternion};
 
 use super::arap::{CellKind, Cells};
+use super::bound::Begin;
 use super::detail_preserving::DetailPreserving;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
@@ -62,7 +63,12 @@ impl LaplacianEditing {
         let details = DetailPreserving::new(mesh, handles, options)?;
         let fitted = |rounds_given| Turns::Fitted {
             // Only to fit rotations: weights that are never negative turn no cell against its surroundings.
-            cells: Cells::new(CellKind::Spokes, &details.bound.rest, &Cotangents::new(mesh, CotangentRule::Clamped)),
+            cells: Cells::new(
+                CellKind::Spokes,
+                &details.bound.rest,
+                &Cotangents::new(mesh, CotangentRule::Clamped),
+                1.0,
+            ),
             rounds_given,
         };
         let turns = match options.turning {
@@ -139,11 +145,10 @@ impl Deformer for LaplacianEditing {
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         let targets = self.details.bound.targets(pose)?;
-        let start = match start {
-            Start::Spread => None,
-            Start::Rest => Some(self.details.bound.rest.clone()),
-            Start::Last => self.last.take(),
-            Start::At(positions) => Some(self.details.bound.given(positions)?),
+        let start = match self.details.bound.begin(start, self.last.take())? {
+            Begin::Itself => None,
+            Begin::Rest => Some(self.details.bound.rest.clone()),
+            Begin::Last(x) | Begin::At(x) => Some(x),
         };
         let (x, energies, stop) = self.solve(pose, &targets, start, convergence);
         let counts = (self.details.weights.negative(), self.details.degenerate);

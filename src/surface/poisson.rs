@@ -31,7 +31,7 @@ impl Poisson {
     pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
         let cotangents = Cotangents::new(mesh, options.cotangents);
-        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held)?;
+        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held, 1.0)?;
         Ok(Self { patches: Patches::new(&bound), bound, elastic })
     }
 }

@@ -218,3 +218,18 @@ fn no_matrix_file_makes_the_reader_or_a_solver_panic() {
     hammer(&examples, bodies::matrix_file, 30);
     hammer(&examples, bodies::matrix_file, 31);
 }
+
+#[test]
+fn no_file_of_handles_makes_the_reader_panic() {
+    let examples = [
+        r#"{"format": "plumbline.handles", "version": 1, "sets": {"a": {"half_space": {"point": [0, 0.1, 0], "normal": [0, -1, 0]}},
+            "b": {"union": ["a", {"not": {"box": {"low": [0, 0, 0], "high": [1, 1, 1]}}}]}}, "handles": [{"name": "foot", "vertices":
+            "a"}, {"vertices": {"nearest": [[1, 1, 0]]}, "weight": 10, "rigid": {"pivot": [0, 0, 1], "rotation": {"axis": [0, 0, 1],
+            "angle_deg": 270}, "translation": [0.3, 0, 0]}}], "region": {"not": "a"}}"#,
+        r#"{"format": "plumbline.handles", "version": 1, "handles": [{"vertices": {"indices": [3, 5]}, "positions": {"keys": [{"time": 0,
+            "positions": [[0, 0, 0], [1, 0, 0]]}, {"time": 2, "positions": [[0, 0, 1], [1, 0, 1]]}]}}, {"vertices": {"range": [6, 8]},
+            "rigid": {"interpolation": "smooth", "keys": [{"time": -1}, {"time": 1, "rotation": {"quaternion": [0.5, 0.5, 0.5,
+            0.5]}}]}}, {"vertices": {"intersection": [{"sphere": {"center": [0, 0, 0], "radius": 0.2}}, {"indices": [0]}]}}]}"#,
+    ];
+    hammer(&examples.map(|text| text.as_bytes().to_vec()), bodies::handle_file, 22);
+}

@@ -8,7 +8,7 @@ use crate::mesh::operators::CotangentRule;
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::surfaces::MethodName;
-use crate::surface::{Convergence, LaplacianKind, Solver, Turning, Unheld};
+use crate::surface::{Convergence, LaplacianKind, Solver, Start, Turning, Unheld};
 
 /// How the weights of edges are taken from the angles of triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
@@ -79,6 +79,33 @@ impl SolverWish {
     }
 }
 
+/// Where rounds start: all end at the same surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum StartWish {
+    /// What is quickest for the method
+    #[default]
+    Auto,
+    /// The solution of coarser copies of the mesh
+    Coarse,
+    /// The handles' rotations, spread smoothly
+    Spread,
+    /// The mesh as it was read
+    Rest,
+}
+
+impl StartWish {
+    /// The start of the methods.
+    pub fn option(self) -> Start<'static> {
+        match self {
+            Self::Auto => Start::Auto,
+            Self::Coarse => Start::Coarse,
+            Self::Spread => Start::Spread,
+            Self::Rest => Start::Rest,
+        }
+    }
+}
+
 /// What Laplacian editing keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -140,6 +167,8 @@ pub struct MeshDeformSettings {
     pub cotangents: CotangentWish,
     /// How the energy of arap methods is minimized
     pub solver: SolverWish,
+    /// Where rounds start; a pose after the first one starts from the one before
+    pub start: StartWish,
     /// What the method laplacian keeps
     pub laplacian: LaplacianWish,
     /// Where the method laplacian takes its rotations from
@@ -174,6 +203,7 @@ impl Default for MeshDeformSettings {
             method: MethodName::default(),
             cotangents: CotangentWish::default(),
             solver: SolverWish::default(),
+            start: StartWish::default(),
             laplacian: LaplacianWish::default(),
             turning: TurningWish::default(),
             roi: None,

@@ -50,7 +50,9 @@ pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use lines_save::LinesSaveSettings;
 pub use map_export::MapExportSettings;
-pub use mesh_deform::{CotangentWish, LaplacianWish, MeshDeformSettings, SolverWish, TurningWish, UnheldWish};
+pub use mesh_deform::{
+    CotangentWish, LaplacianWish, MeshDeformSettings, SolverWish, StartWish, TurningWish, UnheldWish,
+};
 pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
 pub use mesh_render::{MeshRenderSettings, UpWish};

@@ -64,12 +64,22 @@ pub(in crate::surface) struct Cells {
 const IDENTITY: Turns = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0)];
 
 impl Cells {
-    /// Cells of a surface whose vertices rest at `rest`.
-    pub(in crate::surface) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Self {
-        let (mut starts, mut centers, spokes) = match kind {
+    /// Cells of a surface whose vertices rest at `rest`. Of cells at vertices a share of `bending`, and for the rest of it
+    /// triangles beside them.
+    pub(in crate::surface) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents, bending: f64) -> Self {
+        let (mut starts, mut centers, mut spokes) = match kind {
             CellKind::Elements => element_cells(rest, cotangents),
             CellKind::Spokes | CellKind::SpokesAndRims => vertex_cells(kind, rest, cotangents),
         };
+        if kind != CellKind::Elements && bending < 1.0 {
+            let scaled = |spokes: &mut [Spoke], by: f64| spokes.iter_mut().for_each(|s| s.c = s.c.map(|c| c * by));
+            let (more_starts, more_centers, mut more_spokes) = element_cells(rest, cotangents);
+            scaled(&mut spokes, bending);
+            scaled(&mut more_spokes, (1.0 - bending) * kind.laplacians());
+            starts.extend(more_starts[1..].iter().map(|s| s + spokes.len() as u32));
+            centers.extend(more_centers);
+            spokes.extend(more_spokes);
+        }
         let groups = centers.len().div_ceil(LANES);
         starts.resize(groups * LANES + 1, spokes.len() as u32);
         centers.resize(groups * LANES, 0);

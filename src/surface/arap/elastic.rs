@@ -21,6 +21,8 @@ pub(in crate::surface) struct Elastic {
     pub(in crate::surface) weights: EdgeWeights,
     pub(in crate::surface) cells: Cells,
     pub(in crate::surface) system: HeldLaplacian,
+    /// Share of the cells at vertices in the energy; the rest are triangles.
+    bending: f64,
     /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
     pub(in crate::surface) at_rest: f64,
     /// Coupling of the rotations; only the local–global iteration knows it.
@@ -33,11 +35,12 @@ impl Elastic {
         rest: &[Lanes],
         cotangents: Cotangents,
         held: &Held,
+        bending: f64,
     ) -> Result<Self, SurfaceError> {
         let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
         let system = HeldLaplacian::new(&weights, kind.laplacians(), held)?;
-        let cells = Cells::new(kind, rest, &cotangents);
-        let mut this = Self { kind, cotangents, weights, cells, system, at_rest: 0.0, smoothness: None };
+        let cells = Cells::new(kind, rest, &cotangents, bending);
+        let mut this = Self { kind, cotangents, weights, cells, system, bending, at_rest: 0.0, smoothness: None };
         this.at_rest = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);
         Ok(this)
     }
@@ -87,14 +90,11 @@ impl Elastic {
 
     /// Sets the rotations of the cells from those of the vertices.
     pub(in crate::surface) fn turn_cells(&mut self, turns: &[UnitQuaternion<f64>]) {
-        match self.kind {
-            CellKind::Spokes | CellKind::SpokesAndRims => {
-                turns.iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
-            }
-            CellKind::Elements => {
-                for (t, v) in self.cotangents.triangles().iter().enumerate() {
-                    self.cells.set_turn(t, &mean(v.map(|v| turns[v as usize])));
-                }
+        let vertices = if self.kind == CellKind::Elements { 0 } else { turns.len() };
+        turns[..vertices].iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
+        if self.kind == CellKind::Elements || self.bending < 1.0 {
+            for (t, v) in self.cotangents.triangles().iter().enumerate() {
+                self.cells.set_turn(vertices + t, &mean(v.map(|v| turns[v as usize])));
             }
         }
     }
@@ -120,16 +120,19 @@ impl Elastic {
         let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
         let coupling = |s: &Smoothness| s.energy(&self.cells.turn_matrices(s.len()));
         let mut energy = self.smoothness.as_ref().map_or(0.0, coupling);
+        let mixed = self.kind != CellKind::Elements && self.bending < 1.0;
         for (t, edges) in self.cotangents.edges().enumerate() {
             let corners = self.cotangents.triangles()[t];
             for (i, j, h) in edges {
-                let (now, rest) = (vector(x, i, j), vector(rest, i, j));
-                let misfit = |cell: u32| (now - self.cells.turn(cell as usize) * rest).norm_squared();
-                energy += h * match self.kind {
-                    CellKind::Spokes => misfit(i) + misfit(j),
-                    CellKind::SpokesAndRims => corners.iter().map(|&v| misfit(v)).sum::<f64>() / 3.0,
-                    CellKind::Elements => misfit(t as u32),
+                let (now, rest_edge) = (vector(x, i, j), vector(rest, i, j));
+                let misfit = |cell: usize| (now - self.cells.turn(cell) * rest_edge).norm_squared();
+                let own = match self.kind {
+                    CellKind::Spokes => misfit(i as usize) + misfit(j as usize),
+                    CellKind::SpokesAndRims => corners.iter().map(|&v| misfit(v as usize)).sum::<f64>() / 3.0,
+                    CellKind::Elements => misfit(t),
                 };
+                let of_triangle = if mixed { self.kind.laplacians() * misfit(rest.len() + t) } else { own };
+                energy += h * (self.bending * own + (1.0 - self.bending) * of_triangle);
             }
         }
         energy

@@ -18,12 +18,10 @@
 //! the elimination (whose `C` is misprinted there as `Σ e eᵀ`); S. C. Eisenstat, H. F. Walker, *Choosing the forcing terms in
 //! an inexact Newton method*, SIAM J. Sci. Comput. 17 (1996).
 
-use super::super::Stop;
 use super::super::lanes::Lanes;
 use super::cells::Inertia;
+use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
-use super::line_search::search;
-use crate::energy::Convergence;
 
 /// The linear system is solved to this fraction of its right-hand side at first. More precise solutions of a linearization
 /// that is still far from the truth are thrown away; less precise ones end in plain local–global steps.
@@ -32,46 +30,10 @@ const FORCING: f64 = 0.3;
 /// Conjugate gradient steps of one linearization at most.
 const INNER: usize = 40;
 
-/// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
-pub(super) fn minimize(
-    elastic: &mut Elastic,
-    inertia: &[Inertia],
-    targets: &[Lanes],
-    x: &mut [Lanes],
-    convergence: &Convergence,
-) -> (Vec<f64>, Stop) {
-    let n = elastic.system.free().len();
-    let (mut work, mut trial) = (vec![Lanes::ZERO; x.len()], x.to_vec());
-    let (mut g, mut next) = (vec![Lanes::ZERO; n], vec![Lanes::ZERO; n]);
-    let mut inner = Inner::new(n, x.len());
-    let mut before = elastic.slope(x, targets, &mut work, &mut g);
-    let mut energies = vec![before];
-    let mut first = None;
-    while energies.len() <= convergence.max_iterations {
-        inner.start(elastic, &g);
-        let first = *first.get_or_insert(inner.rz);
-        let forcing = FORCING.min((inner.rz / first).powf(0.25));
-        inner.solve(elastic, inertia, forcing);
-        let descent = -dot(&inner.p, &g);
-        let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
-        let Some(step) = search(elastic, targets, (x, &inner.p), (before, descent), scratch) else {
-            elastic.slope(x, targets, &mut work, &mut g);
-            return (energies, Stop::Converged);
-        };
-        x.copy_from_slice(&trial);
-        std::mem::swap(&mut g, &mut next);
-        before = step.energy;
-        energies.push(before);
-        if convergence.reached(&energies) {
-            return (energies, Stop::Converged);
-        }
-    }
-    (energies, Stop::IterationsUsedUp)
-}
-
 /// Preconditioned conjugate gradients on the eliminated system.
 #[derive(Debug)]
-struct Inner {
+pub(super) struct Linearized<'a> {
+    inertia: &'a [Inertia],
     /// The solution so far.
     p: Vec<Lanes>,
     /// Residual, preconditioned residual, direction, its product.
@@ -83,13 +45,24 @@ struct Inner {
     d_all: Vec<Lanes>,
     hd_all: Vec<Lanes>,
     rz: f64,
+    /// `rz` of the first linearization.
+    first: Option<f64>,
 }
 
-impl Inner {
-    fn new(unknowns: usize, vertices: usize) -> Self {
+impl Directions for Linearized<'_> {
+    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes]) {
+        self.start(elastic, g);
+        let first = *self.first.get_or_insert(self.rz);
+        self.solve(elastic, FORCING.min((self.rz / first).powf(0.25)));
+        p.copy_from_slice(&self.p);
+    }
+}
+
+impl<'a> Linearized<'a> {
+    pub(super) fn new(inertia: &'a [Inertia], unknowns: usize, vertices: usize) -> Self {
         let zero = |n: usize| vec![Lanes::ZERO; n];
         let [p, r, z, d, hd] = [(); 5].map(|()| zero(unknowns));
-        Self { p, r, z, d, hd, d_all: zero(vertices), hd_all: zero(vertices), rz: 0.0 }
+        Self { inertia, p, r, z, d, hd, d_all: zero(vertices), hd_all: zero(vertices), rz: 0.0, first: None }
     }
 
     /// Begins at `p = 0`.
@@ -104,10 +77,10 @@ impl Inner {
 
     /// Improves `p` until the residual has fallen by `forcing`, in the norm of `A⁻¹`. The first step is never refused, so
     /// that `p` is a direction of descent: at worst the plain local–global one.
-    fn solve(&mut self, elastic: &mut Elastic, inertia: &[Inertia], forcing: f64) {
+    fn solve(&mut self, elastic: &mut Elastic, forcing: f64) {
         let goal = self.rz * forcing * forcing;
         for k in 0..INNER {
-            self.multiply(elastic, inertia);
+            self.multiply(elastic);
             let curvature = dot(&self.d, &self.hd);
             if !(curvature > 0.0) {
                 if k == 0 {
@@ -131,13 +104,13 @@ impl Inner {
     }
 
     /// `hd = (A − Bᵀ C⁻¹ B) d`.
-    fn multiply(&mut self, elastic: &Elastic, inertia: &[Inertia]) {
+    fn multiply(&mut self, elastic: &Elastic) {
         for (&d, &v) in self.d.iter().zip(elastic.system.free()) {
             self.d_all[v as usize] = d;
         }
         self.hd_all.fill(Lanes::ZERO);
         elastic.add_laplacian(&self.d_all, &mut self.hd_all);
-        elastic.cells.subtract_turning(inertia, &self.d_all, &mut self.hd_all);
+        elastic.cells.subtract_turning(self.inertia, &self.d_all, &mut self.hd_all);
         elastic.gather(&self.hd_all, &mut self.hd);
         elastic.system.add_soft_product(&self.d, &mut self.hd);
     }

@@ -16,9 +16,9 @@
 //! *A local/global approach to mesh parameterization*, SGP 2008 (elements).
 
 mod cells;
+mod descent;
 mod elastic;
 mod gauss_newton;
-mod line_search;
 mod local_global;
 mod quasi_newton;
 mod smoothness;
@@ -28,10 +28,13 @@ mod tests;
 pub use cells::CellKind;
 pub(super) use cells::Cells;
 use cells::Inertia;
+use descent::descend;
 pub(super) use elastic::Elastic;
+use gauss_newton::Linearized;
+use quasi_newton::Memory;
 use smoothness::Smoothness;
 
-use super::bound::Bound;
+use super::bound::{Begin, Bound};
 use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
 use super::lanes::Lanes;
 use super::spread::Patches;
@@ -63,8 +66,13 @@ impl Arap {
         handles: &Handles,
         options: &DeformOptions,
     ) -> Result<Self, SurfaceError> {
+        let bending = options.bending;
+        if !(bending > 0.0 && bending <= 1.0) {
+            return Err(SurfaceError::Option { name: "bending", value: bending, range: "above 0, at most 1" });
+        }
         let bound = Bound::new(mesh, handles, options)?;
-        let mut elastic = Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held)?;
+        let mut elastic =
+            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending)?;
         if let Some(strength) = smoothness_asked(options, kind)? {
             elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
         }
@@ -78,17 +86,14 @@ impl Arap {
 
     /// Where an iteration starts, handles on their targets.
     fn start(&mut self, pose: &HandlePose, targets: &[Lanes], start: Start<'_>) -> Result<Vec<Lanes>, SurfaceError> {
-        let mut x = match (start, self.last.take()) {
-            (Start::Last, Some(last)) => last,
-            (Start::Rest, _) => {
-                self.elastic.cells.reset();
-                self.bound.rest.clone()
-            }
-            (Start::At(positions), _) => {
-                self.elastic.cells.reset();
-                self.bound.given(positions)?
-            }
-            (Start::Spread | Start::Last, _) => {
+        let begin = self.bound.begin(start, self.last.take())?;
+        if let Begin::Rest | Begin::At(_) = begin {
+            self.elastic.cells.reset();
+        }
+        let mut x = match begin {
+            Begin::Last(x) | Begin::At(x) => x,
+            Begin::Rest => self.bound.rest.clone(),
+            Begin::Itself => {
                 let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, targets);
                 self.elastic.turn_cells(&turns);
                 self.elastic.follow(&self.bound, targets)
@@ -103,8 +108,11 @@ impl Arap {
         match self.solver {
             _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence),
             Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence),
-            Solver::Accelerated => quasi_newton::minimize(elastic, targets, x, convergence),
-            Solver::GaussNewton => gauss_newton::minimize(elastic, &self.inertia, targets, x, convergence),
+            Solver::Accelerated => descend(elastic, &mut Memory::default(), targets, x, convergence),
+            Solver::GaussNewton => {
+                let mut linearized = Linearized::new(&self.inertia, elastic.system.free().len(), x.len());
+                descend(elastic, &mut linearized, targets, x, convergence)
+            }
         }
     }
 }

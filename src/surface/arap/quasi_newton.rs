@@ -15,57 +15,12 @@
 
 use std::collections::VecDeque;
 
-use super::super::Stop;
 use super::super::lanes::Lanes;
+use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
-use super::line_search::search;
-use crate::energy::Convergence;
 
 /// Steps that are remembered. Three need a third more iterations, eight save few and cost more per iteration than they save.
 const MEMORY: usize = 5;
-
-/// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
-pub(super) fn minimize(
-    elastic: &mut Elastic,
-    targets: &[Lanes],
-    x: &mut [Lanes],
-    convergence: &Convergence,
-) -> (Vec<f64>, Stop) {
-    let n = elastic.system.free().len();
-    let (mut work, mut trial) = (vec![Lanes::ZERO; x.len()], x.to_vec());
-    let (mut g, mut next, mut p) = (vec![Lanes::ZERO; n], vec![Lanes::ZERO; n], vec![Lanes::ZERO; n]);
-    let mut memory = Memory::default();
-    let mut before = elastic.slope(x, targets, &mut work, &mut g);
-    let mut energies = vec![before];
-    while energies.len() <= convergence.max_iterations {
-        p.copy_from_slice(&g);
-        memory.apply(&mut p, |v| elastic.system.solve_unknowns(v));
-        for p in &mut p {
-            *p = -*p;
-        }
-        let descent = -dot(&p, &g);
-        let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
-        let step = search(elastic, targets, (x, &p), (before, descent), scratch);
-        let Some(step) = step else {
-            if memory.is_empty() {
-                // Not even the plain step: all digits are used up. Rotations are fitted to where it stays.
-                elastic.slope(x, targets, &mut work, &mut g);
-                return (energies, Stop::Converged);
-            }
-            memory.forget();
-            continue;
-        };
-        memory.learn(step.length, &p, &g, &next);
-        x.copy_from_slice(&trial);
-        std::mem::swap(&mut g, &mut next);
-        before = step.energy;
-        energies.push(before);
-        if convergence.reached(&energies) {
-            return (energies, Stop::Converged);
-        }
-    }
-    (energies, Stop::IterationsUsedUp)
-}
 
 /// One remembered step `s = Δx`, the change of the gradient `y = Δg`, and `1 / sᵀy`.
 #[derive(Debug, Default)]
@@ -77,20 +32,20 @@ struct Pair {
 
 /// The inverse Hessian learnt from the last steps.
 #[derive(Debug, Default)]
-struct Memory {
+pub(super) struct Memory {
     pairs: VecDeque<Pair>,
 }
 
-impl Memory {
-    fn forget(&mut self) {
-        self.pairs.clear();
+impl Directions for Memory {
+    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes]) {
+        p.copy_from_slice(g);
+        self.apply(p, |v| elastic.system.solve_unknowns(v));
+        for p in p {
+            *p = -*p;
+        }
     }
 
-    fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
-    }
-
-    /// Learns from a step `t p` that took the gradient from `g` to `next`, unless the energy is not convex along it.
+    /// Unless the energy is not convex along the step.
     fn learn(&mut self, t: f64, p: &[Lanes], g: &[Lanes], next: &[Lanes]) {
         let mut pair =
             if self.pairs.len() == MEMORY { self.pairs.pop_front().unwrap_or_default() } else { Pair::default() };
@@ -105,6 +60,15 @@ impl Memory {
         }
     }
 
+    /// Forgets: what is left is the plain step.
+    fn give_way(&mut self) -> bool {
+        let known = !self.pairs.is_empty();
+        self.pairs.clear();
+        known
+    }
+}
+
+impl Memory {
     /// Replaces `g` by `H g`; `solve` replaces a vector by `A⁻¹` times it.
     fn apply(&self, g: &mut [Lanes], solve: impl FnOnce(&mut [Lanes])) {
         let mut alphas = Vec::with_capacity(MEMORY);

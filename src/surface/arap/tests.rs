@@ -66,8 +66,8 @@ fn the_energy_never_rises_and_is_the_one_defined_edge_by_edge() {
     let mesh = tube(24, 12);
     let (handles, pose) = bend(&mesh, 1.8);
     for (kind, solver) in KINDS.into_iter().flat_map(|kind| SOLVERS.map(|solver| (kind, solver))) {
-        for start in [Start::Rest, Start::Spread] {
-            let options = DeformOptions { solver, ..Default::default() };
+        for (start, bending) in [(Start::Rest, 1.0), (Start::Spread, 1.0), (Start::Rest, 0.3), (Start::Spread, 0.01)] {
+            let options = DeformOptions { solver, bending, ..Default::default() };
             let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
             let targets = arap.bound.targets(&pose).unwrap();
             let mut x = arap.start(&pose, &targets, start).unwrap();
@@ -110,9 +110,10 @@ fn all_solvers_and_starts_end_at_the_same_minimum() {
 #[test]
 fn the_pull_of_the_cells_is_minus_half_the_gradient_beside_the_laplacian() {
     let mesh = sheet(6);
-    for kind in KINDS {
+    for (kind, bending) in KINDS.into_iter().flat_map(|kind| [(kind, 1.0), (kind, 0.3)]) {
         let handles = Handles::exact([0, 5]).unwrap();
-        let mut arap = Arap::new(kind, &mesh, &handles, &DeformOptions::default()).unwrap();
+        let options = DeformOptions { bending, ..Default::default() };
+        let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
         let x: Vec<Lanes> = (0..36)
             .map(|v| {
                 let [x, y, z] = arap.bound.rest[v].xyz();
@@ -248,6 +249,11 @@ fn smooth_rotations_differ_less_and_the_energy_still_falls() {
                 rough = unit;
             }
         }
+    }
+    for bending in [0.0, -1.0, 1.5, f64::NAN] {
+        let options = DeformOptions { bending, ..Default::default() };
+        let refused = Arap::new(CellKind::Spokes, &mesh, &handles, &options).unwrap_err();
+        assert!(matches!(refused, SurfaceError::Option { name: "bending", .. }));
     }
     for (kind, smoothness) in [(CellKind::Elements, 0.1), (CellKind::Spokes, -1.0), (CellKind::Spokes, f64::NAN)] {
         let options = DeformOptions { smoothness, ..Default::default() };

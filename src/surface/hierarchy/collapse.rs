@@ -57,7 +57,7 @@ impl<'a> Collapser<'a> {
             last: vec![NONE; n],
             next: vec![NONE; 3 * triangles.len()],
             triangle_count: vec![0; n],
-            quadrics: mesh.positions().iter().map(|p| Quadric::zero(*p)).collect(),
+            quadrics: vec![Quadric::default(); n],
             pinned: pinned(mesh, keep),
             mark: vec![0; n],
             stamp: 0,
@@ -90,8 +90,7 @@ impl<'a> Collapser<'a> {
             let Some(n) = doubled.try_normalize(0.0) else { continue };
             let area = 0.5 * doubled.norm() / 3.0;
             for v in self.triangles[t].map(|v| v as usize) {
-                let through = self.positions[v];
-                self.quadrics[v].add_plane(&n, &through, area);
+                self.quadrics[v].add_plane(&n, 0.0, area);
                 self.quadrics[v].area += area;
             }
         }
@@ -112,9 +111,8 @@ impl<'a> Collapser<'a> {
         let edge = self.positions[w] - self.positions[u];
         let upright = triangle.map(|c| mesh.area_normal(c as usize / 3).cross(&edge));
         let Some(n) = upright.and_then(|n| n.try_normalize(0.0)) else { return };
-        let through = self.positions[u];
         for v in [u, w] {
-            self.quadrics[v].add_plane(&n, &through, FENCE * edge.norm_squared());
+            self.quadrics[v].add_plane(&n, 0.0, FENCE * edge.norm_squared());
         }
     }
 
@@ -133,22 +131,41 @@ impl<'a> Collapser<'a> {
         })
     }
 
-    /// Fills `self.ring` with the neighbors of `u`.
+    /// Fills `self.ring` with the neighbors of `u`. Corners of dead triangles leave the chain on the way, so that each is met
+    /// once.
     fn gather(&mut self, u: usize) {
-        let mut ring = std::mem::take(&mut self.ring);
-        ring.clear();
-        for w in self.opposite(u).flatten() {
-            match ring.iter_mut().find(|(v, _)| *v == w) {
-                Some((_, count)) => *count += 1,
-                None => ring.push((w, 1)),
+        self.ring.clear();
+        let (mut corner, mut before) = (self.first[u], NONE);
+        while corner != NONE {
+            let (t, k) = (corner as usize / 3, corner as usize % 3);
+            let next = self.next[corner as usize];
+            if self.alive[t] {
+                let [a, b, c] = self.triangles[t];
+                for w in [[b, c], [c, a], [a, b]][k] {
+                    match self.ring.iter_mut().find(|(v, _)| *v == w) {
+                        Some((_, count)) => *count += 1,
+                        None => self.ring.push((w, 1)),
+                    }
+                }
+                before = corner;
+            } else if before == NONE {
+                self.first[u] = next;
+            } else {
+                self.next[before as usize] = next;
             }
+            corner = next;
         }
-        self.ring = ring;
+        self.last[u] = before;
     }
 
     /// Neighbors of `u`.
     pub(super) fn ring(&mut self, u: usize) -> &[Neighbor] {
         self.gather(u);
+        &self.ring
+    }
+
+    /// The neighbors last asked for.
+    pub(super) fn last_ring(&self) -> &[Neighbor] {
         &self.ring
     }
 
@@ -163,9 +180,9 @@ impl<'a> Collapser<'a> {
         }
         let quadric = &self.quadrics[u];
         let price = |w: u32| {
-            let to = &self.positions[w as usize];
-            let spread = EVENNESS * quadric.area * (to - self.positions[u]).norm_squared();
-            quadric.at(to) + self.quadrics[w as usize].at(to) + spread
+            let step = self.positions[w as usize] - self.positions[u];
+            let spread = EVENNESS * quadric.area * step.norm_squared();
+            quadric.at(&step) + self.quadrics[w as usize].here() + spread
         };
         let along = self.ring.iter().filter(|&&(_, count)| !boundary || count == 1);
         along.map(|&(w, _)| (w, price(w))).min_by(|a, b| a.1.total_cmp(&b.1))
@@ -230,7 +247,7 @@ impl<'a> Collapser<'a> {
         self.first[u] = NONE;
         self.triangle_count[u] = 0;
         let gone = self.quadrics[u];
-        self.quadrics[v].add(&gone);
+        self.quadrics[v].add(&gone, &(self.positions[v] - self.positions[u]));
     }
 
     /// True for a vertex that no triangle names.

@@ -246,10 +246,10 @@ impl Step {
             if touched[u as usize] || !collapser.allowed(u as usize, v as usize) {
                 continue;
             }
-            for &(w, _) in collapser.ring(u as usize) {
+            self.record(mesh, collapser, number, u);
+            for &(w, _) in collapser.last_ring() {
                 touched[w as usize] = true;
             }
-            self.record(mesh, collapser, number, u);
             collapser.collapse(u as usize, v as usize);
             gone.push(u);
         }

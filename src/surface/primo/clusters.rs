@@ -4,6 +4,8 @@
 //! size. What counts is the sum of the weights of the joints between them over the sum of their bodies, which keeps clusters
 //! compact and splits the shell where it is soft.
 
+use std::collections::BTreeMap;
+
 use super::shell::Shell;
 
 /// A body that does not move belongs to no cluster.
@@ -72,16 +74,20 @@ impl Clusters {
 }
 
 /// Partitions from single bodies (the first) down to about `coarsest` clusters, each with about a quarter of the clusters of
-/// the one before.
-pub(super) fn levels(shell: &Shell, coarsest: usize) -> Vec<Clusters> {
+/// the one before. Free bodies with the same number in `rigid` are one cluster from the first.
+pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usize) -> Vec<Clusters> {
     let mut of_body = vec![FIXED; shell.centers.len()];
-    let mut count = 0;
+    let (mut sizes, mut of_number) = (Vec::new(), BTreeMap::new());
     for (body, _) in shell.free.iter().enumerate().filter(|(_, free)| **free) {
-        of_body[body] = count;
-        count += 1;
+        let next = sizes.len() as u32;
+        let number = rigid.and_then(|rigid| rigid.get(body).copied().flatten());
+        of_body[body] = number.map_or(next, |number| *of_number.entry(number).or_insert(next));
+        if of_body[body] == next {
+            sizes.push(0.0);
+        }
+        sizes[of_body[body] as usize] += 1.0;
     }
-    let mut count = count as usize;
-    let mut sizes = vec![1.0; count];
+    let mut count = sizes.len();
     let mut levels = vec![Clusters::new(shell, of_body.clone(), count)];
     while count > coarsest {
         let wanted = (count / 4).max(coarsest);

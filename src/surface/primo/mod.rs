@@ -31,7 +31,7 @@ mod sweep;
 use crate::energy::Convergence;
 use crate::mesh::TriMesh;
 
-use super::bound::Bound;
+use super::bound::{Begin, Bound};
 use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
 use shell::BodyPose;
 use solver::{Anchor, Solver, Wish};
@@ -57,6 +57,27 @@ impl Default for PrimoOptions {
     }
 }
 
+/// What a shell is made of, triangle by triangle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Fabric<'a> {
+    /// Factor on the joints of each triangle, > 0 (at an edge the mean of both sides counts): parts that are to keep their
+    /// shape more than others.
+    pub stiffness: Option<&'a [f64]>,
+    /// The direction in which each triangle is stiff to bend, as a reed mat is along its reeds: bending in it costs `1 + ‖g‖²`
+    /// times as much, bending across it no more than without.
+    pub grain: Option<&'a [nalgebra::Vector3<f64>]>,
+    /// Triangles of the same number move as one body, but for those that handles hold: bones and armor.
+    pub rigid: Option<&'a [Option<u32>]>,
+}
+
+impl PrimoOptions {
+    /// The same prisms over a coarser copy of a mesh.
+    pub(super) fn of_copy(&self, mesh: &TriMesh, copy: &TriMesh) -> Self {
+        let (from, to) = (prisms::mean_edge(mesh), prisms::mean_edge(copy));
+        Self { thickness: if to > 0.0 { self.thickness * from / to } else { self.thickness }, ..*self }
+    }
+}
+
 /// PriMo, bound to a mesh and a set of handles.
 #[derive(Debug)]
 pub struct Primo {
@@ -71,22 +92,21 @@ impl Primo {
     /// # Errors
     /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`].
     pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
-        Self::with_stiffness(mesh, handles, options, None)
+        Self::of_fabric(mesh, handles, options, &Fabric::default())
     }
 
-    /// The same with a factor on the joints of each triangle, > 0 (at an edge the mean of both sides counts): parts that
-    /// are to keep their shape more than others.
+    /// The same for a shell that is not alike everywhere.
     ///
     /// # Errors
-    /// As [`Self::new`]; [`SurfaceError::Option`] for a factor that is not positive.
+    /// As [`Self::new`]; [`SurfaceError::Option`] for a stiffness that is not positive, or a grain that is not finite.
     ///
     /// # Panics
-    /// Where there is not one factor per triangle.
-    pub fn with_stiffness(
+    /// Where a list of the fabric has not one entry per triangle.
+    pub fn of_fabric(
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
-        stiffness: Option<&[f64]>,
+        fabric: &Fabric<'_>,
     ) -> Result<Self, SurfaceError> {
         let refused = |name, value, range| Err(SurfaceError::Option { name, value, range });
         let thickness = options.primo.thickness;
@@ -96,31 +116,34 @@ impl Primo {
         if options.primo.largest_system == 0 {
             return refused("largest_system", 0.0, "1 or more");
         }
-        if let Some(&bad) = stiffness.unwrap_or_default().iter().find(|&&s| !(s > 0.0 && s.is_finite())) {
+        if let Some(&bad) = fabric.stiffness.unwrap_or_default().iter().find(|&&s| !(s > 0.0 && s.is_finite())) {
             return refused("stiffness", bad, "finite numbers above 0");
         }
-        assert!(stiffness.is_none_or(|s| s.len() == mesh.triangle_count()), "one factor per triangle");
+        let lengths = fabric.grain.unwrap_or_default().iter().map(nalgebra::Vector3::norm);
+        if let Some(bad) = lengths.into_iter().find(|length| !length.is_finite()) {
+            return refused("grain", bad, "finite vectors");
+        }
+        let triangles = mesh.triangle_count();
+        let lists = [fabric.stiffness.map(<[_]>::len), fabric.grain.map(<[_]>::len), fabric.rigid.map(<[_]>::len)];
+        assert!(lists.into_iter().flatten().all(|n| n == triangles), "one entry per triangle");
         let bound = Bound::new(mesh, handles, options)?;
         let anchor = |(&vertex, hold): (&u32, &Hold)| {
             let soft = if let Hold::Soft(weight) = *hold { Some(weight) } else { None };
             Anchor { vertex, soft }
         };
         let anchors = handles.vertices().iter().zip(handles.holds()).map(anchor).collect();
-        let solver = Solver::new(mesh, anchors, &bound.still(), &options.primo, stiffness);
+        let solver = Solver::new(mesh, anchors, &bound.still(), &options.primo, fabric);
         Ok(Self { bound, solver, last: None })
     }
 
     /// Poses to start from.
     fn start(&mut self, wishes: &[Wish], start: Start<'_>) -> Result<Vec<BodyPose>, SurfaceError> {
         let solver = &self.solver;
-        let candidates = match (start, self.last.take()) {
-            (Start::Last, Some(last)) => vec![last],
-            (Start::Rest, _) => vec![solver.shell.rest()],
-            (Start::At(positions), _) => {
-                self.bound.check_start(positions)?;
-                vec![solver.fitted(positions)]
-            }
-            (Start::Spread | Start::Last, _) => vec![solver.shell.rest(), solver.moved_whole(wishes)],
+        let candidates = match self.bound.begin(start, self.last.take())? {
+            Begin::Last(last) => vec![last],
+            Begin::Rest => vec![solver.shell.rest()],
+            Begin::At(positions) => vec![solver.fitted(&positions)],
+            Begin::Itself => vec![solver.shell.rest(), solver.moved_whole(wishes)],
         };
         Ok(solver.best_of(candidates, wishes))
     }

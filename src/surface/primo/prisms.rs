@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::Fabric;
 use super::shell::{Joint, Shell};
 use crate::mesh::TriMesh;
 
@@ -11,21 +12,26 @@ const STIFFEST: f64 = 1e3;
 
 /// A shell over a mesh, of prisms `±h/2` along the vertex normals, and nothing fixed.
 ///
-/// `thickness` is `h` in units of the mesh; `stiffness` multiplies the joints of a triangle (the mean of both sides counts).
-/// Of an edge in more than two triangles, each is joined to the next one.
-pub(super) fn prisms(mesh: &TriMesh, thickness: f64, stiffness: Option<&[f64]>) -> Shell {
+/// `thickness` is `h` in units of the mesh. Of an edge in more than two triangles, each is joined to the next one.
+pub(super) fn prisms(mesh: &TriMesh, thickness: f64, fabric: &Fabric<'_>) -> Shell {
     let place = |v: u32| mesh.positions()[v as usize].coords;
     let centers: Vec<_> = mesh.triangles().iter().map(|t| t.map(place).iter().sum::<Vector3<f64>>() / 3.0).collect();
     let normals = mesh.vertex_normals();
     let area = |t: u32| 0.5 * mesh.area_normal(t as usize).norm();
-    let firmness = |t: u32| stiffness.map_or(1.0, |s| s[t as usize]);
+    let firmness = |t: u32| fabric.stiffness.map_or(1.0, |s| s[t as usize]);
+    let grain = |t: u32| fabric.grain.map_or(Vector3::zeros(), |g| g[t as usize]);
     let joint = |[a, b]: [u32; 2], i: u32, j: u32| {
         let (p, q) = (place(a), place(b));
         let [up_p, up_q] = [a, b].map(|v| normals[v as usize] * (0.5 * thickness));
         let edge = (q - p).norm_squared();
         let weight = if edge > 0.0 { edge / (area(i) + area(j)).max(edge / STIFFEST) } else { 0.0 };
         let corners = [p - up_p, q - up_q, q + up_q, p + up_p];
-        Joint::over([i, j], weight * 0.5 * (firmness(i) + firmness(j)), &corners)
+        let mut joint = Joint::over([i, j], weight * 0.5 * (firmness(i) + firmness(j)), &corners);
+        // Bending at an edge is bending across it: what of the grain is not along the edge counts.
+        let along = (q - p).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let across = [i, j].map(|t| (grain(t) - along * along.dot(&grain(t))).norm_squared());
+        joint.stiffen(&(up_p + up_q), 0.5 * (across[0] + across[1]));
+        joint
     };
     let mut edges = sorted_edges(mesh);
     let joints = edges

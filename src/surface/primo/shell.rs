@@ -49,6 +49,13 @@ impl Joint {
         Self { bodies, weight, center, moment: (moment + moment.transpose()) * 0.5 }
     }
 
+    /// Adds `more` times what it has in the direction `up`, in which it resists bending.
+    pub(super) fn stiffen(&mut self, up: &Vector3<f64>, more: f64) {
+        if let Some(up) = up.try_normalize(0.0) {
+            self.moment += up * up.transpose() * (more * up.dot(&(self.moment * up)));
+        }
+    }
+
     /// A spring at one point: it holds no rotation.
     pub(super) fn spring(bodies: [u32; 2], weight: f64, center: Vector3<f64>) -> Self {
         Self { bodies, weight, center, moment: Matrix3::zeros() }

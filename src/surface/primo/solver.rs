@@ -2,12 +2,13 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::super::lanes::Lanes;
 use super::clusters::{self, Clusters};
 use super::global::Global;
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Joint, Shell};
 use super::sweep::sweep;
-use super::{PrimoOptions, STIFF_SPRING};
+use super::{Fabric, PrimoOptions, STIFF_SPRING};
 use crate::energy::Convergence;
 use crate::math::nearest_rotation;
 use crate::mesh::TriMesh;
@@ -79,17 +80,17 @@ impl Solver {
         anchors: Vec<Anchor>,
         still: &[bool],
         options: &PrimoOptions,
-        stiffness: Option<&[f64]>,
+        fabric: &Fabric<'_>,
     ) -> Self {
         let origin = mesh.bounding_box().map_or_else(Vector3::zeros, |(a, b)| nalgebra::center(&a, &b).coords);
         let rest = mesh.with_positions(mesh.positions().iter().map(|p| p - origin).collect());
         let rest = rest.expect("finite positions less their middle");
-        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), stiffness);
+        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), fabric);
         let degenerate = Cotangents::new(&rest, CotangentRule::Raw).degenerate();
         let grounds = ground(&mut shell, &rest, &anchors, still);
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
-        let levels = clusters::levels(&shell, COARSEST);
+        let levels = clusters::levels(&shell, fabric.rigid, COARSEST);
         let globals = levels.iter().map(|_| None).collect();
         Self {
             rest,
@@ -122,13 +123,19 @@ impl Solver {
         self.shell.centers.iter().map(moved).collect()
     }
 
-    /// Bodies of the triangles as they fit positions of the vertices.
-    pub(super) fn fitted(&self, positions: &[Point3<f64>]) -> Vec<BodyPose> {
-        let mut poses = self.shell.rest();
-        for (t, corners) in self.rest.triangles().iter().enumerate() {
-            let from = corners.map(|v| self.rest.positions()[v as usize].coords);
-            let to = corners.map(|v| positions[v as usize].coords - self.origin);
-            poses[t] = Shell::fit(&self.shell.centers[t], &from, &to);
+    /// Bodies as they fit positions of the vertices: each cluster of the finest level as one, fixed ones by themselves.
+    pub(super) fn fitted(&self, positions: &[Lanes]) -> Vec<BodyPose> {
+        let (mut poses, finest) = (self.shell.rest(), &self.levels[0]);
+        let fixed =
+            (0..self.rest.triangle_count()).filter(|&t| finest.of_body[t] == clusters::FIXED).map(|t| vec![t as u32]);
+        let free = (0..finest.count).map(|c| finest.members(c).to_vec());
+        for group in fixed.chain(free) {
+            let corners = || group.iter().flat_map(|&t| self.rest.triangles()[t as usize]).map(|v| v as usize);
+            let from: Vec<_> = corners().map(|v| self.rest.positions()[v].coords).collect();
+            let to: Vec<_> = corners().map(|v| Vector3::from(positions[v].xyz())).collect();
+            for &body in &group {
+                poses[body as usize] = Shell::fit(&self.shell.centers[body as usize], &from, &to);
+            }
         }
         poses
     }

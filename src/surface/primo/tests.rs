@@ -53,7 +53,7 @@ fn solve(
     motion: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> (Minimized, Vec<Point3<f64>>) {
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, None);
+    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, &Fabric::default());
     let wishes = wishes(mesh, anchors, motion);
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
@@ -73,12 +73,12 @@ fn twist(length: f64, angle: f64) -> impl Fn(&Point3<f64>) -> Point3<f64> {
 
 #[test]
 fn the_gradient_is_that_of_central_differences_on_every_level() {
-    let mut shell = prisms(&bar(6), 0.7, None);
+    let mut shell = prisms(&bar(6), 0.7, &Fabric::default());
     for fixed in [0, 1, 20] {
         shell.free[fixed] = false;
     }
     let poses = shaken(&shell, 1);
-    for clusters in clusters::levels(&shell, 4) {
+    for clusters in clusters::levels(&shell, None, 4) {
         let mut global = Global::new(&shell, &clusters).expect("a sound case");
         let gradient = global.gradient(&shell, &clusters, &poses).to_vec();
         for (k, g) in gradient.iter().enumerate() {
@@ -106,7 +106,7 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
 #[test]
 fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of_the_unit() {
     let mesh = bar(6);
-    let shell = prisms(&mesh, 0.7, None);
+    let shell = prisms(&mesh, 0.7, &Fabric::default());
     let poses = shaken(&shell, 2);
     let energy = shell.energy(&poses);
     let r = Rotation3::new(Vector3::new(0.3, -2.0, 0.8)).into_inner();
@@ -115,7 +115,7 @@ fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of
     assert!((shell.energy(&moved) - energy).abs() < 1e-12 * energy);
     let scaled = |s: f64| {
         let large = mesh.with_positions(mesh.positions().iter().map(|p| p * s).collect()).expect("a sound case");
-        let shell = prisms(&large, 0.7 * s, None);
+        let shell = prisms(&large, 0.7 * s, &Fabric::default());
         let poses: Vec<_> = poses.iter().map(|p| BodyPose { turn: p.turn, at: p.at * s }).collect();
         shell.energy(&poses)
     };
@@ -129,7 +129,7 @@ fn without_thickness_a_hinge_is_free_and_with_it_bending_costs_the_square() {
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, -1.0, 0.0]].map(Point3::from).to_vec();
     let sheet = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]).expect("a sound case");
     let folded = |h: f64| {
-        let shell = prisms(&sheet, h, None);
+        let shell = prisms(&sheet, h, &Fabric::default());
         let mut poses = shell.rest();
         let turn = Rotation3::new(Vector3::x() * 0.9).into_inner();
         poses[1] = BodyPose { turn, at: turn * poses[1].at };
@@ -159,8 +159,13 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
 fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
     let mesh = bar(40);
     let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 19.4);
-    let mut solver =
-        Solver::new(&mesh, anchors.clone(), &vec![false; mesh.vertex_count()], &PrimoOptions::default(), None);
+    let mut solver = Solver::new(
+        &mesh,
+        anchors.clone(),
+        &vec![false; mesh.vertex_count()],
+        &PrimoOptions::default(),
+        &Fabric::default(),
+    );
     assert!(solver.levels.len() > 1);
     let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
@@ -180,7 +185,7 @@ fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
     let (all, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(12.0, 1.0));
     let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, None);
+    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &Fabric::default());
     let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).expect("a sound case");
@@ -193,9 +198,9 @@ fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
 #[test]
 fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
     let mesh = bar(10);
-    let mut shell = prisms(&mesh, 0.5, None);
+    let mut shell = prisms(&mesh, 0.5, &Fabric::default());
     shell.free[0] = false;
-    for clusters in clusters::levels(&shell, 8) {
+    for clusters in clusters::levels(&shell, None, 8) {
         let mut poses = shaken(&shell, 3);
         poses[0] = shell.rest()[0];
         let mut before = shell.energy(&poses);
@@ -206,7 +211,7 @@ fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
             before = now;
         }
     }
-    let clusters = &clusters::levels(&shell, 1000)[0];
+    let clusters = &clusters::levels(&shell, None, 1000)[0];
     let mut poses = shell.rest();
     sweep(&shell, clusters, &mut poses);
     for (pose, at) in poses.iter().zip(&shell.centers) {
@@ -216,9 +221,9 @@ fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
 
 #[test]
 fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
-    let mut shell = prisms(&bar(60), 0.5, None);
+    let mut shell = prisms(&bar(60), 0.5, &Fabric::default());
     shell.free[7] = false;
-    let levels = clusters::levels(&shell, 30);
+    let levels = clusters::levels(&shell, None, 30);
     assert!(levels.len() >= 3 && levels.windows(2).all(|w| w[1].count * 2 < w[0].count));
     for level in &levels {
         assert_eq!(level.of_body[7], FIXED);
@@ -306,8 +311,8 @@ fn what_no_shell_can_be_is_refused() {
     let system = PrimoOptions { largest_system: 0, ..PrimoOptions::default() };
     assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
     let soft = vec![0.0; mesh.triangle_count()];
-    let refused =
-        Primo::with_stiffness(&mesh, &handles, &DeformOptions::default(), Some(&soft)).expect_err("a faulty case");
+    let fabric = Fabric { stiffness: Some(&soft), ..Fabric::default() };
+    let refused = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect_err("a faulty case");
     assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
 }
 
@@ -323,7 +328,8 @@ fn a_stiffer_part_keeps_its_shape_better() {
         let stiffness: Vec<f64> =
             (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
         let options = DeformOptions::default();
-        let mut primo = Primo::with_stiffness(&mesh, &handles, &options, Some(&stiffness)).expect("a sound case");
+        let fabric = Fabric { stiffness: Some(&stiffness), ..Fabric::default() };
+        let mut primo = Primo::of_fabric(&mesh, &handles, &options, &fabric).expect("a sound case");
         let done = primo.deform(&pose, Start::Spread, &Convergence::default()).expect("a sound case");
         let ring = &done.positions[40..44];
         let side = ring[1] - ring[0] + (ring[2] - ring[3]);
@@ -331,4 +337,81 @@ fn a_stiffer_part_keeps_its_shape_better() {
     };
     assert!((angle(1.0) - 0.6).abs() < 0.02, "{}", angle(1.0));
     assert!(angle(20.0) < 0.15 && angle(0.05) > 1.05, "{} {}", angle(20.0), angle(0.05));
+}
+
+#[test]
+fn a_grain_stiffens_bending_across_it_alone() {
+    let corners = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.5, 0.0], [-1.0, 0.5, 0.0]].map(Point3::from);
+    let mesh = TriMesh::new(corners.to_vec(), vec![[0, 2, 1], [0, 1, 3]]).expect("a sound case");
+    // One of two triangles turned about the middle of their common edge, which lies along y.
+    let energy = |grain: Option<Vector3<f64>>, axis: Vector3<f64>| {
+        let grain = grain.map(|g| [g; 2]);
+        let shell = prisms(&mesh, 0.5, &Fabric { grain: grain.as_ref().map(|g| &g[..]), ..Fabric::default() });
+        let mut poses = shell.rest();
+        let (turn, hinge) = (Rotation3::new(axis * 0.3), Vector3::new(0.0, 0.5, 0.0));
+        poses[1] = BodyPose { turn: turn.into_inner(), at: hinge + turn * (poses[1].at - hinge) };
+        shell.energy(&poses)
+    };
+    let (bend, shear) = (Vector3::y(), Vector3::z());
+    for (grain, factor) in [(Vector3::x() * 2.0, 5.0), (Vector3::y() * 2.0, 1.0), (Vector3::new(1.0, 1.0, 0.0), 2.0)] {
+        assert!((energy(Some(grain), bend) / energy(None, bend) - factor).abs() < 1e-12, "{grain}");
+        assert!((energy(Some(grain), shear) / energy(None, shear) - 1.0).abs() < 1e-12, "{grain}");
+    }
+}
+
+#[test]
+fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
+    let mesh = bar(20);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
+    // A bone of some rings, and one that a handle holds in part.
+    let number = |t: usize| match middle(t) {
+        x if (3.0..5.0).contains(&x) => Some(7),
+        x if x > 9.0 => Some(9),
+        _ => None,
+    };
+    let rigid: Vec<Option<u32>> = (0..mesh.triangle_count()).map(number).collect();
+    let fabric = Fabric { rigid: Some(&rigid), ..Fabric::default() };
+    let mut primo = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect("a sound case");
+    let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
+    let done = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let inner: Vec<usize> = (0..mesh.vertex_count()).filter(|&v| (3.4..4.6).contains(&mesh.positions()[v].x)).collect();
+    assert!(inner.len() >= 8);
+    for (&v, &w) in inner.iter().zip(&inner[1..]).chain(inner.iter().zip(&inner[4..])) {
+        let length = |p: &[Point3<f64>]| nalgebra::distance(&p[v], &p[w]);
+        assert!((length(&done.positions) - length(mesh.positions())).abs() < 1e-12 * mesh.diagonal());
+    }
+    let energies = &done.report.energies;
+    assert!(energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
+    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default()).expect("a sound case");
+    let free = free.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let least = free.report.energies.last().expect("the energy at the start");
+    assert!(energies[energies.len() - 1] > 1.02 * least, "what must not bend costs");
+    // From any positions bones start straight.
+    let again = primo.deform(&pose, Start::At(&free.positions), &convergence).expect("a sound case");
+    let (a, b) = (again.report.energies.last().expect("the energy"), energies.last().expect("the energy"));
+    assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+}
+
+#[test]
+fn results_turn_and_grow_with_the_mesh() {
+    let mesh = bar(10);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 4.4);
+    let (plain, expected) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(5.0, 1.0));
+    for (scale, offset) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)] {
+        let turn = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));
+        let place = |p: &Point3<f64>| turn * (p * scale) + Vector3::repeat(offset);
+        let there = mesh.with_positions(mesh.positions().iter().map(place).collect()).expect("a sound case");
+        let back = |p: &Point3<f64>| turn.inverse() * (p - Vector3::repeat(offset)) / scale;
+        let (found, positions) =
+            solve(&there, &anchors, &PrimoOptions::default(), |p| place(&twist(5.0, 1.0)(&back(p))));
+        let digits = if offset > 0.0 { 1e-6 } else { 1e-9 };
+        let (e, f) = (plain.last() * scale * scale, found.last());
+        assert!((f / e - 1.0).abs() < digits, "{scale} {offset}: {e} {f}");
+        for (x, y) in expected.iter().zip(&positions) {
+            assert!((place(x) - y).norm() < digits * scale * mesh.diagonal(), "{scale} {offset}");
+        }
+    }
 }

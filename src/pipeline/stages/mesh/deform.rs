@@ -110,7 +110,7 @@ impl Solver<'_, '_> {
             max_iterations: iterations.min(self.settings.iterations as usize),
             tolerance: self.settings.tolerance,
         };
-        let start = if self.at.is_some() { Start::Last } else { Start::Spread };
+        let start = if self.at.is_some() { Start::Last } else { self.settings.start.option() };
         let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence).map_err(surface_error)?;
         self.at = Some(time);
         Ok(deformed)

@@ -1,0 +1,143 @@
+//! Laws of coarse to fine.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::super::test_meshes::{placed, tube};
+use super::super::{Convergence, bind};
+use super::*;
+
+type Case = (TriMesh, Handles, HandlePose);
+
+/// A tube that is bent by an angle and pushed together, its ends held.
+fn bent(rings: usize, around: usize, angle: f64, hold: Hold) -> Case {
+    let mesh = tube(rings, around);
+    let held = (0..mesh.vertex_count() as u32).filter(|&v| !(0.15..1.85).contains(&mesh.positions()[v as usize].x));
+    let handles = Handles::new(held.map(|v| (v, hold))).unwrap();
+    let motion = Isometry3::new(Vector3::new(-0.6, 0.4, 0.1), Vector3::new(0.2 * angle, 0.0, angle));
+    let place = |&v: &u32| {
+        let p = mesh.positions()[v as usize];
+        if p.x < 1.0 { p } else { motion * p }
+    };
+    let pose = HandlePose::new(handles.vertices().iter().map(place).collect());
+    (mesh, handles, pose)
+}
+
+/// Methods that iterate. Smooth rotations are left out: plain steps do not get far enough on coarse levels.
+fn methods() -> Vec<(Method, DeformOptions)> {
+    let plain = [Method::Arap, Method::ArapSpokes, Method::ArapElements, Method::GaussNewton, Method::Primo];
+    let mut all: Vec<_> = plain.into_iter().map(|m| (m, DeformOptions::default())).collect();
+    all.push((Method::Laplacian, DeformOptions { turning: Turning::Alternating, ..Default::default() }));
+    all
+}
+
+fn run(
+    (method, options): (Method, &DeformOptions),
+    (mesh, handles, pose): &Case,
+    start: Start<'_>,
+    max_iterations: usize,
+    tolerance: f64,
+) -> Deformation {
+    let convergence = Convergence { max_iterations, tolerance };
+    bind(method, mesh, handles, options).unwrap().deform(pose, start, &convergence).unwrap()
+}
+
+fn last(done: &Deformation) -> f64 {
+    done.report.energies[done.report.energies.len() - 1]
+}
+
+#[test]
+fn after_prolongation_the_energy_is_below_that_of_spread_rotations() {
+    let case = bent(60, 40, 1.6, Hold::Exact);
+    for (method, options) in methods() {
+        let first = |start| run((method, &options), &case, start, 1, 0.0).report.energies[0];
+        let (spread, coarse) = (first(Start::Spread), first(Start::Coarse));
+        assert!(coarse < spread, "{method:?}: {coarse} against {spread}");
+    }
+}
+
+#[test]
+fn every_method_ends_where_it_ends_without() {
+    let case = bent(60, 40, 1.2, Hold::Exact);
+    // Spokes of negative weight have several minima, and elements fold in many ways of almost the same energy.
+    for (method, options) in
+        methods().into_iter().filter(|m| ![Method::ArapSpokes, Method::ArapElements].contains(&m.0))
+    {
+        let [spread, coarse] = [Start::Spread, Start::Coarse].map(|s| run((method, &options), &case, s, 1000, 1e-8));
+        let (a, b) = (last(&spread), last(&coarse));
+        assert!((b / a - 1.0).abs() < 1e-4, "{method:?}: {b} against {a}");
+        assert_eq!(coarse.report.constraint_error, 0.0);
+    }
+}
+
+#[test]
+fn coarse_levels_are_as_stiff_as_the_surface_they_stand_for() {
+    let case = bent(60, 40, 1.6, Hold::Exact);
+    let options = DeformOptions::default();
+    let fine = last(&run((Method::Arap, &options), &case, Start::Spread, 1000, 1e-9));
+    let mut coarse = Coarse::new(Method::Arap, &case.0, &case.1, &options);
+    let level = coarse.levels.last_mut().unwrap();
+    let enough = Convergence { max_iterations: 1000, tolerance: 1e-9 };
+    let done = level.bound.deform(&level.pose(&case.2), Start::Spread, &enough).unwrap();
+    assert!((0.8..1.25).contains(&(last(&done) / fine)), "{} {fine}", last(&done));
+}
+
+#[test]
+fn a_rigid_motion_stays_one_and_results_grow_with_the_mesh() {
+    let (mesh, handles, pose) = bent(60, 40, 1.2, Hold::Exact);
+    let motion = Isometry3::new(Vector3::new(0.7, -1.9, 0.4), Vector3::new(1.1, -0.6, 2.0));
+    let moved = HandlePose::new(handles.vertices().iter().map(|&v| motion * mesh.positions()[v as usize]).collect());
+    let options = DeformOptions::default();
+    let done = run((Method::Arap, &options), &(mesh.clone(), handles.clone(), moved), Start::Coarse, 1000, 1e-9);
+    for (p, x) in mesh.positions().iter().zip(&done.positions) {
+        assert!((motion * p - x).norm() < 1e-9 * mesh.diagonal());
+    }
+    let case = (mesh.clone(), handles.clone(), pose.clone());
+    let plain = run((Method::Arap, &options), &case, Start::Coarse, 3, 0.0);
+    // Powers of two, so that no tie between edges of the same price falls otherwise.
+    for scale in [1.0 / 1024.0, 1024.0] {
+        let there = HandlePose::new(pose.positions().iter().map(|p| p * scale).collect());
+        let case = (placed(&mesh, scale, Vector3::zeros()), handles.clone(), there);
+        let done = run((Method::Arap, &options), &case, Start::Coarse, 3, 0.0);
+        for (x, y) in plain.positions.iter().zip(&done.positions) {
+            assert!((x * scale - y).norm() < 1e-9 * scale, "{scale}");
+        }
+    }
+}
+
+#[test]
+fn a_first_drag_starts_coarse_and_the_next_where_it_ended() {
+    let case = bent(60, 40, 1.2, Hold::Exact);
+    let options = DeformOptions::default();
+    let mut bound = bind(Method::Arap, &case.0, &case.1, &options).unwrap();
+    let enough = Convergence { max_iterations: 1000, tolerance: 1e-9 };
+    let first = bound.deform(&case.2, Start::Last, &enough).unwrap();
+    assert_eq!(first.positions, run((Method::Arap, &options), &case, Start::Coarse, 1000, 1e-9).positions);
+    let next = bound.deform(&case.2, Start::Last, &enough).unwrap();
+    assert!(next.report.iterations <= 2, "{}", next.report.iterations);
+}
+
+#[test]
+fn small_and_broken_surfaces_start_too() {
+    let small = bent(12, 8, 0.8, Hold::Exact);
+    let [spread, coarse] = [Start::Spread, Start::Coarse]
+        .map(|start| run((Method::Arap, &DeformOptions::default()), &small, start, 99, 1e-9));
+    assert_eq!(spread.positions, coarse.positions, "no vertex is too many");
+    // Two parts, one of them without a handle, a fin, and triangles that are none.
+    let (mesh, handles, pose) = bent(60, 40, 0.8, Hold::Exact);
+    let count = mesh.vertex_count() as u32;
+    let mut positions = mesh.positions().to_vec();
+    let mut triangles = mesh.triangles().to_vec();
+    positions.extend(mesh.positions().iter().map(|p| p + Vector3::new(0.0, 3.0, 0.0)));
+    triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + count)));
+    positions.push(positions[900] + Vector3::new(0.0, 0.3, 0.2));
+    triangles.extend([[900, 901, 2 * count], [5, 6, 5], [77, 77, 77], [300, 301, 302], [300, 301, 302]]);
+    let case = (TriMesh::new(positions, triangles).unwrap(), handles, pose);
+    let second = count as usize..2 * count as usize;
+    for (method, options) in methods() {
+        let done = run((method, &options), &case, Start::Coarse, 30, 1e-6);
+        assert!(done.positions.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "{method:?}");
+        for (x, p) in done.positions[second.clone()].iter().zip(&case.0.positions()[second.clone()]) {
+            assert!((x - p).norm() < 1e-12, "{method:?}");
+        }
+    }
+}
