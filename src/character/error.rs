@@ -121,6 +121,16 @@ pub enum CharacterError {
         /// How many there are.
         count: usize,
     },
+    /// Input: a vertex that follows more joints than there is room for.
+    #[error("vertex {vertex} follows {found} joints (at most {most}); limit the weights first")]
+    TooManyInfluences {
+        /// The vertex.
+        vertex: usize,
+        /// Joints that it follows.
+        found: usize,
+        /// The most there may be.
+        most: usize,
+    },
     /// Input: weights and matrices that do not belong together.
     #[error("the skin has weights for {joints} joints but {matrices} matrices: give one for each joint")]
     Matrices {

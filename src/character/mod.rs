@@ -18,6 +18,7 @@ mod skeleton;
 pub mod skeleton_file;
 mod skin;
 mod skin_weights;
+pub mod skinning;
 #[cfg(test)]
 mod tests;
 
