@@ -1,5 +1,7 @@
 //! What a skeleton, a pose or a skin can be refused for.
 
+use crate::sparse::SparseError;
+
 /// Why a character could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -167,6 +169,9 @@ pub enum CharacterError {
         /// What it may be.
         range: &'static str,
     },
+    /// Numerics: a system could not be factored.
+    #[error(transparent)]
+    Solve(#[from] SparseError),
 }
 
 fn known(nearest: Option<&str>) -> String {

@@ -21,6 +21,7 @@ mod skin_weights;
 pub mod skinning;
 #[cfg(test)]
 mod tests;
+pub mod weights;
 
 pub use curve::CurveSkeleton;
 pub use error::CharacterError;

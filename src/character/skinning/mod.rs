@@ -24,7 +24,7 @@ mod linear_blend;
 mod packed;
 mod rest_surface;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod twist_swing;
 
 use nalgebra::{Matrix4, Point3, Vector3};
@@ -154,14 +154,29 @@ impl Skinner {
     /// # Errors
     /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
     pub fn positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
-        struct Positions;
-        impl Visit for Positions {
-            type Output = Vec<Point3<f64>>;
-            fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output {
-                (0..vertices).map(|v| method.position(v)).collect()
+        let mut positions = Vec::with_capacity(self.vertex_count());
+        self.positions_into(matrices, &mut positions)?;
+        Ok(positions)
+    }
+
+    /// As [`Self::positions`], in place of what `positions` held.
+    ///
+    /// # Errors
+    /// As [`Self::positions`].
+    pub fn positions_into(
+        &self,
+        matrices: &[Matrix4<f64>],
+        positions: &mut Vec<Point3<f64>>,
+    ) -> Result<(), CharacterError> {
+        struct Positions<'a>(&'a mut Vec<Point3<f64>>);
+        impl Visit for Positions<'_> {
+            type Output = ();
+            fn visit(self, method: &impl PosedMethod, vertices: usize) {
+                self.0.clear();
+                self.0.extend((0..vertices).map(|v| method.position(v)));
             }
         }
-        self.posed(matrices, Positions)
+        self.posed(matrices, Positions(positions))
     }
 
     /// The surface with its normals.

@@ -18,7 +18,7 @@ pub(super) const METHODS: [SkinningMethod; 4] = [
 const BONE: f64 = 3.0;
 
 /// An open tube of radius 1 along x with joints at 0, 3, 6 …, and weights that go over smoothly from bone to bone.
-pub(super) fn tube(joints: usize, around: usize, along: usize) -> (TriMesh, Skeleton, Skin) {
+pub(in super::super) fn tube(joints: usize, around: usize, along: usize) -> (TriMesh, Skeleton, Skin) {
     let length = BONE * joints as f64;
     let mut positions = Vec::new();
     for i in 0..=along {

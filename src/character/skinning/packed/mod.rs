@@ -78,7 +78,7 @@ impl PackedSkin {
         let middle = mesh.bounding_box().map_or(Point3::origin(), |(low, high)| nalgebra::center(&low, &high));
         let pivot = |(joint, b): (usize, &Matrix4<f64>)| {
             let frame = b.try_inverse().ok_or(CharacterError::Matrix { joint, what: "flat" })?;
-            Ok(Point3::new(frame.m14, frame.m24, frame.m34))
+            Ok::<_, CharacterError>(Point3::new(frame.m14, frame.m24, frame.m34))
         };
         let pivots: Vec<_> = skin.inverse_bind().iter().enumerate().map(pivot).collect::<Result<_, _>>()?;
         let mut shares = vec![0.0; pivots.len()];
