@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
 """Skinning beside libigl, on one thread: vertices per second of linear blend and dual quaternion skinning.
 
-    skinning.py --example target/release/examples/skin_points [--rounds 5]
+    skinning.py --example target/release/examples/skin_points --libigl DQS [--rounds 5]
 
-libigl takes dense weights: its linear blend is a product of a matrix made once (`lbs_matrix`) with those of the pose; its dual
-quaternions run over all joints. Ours has four joints per vertex in compressed rows (double) or packed (single). Each round runs
+DQS is `dqs.cpp` of this folder, built with libigl's headers: its Python binding has no dual quaternions. libigl takes dense
+weights: its linear blend is a product of a matrix made once (`lbs_matrix`) with those of the pose; its dual quaternions run over
+all joints. Ours has four joints per vertex in compressed rows (double) or packed (single). Each round runs
 all in turn; reported are the best. Both give the same positions, which is checked.
 """
 import argparse
 import os
 import pathlib
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,30 +24,29 @@ import numpy as np  # noqa: E402
 import _skins  # noqa: E402
 
 
-def theirs(V, W, M, method):
-    """CPU seconds of one pose by libigl, the matrix of linear blending being ready."""
+def linear(V, W, M):
+    """Positions by libigl's linear blend, and CPU seconds of one pose, the matrix of the weights being ready."""
     import igl
-    if method == "lbs":
-        L, T = igl.lbs_matrix(V, W), np.concatenate([m[:3, :].T for m in M])
-
-        def run():
-            return L @ T
-    else:
-        Q, T = _skins.quaternions(M)
-
-        def run():
-            return igl.dqs(V, W, Q, T)
+    L, T = igl.lbs_matrix(V, W), np.concatenate([m[:3, :].T for m in M])
     best = np.inf
     for _ in range(5):
         began = time.process_time()
-        x = run()
+        x = L @ T
         best = min(best, time.process_time() - began)
     return x, best
+
+
+def dual(program, folder):
+    """The same by its dual quaternions, from the files that our program was given last."""
+    files = [os.path.join(folder, name) for name in ("rest", "weights", "matrices", "theirs")]
+    seconds = float(subprocess.run([program, *files], check=True, capture_output=True, text=True).stdout)
+    return np.fromfile(files[-1], "<f8").reshape(-1, 3), seconds
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--example", required=True)
+    parser.add_argument("--libigl", required=True)
     parser.add_argument("--rounds", type=int, default=5)
     a = parser.parse_args()
     print("vertices joints method |  libigl   double  ratio   single  ratio   (million vertices per CPU second)")
@@ -56,7 +57,8 @@ def main():
                 best = {"libigl": np.inf, "double": np.inf, "single": np.inf}
                 repeat = ["--repeat", str(max(3, 2_000_000 // vertices))]
                 for _ in range(a.rounds):
-                    expected, seconds = theirs(V, W, M, method)
+                    _skins.write(folder, V, W, M)
+                    expected, seconds = linear(V, W, M) if method == "lbs" else dual(a.libigl, folder)
                     best["libigl"] = min(best["libigl"], seconds)
                     for name, allowed in (("double", 1e-9), ("single", 2e-6)):
                         x, told = _skins.ours(a.example, folder, V, W, M, method, *repeat,

@@ -1,6 +1,7 @@
 //! What a skeleton, a pose or a skin can be refused for.
 
 use crate::sparse::SparseError;
+use crate::surface::SurfaceError;
 
 /// Why a character could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -149,6 +150,9 @@ pub enum CharacterError {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// Input: nothing to learn from.
+    #[error("there is no example pose; give one at least")]
+    NoExamples,
     /// Input: something per vertex for another mesh.
     #[error("{given} {what} do not fit a mesh of {vertices} vertices: give one for each")]
     PerVertex {
@@ -172,6 +176,9 @@ pub enum CharacterError {
     /// Numerics: a system could not be factored.
     #[error(transparent)]
     Solve(#[from] SparseError),
+    /// A surface that could not be refined.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
 }
 
 fn known(nearest: Option<&str>) -> String {

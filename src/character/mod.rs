@@ -14,6 +14,8 @@ mod curve;
 mod error;
 mod limits;
 mod pose;
+mod refinement;
+pub mod regression;
 mod skeleton;
 pub mod skeleton_file;
 mod skin;
@@ -22,11 +24,14 @@ pub mod skinning;
 #[cfg(test)]
 mod tests;
 pub mod weights;
+mod weights_file;
 
 pub use curve::CurveSkeleton;
 pub use error::CharacterError;
 pub use limits::Limits;
 pub use pose::Pose;
+pub use refinement::DetailRefiner;
 pub use skeleton::{Bone, Joint, Skeleton};
 pub use skin::Skin;
 pub use skin_weights::{Influence, Normalization, SkinWeights};
+pub use weights_file::{WeightsFile, WeightsFileError, weights_file_schema};

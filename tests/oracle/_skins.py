@@ -1,4 +1,4 @@
-"""Skins for the oracle tests and benchmarks: made data, glTF files, libigl, and our example program."""
+"""Skins for the oracle tests and benchmarks: made data, glTF files, references, and our example program."""
 import json
 import os
 import struct
@@ -7,30 +7,40 @@ import subprocess
 import numpy as np
 
 
-def ours(program, folder, V, W, M, method, *options):
-    """Positions and what `skin_points` tells. W dense, #V x #J; M one 4 x 4 matrix per joint."""
+def write(folder, V, W, M):
+    """The files that `skin_points` reads. W dense, #V x #J; M one 4 x 4 matrix per joint."""
     for name, array in (("rest", V), ("weights", W), ("matrices", M)):
         np.ascontiguousarray(array, dtype="<f8").tofile(os.path.join(folder, name))
+
+
+def ours(program, folder, V, W, M, method, *options):
+    """Positions and what `skin_points` tells."""
+    write(folder, V, W, M)
     command = [program, *(os.path.join(folder, n) for n in ("rest", "weights", "matrices")), method, "-o",
                os.path.join(folder, "out"), *options]
     told = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return np.fromfile(os.path.join(folder, "out"), "<f8").reshape(-1, 3), told
 
 
-def libigl(V, W, M, method):
-    """Skinned positions by libigl."""
-    import igl
+def reference(V, W, M, method):
+    """Positions by libigl (linear), and by the formulas of Kavan et al. 2008 in NumPy with signs turned toward the running sum,
+    as in libigl (dual): the same where joints differ by less than half a turn."""
     if method == "lbs":
-        T = np.concatenate([m[:3, :].T for m in M])
-        return igl.lbs_matrix(V, W) @ T
-    Q, T = quaternions(M)
-    return igl.dqs(V, W, Q, T)
-
-
-def quaternions(M):
-    """Rotations as x, y, z, w and translations of rigid matrices."""
+        import igl
+        return igl.lbs_matrix(V, W) @ np.concatenate([m[:3, :].T for m in M])
     from scipy.spatial.transform import Rotation
-    return np.array([Rotation.from_matrix(m[:3, :3]).as_quat() for m in M]), np.array([m[:3, 3] for m in M])
+    q = np.array([Rotation.from_matrix(m[:3, :3]).as_quat() for m in M])
+    t = M[:, :3, 3]
+    dual = 0.5 * np.concatenate([q[:, 3:] * t + np.cross(t, q[:, :3]), -np.sum(t * q[:, :3], axis=1, keepdims=True)], axis=1)
+    b, e = np.zeros((len(V), 4)), np.zeros((len(V), 4))
+    for j in range(len(M)):
+        sign = np.where(b @ q[j] < 0, -1, 1)
+        b += (sign * W[:, j])[:, None] * q[j]
+        e += (sign * W[:, j])[:, None] * dual[j]
+    length = np.linalg.norm(b, axis=1, keepdims=True)
+    b, e = b / length, e / length
+    u, a, f, g = b[:, :3], b[:, 3:], e[:, :3], e[:, 3:]
+    return V + 2 * np.cross(u, np.cross(u, V) + a * V) + 2 * (a * f - g * u + np.cross(u, f))
 
 
 def made(vertices, joints, influences, seed, most_degrees=170):

@@ -27,7 +27,7 @@ mod rest_surface;
 pub(super) mod tests;
 mod twist_swing;
 
-use nalgebra::{Matrix4, Point3, Vector3};
+use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 pub use centers_of_rotation::centers_of_rotation;
 pub use packed::PackedSkin;
@@ -217,6 +217,11 @@ impl Skinner {
             Bound::TwistSwing(twisting) => visit.visit(&TwistSwingPose::new(posing, twisting), vertices),
         })
     }
+}
+
+/// Rotations of the joints' maps, scale and shear taken out.
+pub(super) fn joint_rotations(matrices: &[Matrix4<f64>]) -> Vec<UnitQuaternion<f64>> {
+    matrices.iter().map(|m| dual_quaternion::polar(m).0).collect()
 }
 
 /// What is done with a posed method, whichever it is, so that each has loops of its own.

@@ -57,13 +57,13 @@ pub(in super::super) fn tube(joints: usize, around: usize, along: usize) -> (Tri
     (mesh, skeleton, skin)
 }
 
-pub(super) fn matrices(skeleton: &Skeleton, skin: &Skin, change: impl Fn(&mut Pose)) -> Vec<Matrix4<f64>> {
+pub(in super::super) fn matrices(skeleton: &Skeleton, skin: &Skin, change: impl Fn(&mut Pose)) -> Vec<Matrix4<f64>> {
     let mut pose = skeleton.rest_pose();
     change(&mut pose);
     skin.joint_matrices(&skeleton.globals(&pose).expect("fits")).expect("fits")
 }
 
-pub(super) fn turn(axis: [f64; 3], angle: f64) -> UnitQuaternion<f64> {
+pub(in super::super) fn turn(axis: [f64; 3], angle: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::new(Vector3::from(axis).normalize() * angle)
 }
 

@@ -109,13 +109,12 @@ fn bones_behind_the_surface_do_not_heat_it() {
 #[test]
 fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
     let (mesh, skeleton) = limb();
-    // The bounded weights are found to 1e-4, on another way where the model is larger.
-    for (method, tolerance) in [(WeightMethod::Heat, 1e-9), (WeightMethod::BoundedBiharmonic, 1e-3)] {
+    for method in [WeightMethod::Heat, WeightMethod::BoundedBiharmonic] {
         let (alone, _) = bone_weights(&mesh, &skeleton, &options(method)).expect("found");
         let mut positions = mesh.positions().to_vec();
         let n = positions.len() as u32;
-        // A closed speck outside, and a vertex without triangles.
-        let speck = [[4.0, 0.6, 0.0], [4.1, 0.6, 0.0], [4.0, 0.7, 0.0], [4.0, 0.6, 0.1], [8.5, 3.0, 0.0]];
+        // A closed speck outside, and a vertex without triangles; both in the box of the tube, whose size rounds depend on.
+        let speck = [[4.0, 0.42, 0.42], [4.05, 0.42, 0.42], [4.0, 0.47, 0.42], [4.0, 0.42, 0.47], [8.5, 0.4, 0.4]];
         positions.extend(speck.map(Point3::from));
         let mut triangles = mesh.triangles().to_vec();
         triangles.extend([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(|t| t.map(|v| v + n)));
@@ -124,7 +123,7 @@ fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
         assert_eq!((report.components, report.borrowed_components, report.borrowed_vertices), (2, 2, 5), "{method:?}");
         for v in 0..n as usize {
             for i in alone.row(v) {
-                assert!((weights.weight(v, i.joint) - i.weight).abs() < tolerance, "{method:?}");
+                assert!((weights.weight(v, i.joint) - i.weight).abs() < 1e-9, "{method:?}");
             }
         }
         assert!(weights.weight(n as usize, 1) > 0.9 && weights.weight(n as usize + 4, 2) > 0.9);
