@@ -22,6 +22,7 @@ mod render;
 mod retarget;
 mod run;
 mod schema;
+mod skin;
 mod solve;
 mod stabilize;
 mod stages;
@@ -61,6 +62,8 @@ enum Command {
     Deform(Box<deform::DeformArgs>),
     /// Find how a mesh bends most easily, and its near-rigid parts
     Modes(modes::ModesArgs),
+    /// Find how a surface follows a skeleton
+    Skin(skin::SkinArgs),
     /// Draw meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
@@ -117,7 +120,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skin` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -130,6 +133,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
+        Command::Skin(args) => Ok(args.pipeline()),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
@@ -144,6 +148,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Mesh(args) => args.run(),
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
+        Command::Skin(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

@@ -29,6 +29,7 @@ mod render_oracle;
 mod render_sharpness;
 mod report;
 mod sfm;
+mod skin;
 mod solve_cli;
 mod solvers;
 mod sparse;

@@ -28,6 +28,7 @@ mod photo_report;
 mod photo_retarget;
 mod render;
 mod report;
+mod skin_weights;
 mod smooth;
 mod stmap;
 mod track;
@@ -66,6 +67,7 @@ pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
+pub use skin_weights::{SkinWeightsSettings, WeightWish};
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;
@@ -76,7 +78,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 34] = [
+pub static KINDS: [StageKind; 35] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -109,6 +111,7 @@ pub static KINDS: [StageKind; 34] = [
     StageKind::of::<MeshLoadSettings>(),
     StageKind::of::<MeshDeformSettings>(),
     StageKind::of::<MeshModesSettings>(),
+    StageKind::of::<SkinWeightsSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),
 ];

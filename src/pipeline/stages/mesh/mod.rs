@@ -11,6 +11,7 @@ mod render;
 mod report;
 mod save;
 mod solvable;
+mod weights;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use nalgebra::Point3;
 use super::context::Context;
 use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
-    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings,
+    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, SkinWeightsSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
@@ -56,6 +57,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         deform::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshModesSettings>() {
         modes::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SkinWeightsSettings>() {
+        weights::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshRenderSettings>() {
         render::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshSaveSettings>() {

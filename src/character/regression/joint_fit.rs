@@ -1,0 +1,132 @@
+//! Joints and weights fitted to poses of a surface, where only its vertices are known.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Point3, Vector3};
+
+use super::super::{CharacterError, SkinWeights};
+use super::Example;
+use crate::math::nearest_rotation;
+use crate::mesh::TriMesh;
+
+/// Rounds of the active set at most, for each joint; a few are the rule.
+const ROUNDS: usize = 10;
+/// What is added to the diagonal, in parts of the trace: far below what examples tell, far above rounding.
+const RIDGE: f64 = 1e-12;
+
+/// The rigid motion of each joint that carries the vertices that follow it best to where they are:
+///
+/// ```text
+/// min Σᵢ w_ij² |Rⱼ pᵢ + tⱼ − xᵢ|²
+/// ```
+///
+/// The identity for a joint that no vertex follows.
+///
+/// # Errors
+/// [`CharacterError::PerVertex`] for weights or positions of another mesh.
+pub fn fit_joints(
+    mesh: &TriMesh,
+    weights: &SkinWeights,
+    positions: &[Point3<f64>],
+) -> Result<Vec<Matrix4<f64>>, CharacterError> {
+    let vertices = mesh.vertex_count();
+    for (what, given) in [("rows of weights", weights.vertex_count()), ("positions", positions.len())] {
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what, given, vertices });
+        }
+    }
+    let mut sums = vec![(0.0, Vector3::zeros(), Vector3::zeros()); weights.joint_count()];
+    let pairs = || mesh.positions().iter().zip(positions).zip(weights.rows());
+    for ((p, x), row) in pairs() {
+        for i in row {
+            let (total, from, to) = &mut sums[i.joint as usize];
+            let w = i.weight * i.weight;
+            *total += w;
+            *from += w * p.coords;
+            *to += w * x.coords;
+        }
+    }
+    let middles: Vec<_> = sums.iter().map(|(w, p, x)| (*w > 0.0).then(|| (p / *w, x / *w))).collect();
+    let mut spread = vec![Matrix3::zeros(); weights.joint_count()];
+    for ((p, x), row) in pairs() {
+        for i in row {
+            if let Some((from, to)) = &middles[i.joint as usize] {
+                spread[i.joint as usize] += (x.coords - to) * (p.coords - from).transpose() * (i.weight * i.weight);
+            }
+        }
+    }
+    let motion = |(middle, spread): (&Option<(Vector3<f64>, Vector3<f64>)>, &Matrix3<f64>)| {
+        let Some((from, to)) = middle else { return Matrix4::identity() };
+        let rotation = nearest_rotation(spread);
+        let mut m = rotation.to_homogeneous();
+        m.fixed_view_mut::<3, 1>(0, 3).copy_from(&(to - rotation * from));
+        m
+    };
+    Ok(middles.iter().zip(&spread).map(motion).collect())
+}
+
+/// The weights whose linear blend comes closest to the examples, over all joints: per vertex
+///
+/// ```text
+/// min Σₖ |Σⱼ wⱼ Mⱼₖ p − xₖ|²      s.t.  w ≥ 0,  Σⱼ wⱼ = 1
+/// ```
+///
+/// by active sets.
+///
+/// # Errors
+/// [`CharacterError::NoExamples`], [`CharacterError::PerVertex`].
+pub fn fit_weights(mesh: &TriMesh, examples: &[Example]) -> Result<SkinWeights, CharacterError> {
+    let joints = examples.first().ok_or(CharacterError::NoExamples)?.matrices.len();
+    let vertices = mesh.vertex_count();
+    if let Some(e) = examples.iter().find(|e| e.positions.len() != vertices) {
+        return Err(CharacterError::PerVertex { what: "positions of an example", given: e.positions.len(), vertices });
+    }
+    let row = |(v, p): (usize, &Point3<f64>)| {
+        let mut moved = DMatrix::zeros(3 * examples.len(), joints);
+        for (k, example) in examples.iter().enumerate() {
+            // From where the vertex is, so that digits are kept far from the origin: weights sum to one.
+            for (j, m) in example.matrices.iter().enumerate() {
+                moved.fixed_view_mut::<3, 1>(3 * k, j).copy_from(&(m.transform_point(p) - example.positions[v]));
+            }
+        }
+        let w = on_simplex(&moved.tr_mul(&moved));
+        (0..).zip(w.iter().copied().collect::<Vec<_>>()).collect::<Vec<(u32, f64)>>()
+    };
+    let rows: Vec<_> = mesh.positions().iter().enumerate().map(row).collect();
+    Ok(SkinWeights::normalized(joints, rows, None)?.0)
+}
+
+/// `min wᵀ G w` over the simplex, by active sets: on a set of free weights the minimum is `w ∝ G⁻¹ 1`; a weight that would fall
+/// below 0 leaves the set, one whose slope is below the others' enters it.
+fn on_simplex(gram: &DMatrix<f64>) -> DVector<f64> {
+    let n = gram.nrows();
+    // Joints that the examples do not tell apart would make the system singular.
+    let gram = gram + DMatrix::identity(n, n) * (RIDGE * gram.trace().max(f64::MIN_POSITIVE));
+    let best = (0..n).min_by(|&a, &b| gram[(a, a)].total_cmp(&gram[(b, b)])).unwrap_or(0);
+    let mut w = DVector::zeros(n);
+    w[best] = 1.0;
+    let mut free = vec![best];
+    for _ in 0..ROUNDS * n {
+        let inner = gram.select_rows(&free).select_columns(&free);
+        let Some(cholesky) = inner.cholesky() else { break };
+        let mut wanted = cholesky.solve(&DVector::repeat(free.len(), 1.0));
+        wanted /= wanted.sum();
+        // As far as the first weight allows.
+        let reach = |k: usize| if wanted[k] < 0.0 { w[free[k]] / (w[free[k]] - wanted[k]) } else { 1.0 };
+        let first = (0..free.len()).min_by(|&a, &b| reach(a).total_cmp(&reach(b))).expect("one is free");
+        let step = reach(first);
+        for (k, &j) in free.iter().enumerate() {
+            w[j] += step * (wanted[k] - w[j]);
+        }
+        if step < 1.0 {
+            w[free.remove(first)] = 0.0;
+            continue;
+        }
+        let slope = &gram * &w;
+        let level = slope.dot(&w);
+        let steepest = (0..n).filter(|j| !free.contains(j)).min_by(|&a, &b| slope[a].total_cmp(&slope[b]));
+        match steepest.filter(|&j| slope[j] < level * (1.0 - 1e-9)) {
+            Some(j) => free.push(j),
+            None => break,
+        }
+    }
+    w
+}

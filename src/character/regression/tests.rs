@@ -1,0 +1,180 @@
+use nalgebra::{Point3, Vector3};
+
+use super::super::SkinWeights;
+use super::super::skinning::tests::{matrices, tube, turn};
+use super::*;
+use crate::math::Trs;
+
+/// An elbow that bends with a muscle: twist spreads evenly over the forearm, the upper arm swells with the bend. No blend of
+/// two matrices does either.
+fn arm(around: usize, along: usize) -> (TriMesh, Skeleton, Skin, impl Fn(f64, f64) -> Example) {
+    let (mesh, skeleton, skin) = tube(2, around, along);
+    let (rest, bones, weights) = (mesh.clone(), skeleton.clone(), skin.clone());
+    let example = move |bend: f64, twist: f64| {
+        let rotation = turn([0.0, 0.0, 1.0], bend) * turn([1.0, 0.0, 0.0], twist);
+        let m = matrices(&bones, &weights, |p| p.locals[1].rotation = rotation);
+        let place = |p: &Point3<f64>| {
+            let swell = 1.0 + 0.3 * bend / 1.5 * (-(p.x - 1.8).powi(2) / 0.5).exp();
+            let q = Vector3::new(p.x, p.y * swell, p.z * swell);
+            // The part of the turn that this place along the arm has: bend about the elbow within one unit, twist over three.
+            let part = |width: f64| ((p.x - 3.0) / width + 0.5).clamp(0.0, 1.0);
+            let (b, t) = (bend * part(1.6), twist * part(3.0));
+            let local = turn([0.0, 0.0, 1.0], b) * turn([1.0, 0.0, 0.0], t);
+            Point3::new(3.0, 0.0, 0.0) + local * (q - Vector3::new(3.0, 0.0, 0.0))
+        };
+        Example { matrices: m, positions: rest.positions().iter().map(place).collect() }
+    };
+    (mesh, skeleton, skin, example)
+}
+
+fn rms(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
+    (a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>() / a.len() as f64).sqrt()
+}
+
+#[test]
+fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
+    let (mesh, skeleton, skin, example) = arm(16, 40);
+    let angle = |k: usize| (1.5 * k as f64 / 29.0, 1.2 * ((k * 7) % 30) as f64 / 29.0);
+    let all: Vec<Example> = (0..30).map(|k| example(angle(k).0, angle(k).1)).collect();
+    let (train, held): (Vec<_>, Vec<_>) = all.into_iter().enumerate().partition(|(k, _)| k % 2 == 0);
+    let (train, held): (Vec<_>, Vec<_>) =
+        (train.into_iter().map(|e| e.1).collect(), held.into_iter().map(|e| e.1).collect());
+    let (mut model, report) =
+        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+    // The best that linear blending can do with these joints.
+    let fitted = Skin::bound(fit_weights(&mesh, &train).expect("fitted"), &skeleton).expect("not flat");
+    let linear = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
+    let errors = |examples: &[Example], model: &mut RegressionModel| {
+        let mine =
+            examples.iter().map(|e| rms(&model.positions(&e.matrices).expect("fits"), &e.positions)).sum::<f64>();
+        let theirs =
+            examples.iter().map(|e| rms(&linear.positions(&e.matrices).expect("fits"), &e.positions)).sum::<f64>();
+        (mine / examples.len() as f64, theirs / examples.len() as f64)
+    };
+    let (on_train, on_held) = (errors(&train, &mut model), errors(&held, &mut model));
+    assert!(on_train.0 < 0.3 * on_train.1, "{on_train:?}");
+    assert!(on_held.0 < 0.3 * on_held.1, "{on_held:?}");
+    assert!(report.error < report.linear_error, "{report:?}");
+}
+
+#[test]
+fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
+    let (mesh, skeleton, skin, example) = arm(12, 24);
+    let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
+    let (mut model, _) =
+        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+    let pose = example(0.8, 0.3).matrices;
+    let motion = Trs::rigid(turn([1.0, 2.0, -0.5], 2.5), Vector3::new(100.0, -3.0, 7.0));
+    let there: Vec<_> = pose.iter().map(|m| motion.matrix() * m).collect();
+    let reduced = model.reduced(&train.iter().map(|e| e.matrices.clone()).collect::<Vec<_>>(), 4).expect("fits");
+    let pairs = [
+        (model.positions(&pose).expect("fits"), model.positions(&there).expect("fits")),
+        (reduced.positions(&pose).expect("fits"), reduced.positions(&there).expect("fits")),
+    ];
+    for (a, b) in &pairs {
+        assert!(a.iter().zip(b).all(|(a, b)| (motion.transform(a) - b).norm() < 1e-9));
+    }
+}
+
+#[test]
+fn examples_that_move_rigidly_come_back_exactly() {
+    let (mesh, skeleton, skin, _) = arm(10, 12);
+    let rigid = |angle: f64| {
+        let motion = Trs::rigid(turn([0.2, 1.0, 0.3], angle), Vector3::new(angle, 0.0, 1.0));
+        let positions = mesh.positions().iter().map(|p| motion.transform(p)).collect();
+        Example { matrices: vec![motion.matrix(); 2], positions }
+    };
+    let train = [rigid(0.0), rigid(1.0), rigid(2.5)];
+    let (mut model, report) =
+        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+    assert!(report.error < 1e-12, "{report:?}");
+    let new = rigid(-1.7);
+    assert!(rms(&model.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
+    let reduced = model.reduced(&[new.matrices.clone()], 3).expect("fits");
+    assert!(rms(&reduced.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
+}
+
+#[test]
+fn few_prototypes_do_what_all_triangles_do_whatever_the_surface() {
+    let mut counts = Vec::new();
+    for (around, along) in [(12, 24), (24, 60)] {
+        let (mesh, skeleton, skin, example) = arm(around, along);
+        let train: Vec<Example> = (0..10).map(|k| example(0.15 * k as f64, 0.1 * ((3 * k) % 10) as f64)).collect();
+        let (mut model, _) =
+            RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+        let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
+        let new = example(0.7, 0.5).matrices;
+        let full = model.positions(&new).expect("fits");
+        let error = |most| {
+            let reduced = model.reduced(&samples, most).expect("fits");
+            (rms(&reduced.positions(&new).expect("fits"), &full), reduced.prototype_count())
+        };
+        let (rigid, few, many) = (error(0), error(4), error(16));
+        let allowed = 1e-3 * mesh.diagonal();
+        assert!(many.0 < allowed && many.0 < few.0 && few.0 < rigid.0, "{rigid:?} {few:?} {many:?}");
+        counts.push(many.1);
+    }
+    assert!(counts[0] == counts[1], "the same number for a surface five times as fine: {counts:?}");
+}
+
+#[test]
+fn joints_are_found_from_vertices_and_weights_from_joints() {
+    let (mesh, skeleton, skin) = tube(3, 12, 36);
+    let posed = |a: f64| {
+        matrices(&skeleton, &skin, |p| {
+            p.locals[0].rotation = turn([1.0, 1.0, 0.0], a);
+            p.locals[1].rotation = turn([0.0, 0.3, 1.0], 1.1 - a);
+            p.locals[2].rotation = turn([1.0, 0.0, 0.5], 0.7 * a);
+        })
+    };
+    let linear = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
+    let examples: Vec<Example> = [0.0, 0.4, 0.9, -0.8]
+        .map(posed)
+        .into_iter()
+        .map(|matrices| {
+            let positions = linear.positions(&matrices).expect("fits");
+            Example { matrices, positions }
+        })
+        .collect();
+    let found = fit_weights(&mesh, &examples).expect("fitted");
+    // Where the examples do not tell joints apart the weights may be others, but they do the same.
+    let fitted = Skin::bound(found, &skeleton).expect("not flat");
+    let again = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
+    for example in &examples {
+        assert!(rms(&again.positions(&example.matrices).expect("fits"), &example.positions) < 1e-3);
+    }
+    // Joints of a skin that is rigid come back exactly.
+    let rigid =
+        SkinWeights::rigid(3, &mesh.positions().iter().map(|p| ((p.x / 3.0) as u32).min(2)).collect::<Vec<_>>())
+            .expect("joints");
+    let moved = Skinner::new(
+        &mesh,
+        None,
+        &skeleton,
+        &Skin::bound(rigid.clone(), &skeleton).expect("fits"),
+        SkinningMethod::LinearBlend,
+    );
+    let m = posed(0.6);
+    let fitted = fit_joints(&mesh, &rigid, &moved.expect("fits").positions(&m).expect("fits")).expect("fits");
+    for (a, b) in m.iter().zip(&fitted) {
+        assert!((a - b).amax() < 1e-10);
+    }
+}
+
+#[test]
+fn what_cannot_be_learnt_from_is_refused() {
+    let (mesh, skeleton, skin, example) = arm(6, 6);
+    let train = |e: &[Example], ridge| {
+        RegressionModel::train(&mesh, &skeleton, &skin, e, &RegressionOptions { ridge })
+            .expect_err("refused")
+            .to_string()
+    };
+    assert!(train(&[], 1e-2).contains("no example"));
+    assert!(train(&[example(0.1, 0.0)], 0.0).contains("ridge 0"));
+    let mut short = example(0.1, 0.0);
+    short.positions.pop();
+    assert!(train(&[short], 1e-2).contains("positions of an example do not fit"));
+    let mut other = example(0.1, 0.0);
+    other.matrices.pop();
+    assert!(train(&[other], 1e-2).contains("2 joints but 1 matrices"));
+}

@@ -1,0 +1,146 @@
+//! Regressors of triangles, by ridge regression on the examples.
+
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+
+use super::super::{CharacterError, Skeleton, SkinWeights};
+use super::gradients::{gradient, polar};
+use super::{Example, JointTurns, RegressionModel};
+use crate::mesh::TriMesh;
+
+/// Three numbers of the turn, six of the stretch.
+const OUTPUTS: usize = 9;
+/// Upper triangle of a symmetric matrix.
+const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
+/// What was learnt, in root mean squares over vertices and examples, in units of the diagonal at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainingReport {
+    /// Of the model.
+    pub error: f64,
+    /// Of linear blending with the skin's weights.
+    pub linear_error: f64,
+}
+
+/// How one triangle turns and stretches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Regressor {
+    /// The joint it goes with.
+    pub(super) bone: u32,
+    /// The joint whose turn it is explained by.
+    pub(super) joint: u32,
+    /// `[A a; C c]`.
+    map: SMatrix<f64, OUTPUTS, 4>,
+}
+
+impl Regressor {
+    /// `exp(A q + a) (C q + c)`: the gradient beside the turn of its own joint.
+    pub(super) fn relative(&self, turns: &JointTurns) -> Matrix3<f64> {
+        let q = turns.relative[self.joint as usize];
+        let y = self.map * Vector4::new(q.x, q.y, q.z, 1.0);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(y[0], y[1], y[2]));
+        let mut stretch = Matrix3::zeros();
+        for (k, &(r, c)) in SYMMETRIC.iter().enumerate() {
+            stretch[(r, c)] = y[3 + k];
+            stretch[(c, r)] = y[3 + k];
+        }
+        turn.to_rotation_matrix().into_inner() * stretch
+    }
+
+    /// The gradient in the world.
+    pub(super) fn gradient(&self, turns: &JointTurns) -> Matrix3<f64> {
+        turns.global[self.bone as usize].to_rotation_matrix().into_inner() * self.relative(turns)
+    }
+}
+
+/// A regressor for every triangle.
+pub(super) fn regressors(
+    mesh: &TriMesh,
+    skeleton: &Skeleton,
+    weights: &SkinWeights,
+    examples: &[Example],
+    ridge: f64,
+) -> Vec<Regressor> {
+    let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
+    let turns: Vec<JointTurns> = examples.iter().map(|e| JointTurns::new(&e.matrices, &parents)).collect();
+    let inverses: Vec<Matrix4<f64>> = (0..skeleton.joint_count()).map(|j| inverse(&turns, j, ridge)).collect();
+    let regressor = |t: usize| {
+        let bone = bone_of(weights, &mesh.triangles()[t]);
+        let outputs: Vec<SVector<f64, OUTPUTS>> = examples
+            .iter()
+            .zip(&turns)
+            .map(|(example, turns)| {
+                let posed = mesh.triangles()[t].map(|v| example.positions[v as usize]);
+                let map = gradient(&mesh.corners(t), &posed);
+                output(map.as_ref(), &turns.global[bone as usize])
+            })
+            .collect();
+        let best = candidates(skeleton, bone).map(|j| fitted(j, bone, &turns, &outputs, &inverses[j as usize]));
+        best.min_by(|a, b| a.1.total_cmp(&b.1)).expect("its own joint at least").0
+    };
+    (0..mesh.triangle_count()).map(regressor).collect()
+}
+
+/// The joint that a triangle follows most.
+fn bone_of(weights: &SkinWeights, corners: &[u32; 3]) -> u32 {
+    let sum = |j: u32| corners.iter().map(|&v| weights.weight(v as usize, j)).sum::<f64>();
+    let joints = corners.iter().flat_map(|&v| weights.row(v as usize)).map(|i| i.joint);
+    // The lowest of equals, whatever the order of the corners.
+    joints.max_by(|&a, &b| sum(a).total_cmp(&sum(b)).then(b.cmp(&a))).expect("every vertex follows a joint")
+}
+
+/// Joints that may explain a triangle of a joint.
+fn candidates(skeleton: &Skeleton, bone: u32) -> impl Iterator<Item = u32> + '_ {
+    let parent = skeleton.joints()[bone as usize].parent;
+    std::iter::once(bone).chain(parent).chain(skeleton.children(bone).iter().copied())
+}
+
+/// What a triangle's map tells beside the turn of its joint.
+fn output(map: Option<&Matrix3<f64>>, own: &UnitQuaternion<f64>) -> SVector<f64, OUTPUTS> {
+    let (rotation, stretch) = map.map_or((*own, Matrix3::identity()), polar);
+    let turn = (own.inverse() * rotation).scaled_axis();
+    SVector::from_fn(|k, _| if k < 3 { turn[k] } else { stretch[SYMMETRIC[k - 3]] })
+}
+
+/// `(Σ f fᵀ + ridge)⁻¹`, `f = [q 1]`.
+fn inverse(turns: &[JointTurns], joint: usize, ridge: f64) -> Matrix4<f64> {
+    let feature = |t: &JointTurns| t.relative[joint].push(1.0);
+    let squares: Matrix4<f64> = turns.iter().map(|t| feature(t) * feature(t).transpose()).sum();
+    let with_ridge = squares + Matrix4::from_diagonal(&Vector4::new(ridge, ridge, ridge, 0.0));
+    with_ridge
+        .try_inverse()
+        .expect("positive definite: a ridge on the slopes, and the offset's own square is the number of examples")
+}
+
+/// The ridge solution by one joint, and its squared error.
+fn fitted(
+    joint: u32,
+    bone: u32,
+    turns: &[JointTurns],
+    outputs: &[SVector<f64, OUTPUTS>],
+    inverse: &Matrix4<f64>,
+) -> (Regressor, f64) {
+    let feature = |t: &JointTurns| t.relative[joint as usize].push(1.0);
+    let right: SMatrix<f64, OUTPUTS, 4> = turns.iter().zip(outputs).map(|(t, y)| y * feature(t).transpose()).sum();
+    let map = right * inverse;
+    let error = turns.iter().zip(outputs).map(|(t, y)| (y - map * feature(t)).norm_squared()).sum();
+    (Regressor { bone, joint, map }, error)
+}
+
+/// How well the examples come back.
+pub(super) fn report(
+    model: &mut RegressionModel,
+    mesh: &TriMesh,
+    examples: &[Example],
+) -> Result<TrainingReport, CharacterError> {
+    let (mut error, mut linear) = (0.0, 0.0);
+    let square = |a: &[nalgebra::Point3<f64>], b: &[nalgebra::Point3<f64>]| {
+        a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>()
+    };
+    for example in examples {
+        error += square(&model.positions(&example.matrices)?, &example.positions);
+        linear += square(&model.linear.positions(&example.matrices)?, &example.positions);
+    }
+    let count = (mesh.vertex_count() * examples.len()).max(1) as f64;
+    let root = |sum: f64| (sum / count).sqrt() / mesh.diagonal().max(f64::MIN_POSITIVE);
+    Ok(TrainingReport { error: root(error), linear_error: root(linear) })
+}
