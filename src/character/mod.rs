@@ -1,0 +1,30 @@
+//! Characters: a surface that follows a skeleton.
+//!
+//! ```text
+//! skeleton    joints in a forest; joint j has the frame parent_from_joint Tⱼ at rest and Lⱼ in a pose
+//! globals     Gⱼ = G_parent(j) Lⱼ              world_from_joint
+//! skin        Mⱼ = Gⱼ Bⱼ                       Bⱼ the inverse of Gⱼ where the skin was bound
+//! weights     w_ij ≥ 0,  Σⱼ w_ij = 1           how much vertex i follows joint j
+//! ```
+//!
+//! A [`Pose`] gives every joint of a [`Skeleton`] its frame; the matrices `Mⱼ` of a [`Skin`] say how space moves with each
+//! joint, and a method of skinning makes the surface of them.
+
+mod curve;
+mod error;
+mod limits;
+mod pose;
+mod skeleton;
+pub mod skeleton_file;
+mod skin;
+mod skin_weights;
+#[cfg(test)]
+mod tests;
+
+pub use curve::CurveSkeleton;
+pub use error::CharacterError;
+pub use limits::Limits;
+pub use pose::Pose;
+pub use skeleton::{Bone, Joint, Skeleton};
+pub use skin::Skin;
+pub use skin_weights::{Influence, Normalization, SkinWeights};
