@@ -8,7 +8,8 @@ use super::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Tra
 const MOST_KEYS: f64 = 1e6;
 
 impl Clip {
-    /// Every time `t` becomes `start + t / speed`; a negative speed runs it backwards.
+    /// Every time `t` becomes `start + t / speed`; a negative speed runs it backwards. Smooth turns pass through their keys
+    /// backwards too, by a slightly different way.
     ///
     /// # Errors
     /// [`ClipError::Option`] for a speed of 0 or times that are not finite, [`ClipError::Order`] where keys fall together.

@@ -87,7 +87,8 @@ fn parents(joints: usize, edges: &[Edge]) -> Result<Vec<Option<u32>>, RigFileErr
             continue;
         }
         while let Some(j) = open.pop() {
-            for &(line, other) in beside[j].iter().filter(|(_, other)| parents[j] != Some(*other)) {
+            let above = parents[j];
+            for &(line, other) in beside[j].iter().filter(|(_, other)| above != Some(*other)) {
                 if std::mem::replace(&mut seen[other as usize], true) {
                     return Err(malformed(FORMAT, line, "this bone closes a cycle; a skeleton is a tree"));
                 }

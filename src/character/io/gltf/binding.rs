@@ -20,8 +20,8 @@ pub(super) struct Bound {
 pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound, RigFileError> {
     let mut inverse_bind: Vec<Option<Matrix4<f64>>> = vec![None; joints.nodes.len()];
     let mut of_skin: Vec<Option<Matrix4<f64>>> = vec![None; articulation.skins.len()];
-    for instance in &articulation.instances {
-        if let Some(skin) = instance.skin.map(|s| s as usize).filter(|&s| of_skin[s].is_none()) {
+    for skin in 0..articulation.skins.len() {
+        if articulation.instances.iter().any(|i| i.skin == Some(skin as u32)) {
             of_skin[skin] = Some(skin_map(articulation, joints, skin, &mut inverse_bind)?);
         }
     }

@@ -40,7 +40,7 @@ pub(in super::super) fn add(
     let with_normals = primitive.targets.iter().any(|target| target.contains_key("NORMAL"));
     for (k, (target, attributes)) in targets.iter_mut().zip(&primitive.targets).enumerate() {
         let at = format!("{at}/targets/{k}");
-        let mut read = |name: &str, turn: &Matrix3<f64>| -> Result<Option<Vec<Vector3<f64>>>, MeshError> {
+        let read = |name: &str, turn: &Matrix3<f64>| -> Result<Option<Vec<Vector3<f64>>>, MeshError> {
             let Some(&accessor) = attributes.get(name) else { return Ok(None) };
             let values = input.values(accessor, &["VEC3"])?;
             if values.len() != count {
