@@ -1,5 +1,7 @@
 //! What a skeleton, a pose or a skin can be refused for.
 
+use crate::sparse::SparseError;
+
 /// Why a character could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -121,6 +123,16 @@ pub enum CharacterError {
         /// How many there are.
         count: usize,
     },
+    /// Input: a vertex that follows more joints than there is room for.
+    #[error("vertex {vertex} follows {found} joints (at most {most}); limit the weights first")]
+    TooManyInfluences {
+        /// The vertex.
+        vertex: usize,
+        /// Joints that it follows.
+        found: usize,
+        /// The most there may be.
+        most: usize,
+    },
     /// Input: weights and matrices that do not belong together.
     #[error("the skin has weights for {joints} joints but {matrices} matrices: give one for each joint")]
     Matrices {
@@ -173,6 +185,9 @@ pub enum CharacterError {
         /// What it may be.
         range: &'static str,
     },
+    /// Numerics: a system could not be factored.
+    #[error(transparent)]
+    Solve(#[from] SparseError),
 }
 
 fn known(nearest: Option<&str>) -> String {

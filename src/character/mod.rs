@@ -25,8 +25,10 @@ mod skeleton;
 pub mod skeleton_file;
 mod skin;
 mod skin_weights;
+pub mod skinning;
 #[cfg(test)]
 mod tests;
+pub mod weights;
 
 pub use character::{Character, MorphShape};
 pub use clip::{Between, Clip, ClipError, Curve, Keys, MorphTrack, Outside, RotationKeys, Track};
