@@ -138,3 +138,42 @@ fn the_shipped_pipeline_is_what_the_command_builds() {
     let built = plumbline::cli::pipeline_of(args).expect("options in order");
     assert_eq!(file.file.stages.len(), built.stages.len());
 }
+
+/// Rows of numbers.
+fn numbers(path: &Path) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(path).expect("a reference");
+    text.lines().map(|l| l.split_whitespace().map(|w| w.parse().expect("a number")).collect()).collect()
+}
+
+/// References were computed from 32-bit files at 0 and at 35 % of each first clip; of the model's diagonal.
+const SINGLE: f64 = 2e-7;
+
+#[test]
+fn real_characters_stand_as_their_references_do() {
+    let Some(media) = std::env::var_os("PLUMBLINE_MEDIA") else {
+        println!("skipped: PLUMBLINE_MEDIA is not set");
+        return;
+    };
+    let folder = Path::new(&media).join("mesh/gltf");
+    for (name, later) in [("CesiumMan", "0.7000"), ("RiggedSimple", "2.3333"), ("Fox", "1.1958")] {
+        let person = character_of(&model(&folder.join(format!("{name}.glb")))).expect("a character");
+        let clip = &person.clips[0];
+        let (first, last) = clip.span().expect("keys");
+        for (label, time) in [("0.0000", first), (later, 0.35 * last)] {
+            let pose = clip.pose(&person.skeleton, time, Outside::Hold).expect("valid");
+            let matrices = person.skin.joint_matrices(&person.skeleton.globals(&pose).expect("valid")).expect("valid");
+            let scale = person.model.mesh().diagonal();
+            for (j, row) in numbers(&folder.join(format!("{name}.t{label}.joint_matrices.txt"))).iter().enumerate() {
+                let worst = (0..16).map(|k| (matrices[j][(k / 4, k % 4)] - row[k]).abs()).fold(0.0, f64::max);
+                assert!(worst < 1e-5 * scale.max(1.0), "{name} {label} joint {j}: {worst:e}");
+            }
+            let (mesh, skin) = (person.model.mesh(), &person.skin);
+            let skinner = Skinner::new(mesh, None, &person.skeleton, skin, SkinningMethod::LinearBlend);
+            let posed = skinner.expect("of one mesh").positions(&matrices).expect("valid");
+            let expected = numbers(&folder.join(format!("{name}.t{label}.lbs.txt")));
+            let expected: Vec<_> = expected.iter().map(|p| Point3::new(p[0], p[1], p[2])).collect();
+            let worst = far_apart(&posed, &expected) / scale;
+            assert!(worst < SINGLE, "{name} {label}: {worst:e} of the diagonal");
+        }
+    }
+}

@@ -5,7 +5,8 @@
 //! .anim    poses and joints, then for each pose   time, an axis x y z per joint, an angle in rad per joint
 //! ```
 //!
-//! Frames at rest are turned as the world. A movement may give fewer joints than the skeleton has; the others rest.
+//! Frames at rest are turned as the world. A movement may give fewer joints than the skeleton has; the others rest. Files are found
+//! whose times do not ascend, because their program takes the poses one after the other; the numbers of the poses are taken then.
 
 use std::fmt::Write as _;
 
@@ -72,9 +73,6 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
     let mut turns: Vec<Vec<UnitQuaternion<f64>>> = vec![Vec::new(); joints];
     for k in 0..poses {
         let time = words.number(&format!("the time of pose {k}"))?;
-        if times.last().is_some_and(|before| !(time > *before)) {
-            return Err(words.fault(format!("pose {k} at {time} is not later than the one before; times must ascend")));
-        }
         times.push(time);
         let mut axes = Vec::with_capacity(joints);
         for j in 0..joints {
@@ -88,6 +86,9 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
             }
             turns[j].push(axis.map_or_else(UnitQuaternion::identity, |a| UnitQuaternion::from_axis_angle(&a, angle)));
         }
+    }
+    if !times.windows(2).all(|t| t[0] < t[1]) {
+        times = (0..poses).map(|k| k as f64).collect();
     }
     let moves = |t: &Vec<UnitQuaternion<f64>>| t.iter().any(|q| *q != UnitQuaternion::identity());
     let mut tracks = Vec::new();

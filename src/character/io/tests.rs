@@ -195,6 +195,7 @@ fn faults_are_told_with_line_and_value() {
         anim("1 2\n"),
         "anim, line 1: \"2\", where the number of joints, no more than the skeleton has is expected (0 to 1)"
     );
-    assert!(anim("2 1\n1\n1 0 0\n0\n0.5\n1 0 0\n0\n").contains("pose 1 at 0.5 is not later than the one before"));
+    let odd = parse_anim("2 1\n1\n1 0 0\n0\n0.5\n1 0 0\n0.1\n", "x", &one).expect("valid");
+    assert_eq!(odd.span(), Some((0.0, 1.0)), "times that do not ascend are those of the poses' numbers");
     assert!(anim("1 1\n0\n0 0 0\n0.5\n").contains("about an axis without length"));
 }

@@ -5,6 +5,7 @@
 //! know of nodes. What stands here is enough to write the file again, and to make a character of it; nothing here interprets it.
 
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use serde_json::Value;
 
 use super::{Faces, NO_VALUE};
 use crate::mesh::MeshError;
@@ -37,6 +38,8 @@ pub struct Node {
     pub parent: Option<u32>,
     /// Where it stands in its parent.
     pub place: Place,
+    /// What its file says besides, carried along.
+    pub extras: Option<Value>,
 }
 
 /// `parent_from_node`.

@@ -56,7 +56,8 @@ impl Joints {
             let described = &articulation.nodes[node as usize];
             let rest = frame(&described.place).ok_or_else(|| RigFileError::Shear { node: name.clone() })?;
             let parent = described.parent.map(|p| of_node[p as usize]).filter(|&p| p != NO_VALUE);
-            joints.push(Joint { name, parent, rest, limits: None });
+            let limits = super::limits::read(described.extras.as_ref(), &name)?;
+            joints.push(Joint { name, parent, rest, limits });
         }
         Ok(Self { skeleton: Skeleton::new(joints)?, of_node, nodes })
     }

@@ -15,6 +15,7 @@
 mod binding;
 mod clips;
 mod joints;
+mod limits;
 mod write;
 
 use std::sync::Arc;

@@ -2,7 +2,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
 use crate::character::clip::{Between, rotations};
-use crate::character::{Clip, Curve, Joint, Keys, MorphTrack, Outside, Pose, Skeleton, Track};
+use crate::character::{Clip, Curve, Joint, Keys, Limits, MorphTrack, Outside, Pose, Skeleton, Track};
 use crate::math::Trs;
 use crate::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
 use crate::mesh::model::articulation::{Influences, Instance, Node, NodeSkin, Place};
@@ -15,7 +15,9 @@ fn character() -> Character {
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.2, -0.1, 0.4) * f64::from(k));
         Trs::rigid(turn, Vector3::new(0.05, if k == 0 { 0.0 } else { 0.33 }, 0.02))
     };
-    let joint = |k: u32| Joint { name: format!("j{k}"), parent: k.checked_sub(1), rest: rest(k), limits: None };
+    let limits = Limits::cone(Vector3::y_axis(), 1.1, 0.3);
+    let limits = |k: u32| (k == 1).then_some(limits);
+    let joint = |k: u32| Joint { name: format!("j{k}"), parent: k.checked_sub(1), rest: rest(k), limits: limits(k) };
     let skeleton = Skeleton::new((0..3).map(joint).collect()).expect("valid");
     let row = |p: &Point3<f64>| [(0, (1.0 - p.y).max(0.01)), (1, 0.3), (2, p.y.max(0.0))];
     let rows: Vec<_> = mesh.positions().iter().map(row).collect();
@@ -70,6 +72,8 @@ fn a_character_comes_back_from_its_file() {
         let again = through_a_file(&character, format);
         let names = |c: &Character| c.skeleton.joints().iter().map(|j| (j.name.clone(), j.parent)).collect::<Vec<_>>();
         assert_eq!(names(&again)[..3], names(&character)[..]);
+        let kept = again.skeleton.joints()[1].limits.expect("limits are kept");
+        assert!((kept.swing[0] - 1.1).abs() < 1e-12 && (kept.twist[0] + 0.3).abs() < 1e-12);
         assert_eq!(
             again.targets.iter().map(|t| (t.name.as_str(), t.weight)).collect::<Vec<_>>(),
             [("a", 0.25), ("b", 0.25)]
@@ -118,7 +122,7 @@ fn smooth_curves_are_written_as_many_keys() {
 fn assembled(second_bind: Matrix4<f64>) -> Model {
     let place =
         |x: f64| Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0, 1.0, 1.0] };
-    let node = |name: &str, parent, place| Node { name: Some(name.into()), parent, place };
+    let node = |name: &str, parent, place| Node { name: Some(name.into()), parent, place, extras: None };
     let corners = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]].map(Point3::from);
     let mesh =
         crate::mesh::TriMesh::new([corners(0.0), corners(1.0)].concat(), vec![[0, 1, 2], [3, 4, 5]]).expect("valid");

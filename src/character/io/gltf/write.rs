@@ -31,10 +31,11 @@ impl Character {
                 rotation: local.rotation.coords.into(),
                 scale: local.scale.into(),
             },
+            extras: joint.limits.as_ref().map(super::limits::written),
         };
         let mut nodes: Vec<Node> = joints.iter().zip(&locals).map(node).collect();
         let mesh_node = nodes.len() as u32;
-        nodes.push(Node { name: Some(free_name(&nodes, "surface")), parent: None, place: Place::default() });
+        nodes.push(Node { name: Some(free_name(&nodes, "surface")), ..Node::default() });
         let mut influences = Influences::default();
         for row in self.skin.weights().rows() {
             influences.push(row.iter().map(|i| (i.joint, i.weight)));

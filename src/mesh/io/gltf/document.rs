@@ -50,6 +50,7 @@ pub(super) struct Node {
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
     pub(super) weights: Option<Vec<f64>>,
+    pub(super) extras: Option<Value>,
 }
 
 #[derive(Debug, Default, Deserialize)]

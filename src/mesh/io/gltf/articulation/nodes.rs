@@ -12,7 +12,7 @@ pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError
     let mut nodes = Vec::with_capacity(document.nodes.len());
     for (k, node) in document.nodes.iter().enumerate() {
         let place = place(node, &format!("/nodes/{k}"))?;
-        nodes.push(Node { name: node.name.clone(), parent: None, place });
+        nodes.push(Node { name: node.name.clone(), parent: None, place, extras: node.extras.clone() });
     }
     for (k, node) in document.nodes.iter().enumerate() {
         for &child in &node.children {

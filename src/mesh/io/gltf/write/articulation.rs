@@ -76,6 +76,9 @@ impl File<'_> {
             if let Some(name) = node.name.as_ref().filter(|name| !name.is_empty()) {
                 self.nodes[k]["name"] = json!(name);
             }
+            if let Some(extras) = &node.extras {
+                self.nodes[k]["extras"] = extras.clone();
+            }
             if let Some(parent) = node.parent {
                 match self.nodes[parent as usize].get_mut("children").and_then(Value::as_array_mut) {
                     Some(children) => children.push(json!(k)),
