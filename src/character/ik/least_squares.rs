@@ -9,9 +9,6 @@ use super::{Target, above};
 use crate::character::{Pose, Skeleton};
 use crate::optim::levenberg_marquardt::DampedProblem;
 
-/// Farthest that a joint turns in one step, rad. Where a chain is nearly stretched, undamped steps turn joints against each other by
-/// half turns and more, and end far from where they began; a third of a radian needs ten steps for the farthest targets.
-const LONGEST_STEP: f64 = 0.35;
 /// How stiff a direction is that limits block, of the largest stiffness there is.
 const BLOCKED: f64 = 1e8;
 
@@ -156,11 +153,7 @@ impl DampedProblem for Problem<'_> {
             damped[(k, k)] += lambda * damped[(k, k)].max(least) + f64::MIN_POSITIVE;
         }
         self.stiffen(&mut damped);
-        let mut step = -damped.cholesky()?.solve(&self.gradient);
-        let longest = (0..self.variables.joints.len()).map(|k| step.fixed_rows::<3>(3 * k).norm()).fold(0.0, f64::max);
-        if longest > LONGEST_STEP {
-            step *= LONGEST_STEP / longest;
-        }
+        let step = -damped.cholesky()?.solve(&self.gradient);
         let mut taken = step.clone();
         for (k, &j) in self.variables.joints.iter().enumerate() {
             let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);

@@ -134,8 +134,6 @@ pub struct IkSolution {
 /// A second try from a bent pose must lower the cost to this share, or the first result stays: two tries that end alike must not
 /// alternate from frame to frame.
 const BETTER: f64 = 0.25;
-/// Damping of the first step, of the stiffness of each coordinate: joints share the way.
-const FIRST_DAMPING: f64 = 0.1;
 /// Residuals below this, of weight 1, count as met.
 const MET: f64 = 1e-6;
 /// Steps toward rest at most: along the curved valley of poses that meet their targets they are short.
@@ -162,7 +160,6 @@ pub fn solve(
         let cost = problem.cost();
         let damping = DampingOptions {
             tolerance: options.tolerance,
-            lambda: FIRST_DAMPING,
             floor: 1e-20,
             max_iterations: iterations,
             ..DampingOptions::default()
