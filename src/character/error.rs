@@ -163,6 +163,22 @@ pub enum CharacterError {
         /// Vertices of the mesh.
         vertices: usize,
     },
+    /// Input: a movement that is not there.
+    #[error("there is no clip {name:?} (known: {})", if known.is_empty() { "none" } else { known.as_str() })]
+    UnknownClip {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// Input: weights of other morph targets.
+    #[error("{given} weights do not fit {targets} morph targets: give one for each")]
+    MorphWeights {
+        /// Weights given.
+        given: usize,
+        /// Morph targets there are.
+        targets: usize,
+    },
     /// Settings: an option out of its range.
     #[error("{name} {value} is invalid (expected {range})")]
     Option {

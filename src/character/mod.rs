@@ -10,12 +10,20 @@
 //! A [`Pose`] gives every joint of a [`Skeleton`] its frame; the matrices `Mⱼ` of a [`Skin`] say how space moves with each
 //! joint, and a method of skinning makes the surface of them.
 
+#[expect(clippy::module_inception, reason = "the module is about characters, the file about one")]
+mod character;
+pub mod clip;
 mod curve;
+pub mod edit;
 mod error;
+pub mod humanoid;
+pub mod ik;
+pub mod io;
 mod limits;
 mod pose;
 mod refinement;
 pub mod regression;
+pub mod pose_file;
 mod skeleton;
 pub mod skeleton_file;
 mod skin;
@@ -26,9 +34,11 @@ mod tests;
 pub mod weights;
 mod weights_file;
 
+pub use character::{Character, MorphShape};
+pub use clip::{Between, Clip, ClipError, Curve, Keys, MorphTrack, Outside, RotationKeys, Track};
 pub use curve::CurveSkeleton;
 pub use error::CharacterError;
-pub use limits::Limits;
+pub use limits::{Limits, SwingTwist};
 pub use pose::Pose;
 pub use refinement::DetailRefiner;
 pub use skeleton::{Bone, Joint, Skeleton};

@@ -16,6 +16,7 @@ mod motion;
 mod photo;
 mod photo_clip;
 mod plan;
+mod pose;
 mod probe;
 mod rectify;
 mod render;
@@ -64,6 +65,8 @@ enum Command {
     Modes(modes::ModesArgs),
     /// Find how a surface follows a skeleton
     Skin(skin::SkinArgs),
+    /// Put characters into poses and through movements
+    Pose(Box<pose::PoseArgs>),
     /// Draw meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
@@ -89,7 +92,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, rig-and-pose
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -121,6 +124,7 @@ pub fn command() -> clap::Command {
 }
 
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skin` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -134,6 +138,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
         Command::Skin(args) => Ok(args.pipeline()),
+        Command::Pose(args) => args.pipeline().map_err(|f| f.message),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
@@ -149,6 +154,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
         Command::Skin(args) => args.run(backend),
+        Command::Pose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

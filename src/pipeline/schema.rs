@@ -10,6 +10,8 @@ use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
 use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
+use crate::character::pose_file::pose_file_schema;
+use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::weights_file_schema;
 use crate::motion::motion_file_schema;
@@ -36,6 +38,10 @@ pub enum FileFormat {
     Path,
     /// Handles of a surface, for deform --handles
     Handles,
+    /// Skeletons, plumbline.skeleton
+    Skeleton,
+    /// Poses of a character, for pose --pose
+    Pose,
     /// Skeletons at rest, plumbline.skeleton
     Skeleton,
     /// Weights of a skin, plumbline.weights
@@ -54,6 +60,8 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Handles => handle_file_schema().to_value(),
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
         FileFormat::Weights => weights_file_schema().to_value(),
+        FileFormat::Pose => pose_file_schema().to_value(),
+        FileFormat::Skeleton => skeleton_file_schema().to_value(),
     }
 }
 

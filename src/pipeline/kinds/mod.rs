@@ -26,9 +26,11 @@ mod photo_rectangle;
 mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
+mod pose;
 mod render;
 mod report;
 mod skin_weights;
+mod skeleton_load;
 mod smooth;
 mod stmap;
 mod track;
@@ -65,9 +67,11 @@ pub use photo_rectangle::PhotoRectangleSettings;
 pub use photo_rectify::{FovAxis, PhotoRectifySettings};
 pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
+pub use pose::{BindingWish, PoseSettings, SkinningWish};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
 pub use skin_weights::{SkinWeightsSettings, WeightWish};
+pub use skeleton_load::SkeletonLoadSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;
@@ -79,6 +83,7 @@ use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
 pub static KINDS: [StageKind; 35] = [
+pub static KINDS: [StageKind; 36] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -112,6 +117,8 @@ pub static KINDS: [StageKind; 35] = [
     StageKind::of::<MeshDeformSettings>(),
     StageKind::of::<MeshModesSettings>(),
     StageKind::of::<SkinWeightsSettings>(),
+    StageKind::of::<SkeletonLoadSettings>(),
+    StageKind::of::<PoseSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),
 ];

@@ -4,9 +4,12 @@
 //! axis `a`, done first, and a swing `S` that moves the axis by the shortest way: `R = S T`. The swing's rotation vector lies in
 //! the plane across the axis; limits hold it in an ellipse and the twist's angle in an interval.
 
+mod projection;
+
 use nalgebra::{Unit, Vector3};
 
 use super::CharacterError;
+pub use projection::SwingTwist;
 
 /// An ellipse for the swing and an interval for the twist.
 #[derive(Clone, Copy, Debug, PartialEq)]
