@@ -10,6 +10,7 @@
 //! `docs/ARCHITECTURE.md` holds the table of allowed imports, and a test reads it from there.
 
 pub mod camera;
+pub mod character;
 pub mod cli;
 pub mod energy;
 pub mod feature;

@@ -1,3 +1,42 @@
-//! Characters: the curve inside a surface, and the skeleton made of it.
+//! Characters: a surface that follows a skeleton.
+//!
+//! ```text
+//! skeleton    joints in a forest; joint j has the frame parent_from_joint Tⱼ at rest and Lⱼ in a pose
+//! globals     Gⱼ = G_parent(j) Lⱼ              world_from_joint
+//! skin        Mⱼ = Gⱼ Bⱼ                       Bⱼ the inverse of Gⱼ where the skin was bound
+//! weights     w_ij ≥ 0,  Σⱼ w_ij = 1           how much vertex i follows joint j
+//! ```
+//!
+//! A [`Pose`] gives every joint of a [`Skeleton`] its frame; the matrices `Mⱼ` of a [`Skin`] say how space moves with each
+//! joint, and a method of skinning makes the surface of them.
 
+#[expect(clippy::module_inception, reason = "the module is about characters, the file about one")]
+mod character;
+pub mod clip;
+mod curve;
+pub mod edit;
+mod error;
 pub mod extraction;
+pub mod ik;
+pub mod io;
+mod limits;
+mod pose;
+pub mod pose_file;
+mod skeleton;
+pub mod skeleton_file;
+mod skin;
+mod skin_weights;
+pub mod skinning;
+#[cfg(test)]
+mod tests;
+pub mod weights;
+
+pub use character::{Character, MorphShape};
+pub use clip::{Between, Clip, ClipError, Curve, Keys, MorphTrack, Outside, RotationKeys, Track};
+pub use curve::CurveSkeleton;
+pub use error::CharacterError;
+pub use limits::{Limits, SwingTwist};
+pub use pose::Pose;
+pub use skeleton::{Bone, Joint, Skeleton};
+pub use skin::Skin;
+pub use skin_weights::{Influence, Normalization, SkinWeights};

@@ -1,17 +1,21 @@
-//! Geometry that every layer shares: points, similarities and homographies of the plane, rotations of space.
+//! Geometry that every layer shares: points, similarities and homographies of the plane, rotations and rigid motions of space.
 //!
 //! Transforms are named `dst_from_src` and map points of `src` to points of `dst`. Image points are in pixels,
 //! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
 
+mod dual_quaternion;
 mod homography;
 mod rect;
 mod rotation;
 mod similarity;
+mod trs;
 
+pub use dual_quaternion::DualQuaternion;
 pub use homography::Homography;
 pub use rect::Rect;
 pub use rotation::nearest_rotation;
 pub use similarity::Similarity2;
+pub use trs::Trs;
 
 /// A position in the plane, px unless said otherwise.
 pub type Point2 = nalgebra::Point2<f64>;

@@ -70,6 +70,12 @@ pub enum MeshError {
         /// The triangle, numbered from 0.
         triangle: usize,
     },
+    /// Input: nodes, skins, morph targets or animations that do not fit the mesh or each other.
+    #[error("how the model moves is not consistent: {fault}")]
+    Articulation {
+        /// What does not fit.
+        fault: String,
+    },
     /// Input: a file that is not what its format asks for.
     #[error("{format}, {at}: {fault}")]
     Malformed {

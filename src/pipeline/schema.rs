@@ -10,6 +10,7 @@ use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
 use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
+use crate::character::skeleton_file::skeleton_file_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
 use crate::surface::handle_file::handle_file_schema;
@@ -34,6 +35,8 @@ pub enum FileFormat {
     Path,
     /// Handles of a surface, for deform --handles
     Handles,
+    /// Skeletons at rest, plumbline.skeleton
+    Skeleton,
 }
 
 /// The schema of a format.
@@ -46,6 +49,7 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Motion => motion_file_schema().to_value(),
         FileFormat::Path => path_file_schema().to_value(),
         FileFormat::Handles => handle_file_schema().to_value(),
+        FileFormat::Skeleton => skeleton_file_schema().to_value(),
     }
 }
 

@@ -72,6 +72,8 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
     let small = model.mesh().positions().iter().all(|p| p.coords.iter().all(|&x| f64::from(x as f32) == x));
     let polygons = model.faces().len() != model.mesh().triangle_count();
     let triangles = matches!(format, F::Stl | F::Gltf | F::Glb);
+    let moving = model.articulation();
+    let most = moving.map_or(0, |a| (0..model.mesh().vertex_count()).map(|v| a.influences.row(v).count()).max().unwrap_or(0));
     [
         (polygons && triangles, "polygons (their triangles are written)"),
         (model.texture().is_some() && matches!(format, F::Off | F::Stl), "texture coordinates"),
@@ -80,6 +82,8 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
         (model.colors().is_some() && format == F::Stl, "colors"),
         (!model.groups().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "groups"),
         (!model.materials().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "materials"),
+        (moving.is_some() && !matches!(format, F::Gltf | F::Glb), "nodes, skins, morph targets and animations"),
+        (most > gltf::MOST_INFLUENCES && triangles, "influences beyond eight a vertex"),
         (model.assets().is_some() && !matches!(format, F::Gltf | F::Glb), "materials but for their names, textures"),
         (!small && format == F::Stl, "digits beyond 32-bit coordinates (STL as text keeps them)"),
         (!small && matches!(format, F::Gltf | F::Glb), "digits beyond 32-bit coordinates"),

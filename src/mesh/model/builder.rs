@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
+use super::articulation::Articulation;
 use super::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, NO_VALUE};
 use crate::mesh::{MeshError, TriMesh};
 
@@ -29,6 +30,8 @@ pub struct ModelBuilder {
     pub material_files: Vec<String>,
     /// What the materials refer to.
     pub assets: Option<GltfAssets>,
+    /// How it moves.
+    pub articulation: Option<Articulation>,
     /// What is left out.
     pub warnings: Vec<String>,
     group_numbers: HashMap<Group, u32>,
@@ -64,7 +67,7 @@ impl ModelBuilder {
     /// The model.
     ///
     /// # Errors
-    /// Those of [`TriMesh::new`], [`MeshError::TooLarge`] where there are more corners than can be numbered.
+    /// Those of [`TriMesh::new`] and of [`Model::with_articulation`], [`MeshError::TooLarge`] where there are more corners than can be numbered.
     pub fn finish(mut self) -> Result<Model, MeshError> {
         let corners = self.faces.corner_count();
         if corners >= NO_VALUE as usize {
@@ -82,7 +85,11 @@ impl ModelBuilder {
         if !self.colors.is_empty() {
             self.colors.resize(vertices, [1.0; 4]);
         }
+        if let Some(articulation) = &self.articulation {
+            articulation.check(vertices, &self.faces)?;
+        }
         Ok(Model {
+            articulation: self.articulation.map(Arc::new),
             mesh: TriMesh::new(self.positions, triangles)?,
             triangle_corners,
             face_of_triangle,

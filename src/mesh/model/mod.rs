@@ -4,6 +4,7 @@
 //! per corner, colors per vertex, groups and materials per face stand beside it, so that a deformation of the triangles can be
 //! written back as the file it came from. Units and axes are the file's own.
 
+pub mod articulation;
 mod builder;
 mod corner_data;
 mod faces;
@@ -15,6 +16,7 @@ use nalgebra::Point3;
 use serde_json::Value;
 
 use super::{MeshError, Repaired, TriMesh};
+use articulation::Articulation;
 
 pub use builder::ModelBuilder;
 pub use corner_data::{CornerData, NO_VALUE};
@@ -34,6 +36,7 @@ pub struct Model {
     materials: Labels<Material>,
     material_files: Vec<String>,
     assets: Option<Arc<GltfAssets>>,
+    articulation: Option<Arc<Articulation>>,
     warnings: Vec<String>,
 }
 
@@ -159,12 +162,29 @@ impl Model {
         self.assets.as_deref()
     }
 
+    /// How the model moves, where its file tells: nodes, skins, morph targets, animations.
+    pub fn articulation(&self) -> Option<&Articulation> {
+        self.articulation.as_deref()
+    }
+
+    /// The model with how it moves replaced.
+    ///
+    /// # Errors
+    /// [`MeshError::Articulation`] where something is named that does not exist, or a face lies in two instances.
+    pub fn with_articulation(mut self, articulation: Option<Articulation>) -> Result<Self, MeshError> {
+        if let Some(articulation) = &articulation {
+            articulation.check(self.mesh.vertex_count(), &self.faces)?;
+        }
+        self.articulation = articulation.map(Arc::new);
+        Ok(self)
+    }
+
     /// What in the file was left out or taken otherwise than it stood.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The same model over other positions, one per vertex. Normals are made anew; where faces shared one before they do again,
+    /// The same model over other positions, one per vertex: of the bind pose where it is skinned. Normals are made anew; where faces shared one before they do again,
     /// so that hard edges stay hard.
     ///
     /// # Errors
@@ -212,7 +232,18 @@ impl Model {
             let p = repaired.mesh.positions();
             normals::facing_as_faces(normals::moved(&old, &base.faces, p, p), &base.faces, p)
         });
+        let moving = self.articulation().map(|all| all.of(&repaired.source_of_vertex, &base.faces));
+        let mut warnings = base.warnings;
+        if moving == Some(None) {
+            warnings.push(
+                "skins, morph targets and animations are left out: repair joined parts that move in different ways \
+                 (repair without welding keeps them)"
+                    .to_owned(),
+            );
+        }
         Self {
+            articulation: moving.flatten().map(Arc::new),
+            warnings,
             texture: self.texture.as_ref().map(|texture| texture.of(&corners)),
             normals,
             colors: self.colors.as_ref().map(kept),

@@ -98,6 +98,7 @@ pub(super) fn values(
         "SCALAR" => 1,
         "VEC2" => 2,
         "VEC3" => 3,
+        "MAT4" => 16,
         _ => 4,
     };
     let component = Component::of(accessor.component_type, &at)?;

@@ -1,4 +1,4 @@
-//! The parts of a glTF document that hold geometry. Materials, textures and images are carried as they stand.
+//! The parts of a glTF document that hold geometry and how it moves. Materials, textures and images are carried as they stand.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,8 @@ pub(super) struct Document {
     pub(super) textures: Vec<Value>,
     pub(super) samplers: Vec<Value>,
     pub(super) images: Vec<Value>,
-    pub(super) animations: Vec<Value>,
+    pub(super) skins: Vec<Skin>,
+    pub(super) animations: Vec<Animation>,
     pub(super) extensions_used: Vec<String>,
     pub(super) extensions_required: Vec<String>,
 }
@@ -48,6 +49,42 @@ pub(super) struct Node {
     pub(super) translation: Option<[f64; 3]>,
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
+    pub(super) weights: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Skin {
+    pub(super) name: Option<String>,
+    pub(super) joints: Vec<usize>,
+    pub(super) inverse_bind_matrices: Option<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Animation {
+    pub(super) name: Option<String>,
+    pub(super) channels: Vec<Channel>,
+    pub(super) samplers: Vec<Sampler>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Channel {
+    pub(super) sampler: usize,
+    pub(super) target: Target,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Target {
+    pub(super) node: Option<usize>,
+    pub(super) path: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Sampler {
+    pub(super) input: usize,
+    pub(super) output: usize,
+    pub(super) interpolation: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -55,6 +92,8 @@ pub(super) struct Node {
 pub(super) struct Mesh {
     pub(super) name: Option<String>,
     pub(super) primitives: Vec<Primitive>,
+    pub(super) weights: Option<Vec<f64>>,
+    pub(super) extras: Option<Value>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -64,7 +103,7 @@ pub(super) struct Primitive {
     pub(super) indices: Option<usize>,
     pub(super) mode: Option<u32>,
     pub(super) material: Option<usize>,
-    pub(super) targets: Vec<Value>,
+    pub(super) targets: Vec<BTreeMap<String, usize>>,
     pub(super) extras: Option<Value>,
 }
 

@@ -2,15 +2,19 @@
 //!
 //! Read: all triangles, strips and fans of the scene, moved by their nodes; positions, normals, first texture coordinates and
 //! colors, also quantized or sparse; names of nodes as objects; materials with what they refer to, carried along unread. A skinned
-//! mesh stands in its bind pose, as the format asks. Cameras, lights, animations, skins and morph targets are left out with a
-//! warning. Buffers may stand in the file, in `data:` addresses or in files of the same folder; nothing outside it is opened.
+//! mesh stands in its bind pose, as the format asks. Nodes, skins with up to eight influences a vertex, morph targets and
+//! animations are kept as an [`Articulation`](crate::mesh::model::articulation::Articulation) and written again. Cameras and
+//! lights are left out. Buffers may stand in the file, in `data:` addresses or in files of the same folder; nothing outside it is
+//! opened.
 //!
 //! # Reference
 //! Khronos Group, *glTF 2.0 specification*, ISO/IEC 12113.
 
 mod accessor;
+mod articulation;
 mod buffers;
 mod document;
+mod input;
 mod scene;
 mod write;
 
@@ -20,8 +24,9 @@ use super::{MeshFormat, ReadLimits, malformed};
 use crate::mesh::{GltfAssets, MeshError, ModelBuilder, Position};
 use buffers::Buffers;
 use document::Document;
+use input::Input;
 
-pub(super) use write::write;
+pub(super) use write::{MOST_INFLUENCES, write};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: u32 = 0x4E4F_534A;
@@ -54,7 +59,7 @@ pub(super) fn read(
         return Err(fault("/extensionsRequired", told));
     }
     let buffers = Buffers::load(&document, binary, folder, limits)?;
-    let mut builder = scene::read(&document, &buffers, limits)?;
+    let mut builder = scene::read(&Input::new(&document, &buffers, limits))?;
     builder.assets = assets(&document, &buffers)?;
     Ok(builder)
 }

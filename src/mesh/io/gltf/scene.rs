@@ -1,83 +1,108 @@
 //! The triangles of a scene, moved by its nodes.
 
-use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
-use super::super::ReadLimits;
-use super::accessor::{Values, values};
-use super::buffers::Buffers;
-use super::document::{Document, Mesh, Node, Primitive};
+use super::accessor::Values;
+use super::articulation::{animations, nodes, skins, targets};
+use super::document::{Mesh, Primitive};
 use super::fault;
+use super::input::Input;
+use crate::mesh::model::articulation::{Articulation, Instance, MorphTarget};
 use crate::mesh::{Group, Material, MeshError, ModelBuilder, NO_VALUE};
 
 /// Triangles of one primitive as numbers of its vertices.
 type Triangles = Vec<[u32; 3]>;
 
+/// How a mesh stands.
+struct Stand {
+    matrix: Matrix4<f64>,
+    skin: Option<usize>,
+    targets: Vec<MorphTarget>,
+}
+
 struct Scene<'a> {
-    document: &'a Document,
-    buffers: &'a Buffers<'a>,
-    limits: &'a ReadLimits,
+    input: &'a Input<'a>,
     builder: ModelBuilder,
-    skipped: [(usize, &'static str); 4],
+    articulation: Articulation,
+    world_from_nodes: Vec<Matrix4<f64>>,
+    /// Left out: primitives of points and lines, channels of animations, influences beyond the second set.
+    skipped: [usize; 3],
+    /// Vertices whose weights have another sum than one.
+    odd_weights: usize,
 }
 
 /// Reads the scene that the file opens with; all meshes where it has no nodes.
-pub(super) fn read(document: &Document, buffers: &Buffers<'_>, limits: &ReadLimits) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(input: &Input<'_>) -> Result<ModelBuilder, MeshError> {
+    let document = input.document;
     let mut builder = ModelBuilder::default();
     for (k, material) in document.materials.iter().enumerate() {
         let name = material.get("name").and_then(|n| n.as_str()).map_or_else(|| format!("material {k}"), str::to_owned);
         builder.materials.all.push(Material { name, gltf: Some(material.clone()) });
     }
-    let skipped = [
-        (0, "primitives of points or lines"),
-        (0, "skins (the mesh stands in its bind pose)"),
-        (0, "primitives' morph targets"),
-        (document.animations.len(), "animations"),
-    ];
-    let mut scene = Scene { document, buffers, limits, builder, skipped };
+    let articulation =
+        Articulation { nodes: nodes::read(document)?, skins: skins::read(input)?, ..Articulation::default() };
+    let world_from_nodes = articulation.world_from_nodes();
+    let mut scene = Scene { input, builder, articulation, world_from_nodes, skipped: [0; 3], odd_weights: 0 };
     if document.nodes.is_empty() {
         for mesh in 0..document.meshes.len() {
-            scene.mesh(mesh, None, &Matrix4::identity())?;
+            scene.mesh(mesh, None)?;
         }
     } else {
         scene.nodes()?;
     }
-    for (count, what) in scene.skipped {
-        if count > 0 {
-            scene.builder.warnings.push(format!("{what} are left out ({count})"));
-        }
-    }
-    Ok(scene.builder)
+    scene.finish()
 }
 
 impl Scene<'_> {
+    /// The model in the making, with what moves where anything does.
+    fn finish(mut self) -> Result<ModelBuilder, MeshError> {
+        let (animations, skipped) = animations::read(self.input, &self.articulation)?;
+        self.articulation.animations = animations;
+        self.skipped[1] = skipped;
+        let told = ["primitives of points or lines", "channels of animations that move nothing known", "influences beyond eight a vertex"];
+        for (count, what) in self.skipped.into_iter().zip(told) {
+            if count > 0 {
+                self.builder.warnings.push(format!("{what} are left out ({count})"));
+            }
+        }
+        if self.odd_weights > 0 {
+            let told = format!("weights that do not sum to one are scaled so that they do ({} vertices)", self.odd_weights);
+            self.builder.warnings.push(told);
+        }
+        let moving = &self.articulation;
+        let skinned = moving.instances.iter().any(|i| i.skin.is_some() || !i.targets.is_empty());
+        if skinned || moving.animations.iter().any(|a| !a.channels.is_empty()) {
+            self.builder.articulation = Some(self.articulation);
+        }
+        Ok(self.builder)
+    }
+
     fn nodes(&mut self) -> Result<(), MeshError> {
-        let document = self.document;
+        let document = self.input.document;
         let mut seen = vec![false; document.nodes.len()];
-        let mut open: Vec<(usize, Matrix4<f64>)> =
-            self.roots()?.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
-        while let Some((index, world_from_parent)) = open.pop() {
+        let roots = self.roots()?;
+        self.articulation.roots = roots.iter().map(|&node| node as u32).collect();
+        let mut open: Vec<usize> = roots.into_iter().rev().collect();
+        while let Some(index) = open.pop() {
             let at = format!("/nodes/{index}");
             let there = document.nodes.len();
             let node = document.nodes.get(index).ok_or_else(|| fault(&at, format!("there are only {there} nodes")))?;
             if std::mem::replace(&mut seen[index], true) {
                 return Err(fault(at, "has two parents, or is its own ancestor"));
             }
-            let world_from_node = world_from_parent * local(node);
-            if !world_from_node.iter().all(|x| x.is_finite()) {
+            if !self.world_from_nodes[index].iter().all(|x| x.is_finite()) {
                 return Err(fault(at, "its transformation is not finite"));
             }
             if let Some(mesh) = node.mesh {
-                self.skipped[1].0 += usize::from(node.skin.is_some());
-                let matrix = if node.skin.is_some() { Matrix4::identity() } else { world_from_node };
-                self.mesh(mesh, node.name.as_deref(), &matrix)?;
+                self.mesh(mesh, Some(index))?;
             }
-            open.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
+            open.extend(node.children.iter().rev());
         }
         Ok(())
     }
 
     fn roots(&self) -> Result<Vec<usize>, MeshError> {
-        let document = self.document;
+        let document = self.input.document;
         let scene = document.scene.unwrap_or(0);
         if let Some(scene) = document.scenes.get(scene) {
             return Ok(scene.nodes.clone());
@@ -94,26 +119,33 @@ impl Scene<'_> {
         Ok((0..document.nodes.len()).filter(|&node| !is_child[node]).collect())
     }
 
-    fn mesh(&mut self, index: usize, node_name: Option<&str>, matrix: &Matrix4<f64>) -> Result<(), MeshError> {
-        let document = self.document;
+    fn mesh(&mut self, index: usize, node: Option<usize>) -> Result<(), MeshError> {
+        let document = self.input.document;
         let at = format!("/meshes/{index}");
         let there = document.meshes.len();
         let mesh: &Mesh =
             document.meshes.get(index).ok_or_else(|| fault(&at, format!("there are only {there} meshes")))?;
-        let object = node_name.or(mesh.name.as_deref()).unwrap_or_default().to_owned();
+        let described = node.map(|node| &document.nodes[node]);
+        let object = described.and_then(|n| n.name.as_deref()).or(mesh.name.as_deref()).unwrap_or_default().to_owned();
+        let skin = described.and_then(|n| n.skin);
+        let mut stand = Stand {
+            // A skinned mesh stands in the space of its bind pose.
+            matrix: node.filter(|_| skin.is_none()).map_or_else(Matrix4::identity, |n| self.world_from_nodes[n]),
+            skin,
+            targets: targets::of_mesh(mesh, described, &at)?,
+        };
         // Primitives that share their vertices keep sharing them.
         let mut read: Vec<(&Primitive, u32)> = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let at = format!("{at}/primitives/{k}");
             if primitive.mode.is_some_and(|mode| mode < 4) {
-                self.skipped[0].0 += 1;
+                self.skipped[0] += 1;
                 continue;
             }
-            self.skipped[2].0 += usize::from(!primitive.targets.is_empty());
-            let shared = read.iter().find(|(other, _)| other.attributes == primitive.attributes);
-            let first = match shared {
+            let same = |other: &Primitive| (&other.attributes, &other.targets) == (&primitive.attributes, &primitive.targets);
+            let first = match read.iter().find(|(other, _)| same(other)) {
                 Some(&(_, first)) => first,
-                None => self.vertices(primitive, matrix, &at)?,
+                None => self.vertices(primitive, &mut stand, &at)?,
             };
             read.push((primitive, first));
             let extra = |key: &str| primitive.extras.as_ref()?.get(key)?.as_str().map(str::to_owned);
@@ -123,21 +155,27 @@ impl Scene<'_> {
             };
             let count = self.count_of(primitive);
             let triangles = self.triangles(primitive, count, &at)?;
-            self.faces(primitive, group, first, triangles, matrix.determinant() < 0.0, &at)?;
+            self.faces(primitive, group, first, triangles, stand.matrix.determinant() < 0.0, &at)?;
+        }
+        if let Some(node) = node {
+            let (node, skin) = (node as u32, skin.map(|s| s as u32));
+            self.articulation.instances.push(Instance { node, skin, mesh: mesh.name.clone(), targets: stand.targets });
         }
         Ok(())
     }
 
     /// Number of a primitive's vertices.
     fn count_of(&self, primitive: &Primitive) -> usize {
-        let accessor = primitive.attributes.get("POSITION").and_then(|&index| self.document.accessors.get(index));
+        let accessors = &self.input.document.accessors;
+        let accessor = primitive.attributes.get("POSITION").and_then(|&index| accessors.get(index));
         accessor.map_or(0, |a| a.count as usize)
     }
 
     /// Adds the vertices of a primitive; the number of the first.
-    fn vertices(&mut self, primitive: &Primitive, matrix: &Matrix4<f64>, at: &str) -> Result<u32, MeshError> {
+    fn vertices(&mut self, primitive: &Primitive, stand: &mut Stand, at: &str) -> Result<u32, MeshError> {
+        let (input, matrix) = (self.input, stand.matrix);
         let attribute = |name: &str| primitive.attributes.get(name).copied();
-        let read = |index: usize, kinds: &[&str]| values(self.document, self.buffers, index, kinds, self.limits);
+        let read = |index: usize, kinds: &[&str]| input.values(index, kinds);
         let position = attribute("POSITION").ok_or_else(|| fault(at, "has no attribute POSITION"))?;
         let positions = read(position, &["VEC3"])?;
         let normals = attribute("NORMAL").map(|index| read(index, &["VEC3"])).transpose()?;
@@ -151,7 +189,7 @@ impl Scene<'_> {
         }
         let builder = &mut self.builder;
         let first = builder.positions.len();
-        self.limits.check("number of vertices", first + count)?;
+        input.limits.check("number of vertices", first + count)?;
         for (k, xyz) in positions.rows::<3>().enumerate() {
             let p = matrix.transform_point(&Point3::from(xyz));
             let place = || crate::mesh::Position::Json(format!("/accessors/{position}, item {k}"));
@@ -159,7 +197,7 @@ impl Scene<'_> {
         }
         // One value per vertex; where a primitive has none, zeros fill the gap and no corner refers to them.
         builder.normals.values.resize(if normals.is_some() { first } else { builder.normals.values.len() }, [0.0; 3]);
-        let turn = normal_matrix(matrix);
+        let turn = normal_matrix(&matrix);
         for row in normals.iter().flat_map(Values::rows::<3>) {
             let normal = (turn * Vector3::from(row)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
             builder.normals.values.push(normal.unwrap_or_else(Vector3::zeros).into());
@@ -172,14 +210,39 @@ impl Scene<'_> {
             builder.colors.resize(first, [1.0; 4]);
             builder.colors.extend(colors.rows::<4>().map(|c| c.map(|x| if x.is_finite() { x as f32 } else { 0.0 })));
         }
+        self.movement(primitive, stand, (first, count), &turn, at)?;
         Ok(first as u32)
+    }
+
+    /// What the vertices of a primitive follow, and how they are morphed.
+    fn movement(
+        &mut self,
+        primitive: &Primitive,
+        stand: &mut Stand,
+        (first, count): (usize, usize),
+        turn: &Matrix3<f64>,
+        at: &str,
+    ) -> Result<(), MeshError> {
+        let linear = stand.matrix.fixed_view::<3, 3>(0, 0).into_owned();
+        targets::add(self.input, &mut stand.targets, primitive, (first, count), [&linear, turn], at)?;
+        let instance = self.articulation.instances.len() as u32;
+        self.articulation.instance_of_vertex.resize(first + count, instance);
+        let Some(skin) = stand.skin else {
+            (0..count).for_each(|_| self.articulation.influences.push([]));
+            return Ok(());
+        };
+        self.skipped[2] += usize::from(primitive.attributes.contains_key("JOINTS_2"));
+        let (rows, odd) = skins::influences(self.input, primitive, (skin, count), at)?;
+        self.odd_weights += odd;
+        rows.into_iter().for_each(|row| self.articulation.influences.push(row));
+        Ok(())
     }
 
     fn triangles(&self, primitive: &Primitive, count: usize, at: &str) -> Result<Triangles, MeshError> {
         let indices: Vec<u32> = match primitive.indices {
             None => (0..count as u32).collect(),
             Some(index) => {
-                let read = values(self.document, self.buffers, index, &["SCALAR"], self.limits)?;
+                let read = self.input.values(index, &["SCALAR"])?;
                 let number = |&value: &f64| {
                     let fits = value >= 0.0 && value < count as f64 && value.fract() == 0.0;
                     let told = || fault(at, format!("a triangle names vertex {value}; the primitive has {count}"));
@@ -212,7 +275,7 @@ impl Scene<'_> {
         at: &str,
     ) -> Result<(), MeshError> {
         let builder = &mut self.builder;
-        self.limits.check("number of corners", builder.faces.corner_count() + 3 * triangles.len())?;
+        self.input.limits.check("number of corners", builder.faces.corner_count() + 3 * triangles.len())?;
         let materials = builder.materials.all.len();
         let material = match primitive.material {
             Some(material) if material >= materials => {
@@ -233,23 +296,8 @@ impl Scene<'_> {
     }
 }
 
-fn local(node: &Node) -> Matrix4<f64> {
-    if let Some(columns) = node.matrix {
-        return Matrix4::from_column_slice(&columns);
-    }
-    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let quaternion = Quaternion::new(w, x, y, z);
-    let turn =
-        if quaternion.norm() > 0.0 { UnitQuaternion::from_quaternion(quaternion) } else { UnitQuaternion::identity() };
-    let scale = Matrix3::from_diagonal(&Vector3::from(node.scale.unwrap_or([1.0; 3])));
-    let linear = Rotation3::from(turn).into_inner() * scale;
-    let mut matrix = linear.to_homogeneous();
-    matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(&Vector3::from(node.translation.unwrap_or([0.0; 3])));
-    matrix
-}
-
 /// Cofactors: the inverse transpose but for a factor, which exists for singular matrices too.
-fn normal_matrix(matrix: &Matrix4<f64>) -> Matrix3<f64> {
+pub(super) fn normal_matrix(matrix: &Matrix4<f64>) -> Matrix3<f64> {
     let m = matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let column = |k: usize| m.column(k).into_owned();
     let [a, b, c] = [column(0), column(1), column(2)];

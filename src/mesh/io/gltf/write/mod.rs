@@ -2,7 +2,11 @@
 //!
 //! One node per object where objects share no vertex, one for all otherwise; one primitive per group and material. A vertex with
 //! several texture coordinates or normals becomes several. Coordinates are 32-bit numbers: where the mesh lies far from the
-//! origin they are taken from its middle, and the node moves them back.
+//! origin they are taken from its middle, and the node moves them back. A model that moves keeps its own nodes instead, and each
+//! mesh is written as its node holds it.
+
+mod articulation;
+mod parts;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -14,9 +18,12 @@ use serde_json::{Map, Value, json};
 
 use super::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use crate::mesh::{Model, NO_VALUE};
+pub(in crate::mesh::io) use articulation::MOST_INFLUENCES;
+use parts::{Part, origin, parts};
 
-/// How many diagonals from the origin a mesh may lie before 32-bit coordinates lose a millionth of it.
-const FAR: f64 = 16.0;
+/// Targets of buffer views: values of vertices, and indices.
+const ARRAYS: u32 = 34_962;
+const INDICES: u32 = 34_963;
 
 /// Vertex, texture coordinate, normal.
 type Key = [u32; 3];
@@ -24,8 +31,9 @@ type Key = [u32; 3];
 /// Writes the model; `binary` as GLB.
 pub(in crate::mesh::io) fn write(model: &Model, binary: bool, out: &mut impl Write) -> io::Result<()> {
     let mut file = File::of(model);
-    for part in parts(model) {
-        file.part(&part);
+    let meshes: Vec<_> = parts(model).iter().map(|part| file.part(part)).collect();
+    if let Some(articulation) = model.articulation() {
+        file.articulation(articulation, &meshes);
     }
     file.assets();
     let buffer = std::mem::take(&mut file.buffer);
@@ -64,69 +72,36 @@ fn finish(json: &Value, buffer: &[u8], binary: bool, out: &mut impl Write) -> io
     Ok(())
 }
 
-/// Faces that go into one node, in order of group and material.
-struct Part {
-    name: String,
-    faces: Vec<usize>,
-    /// Vertices that no face names go with the first part.
-    loose: bool,
-}
-
-fn parts(model: &Model) -> Vec<Part> {
-    let object = |face: usize| model.groups().get(face).map_or("", |group| &group.object);
-    let mut objects: BTreeMap<&str, (usize, Vec<usize>)> = BTreeMap::new();
-    let mut owner: Vec<Option<&str>> = vec![None; model.mesh().vertex_count()];
-    let mut shared = false;
-    for face in 0..model.faces().len() {
-        let name = object(face);
-        let order = objects.len();
-        objects.entry(name).or_insert((order, Vec::new())).1.push(face);
-        for &vertex in model.faces().get(face) {
-            shared |= owner[vertex as usize].replace(name).is_some_and(|other| other != name);
-        }
-    }
-    if shared || objects.len() < 2 {
-        let name = objects.keys().next().filter(|_| !shared).map_or(String::new(), |name| (*name).to_owned());
-        return vec![Part { name, faces: (0..model.faces().len()).collect(), loose: true }];
-    }
-    let mut parts: Vec<_> = objects.into_iter().collect();
-    parts.sort_by_key(|(_, (order, _))| *order);
-    let part =
-        |(name, (order, faces)): (&str, (usize, Vec<usize>))| Part { name: name.to_owned(), faces, loose: order == 0 };
-    parts.into_iter().map(part).collect()
-}
-
 struct File<'a> {
     model: &'a Model,
-    origin: Vector3<f64>,
     buffer: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
     meshes: Vec<Value>,
     nodes: Vec<Value>,
+    roots: Vec<usize>,
+    skins: Vec<Value>,
+    animations: Vec<Value>,
     assets: Map<String, Value>,
     normals: bool,
 }
 
 impl<'a> File<'a> {
     fn of(model: &'a Model) -> Self {
-        let mesh = model.mesh();
-        let diagonal = mesh.diagonal();
-        let far = mesh.positions().iter().any(|p| p.coords.amax() > FAR * diagonal);
-        let middle = mesh.bounding_box().map(|(low, high)| nalgebra::center(&low, &high).coords);
-        let origin = middle.filter(|_| far && diagonal > 0.0).unwrap_or_else(Vector3::zeros);
         // The format asks for unit normals at every vertex.
         let unit = |n: &[f64; 3]| (Vector3::from(*n).norm() - 1.0).abs() < 1e-3;
         let all =
             |n: &crate::mesh::CornerData<3>| n.of_corner.iter().all(|&i| n.values.get(i as usize).is_some_and(unit));
         Self {
             model,
-            origin,
             buffer: Vec::new(),
             views: Vec::new(),
             accessors: Vec::new(),
             meshes: Vec::new(),
             nodes: Vec::new(),
+            roots: Vec::new(),
+            skins: Vec::new(),
+            animations: Vec::new(),
             assets: Map::new(),
             normals: model.normals().is_some_and(all),
         }
@@ -142,40 +117,46 @@ impl<'a> File<'a> {
     fn vertices(&self, part: &Part) -> Vec<Key> {
         let corners = part.faces.iter().flat_map(|&face| self.model.faces().corners(face));
         let mut keys: Vec<_> = corners.map(|corner| self.key(corner)).collect();
-        if part.loose {
-            let mut named = vec![false; self.model.mesh().vertex_count()];
-            self.model.faces().vertices().iter().for_each(|&v| named[v as usize] = true);
-            keys.extend((0..named.len()).filter(|&v| !named[v]).map(|v| [v as u32, NO_VALUE, NO_VALUE]));
-        }
+        keys.extend(part.loose.iter().map(|&v| [v, NO_VALUE, NO_VALUE]));
         keys.sort_unstable();
         keys.dedup();
         keys
     }
 
-    fn part(&mut self, part: &Part) {
+    /// Writes a part, and its node where it has none of its own; the number of its mesh.
+    fn part(&mut self, part: &Part) -> Option<usize> {
         let keys = self.vertices(part);
-        if keys.is_empty() {
-            return;
-        }
-        let attributes = self.attributes(&keys);
-        let mut mesh = json!({ "primitives": self.primitives(part, &keys, &attributes) });
-        let mut node = json!({ "mesh": self.meshes.len() });
-        if !part.name.is_empty() {
-            mesh["name"] = json!(part.name);
-            node["name"] = json!(part.name);
-        }
-        if self.origin != Vector3::zeros() {
-            node["translation"] = json!(self.origin.as_slice());
-        }
         // A mesh without primitives is none.
-        if mesh["primitives"].as_array().is_some_and(|p| !p.is_empty()) {
-            self.meshes.push(mesh);
+        if keys.is_empty() || part.faces.is_empty() {
+            return None;
+        }
+        let attributes = self.attributes(part, &keys);
+        let targets = self.targets(part, &keys);
+        let mut mesh = json!({ "primitives": self.primitives(part, &keys, &attributes, &targets) });
+        if !part.mesh.is_empty() {
+            mesh["name"] = json!(part.mesh);
+        }
+        if mesh["primitives"].as_array().is_none_or(Vec::is_empty) {
+            return None;
+        }
+        self.meshes.push(mesh);
+        if part.instance.is_none() {
+            let mut node = json!({ "mesh": self.meshes.len() - 1 });
+            if !part.name.is_empty() {
+                node["name"] = json!(part.name);
+            }
+            let origin = origin(self.model);
+            if origin != Vector3::zeros() {
+                node["translation"] = json!(origin.as_slice());
+            }
+            self.roots.push(self.nodes.len());
             self.nodes.push(node);
         }
+        Some(self.meshes.len() - 1)
     }
 
-    fn primitives(&mut self, part: &Part, keys: &[Key], attributes: &Value) -> Vec<Value> {
-        let model = self.model;
+    fn primitives(&mut self, part: &Part, keys: &[Key], attributes: &Value, targets: &[Value]) -> Vec<Value> {
+        let (model, mirrored) = (self.model, part.mirrored());
         let label = |of_face: &[u32], face: usize| of_face.get(face).copied().unwrap_or(NO_VALUE);
         let mut by_label: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
         let inside: std::collections::HashSet<usize> = part.faces.iter().copied().collect();
@@ -185,12 +166,16 @@ impl<'a> File<'a> {
                 let labels = [label(&model.groups().of_face, face), label(&model.materials().of_face, face)];
                 let number =
                     |corner: u32| keys.binary_search(&self.key(corner as usize)).expect("all corners are listed");
-                by_label.entry(labels).or_default().extend(corners.map(|corner| number(corner) as u32));
+                let [a, b, c] = corners.map(|corner| number(corner) as u32);
+                by_label.entry(labels).or_default().extend(if mirrored { [a, c, b] } else { [a, b, c] });
             }
         }
         let mut primitives = Vec::new();
         for ([group, material], indices) in by_label {
             let mut primitive = json!({ "attributes": attributes, "indices": self.indices(&indices) });
+            if !targets.is_empty() {
+                primitive["targets"] = json!(targets);
+            }
             if material != NO_VALUE {
                 primitive["material"] = json!(material);
             }
@@ -207,47 +192,53 @@ impl<'a> File<'a> {
         primitives
     }
 
-    fn attributes(&mut self, keys: &[Key]) -> Value {
+    fn attributes(&mut self, part: &Part, keys: &[Key]) -> Value {
         let model = self.model;
-        let (origin, positions) = (self.origin, model.mesh().positions());
-        let xyz: Vec<[f32; 3]> =
-            keys.iter().map(|k| (positions[k[0] as usize].coords - origin).map(|x| x as f32).into()).collect();
-        let bound = |pick: fn(f32, f32) -> f32| {
-            xyz.iter().copied().reduce(|a, b| std::array::from_fn(|k| pick(a[k], b[k]))).unwrap_or_default()
-        };
+        let positions = model.mesh().positions();
+        let moved = |k: &Key| part.part_from_model.transform_point(&positions[k[0] as usize]).coords;
+        let xyz: Vec<[f32; 3]> = keys.iter().map(|k| moved(k).map(|x| x as f32).into()).collect();
         let mut attributes = Map::new();
-        let position = self.floats(&xyz, "VEC3");
-        self.accessors[position]["min"] = json!(bound(f32::min));
-        self.accessors[position]["max"] = json!(bound(f32::max));
-        attributes.insert("POSITION".to_owned(), json!(position));
+        attributes.insert("POSITION".to_owned(), json!(self.bounded(&xyz)));
         if let Some(normals) = model.normals().filter(|_| self.normals) {
-            let value = |k: &Key| normals.values.get(k[2] as usize).map_or([0.0, 0.0, 1.0], |n| n.map(|x| x as f32));
-            let values: Vec<_> = keys.iter().map(value).collect();
-            attributes.insert("NORMAL".to_owned(), json!(self.floats(&values, "VEC3")));
+            let value = |k: &Key| normals.values.get(k[2] as usize).map_or([0.0, 0.0, 1.0], |n| part.normal(n));
+            let values: Vec<_> = keys.iter().map(|k| value(k).map(|x| x as f32)).collect();
+            attributes.insert("NORMAL".to_owned(), json!(self.floats(&values, "VEC3", Some(ARRAYS))));
         }
         if let Some(texture) = model.texture() {
             let value =
                 |k: &Key| texture.values.get(k[1] as usize).map_or([0.0; 2], |&[u, v]| [u as f32, (1.0 - v) as f32]);
             let values: Vec<_> = keys.iter().map(value).collect();
-            attributes.insert("TEXCOORD_0".to_owned(), json!(self.floats(&values, "VEC2")));
+            attributes.insert("TEXCOORD_0".to_owned(), json!(self.floats(&values, "VEC2", Some(ARRAYS))));
         }
         if let Some(colors) = model.colors() {
             let values: Vec<_> = keys.iter().map(|k| colors[k[0] as usize]).collect();
-            attributes.insert("COLOR_0".to_owned(), json!(self.floats(&values, "VEC4")));
+            attributes.insert("COLOR_0".to_owned(), json!(self.floats(&values, "VEC4", Some(ARRAYS))));
         }
+        self.influences(part, keys, &mut attributes);
         Value::Object(attributes)
     }
 
-    fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
+    /// Values with their bounds, as the format asks of positions.
+    fn bounded(&mut self, values: &[[f32; 3]]) -> usize {
+        let bound = |pick: fn(f32, f32) -> f32| {
+            values.iter().copied().reduce(|a, b| std::array::from_fn(|k| pick(a[k], b[k]))).unwrap_or_default()
+        };
+        let accessor = self.floats(values, "VEC3", Some(ARRAYS));
+        self.accessors[accessor]["min"] = json!(bound(f32::min));
+        self.accessors[accessor]["max"] = json!(bound(f32::max));
+        accessor
+    }
+
+    fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str, target: Option<u32>) -> usize {
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
-        let view = self.view(&bytes, Some(34_962));
+        let view = self.view(&bytes, target);
         self.accessors.push(json!({ "bufferView": view, "componentType": 5126, "count": values.len(), "type": kind }));
         self.accessors.len() - 1
     }
 
     fn indices(&mut self, indices: &[u32]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-        let view = self.view(&bytes, Some(34_963));
+        let view = self.view(&bytes, Some(INDICES));
         self.accessors
             .push(json!({ "bufferView": view, "componentType": 5125, "count": indices.len(), "type": "SCALAR" }));
         self.accessors.len() - 1
@@ -290,13 +281,15 @@ impl<'a> File<'a> {
     fn document(self) -> Value {
         let mut document = self.assets;
         document.insert("asset".to_owned(), json!({ "version": "2.0", "generator": "plumbline" }));
-        let scene: Vec<usize> = (0..self.nodes.len()).collect();
+        let scene = self.roots;
         // Empty lists are not allowed.
         for (name, list) in [
             ("bufferViews", self.views),
             ("accessors", self.accessors),
             ("meshes", self.meshes),
             ("nodes", self.nodes),
+            ("skins", self.skins),
+            ("animations", self.animations),
             ("scenes", if scene.is_empty() { vec![] } else { vec![json!({ "nodes": scene })] }),
         ] {
             if !list.is_empty() {

@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+"""Skinning beside libigl, on one thread: vertices per second of linear blend and dual quaternion skinning.
+
+    skinning.py --example target/release/examples/skin_points [--rounds 5]
+
+libigl takes dense weights: its linear blend is a product of a matrix made once (`lbs_matrix`) with those of the pose; its dual
+quaternions run over all joints. Ours has four joints per vertex in compressed rows (double) or packed (single). Each round runs
+all in turn; reported are the best. Both give the same positions, which is checked.
+"""
+import argparse
+import os
+import pathlib
+import sys
+import tempfile
+import time
+
+for threads in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]:
+    os.environ[threads] = "1"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests/oracle"))
+import numpy as np  # noqa: E402
+
+import _skins  # noqa: E402
+
+
+def theirs(V, W, M, method):
+    """CPU seconds of one pose by libigl, the matrix of linear blending being ready."""
+    import igl
+    if method == "lbs":
+        L, T = igl.lbs_matrix(V, W), np.concatenate([m[:3, :].T for m in M])
+
+        def run():
+            return L @ T
+    else:
+        Q, T = _skins.quaternions(M)
+
+        def run():
+            return igl.dqs(V, W, Q, T)
+    best = np.inf
+    for _ in range(5):
+        began = time.process_time()
+        x = run()
+        best = min(best, time.process_time() - began)
+    return x, best
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--example", required=True)
+    parser.add_argument("--rounds", type=int, default=5)
+    a = parser.parse_args()
+    print("vertices joints method |  libigl   double  ratio   single  ratio   (million vertices per CPU second)")
+    with tempfile.TemporaryDirectory() as folder:
+        for vertices, joints in [(43_243, 20), (172_966, 20), (172_966, 40), (1_000_000, 20)]:
+            V, W, M = _skins.made(vertices, joints, 4, seed=1)
+            for method in ("lbs", "dqs"):
+                best = {"libigl": np.inf, "double": np.inf, "single": np.inf}
+                repeat = ["--repeat", str(max(3, 2_000_000 // vertices))]
+                for _ in range(a.rounds):
+                    expected, seconds = theirs(V, W, M, method)
+                    best["libigl"] = min(best["libigl"], seconds)
+                    for name, allowed in (("double", 1e-9), ("single", 2e-6)):
+                        x, told = _skins.ours(a.example, folder, V, W, M, method, *repeat,
+                                              *(["--single"] if name == "single" else []))
+                        best[name] = min(best[name], told["seconds"])
+                        diagonal = np.linalg.norm(expected.max(0) - expected.min(0))
+                        assert np.abs(x - expected).max() < allowed * diagonal, (method, name)
+                rate = {k: vertices / s / 1e6 for k, s in best.items()}
+                print(f"{vertices:8} {joints:6} {method:6} | {rate['libigl']:7.1f}  {rate['double']:7.1f} "
+                      f"{rate['double'] / rate['libigl']:6.1f}  {rate['single']:7.1f} "
+                      f"{rate['single'] / rate['libigl']:6.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+//! The same movement at other times.
+
+use nalgebra::UnitQuaternion;
+
+use super::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Track, rotations};
+
+/// Most keys that a curve is sampled to.
+const MOST_KEYS: f64 = 1e6;
+
+impl Clip {
+    /// Every time `t` becomes `start + t / speed`; a negative speed runs it backwards. Smooth turns pass through their keys
+    /// backwards too, by a slightly different way.
+    ///
+    /// # Errors
+    /// [`ClipError::Option`] for a speed of 0 or times that are not finite, [`ClipError::Order`] where keys fall together.
+    pub fn retimed(&self, start: f64, speed: f64) -> Result<Self, ClipError> {
+        if speed == 0.0 || !speed.is_finite() {
+            return Err(ClipError::Option { name: "speed", value: speed, range: "any number but 0" });
+        }
+        self.each_curve(Change { start, speed })
+    }
+
+    /// The movement between two times, beginning at 0, with a key every `1 / rate` seconds and at both ends.
+    ///
+    /// # Errors
+    /// [`ClipError::Option`] where the span is empty or the rate not above 0.
+    pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, ClipError> {
+        if !(to > from && (to - from).is_finite()) {
+            return Err(ClipError::Option { name: "end", value: to, range: "later than the start, s" });
+        }
+        if !(rate > 0.0 && (to - from) * rate < MOST_KEYS) {
+            return Err(ClipError::Option { name: "rate", value: rate, range: "above 0 per second, at most 10⁶ keys" });
+        }
+        let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
+        let times: Vec<f64> =
+            (0..=steps as u32).map(|k| if f64::from(k) == steps { to - from } else { f64::from(k) / rate }).collect();
+        self.each_curve(Samples { from, times })
+    }
+
+    fn each_curve(&self, change: impl Retiming) -> Result<Self, ClipError> {
+        let track = |track: &Track| {
+            let curve = match &track.curve {
+                Curve::Translation(keys) => Curve::Translation(change.keys(keys)?),
+                Curve::Scale(keys) => Curve::Scale(change.keys(keys)?),
+                Curve::Rotation(keys) => Curve::Rotation(change.rotation(keys)?),
+            };
+            Ok(Track { joint: track.joint, curve })
+        };
+        let morph = |m: &MorphTrack| Ok(MorphTrack { target: m.target, keys: change.keys(&m.keys)? });
+        let tracks = self.tracks.iter().map(track).collect::<Result<_, ClipError>>()?;
+        let morphs = self.morphs.iter().map(morph).collect::<Result<_, ClipError>>()?;
+        Self::new(self.name.clone(), tracks, morphs)
+    }
+}
+
+trait Retiming {
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError>;
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError>;
+}
+
+/// `t ↦ start + t / speed`.
+struct Change {
+    start: f64,
+    speed: f64,
+}
+
+impl Retiming for Change {
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
+        let mut times: Vec<f64> = keys.times.iter().map(|t| self.start + t / self.speed).collect();
+        let mut values = keys.values.clone();
+        let scaled = |tangents: &[[f64; N]]| -> Vec<[f64; N]> {
+            tangents.iter().map(|v| v.map(|x| x * self.speed)).collect()
+        };
+        let mut between = match &keys.between {
+            Between::Cubic { arriving, leaving } => {
+                Between::Cubic { arriving: scaled(arriving), leaving: scaled(leaving) }
+            }
+            other => other.clone(),
+        };
+        if self.speed < 0.0 {
+            times.reverse();
+            values.reverse();
+            between = match between {
+                Between::Cubic { mut arriving, mut leaving } => {
+                    arriving.reverse();
+                    leaving.reverse();
+                    Between::Cubic { arriving: leaving, leaving: arriving }
+                }
+                // Backwards, a step changes at its end: each value moves to the key before, and the last key, which nothing
+                // followed, is no longer seen.
+                Between::Step => {
+                    values.rotate_left(1);
+                    let last = values.len() - 1;
+                    values[last] = keys.values[0];
+                    Between::Step
+                }
+                other => other,
+            };
+        }
+        Keys::new(times, values, between)
+    }
+
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
+        RotationKeys::new(self.keys(keys.keys())?)
+    }
+}
+
+/// Values at these times after `from`.
+struct Samples {
+    from: f64,
+    times: Vec<f64>,
+}
+
+impl Retiming for Samples {
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
+        let values = self.times.iter().map(|t| keys.at(self.from + t)).collect();
+        Keys::new(self.times.clone(), values, Between::Linear)
+    }
+
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
+        let turns: Vec<UnitQuaternion<f64>> = self.times.iter().map(|t| keys.at(self.from + t)).collect();
+        rotations(self.times.clone(), &turns, Between::Linear)
+    }
+}

@@ -1,0 +1,50 @@
+//! The middle of a body under a picked pixel.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::mesh::TriMesh;
+
+/// A half line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it begins.
+    pub from: Point3<f64>,
+    /// Where it goes; of any length.
+    pub along: Vector3<f64>,
+}
+
+/// Halfway between the first place where a ray enters a surface and the next where it leaves it: where the ray meets triangles
+/// from their outer side, and from their inner side. Where it begins inside, or the surface has no inner side there, halfway
+/// between the first two places that it meets. None where it meets fewer than two.
+pub fn volume_center(mesh: &TriMesh, ray: &Ray) -> Option<Point3<f64>> {
+    let mut met: Vec<(f64, bool)> =
+        (0..mesh.triangle_count()).filter_map(|t| meeting(mesh.corners(t), ray)).collect();
+    met.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let entry = met.iter().position(|&(_, outer)| outer);
+    let exit = entry.and_then(|e| met[e..].iter().find(|&&(_, outer)| !outer));
+    let (near, far) = match (entry, exit) {
+        (Some(entry), Some(exit)) => (met[entry].0, exit.0),
+        _ => {
+            let first = met.first()?.0;
+            (first, met.iter().find(|(t, _)| *t > first)?.0)
+        }
+    };
+    Some(ray.from + ray.along * (0.5 * (near + far)))
+}
+
+/// Where along the ray a triangle is met, and whether on its outer side (its corners run counterclockwise there).
+///
+/// Möller and Trumbore 1997; edges belong to the triangle, so that nothing slips between two.
+fn meeting([a, b, c]: [Point3<f64>; 3], ray: &Ray) -> Option<(f64, bool)> {
+    let (u, v) = (b - a, c - a);
+    let across = ray.along.cross(&v);
+    let volume = u.dot(&across);
+    if volume == 0.0 || !volume.is_finite() {
+        return None;
+    }
+    let from = ray.from - a;
+    let x = from.dot(&across) / volume;
+    let y = ray.along.dot(&from.cross(&u)) / volume;
+    let t = v.dot(&from.cross(&u)) / volume;
+    (x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t >= 0.0).then_some((t, volume > 0.0))
+}

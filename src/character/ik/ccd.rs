@@ -1,0 +1,64 @@
+//! Cyclic coordinate descent: each joint of a chain in turn, from the tip to the root, turns so that the tip points at the target,
+//! as far as its limits allow.
+//!
+//! Simple and never diverging, but it favors joints near the tip, takes tens to hundreds of rounds near the end of its reach, and
+//! seeks one place only; [`super::solve`] has none of these limits.
+//!
+//! # Reference
+//! L.-C. T. Wang, C. C. Chen, *A Combined Optimization Method for Solving the Inverse Kinematics Problem of Mechanical
+//! Manipulators*, IEEE Transactions on Robotics and Automation 1991.
+
+use nalgebra::{Point3, UnitQuaternion};
+
+use super::frames::Frames;
+use super::two_bone::turn;
+use super::{IkError, within_limits};
+use crate::character::{Pose, Skeleton};
+
+/// Turns `joints` above a tip (all where there are fewer) until it is within `tolerance` of a place, in units of the model, or
+/// for as many rounds. The pose and the rounds that it took.
+///
+/// # Errors
+/// [`IkError`]: `Unknown`, `NotFinite`, `Character`.
+pub fn ccd(
+    skeleton: &Skeleton,
+    pose: &Pose,
+    (tip, joints): (u32, usize),
+    at: &Point3<f64>,
+    (rounds, tolerance): (usize, f64),
+) -> Result<(Pose, usize), IkError> {
+    let chain = chain(skeleton, tip, joints, at)?;
+    let mut pose = within_limits(skeleton, pose);
+    let mut frames = Frames::of(skeleton, &pose)?;
+    for round in 0..rounds {
+        if (frames.at(tip) - at).norm() <= tolerance {
+            return Ok((pose, round));
+        }
+        for &joint in &chain {
+            let from = frames.at(joint);
+            if let Some(by) = UnitQuaternion::rotation_between(&(frames.at(tip) - from), &(at - from)) {
+                turn(skeleton, &frames, &mut pose, joint, &by);
+                let described = &skeleton.joints()[joint as usize];
+                if let Some(limits) = &described.limits {
+                    let local = &mut pose.locals[joint as usize].rotation;
+                    *local = described.rest.rotation * limits.project(&(described.rest.rotation.inverse() * *local));
+                }
+                frames = Frames::chained(skeleton, &pose);
+            }
+        }
+    }
+    Ok((pose, rounds))
+}
+
+/// The joints above a tip, the nearest first.
+pub(super) fn chain(skeleton: &Skeleton, tip: u32, joints: usize, at: &Point3<f64>) -> Result<Vec<u32>, IkError> {
+    let count = skeleton.joint_count();
+    if tip as usize >= count {
+        return Err(IkError::Unknown { target: 0, joint: tip, joints: count });
+    }
+    if !at.iter().all(|x| x.is_finite()) {
+        return Err(IkError::NotFinite { target: 0 });
+    }
+    let parent = |j: u32| skeleton.joints()[j as usize].parent;
+    Ok(std::iter::successors(parent(tip), |&j| parent(j)).take(joints).collect())
+}

@@ -1,0 +1,65 @@
+//! Forward and backward reaching: the joints of a chain as points on strings of fixed length, pulled to the target from the tip
+//! and back to the root in turn; then joints are turned so that they lie there.
+//!
+//! Fast where the target is well within reach. It knows positions alone: no limits, no twist, one place.
+//!
+//! # Reference
+//! A. Aristidou, J. Lasenby, *FABRIK: A fast, iterative solver for the Inverse Kinematics problem*, Graphical Models 2011.
+
+use nalgebra::{Point3, UnitQuaternion};
+
+use super::IkError;
+use super::ccd::chain;
+use super::frames::Frames;
+use super::two_bone::turn;
+use crate::character::{Pose, Skeleton};
+
+/// As [`super::ccd()`], without limits.
+///
+/// # Errors
+/// [`IkError`]: `Unknown`, `NotFinite`, `Character`.
+pub fn fabrik(
+    skeleton: &Skeleton,
+    pose: &Pose,
+    (tip, joints): (u32, usize),
+    at: &Point3<f64>,
+    (rounds, tolerance): (usize, f64),
+) -> Result<(Pose, usize), IkError> {
+    let mut chain = chain(skeleton, tip, joints, at)?;
+    chain.reverse();
+    chain.push(tip);
+    let frames = Frames::of(skeleton, pose)?;
+    let start: Vec<Point3<f64>> = chain.iter().map(|&j| frames.at(j)).collect();
+    let lengths: Vec<f64> = start.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
+    let (mut points, mut taken) = (start.clone(), rounds);
+    let last = points.len() - 1;
+    for round in 0..rounds {
+        if (points[last] - at).norm() <= tolerance {
+            taken = round;
+            break;
+        }
+        points[last] = *at;
+        for k in (0..last).rev() {
+            points[k] = pulled(&points[k + 1], &points[k], lengths[k]);
+        }
+        points[0] = start[0];
+        for k in 0..last {
+            points[k + 1] = pulled(&points[k], &points[k + 1], lengths[k]);
+        }
+    }
+    let mut pose = pose.clone();
+    for k in 0..last {
+        let frames = Frames::chained(skeleton, &pose);
+        let [from, to] = [chain[k], chain[k + 1]].map(|j| frames.at(j));
+        if let Some(by) = UnitQuaternion::rotation_between(&(to - from), &(points[k + 1] - points[k])) {
+            turn(skeleton, &frames, &mut pose, chain[k], &by);
+        }
+    }
+    Ok((pose, taken))
+}
+
+/// The point at this distance from another, toward where it was.
+fn pulled(from: &Point3<f64>, to: &Point3<f64>, length: f64) -> Point3<f64> {
+    let away = (to - from).try_normalize(0.0);
+    away.map_or(*to, |direction| from + direction * length)
+}

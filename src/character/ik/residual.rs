@@ -1,0 +1,123 @@
+//! What targets are missed by, and how that changes as joints turn.
+
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+
+use super::frames::Frames;
+use super::variables::left_jacobian;
+use super::{Goal, Target};
+use crate::character::Skeleton;
+
+/// How a joint's turn moves what hangs on it: angular velocity `ω` of the parent's frame moves the point `p` by
+/// `A (ω × A⁻¹ (p − o))`, and turns it by `R ω`.
+pub(super) struct Lever {
+    pub(super) origin: Point3<f64>,
+    pub(super) linear: Matrix3<f64>,
+    pub(super) inverse: Matrix3<f64>,
+    pub(super) turn: Matrix3<f64>,
+    /// Angular velocities of the joint's coordinates, columns.
+    pub(super) velocities: Matrix3<f64>,
+}
+
+impl Lever {
+    /// Velocity of a point for each coordinate, columns.
+    fn of_point(&self, p: &Point3<f64>) -> Matrix3<f64> {
+        let arm = self.inverse * (p - self.origin);
+        -self.linear * arm.cross_matrix() * self.velocities
+    }
+
+    /// Angular velocity in the world for each coordinate, columns.
+    fn of_turn(&self) -> Matrix3<f64> {
+        self.turn * self.velocities
+    }
+}
+
+/// The residual of a target, of weight 1.
+pub(super) fn residual(target: &Target, frames: &Frames, scale: f64) -> Vector3<f64> {
+    match &target.goal {
+        Goal::Position { point, at } => (frames.point(target.joint, point) - at) / scale,
+        Goal::Orientation(turn) => error_of(&frames.turn[target.joint as usize], turn),
+        Goal::LookAt { axis, at } => {
+            let seen = frames.turn[target.joint as usize] * axis.into_inner();
+            seen - direction(at - frames.at(target.joint))
+        }
+        Goal::Pole { root, middle, at } => {
+            let [a, b, c] = [*root, *middle, target.joint].map(|j| frames.at(j));
+            let axis = direction(c - a);
+            across(&axis, &(b - a)) - across(&axis, &(at - a))
+        }
+    }
+}
+
+/// How the residual changes with the coordinates of a joint, columns. `moves` says whether the joint lies above another, or is it.
+pub(super) fn jacobian(
+    target: &Target,
+    frames: &Frames,
+    scale: f64,
+    lever: &Lever,
+    moves: impl Fn(u32) -> bool,
+) -> Matrix3<f64> {
+    let point = |j: u32, p: &Point3<f64>| if moves(j) { lever.of_point(p) } else { Matrix3::zeros() };
+    match &target.goal {
+        Goal::Position { point: p, .. } => point(target.joint, &frames.point(target.joint, p)) / scale,
+        Goal::Orientation(turn) => {
+            let error = error_of(&frames.turn[target.joint as usize], turn);
+            left_jacobian(&error).try_inverse().unwrap_or_else(Matrix3::identity) * lever.of_turn()
+        }
+        Goal::LookAt { axis, at } => {
+            let seen = frames.turn[target.joint as usize] * axis.into_inner();
+            let from = frames.at(target.joint);
+            -seen.cross_matrix() * lever.of_turn() + direction_change(&(at - from)) * point(target.joint, &from)
+        }
+        Goal::Pole { root, middle, at } => {
+            let [a, b, c] = [*root, *middle, target.joint].map(|j| frames.at(j));
+            let [da, db, dc] = [(*root, a), (*middle, b), (target.joint, c)].map(|(j, p)| point(j, &p));
+            let (axis, turning) = (direction(c - a), direction_change(&(c - a)) * (dc - da));
+            across_change(&axis, &turning, &(b - a), &(db - da)) - across_change(&axis, &turning, &(at - a), &-da)
+        }
+    }
+}
+
+/// For each target how far it is missed: units of the model for positions, rad otherwise.
+pub(super) fn missed(_skeleton: &Skeleton, targets: &[Target], frames: &Frames) -> Vec<f64> {
+    let angle = |chord: f64| 2.0 * (0.5 * chord).min(1.0).asin();
+    let of = |target: &Target| match target.goal {
+        Goal::Position { .. } | Goal::Orientation(_) => residual(target, frames, 1.0).norm(),
+        _ => angle(residual(target, frames, 1.0).norm()),
+    };
+    targets.iter().map(of).collect()
+}
+
+/// `log(R R̂⁻¹)`, the short way.
+fn error_of(turn: &UnitQuaternion<f64>, wanted: &UnitQuaternion<f64>) -> Vector3<f64> {
+    let error = turn * wanted.inverse();
+    if error.w < 0.0 { UnitQuaternion::new_unchecked(-error.into_inner()) } else { error }.scaled_axis()
+}
+
+/// The direction of a vector; none for no vector.
+fn direction(v: Vector3<f64>) -> Vector3<f64> {
+    v.try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+}
+
+/// How the direction changes with the vector: `(I − d dᵀ) / |v|`.
+fn direction_change(v: &Vector3<f64>) -> Matrix3<f64> {
+    let length = v.norm();
+    if !(length > 0.0) {
+        return Matrix3::zeros();
+    }
+    let d = v / length;
+    (Matrix3::identity() - d * d.transpose()) / length
+}
+
+/// The direction of a vector across an axis.
+fn across(axis: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    direction(v - axis * axis.dot(v))
+}
+
+/// How it changes, of the changes of the axis and of the vector.
+fn across_change(axis: &Vector3<f64>, turning: &Matrix3<f64>, v: &Vector3<f64>, moving: &Matrix3<f64>) -> Matrix3<f64> {
+    let flat = v - axis * axis.dot(v);
+    let change = moving
+        - turning * axis.dot(v)
+        - axis * (v.transpose() * turning + axis.transpose() * moving);
+    direction_change(&flat) * change
+}

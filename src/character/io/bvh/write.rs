@@ -1,0 +1,177 @@
+//! The writing of BVH.
+
+use std::fmt::Write as _;
+
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+use super::super::RigFileError;
+use super::{END, FORMAT};
+use crate::character::clip::Outside;
+use crate::character::{Clip, Pose, Skeleton};
+
+/// Frames per second where the movement's keys are not evenly spaced.
+const RATE: f64 = 30.0;
+/// Keys this close to an even grid, of its step, stand on it.
+const EVEN: f64 = 1e-4;
+/// Most frames.
+const MOST: f64 = 1e6;
+
+/// A skeleton, and a movement (at rest without one), with one frame per key where keys are evenly spaced and 30 per second
+/// otherwise. Names keep single spaces. Second, what is lost, in words.
+///
+/// # Errors
+/// [`RigFileError::Unwritable`] for several roots or a movement too long, [`RigFileError::Clip`] for one of another skeleton.
+pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec<&'static str>), RigFileError> {
+    let mut roots = skeleton.roots();
+    let (root, others) = (roots.next(), roots.count());
+    let unwritable = |fault: String| RigFileError::Unwritable { format: FORMAT, fault };
+    let Some(root) = root.filter(|_| others == 0) else {
+        return Err(unwritable(format!("it has {} roots, and one is allowed", others + 1)));
+    };
+    let frames = Frames::of(clip).ok_or_else(|| unwritable(format!("more than {MOST} frames")))?;
+    let mut poses = Vec::with_capacity(frames.count);
+    for k in 0..frames.count {
+        poses.push(match clip {
+            Some(clip) => clip.pose(skeleton, frames.start + k as f64 * frames.step, Outside::Hold)?,
+            None => skeleton.rest_pose(),
+        });
+    }
+    let file = File::of(skeleton, &poses, root);
+    let mut text = String::from("HIERARCHY\n");
+    file.joint(&mut text, root, 0);
+    let _ = writeln!(text, "MOTION\nFrames: {}\nFrame Time: {}", frames.count, frames.step);
+    for pose in &poses {
+        file.frame(&mut text, pose);
+    }
+    let scaled = poses.iter().chain([&skeleton.rest_pose()]).flat_map(|p| &p.locals).any(|l| l.scale != Vector3::repeat(1.0));
+    let limited = skeleton.joints().iter().any(|j| j.limits.is_some());
+    let morphed = clip.is_some_and(|c| !c.morphs().is_empty());
+    let lost = [(scaled, "scales of joints"), (limited, "limits of joints"), (morphed, "weights of morph targets")];
+    Ok((text, lost.into_iter().filter(|(lost, _)| *lost).map(|(_, what)| what).collect()))
+}
+
+/// When frames stand.
+struct Frames {
+    start: f64,
+    step: f64,
+    count: usize,
+}
+
+impl Frames {
+    fn of(clip: Option<&Clip>) -> Option<Self> {
+        let alone = Self { start: 0.0, step: 1.0 / RATE, count: 1 };
+        let Some((first, last)) = clip.and_then(Clip::span) else { return Some(alone) };
+        if last <= first {
+            return Some(Self { start: first, ..alone });
+        }
+        let longest = clip.into_iter().flat_map(Clip::tracks).map(|t| t.curve.times()).max_by_key(|t| t.len());
+        let times = longest.unwrap_or(&[]);
+        let steps = times.len().saturating_sub(1) as f64;
+        let step = (last - first) / steps;
+        let even = |(k, t): (usize, &f64)| (t - first - k as f64 * step).abs() <= EVEN * step;
+        let even = steps >= 1.0 && times.iter().enumerate().all(even);
+        let step = if even { step } else { 1.0 / RATE };
+        let count = ((last - first) / step + EVEN).floor() + 1.0;
+        (count <= MOST).then_some(Self { start: first, step, count: count as usize })
+    }
+}
+
+struct File<'a> {
+    skeleton: &'a Skeleton,
+    /// Joints in the order of the file.
+    order: Vec<u32>,
+    /// Joints with position channels.
+    moved: Vec<bool>,
+    /// Turn of each joint in the world at rest.
+    rest: Vec<UnitQuaternion<f64>>,
+}
+
+impl<'a> File<'a> {
+    fn of(skeleton: &'a Skeleton, poses: &[Pose], root: u32) -> Self {
+        let still = |j: usize| poses.iter().all(|p| p.locals[j].translation == skeleton.joints()[j].rest.translation);
+        let moved = (0..skeleton.joint_count()).map(|j| j == root as usize || !still(j)).collect();
+        let rest = turns(skeleton, &skeleton.rest_pose());
+        let mut file = Self { skeleton, order: Vec::new(), moved, rest };
+        let mut open = vec![root];
+        while let Some(j) = open.pop() {
+            file.order.push(j);
+            open.extend(skeleton.children(j).iter().rev().filter(|&&c| !file.is_end(c)));
+        }
+        file
+    }
+
+    /// Joints that stand as `End Site`.
+    fn is_end(&self, joint: u32) -> bool {
+        let joints = self.skeleton.joints();
+        let parent = joints[joint as usize].parent.map(|p| &joints[p as usize].name);
+        let named = parent.is_some_and(|parent| joints[joint as usize].name == format!("{parent}{END}"));
+        let alone = joints[joint as usize].parent.is_some_and(|p| self.skeleton.children(p).len() == 1);
+        named && alone && !self.moved[joint as usize] && self.skeleton.children(joint).is_empty()
+    }
+
+    fn offset(&self, joint: u32) -> Vector3<f64> {
+        let described = &self.skeleton.joints()[joint as usize];
+        let turn = described.parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
+        turn * described.rest.translation
+    }
+
+    fn joint(&self, text: &mut String, joint: u32, depth: usize) {
+        // Depth first without recursion: a chain of joints may be long.
+        let mut open = vec![(joint, depth, false)];
+        while let Some((joint, depth, done)) = open.pop() {
+            let pad = "\t".repeat(depth);
+            if done {
+                let _ = writeln!(text, "{pad}}}");
+                continue;
+            }
+            open.push((joint, depth, true));
+            let name = self.skeleton.joints()[joint as usize].name.split_whitespace().collect::<Vec<_>>().join(" ");
+            let [x, y, z] = self.offset(joint).into();
+            let children = self.skeleton.children(joint);
+            if depth > 0 && self.is_end(joint) {
+                let _ = writeln!(text, "{pad}End Site\n{pad}{{\n{pad}\tOFFSET {x} {y} {z}");
+                continue;
+            }
+            let kind = if depth == 0 { "ROOT" } else { "JOINT" };
+            let _ = writeln!(text, "{pad}{kind} {name}\n{pad}{{\n{pad}\tOFFSET {x} {y} {z}");
+            let channels = if self.moved[joint as usize] { "6 Xposition Yposition Zposition" } else { "3" };
+            let _ = writeln!(text, "{pad}\tCHANNELS {channels} Zrotation Yrotation Xrotation");
+            if children.is_empty() {
+                let _ = writeln!(text, "{pad}\tEnd Site\n{pad}\t{{\n{pad}\t\tOFFSET 0 0 0\n{pad}\t}}");
+            }
+            open.extend(children.iter().rev().map(|&c| (c, depth + 1, false)));
+        }
+    }
+
+    fn frame(&self, text: &mut String, pose: &Pose) {
+        let world = turns(self.skeleton, pose);
+        let from_rest = |j: u32| world[j as usize] * self.rest[j as usize].inverse();
+        let mut numbers: Vec<String> = Vec::new();
+        for &joint in &self.order {
+            let described = &self.skeleton.joints()[joint as usize];
+            let parent = described.parent;
+            let above = parent.map_or_else(UnitQuaternion::identity, from_rest);
+            if self.moved[joint as usize] {
+                let turn = parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
+                let by = turn * (pose.locals[joint as usize].translation - described.rest.translation);
+                numbers.extend(by.iter().map(ToString::to_string));
+            }
+            let turn: Matrix3<f64> = (above.inverse() * from_rest(joint)).to_rotation_matrix().into_inner();
+            // R = R_z R_y R_x.
+            let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(turn).euler_angles();
+            numbers.extend([yaw, pitch, roll].map(|angle| angle.to_degrees().to_string()));
+        }
+        let _ = writeln!(text, "{}", numbers.join(" "));
+    }
+}
+
+/// Turn of each joint in the world.
+fn turns(skeleton: &Skeleton, pose: &Pose) -> Vec<UnitQuaternion<f64>> {
+    let mut turns = vec![UnitQuaternion::identity(); skeleton.joint_count()];
+    for &j in skeleton.parents_first() {
+        let parent = skeleton.joints()[j as usize].parent;
+        let above = parent.map_or_else(UnitQuaternion::identity, |p| turns[p as usize]);
+        turns[j as usize] = above * pose.locals[j as usize].rotation;
+    }
+    turns
+}

@@ -1,0 +1,83 @@
+//! One binding for all skins of a file.
+
+use nalgebra::Matrix4;
+
+use super::RigFileError;
+use super::joints::Joints;
+use crate::character::CharacterError;
+use crate::mesh::model::articulation::Articulation;
+
+/// Bindings of two skins are one where they differ by a map to this share of its largest number: files store 32 bits.
+const ALIKE: f64 = 1e-4;
+
+/// One inverse bind matrix per joint, and what they ask of the vertices.
+pub(super) struct Bound {
+    pub(super) inverse_bind: Vec<Matrix4<f64>>,
+    /// How the vertices of each instance move to where these matrices bind them.
+    pub(super) world_from_instance: Vec<Matrix4<f64>>,
+}
+
+pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound, RigFileError> {
+    let mut inverse_bind: Vec<Option<Matrix4<f64>>> = vec![None; joints.nodes.len()];
+    let mut of_skin: Vec<Option<Matrix4<f64>>> = vec![None; articulation.skins.len()];
+    for skin in 0..articulation.skins.len() {
+        if articulation.instances.iter().any(|i| i.skin == Some(skin as u32)) {
+            of_skin[skin] = Some(skin_map(articulation, joints, skin, &mut inverse_bind)?);
+        }
+    }
+    let world = articulation.world_from_nodes();
+    let mut world_from_instance = Vec::new();
+    for instance in &articulation.instances {
+        let map = match instance.skin {
+            Some(skin) => of_skin[skin as usize].unwrap_or_else(Matrix4::identity),
+            None => {
+                let joint = joints.of_node[instance.node as usize] as usize;
+                let name = || joints.skeleton.joints()[joint].name.clone();
+                let flat = || CharacterError::FlatJoint { joint: name() };
+                let back = world[instance.node as usize].try_inverse().ok_or_else(flat)?;
+                match inverse_bind[joint] {
+                    // Vertices lie where the node stands at rest; B⁻¹ W⁻¹ takes them to where B binds them.
+                    Some(bind) => bind.try_inverse().ok_or_else(flat)? * back,
+                    None => {
+                        inverse_bind[joint] = Some(back);
+                        Matrix4::identity()
+                    }
+                }
+            }
+        };
+        world_from_instance.push(map);
+    }
+    let rest = |joint: usize| world[joints.nodes[joint] as usize].try_inverse().unwrap_or_else(Matrix4::identity);
+    let inverse_bind = inverse_bind.into_iter().enumerate().map(|(j, b)| b.unwrap_or_else(|| rest(j))).collect();
+    Ok(Bound { inverse_bind, world_from_instance })
+}
+
+/// The map M of a skin with B' = B M, and the binding of joints that no skin before it bound.
+fn skin_map(
+    articulation: &Articulation,
+    joints: &Joints,
+    number: usize,
+    inverse_bind: &mut [Option<Matrix4<f64>>],
+) -> Result<Matrix4<f64>, RigFileError> {
+    let skin = &articulation.skins[number];
+    let joint = |k: usize| joints.of_node[skin.joints[k] as usize] as usize;
+    let refused = |k: usize| RigFileError::Bindings {
+        skin: number,
+        joint: joints.skeleton.joints()[joint(k)].name.clone(),
+    };
+    let known = (0..skin.joints.len()).find_map(|k| Some((k, inverse_bind[joint(k)]?)));
+    let map = match known {
+        None => Matrix4::identity(),
+        Some((k, first)) if first == skin.inverse_binds[k] => Matrix4::identity(),
+        Some((k, first)) => first.try_inverse().ok_or_else(|| refused(k))? * skin.inverse_binds[k],
+    };
+    let back = map.try_inverse();
+    for (k, bind) in skin.inverse_binds.iter().enumerate() {
+        match inverse_bind[joint(k)] {
+            Some(first) if (first * map - bind).amax() > ALIKE * bind.amax() => return Err(refused(k)),
+            Some(_) => {}
+            None => inverse_bind[joint(k)] = Some(bind * back.ok_or_else(|| refused(k))?),
+        }
+    }
+    Ok(map)
+}

@@ -1,0 +1,162 @@
+//! The nearest turn that limits allow.
+//!
+//! In the coordinates `(x, y, θ)` of a turn `R = exp(x e₁ + y e₂) · exp(θ a)`, `e₁ = across`, `e₂ = a × across`, limits are a
+//! convex set: an ellipse of `(x, y)` times an interval of `θ`. The way between two turns that are allowed is therefore allowed
+//! as well.
+
+use nalgebra::{Unit, UnitQuaternion, Vector2, Vector3};
+
+use super::Limits;
+
+/// A turn from rest as swing about two axes across the bone, and twist about it, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SwingTwist {
+    /// About `across` and about `axis × across`.
+    pub swing: Vector2<f64>,
+    /// About the axis, done first.
+    pub twist: f64,
+}
+
+impl Limits {
+    /// The second axis of the swing's ellipse.
+    pub fn second(&self) -> Unit<Vector3<f64>> {
+        Unit::new_normalize(self.axis.cross(&self.across))
+    }
+
+    /// A turn from rest in coordinates: the twist in −π ..= π, the swing of at most π.
+    pub fn split(&self, turn: &UnitQuaternion<f64>) -> SwingTwist {
+        let (w, along) = (turn.w, turn.imag().dot(&self.axis));
+        // A half turn about an axis across leaves the twist open; none is the choice then.
+        let length = w.hypot(along);
+        let (w, along) = if length > 1e-12 { (w / length, along / length) } else { (1.0, 0.0) };
+        let twist = UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(w, self.axis.into_inner() * along));
+        let swing = turn * twist.inverse();
+        // The short way.
+        let swing = if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
+        let angle = 2.0 * along.atan2(w);
+        let angle = if angle > std::f64::consts::PI {
+            angle - std::f64::consts::TAU
+        } else if angle < -std::f64::consts::PI {
+            angle + std::f64::consts::TAU
+        } else {
+            angle
+        };
+        SwingTwist { swing: Vector2::new(swing.dot(&self.across), swing.dot(&self.second())), twist: angle }
+    }
+
+    /// The turn of these coordinates.
+    pub fn turn(&self, at: &SwingTwist) -> UnitQuaternion<f64> {
+        let swing = self.across.into_inner() * at.swing.x + self.second().into_inner() * at.swing.y;
+        UnitQuaternion::from_scaled_axis(swing) * UnitQuaternion::from_scaled_axis(self.axis.into_inner() * at.twist)
+    }
+
+    /// How far coordinates lie outside, rad; 0 inside.
+    pub fn excess(&self, at: &SwingTwist) -> f64 {
+        let nearest = self.nearest(at);
+        (nearest.swing - at.swing).norm().max((nearest.twist - at.twist).abs())
+    }
+
+    /// Whether a turn from rest is allowed, but for `tolerance` rad.
+    pub fn allows(&self, turn: &UnitQuaternion<f64>, tolerance: f64) -> bool {
+        self.excess(&self.split(turn)) <= tolerance
+    }
+
+    /// The nearest turn from rest that is allowed; the same where it is allowed already.
+    pub fn project(&self, turn: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let at = self.split(turn);
+        let nearest = self.nearest(&at);
+        if nearest == at { *turn } else { self.turn(&nearest) }
+    }
+
+    /// The nearest coordinates that are allowed.
+    pub fn nearest(&self, at: &SwingTwist) -> SwingTwist {
+        let [least, largest] = self.twist;
+        SwingTwist { swing: in_ellipse(at.swing, self.swing), twist: at.twist.clamp(least, largest) }
+    }
+}
+
+/// The point of an ellipse with these half axes that is nearest to `p`; `p` where it lies inside.
+///
+/// Outside, it is `(a² x / (t + a²), b² y / (t + b²))` with the only root `t > 0` of a falling function, which bisection finds
+/// whatever the axes are (D. Eberly, *Distance from a Point to an Ellipse*, 2013).
+fn in_ellipse(p: Vector2<f64>, [a, b]: [f64; 2]) -> Vector2<f64> {
+    if a == 0.0 || b == 0.0 {
+        return Vector2::new(p.x.clamp(-a, a), p.y.clamp(-b, b));
+    }
+    let measure = |t: f64| (a * p.x / (t + a * a)).powi(2) + (b * p.y / (t + b * b)).powi(2) - 1.0;
+    if measure(0.0) <= 0.0 {
+        return p;
+    }
+    let (mut low, mut high) = (0.0, a.max(b) * p.norm());
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if measure(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    // The end where the measure is not above 0, so that the point is inside to the last digit.
+    Vector2::new(a * a * p.x / (high + a * a), b * b * p.y / (high + b * b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limits() -> Limits {
+        let axis = Unit::new_normalize(Vector3::new(0.2, 1.0, -0.3));
+        Limits { swing: [0.9, 0.4], twist: [-0.2, 0.7], ..Limits::cone(axis, 1.0, 1.0) }
+    }
+
+    fn some_turns() -> impl Iterator<Item = UnitQuaternion<f64>> {
+        (0..400).map(|k| {
+            let k = f64::from(k);
+            let axis = Vector3::new((k * 1.7).sin(), (k * 2.3).cos(), (k * 0.9).sin() + 0.1);
+            UnitQuaternion::from_scaled_axis(axis.normalize() * (3.1 * (k * 0.37).sin()))
+        })
+    }
+
+    #[test]
+    fn coordinates_give_back_their_turn() {
+        for turn in some_turns() {
+            let at = limits().split(&turn);
+            assert!(limits().turn(&at).angle_to(&turn) < 1e-7, "{turn}");
+            assert!(at.twist.abs() <= std::f64::consts::PI && at.swing.norm() <= std::f64::consts::PI + 1e-12);
+        }
+        let at = SwingTwist { swing: Vector2::new(0.5, -1.2), twist: 2.0 };
+        let back = limits().split(&limits().turn(&at));
+        assert!((back.swing - at.swing).norm() < 1e-12 && (back.twist - at.twist).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_nearest_turn_is_allowed_and_nothing_allowed_is_nearer() {
+        let limits = limits();
+        for turn in some_turns() {
+            let at = limits.split(&turn);
+            let near = limits.nearest(&at);
+            assert!((near.swing.x / 0.9).powi(2) + (near.swing.y / 0.4).powi(2) <= 1.0 + 1e-12);
+            assert!((-0.2..=0.7).contains(&near.twist));
+            assert!(limits.allows(&limits.project(&turn), 1e-9), "{turn}");
+            if limits.allows(&turn, 0.0) {
+                assert_eq!(limits.project(&turn), turn);
+            }
+            for k in 0..720 {
+                let angle = f64::from(k).to_radians() * 0.5;
+                let rim = Vector2::new(0.9 * angle.cos(), 0.4 * angle.sin());
+                assert!((rim - at.swing).norm() >= (near.swing - at.swing).norm() - 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_hinge_keeps_its_axis() {
+        let axis = Vector3::x_axis();
+        let knee = Limits { axis: Vector3::y_axis(), across: axis, swing: [1.5, 0.0], twist: [0.0, 0.0] };
+        for turn in some_turns() {
+            let allowed = knee.project(&turn).scaled_axis();
+            assert!(allowed.yz().norm() < 1e-12 && allowed.x.abs() <= 1.5 + 1e-12);
+        }
+        let bent = UnitQuaternion::from_scaled_axis(Vector3::x() * 0.7);
+        assert_eq!(knee.project(&bent), bent);
+    }
+}

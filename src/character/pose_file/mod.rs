@@ -1,0 +1,92 @@
+//! Pose files:
+//!
+//! ```json
+//! { "format": "plumbline.pose", "version": 1,
+//!   "from": {"clip": "walk", "time": 0.4},
+//!   "joints": { "spine": {"turn_deg": [0, 15, 0]}, "head": {"rotation": [1, 0, 0, 0]}, "hip": {"move": [0, 0.1, 0]} },
+//!   "targets": [ {"joint": "hand.L", "position": [0.4, 1.2, 0.3], "chain": 3},
+//!                {"joint": "head", "look_at": [0, 1.6, 5], "axis": [0, 0, 1]},
+//!                {"joint": "foot.L", "orientation": [1, 0, 0, 0]},
+//!                {"joint": "hand.L", "pole": [0.5, 1, -2], "root": "arm.L", "middle": "elbow.L"} ],
+//!   "locked": ["hip"], "morphs": {"smile": 0.7} }
+//! ```
+//!
+//! Turns of joints are applied first, in their own frames and from `from` (rest where that is left out); then targets are sought
+//! together, within the limits of the skeleton. Rotations are `[w, x, y, z]`; `turn_deg` is a rotation vector, degrees; places are
+//! in the world, units of the model. Unknown keys and unknown joints are refused.
+
+mod document;
+mod error;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use super::ik::{IkOptions, IkSolution, Target, solve};
+use super::{Character, Outside, Pose};
+
+pub use document::pose_file_schema;
+pub use error::PoseFileError;
+
+use document::Document;
+
+/// What `format` says.
+const FORMAT: &str = "plumbline.pose";
+/// Largest file, bytes.
+const LARGEST_FILE: u64 = 1 << 24;
+
+/// What a file wants of a character.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WantedPose {
+    /// Where turns and targets begin.
+    pub start: Pose,
+    /// What is sought.
+    pub targets: Vec<Target>,
+    /// Joints that stay.
+    pub locked: Vec<u32>,
+    /// Weights of the morph targets.
+    pub weights: Vec<f64>,
+}
+
+impl WantedPose {
+    /// Reads a file for a character.
+    ///
+    /// # Errors
+    /// What [`Self::parse`] refuses; [`PoseFileError::TooLarge`], [`PoseFileError::Io`].
+    pub fn read(path: &Path, character: &Character) -> Result<Self, PoseFileError> {
+        use std::io::Read as _;
+        let file = std::fs::File::open(path)?;
+        let bytes = file.metadata()?.len();
+        if bytes > LARGEST_FILE {
+            return Err(PoseFileError::TooLarge { bytes, most: LARGEST_FILE });
+        }
+        let mut text = String::new();
+        file.take(LARGEST_FILE).read_to_string(&mut text)?;
+        Self::parse(&text, character)
+    }
+
+    /// Reads a text for a character.
+    ///
+    /// # Errors
+    /// [`PoseFileError`]: not JSON of this shape, another format or version, joints, clips or morph targets that the character
+    /// does not have, numbers that are not finite.
+    pub fn parse(text: &str, character: &Character) -> Result<Self, PoseFileError> {
+        Document::parse(text.trim_start_matches('\u{feff}'))?.of(character)
+    }
+
+    /// The pose, within the limits of the skeleton.
+    ///
+    /// # Errors
+    /// [`PoseFileError::Ik`].
+    pub fn solve(&self, character: &Character, iterations: usize) -> Result<IkSolution, PoseFileError> {
+        let options = IkOptions { iterations, locked: self.locked.clone(), ..IkOptions::default() };
+        Ok(solve(&character.skeleton, &self.start, &self.targets, &options)?)
+    }
+}
+
+/// The pose of a clip at a time.
+fn pose_of(character: &Character, clip: &str, time: f64) -> Result<(Pose, Vec<f64>), PoseFileError> {
+    let clip = character.clip(clip)?;
+    let pose = clip.pose(&character.skeleton, time, Outside::Repeat)?;
+    Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Repeat)?))
+}

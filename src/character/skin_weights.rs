@@ -1,0 +1,244 @@
+//! How much each vertex follows each joint.
+
+use super::CharacterError;
+
+/// How far from 1 the weights of a vertex may sum: what 32-bit numbers lose.
+const SUM_TOLERANCE: f64 = 1e-6;
+
+/// A joint and how much of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Influence {
+    /// Number of the joint.
+    pub joint: u32,
+    /// Its weight, above 0.
+    pub weight: f64,
+}
+
+/// What had to be done so that weights sum to one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Normalization {
+    /// Vertices whose sum was not 1.
+    pub changed: usize,
+    /// The farthest sum from 1, less 1.
+    pub farthest: f64,
+    /// Vertices that had no weight at all and were given to the joint asked for.
+    pub weightless: usize,
+}
+
+/// Few joints per vertex, in compressed rows: the joints of a row differ, weights are above 0, descend, and sum to 1 (to 1e-6).
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkinWeights {
+    joint_count: usize,
+    starts: Vec<u32>,
+    influences: Vec<Influence>,
+}
+
+impl SkinWeights {
+    /// Weights that sum to one already, and are kept as they are. Zeros are left out; where a joint comes twice in a row, its
+    /// weights are added.
+    ///
+    /// # Errors
+    /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`, `WeightSum`.
+    pub fn new<R>(joint_count: usize, rows: impl IntoIterator<Item = R>) -> Result<Self, CharacterError>
+    where
+        R: IntoIterator<Item = (u32, f64)>,
+    {
+        let weights = Self::collected(joint_count, rows)?;
+        weights.check_weightless()?;
+        let off = |(_, sum): &(usize, f64)| !((sum - 1.0).abs() <= SUM_TOLERANCE);
+        if let Some((vertex, sum)) = weights.sums().enumerate().find(off) {
+            return Err(CharacterError::WeightSum { vertex, sum, tolerance: SUM_TOLERANCE });
+        }
+        Ok(weights)
+    }
+
+    /// Weights of any sums, divided by them. Vertices without weight go to `weightless`, or are refused.
+    ///
+    /// # Errors
+    /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`.
+    pub fn normalized<R>(
+        joint_count: usize,
+        rows: impl IntoIterator<Item = R>,
+        weightless: Option<u32>,
+    ) -> Result<(Self, Normalization), CharacterError>
+    where
+        R: IntoIterator<Item = (u32, f64)>,
+    {
+        let mut weights = Self::collected(joint_count, rows)?;
+        let mut report = Normalization::default();
+        if let Some(joint) = weightless {
+            weights.check_joint(0, joint)?;
+            report.weightless = weights.give_weightless_to(joint);
+        }
+        weights.check_weightless()?;
+        for v in 0..weights.vertex_count() {
+            let row = weights.row_mut(v);
+            let sum: f64 = row.iter().map(|i| i.weight).sum();
+            if (sum - 1.0).abs() > SUM_TOLERANCE {
+                report.changed += 1;
+            }
+            if (sum - 1.0).abs() > report.farthest.abs() {
+                report.farthest = sum - 1.0;
+            }
+            row.iter_mut().for_each(|i| i.weight /= sum);
+        }
+        Ok((weights, report))
+    }
+
+    /// Every vertex follows one joint alone.
+    ///
+    /// # Errors
+    /// [`CharacterError::NoSuchJoint`].
+    pub fn rigid(joint_count: usize, joints: &[u32]) -> Result<Self, CharacterError> {
+        Self::new(joint_count, joints.iter().map(|&j| [(j, 1.0)]))
+    }
+
+    /// From a dense table, row by row: `joint_count` weights for each vertex, of any sum above 0.
+    ///
+    /// # Errors
+    /// As [`Self::normalized`].
+    ///
+    /// # Panics
+    /// Where the table's length is no multiple of `joint_count`.
+    pub fn from_dense(joint_count: usize, table: &[f64]) -> Result<(Self, Normalization), CharacterError> {
+        assert_eq!(table.len() % joint_count.max(1), 0, "whole rows");
+        let row = |r: &[f64]| (0..).zip(r.to_vec()).collect::<Vec<(u32, f64)>>();
+        Self::normalized(joint_count, table.chunks(joint_count.max(1)).map(row), None)
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Number of joints that weights may name.
+    pub fn joint_count(&self) -> usize {
+        self.joint_count
+    }
+
+    /// The joints that a vertex follows, the strongest first.
+    #[inline]
+    pub fn row(&self, vertex: usize) -> &[Influence] {
+        &self.influences[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+
+    /// All rows.
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[Influence]> + Clone + '_ {
+        self.starts.windows(2).map(|s| &self.influences[s[0] as usize..s[1] as usize])
+    }
+
+    /// Weight of one joint for one vertex.
+    pub fn weight(&self, vertex: usize, joint: u32) -> f64 {
+        self.row(vertex).iter().find(|i| i.joint == joint).map_or(0.0, |i| i.weight)
+    }
+
+    /// The most joints that any vertex follows.
+    pub fn most_influences(&self) -> usize {
+        self.rows().map(<[_]>::len).max().unwrap_or(0)
+    }
+
+    /// Sum of each row, 1 to 1e-6.
+    pub fn sums(&self) -> impl Iterator<Item = f64> + '_ {
+        self.rows().map(|r| r.iter().map(|i| i.weight).sum())
+    }
+
+    /// Without the weights below `least` of their vertex (the strongest always stays); the others sum to 1 again.
+    ///
+    /// # Errors
+    /// [`CharacterError::Option`] where `least` is not in 0 .. 1.
+    pub fn pruned(&self, least: f64) -> Result<Self, CharacterError> {
+        if !(0.0..1.0).contains(&least) {
+            return Err(CharacterError::Option { name: "least weight", value: least, range: "0 or more, below 1" });
+        }
+        Ok(self.kept(|k, influence| k == 0 || influence.weight >= least))
+    }
+
+    /// The `most` strongest of each vertex, which sum to 1 again.
+    ///
+    /// # Errors
+    /// [`CharacterError::Option`] where `most` is 0.
+    pub fn limited(&self, most: usize) -> Result<Self, CharacterError> {
+        if most == 0 {
+            return Err(CharacterError::Option { name: "influences", value: 0.0, range: "1 or more" });
+        }
+        Ok(self.kept(|k, _| k < most))
+    }
+
+    /// The influences that `keep` says (by place in the row, strongest first), which sum to 1 again where some were dropped.
+    fn kept(&self, keep: impl Fn(usize, &Influence) -> bool) -> Self {
+        let (mut starts, mut influences) = (vec![0], Vec::with_capacity(self.influences.len()));
+        for row in self.rows() {
+            let first = influences.len();
+            influences.extend(row.iter().enumerate().filter(|(k, i)| keep(*k, i)).map(|(_, i)| *i));
+            if influences.len() - first < row.len() {
+                let sum: f64 = influences[first..].iter().map(|i| i.weight).sum();
+                influences[first..].iter_mut().for_each(|i| i.weight /= sum);
+            }
+            starts.push(influences.len() as u32);
+        }
+        Self { joint_count: self.joint_count, starts, influences }
+    }
+
+    /// Checked but for sums; rows sorted by weight, then joint.
+    fn collected<R>(joint_count: usize, rows: impl IntoIterator<Item = R>) -> Result<Self, CharacterError>
+    where
+        R: IntoIterator<Item = (u32, f64)>,
+    {
+        let mut weights = Self { joint_count, starts: vec![0], influences: Vec::new() };
+        let mut one: Vec<Influence> = Vec::new();
+        for (vertex, row) in rows.into_iter().enumerate() {
+            one.clear();
+            for (joint, weight) in row {
+                if !(weight >= 0.0 && weight.is_finite()) {
+                    return Err(CharacterError::Weight { vertex, joint, weight });
+                }
+                if weight == 0.0 {
+                    continue;
+                }
+                weights.check_joint(vertex, joint)?;
+                match one.iter_mut().find(|i| i.joint == joint) {
+                    Some(same) => same.weight += weight,
+                    None => one.push(Influence { joint, weight }),
+                }
+            }
+            one.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.joint.cmp(&b.joint)));
+            weights.influences.extend_from_slice(&one);
+            weights.starts.push(weights.influences.len() as u32);
+        }
+        Ok(weights)
+    }
+
+    fn check_joint(&self, vertex: usize, joint: u32) -> Result<(), CharacterError> {
+        if (joint as usize) < self.joint_count {
+            return Ok(());
+        }
+        Err(CharacterError::NoSuchJoint { vertex, joint, joints: self.joint_count })
+    }
+
+    fn check_weightless(&self) -> Result<(), CharacterError> {
+        let mut empty = self.rows().enumerate().filter(|(_, r)| r.is_empty()).map(|(v, _)| v);
+        match empty.next() {
+            None => Ok(()),
+            Some(vertex) => Err(CharacterError::Weightless { vertex, count: 1 + empty.count() }),
+        }
+    }
+
+    fn give_weightless_to(&mut self, joint: u32) -> usize {
+        let mut given = 0;
+        let (mut starts, mut influences) = (vec![0], Vec::with_capacity(self.influences.len()));
+        for row in self.rows() {
+            if row.is_empty() {
+                given += 1;
+                influences.push(Influence { joint, weight: 1.0 });
+            }
+            influences.extend_from_slice(row);
+            starts.push(influences.len() as u32);
+        }
+        (self.starts, self.influences) = (starts, influences);
+        given
+    }
+
+    fn row_mut(&mut self, vertex: usize) -> &mut [Influence] {
+        &mut self.influences[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+}

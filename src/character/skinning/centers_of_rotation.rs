@@ -1,0 +1,247 @@
+//! Skinning with optimized centers of rotation:
+//!
+//! ```text
+//! x'ᵢ = R (xᵢ − cᵢ) + Σⱼ wⱼ Mⱼ cᵢ        R the normalized sum of the joints' quaternions
+//!
+//!       Σ_t s(wᵢ, w_t) A_t b_t                                        (a_j b_k − a_k b_j)²
+//! cᵢ = ────────────────────────        s(a, b) = Σ_{j<k} a_j a_k b_j b_k exp(− ──────────────────)     σ = 0.1
+//!       Σ_t s(wᵢ, w_t) A_t                                                    σ²
+//! ```
+//!
+//! `cᵢ` is the middle of the part of the surface whose weights are like those of vertex `i` (triangles `t` with area `A`, middle
+//! `b` and mean weights `w_t`): rotating about it neither collapses nor bulges. It does not depend on the pose. A vertex that
+//! follows one joint alone has no like, and needs none: its center is itself.
+//!
+//! A term of `s` depends on two weights alone. Triangles are therefore sorted, for each pair of joints, into square bins of
+//! these two weights; a bin counts as one triangle with the mean weights of its own, which is exact to second order in the bin's
+//! width, `σ/16`. The sum over all triangles becomes one over the bins that are occupied.
+//!
+//! # Reference
+//! B. H. Le, J. K. Hodgins, *Real-time skeletal skinning with optimized centers of rotation*, ACM TOG 35 (2016). Departure: bins
+//! in place of the paper's search among clusters of vertices; scales in a phase of their own, as with dual quaternions.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::{Influence, SkinWeights};
+use super::dual_quaternion::{Motions, Parts, blend, moved, moved_along, sign};
+use super::linear_blend::Affine;
+use super::{Jet, PosedMethod, Posing};
+use crate::mesh::TriMesh;
+
+/// Width of the likeness of weights, from the paper.
+const SIGMA: f64 = 0.1;
+/// Bins per unit of weight.
+const BINS: f64 = 160.0;
+/// Exponents beyond this are left out: e⁻³⁰ of a term.
+const FARTHEST: f64 = 30.0;
+
+/// Triangles whose weights for two joints are alike: sums of area, and of area times weights and middle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bin {
+    area: f64,
+    weights: [f64; 2],
+    middle: Vector3<f64>,
+}
+
+/// The center of each vertex, in the space at rest.
+///
+/// # Panics
+/// Where the weights are for another number of vertices.
+pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights) -> Vec<Point3<f64>> {
+    assert_eq!(mesh.vertex_count(), weights.vertex_count(), "one row of weights per vertex");
+    // About the middle of the model, so that sums of places keep their digits.
+    let middle = mesh.bounding_box().map_or(Vector3::zeros(), |(low, high)| nalgebra::center(&low, &high).coords);
+    let bins = binned(mesh, weights, &middle);
+    let center = |(v, p): (usize, &Point3<f64>)| {
+        let (mut sum, mut total) = (Vector3::zeros(), 0.0);
+        for (j, k, a) in pairs(weights.row(v)) {
+            for bin in bins.get(&(j, k)).into_iter().flatten() {
+                let likeness = likeness(a, bin.weights) * bin.area;
+                sum += likeness * bin.middle;
+                total += likeness;
+            }
+        }
+        if total > 0.0 { Point3::from(sum / total + middle) } else { *p }
+    };
+    mesh.positions().iter().enumerate().map(center).collect()
+}
+
+/// One term of `s`.
+#[inline]
+fn likeness(a: [f64; 2], b: [f64; 2]) -> f64 {
+    let across = (a[0] * b[1] - a[1] * b[0]) / SIGMA;
+    if across * across > FARTHEST { 0.0 } else { a[0] * a[1] * b[0] * b[1] * (-across * across).exp() }
+}
+
+/// Pairs of joints of a row, the lower number first, and their weights.
+fn pairs(row: &[Influence]) -> impl Iterator<Item = (u32, u32, [f64; 2])> + '_ {
+    row.iter().enumerate().flat_map(move |(n, a)| {
+        row[n + 1..].iter().map(move |b| {
+            let (low, high) = if a.joint < b.joint { (a, b) } else { (b, a) };
+            (low.joint, high.joint, [low.weight, high.weight])
+        })
+    })
+}
+
+/// Occupied bins of each pair of joints, as means.
+fn binned(mesh: &TriMesh, weights: &SkinWeights, middle: &Vector3<f64>) -> BTreeMap<(u32, u32), Vec<Bin>> {
+    let mut bins: BTreeMap<(u32, u32), BTreeMap<[u16; 2], Bin>> = BTreeMap::new();
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        let area = 0.5 * mesh.area_normal(t).norm();
+        let [a, b, c] = mesh.corners(t).map(|p| p.coords - middle);
+        let centroid = (a + b + c) / 3.0;
+        for (j, k, w) in pairs(&mean_weights(weights, corners)) {
+            let place = w.map(|w| (w * BINS) as u16);
+            let bin = bins.entry((j, k)).or_default().entry(place).or_default();
+            bin.area += area;
+            bin.weights[0] += area * w[0];
+            bin.weights[1] += area * w[1];
+            bin.middle += area * centroid;
+        }
+    }
+    let mean = |bin: &Bin| {
+        let inverse = 1.0 / bin.area;
+        Bin { area: bin.area, weights: bin.weights.map(|w| w * inverse), middle: bin.middle * inverse }
+    };
+    let occupied = |bins: BTreeMap<_, Bin>| bins.values().filter(|b| b.area > 0.0).map(mean).collect();
+    bins.into_iter().map(|(pair, bins)| (pair, occupied(bins))).collect()
+}
+
+/// Mean of the weights of a triangle's corners.
+fn mean_weights(weights: &SkinWeights, corners: &[u32; 3]) -> Vec<Influence> {
+    let mut mean: Vec<Influence> = Vec::with_capacity(12);
+    for influence in corners.iter().flat_map(|&c| weights.row(c as usize)) {
+        let weight = influence.weight / 3.0;
+        match mean.iter_mut().find(|i| i.joint == influence.joint) {
+            Some(same) => same.weight += weight,
+            None => mean.push(Influence { joint: influence.joint, weight }),
+        }
+    }
+    mean
+}
+
+/// One pose.
+pub(super) struct CentersPose<'a> {
+    posing: Posing<'a>,
+    centers: &'a [Point3<f64>],
+    slopes: &'a [[Vector3<f64>; 2]],
+    motions: Motions,
+    /// The same motions as matrices.
+    matrices: Vec<Affine>,
+}
+
+impl<'a> CentersPose<'a> {
+    pub(super) fn new(posing: Posing<'a>, centers: &'a [Point3<f64>], slopes: &'a [[Vector3<f64>; 2]]) -> Self {
+        let motions = Motions::new(posing.matrices, posing.pivots);
+        let matrices = motions.rigid.iter().map(as_matrix).collect();
+        Self { posing, centers, slopes, motions, matrices }
+    }
+
+    /// A point after the scales.
+    fn scaled(&self, row: &[Influence], p: &Point3<f64>) -> Point3<f64> {
+        self.motions.scales.as_ref().map_or(*p, |s| Affine::blend(s, row).apply(p))
+    }
+
+    fn scaled_jet(&self, row: &[Influence], slopes: &[[f64; 2]], p: &Point3<f64>, along: [Vector3<f64>; 2]) -> Jet {
+        match &self.motions.scales {
+            Some(scales) => Affine::jet(scales, row, slopes, p, along),
+            None => Jet { position: *p, along },
+        }
+    }
+}
+
+fn as_matrix(q: &Parts) -> Affine {
+    let origin = moved(q, &Point3::origin());
+    let columns = [0, 1, 2].map(|k| moved(q, &Point3::from(Vector3::ith(k, 1.0))) - origin);
+    Affine(std::array::from_fn(|k| if k < 9 { columns[k / 3][k % 3] } else { origin[k - 9] }))
+}
+
+/// The rotation alone.
+fn rotation(mut q: Parts) -> Parts {
+    q[4..].fill(0.0);
+    q
+}
+
+impl PosedMethod for CentersPose<'_> {
+    fn position(&self, vertex: usize) -> Point3<f64> {
+        let Posing { rest, weights, .. } = self.posing;
+        let row = weights.row(vertex);
+        let p = self.scaled(row, &rest.position(vertex));
+        let c = self.scaled(row, &self.centers[vertex]);
+        let q = rotation(blend(&self.motions.rigid, row));
+        let arm = moved(&q, &Point3::from(p - c));
+        Affine::blend(&self.matrices, row).apply(&c) + arm.coords
+    }
+
+    fn jet(&self, vertex: usize) -> Jet {
+        let Posing { rest, weights, .. } = self.posing;
+        let (row, slopes) = (weights.row(vertex), rest.slopes(vertex));
+        let p = self.scaled_jet(row, slopes, &rest.position(vertex), rest.tangents(vertex));
+        let c = self.scaled_jet(row, slopes, &self.centers[vertex], self.slopes[vertex]);
+        let q = rotation(blend(&self.motions.rigid, row));
+        let arm = Point3::from(p.position - c.position);
+        let turned = moved(&q, &arm);
+        let center = Affine::jet(&self.matrices, row, slopes, &c.position, c.along);
+        let pivot = &self.motions.rigid[row[0].joint as usize];
+        let along = std::array::from_fn(|k| {
+            let mut dq = [0.0; 8];
+            for (influence, slope) in row.iter().zip(slopes) {
+                let turn = &self.motions.rigid[influence.joint as usize];
+                let w = slope[k] * sign(pivot, turn);
+                dq[..4].iter_mut().zip(turn).for_each(|(d, c)| *d += w * c);
+            }
+            let swung = moved_along(&q, &dq, &arm.coords, &(p.along[k] - c.along[k]), &turned.coords);
+            swung + center.along[k]
+        });
+        Jet { position: center.position + turned.coords, along }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::tube;
+    use super::*;
+
+    /// The paper's sum over all triangles.
+    fn slowly(mesh: &TriMesh, weights: &SkinWeights, v: usize) -> Point3<f64> {
+        let (mut sum, mut total) = (Vector3::zeros(), 0.0);
+        for (t, corners) in mesh.triangles().iter().enumerate() {
+            let mean = mean_weights(weights, corners);
+            let area = 0.5 * mesh.area_normal(t).norm();
+            let [a, b, c] = mesh.corners(t).map(|p| p.coords);
+            let weight = |j: u32| mean.iter().find(|i| i.joint == j).map_or(0.0, |i| i.weight);
+            for (j, k, w) in pairs(weights.row(v)) {
+                let s = likeness(w, [weight(j), weight(k)]) * area;
+                sum += s * (a + b + c) / 3.0;
+                total += s;
+            }
+        }
+        if total > 0.0 { Point3::from(sum / total) } else { mesh.positions()[v] }
+    }
+
+    #[test]
+    fn centers_are_those_of_the_paper_and_lie_in_the_middle_of_a_limb() {
+        let (mesh, _, skin) = tube(3, 24, 60);
+        let centers = centers_of_rotation(&mesh, skin.weights());
+        for v in (0..mesh.vertex_count()).step_by(37) {
+            let exact = slowly(&mesh, skin.weights(), v);
+            assert!((centers[v] - exact).norm() < 1e-3, "{v}: {} {exact}", centers[v]);
+            if skin.weights().row(v).len() > 1 {
+                assert!(centers[v].y.hypot(centers[v].z) < 1e-2, "{v}: {}", centers[v]);
+            }
+        }
+    }
+
+    #[test]
+    fn centers_move_with_the_model() {
+        let (mesh, _, skin) = tube(3, 12, 30);
+        let at = Vector3::new(1e5, -2e5, 3e5);
+        let there = mesh.with_positions(mesh.positions().iter().map(|p| p + at).collect()).expect("finite");
+        let (here, there) = (centers_of_rotation(&mesh, skin.weights()), centers_of_rotation(&there, skin.weights()));
+        for (a, b) in here.iter().zip(&there) {
+            assert!((b - a - at).norm() < 1e-8, "{a} {b}");
+        }
+    }
+}

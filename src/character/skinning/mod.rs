@@ -1,0 +1,226 @@
+//! Skinning: the surface that goes with the joints' matrices.
+//!
+//! | method | `x' =` | keeps |
+//! | --- | --- | --- |
+//! | [`SkinningMethod::LinearBlend`] | `Σ wⱼ Mⱼ x` | nothing: collapses where bones twist by 180° |
+//! | [`SkinningMethod::DualQuaternion`] | the blend of the motions, after that of the scales | radius under twist; bulges at bends |
+//! | [`SkinningMethod::CentersOfRotation`] | blended rotation about a center that lies fixed in the material | both, mostly |
+//! | [`SkinningMethod::TwistSwing`] | between the first two | as linear where a joint swings, as dual quaternions where it twists |
+//!
+//! A [`Skinner`] is bound once; then it takes the matrices of one pose after the other ([`super::Skin::joint_matrices`]).
+//!
+//! Normals come from the derivative of the map along the surface, slopes of the weights included:
+//!
+//! ```text
+//! n' ∝ ∂x'/∂s × ∂x'/∂t      s, t across the normal at rest
+//! ```
+//!
+//! which for one bone is the inverse transpose of its matrix, and for a blend is what the deformed surface has, not the blend of
+//! the normals.
+
+mod centers_of_rotation;
+mod dual_quaternion;
+mod linear_blend;
+mod packed;
+mod rest_surface;
+#[cfg(test)]
+pub(super) mod tests;
+mod twist_swing;
+
+use nalgebra::{Matrix4, Point3, Vector3};
+
+pub use centers_of_rotation::centers_of_rotation;
+pub use packed::PackedSkin;
+pub use twist_swing::Twisting;
+
+use super::skin::check_affine;
+use super::{CharacterError, Skeleton, Skin, SkinWeights};
+use crate::mesh::TriMesh;
+use centers_of_rotation::CentersPose;
+use dual_quaternion::DualQuaternionPose;
+use linear_blend::LinearPose;
+use rest_surface::RestSurface;
+use twist_swing::TwistSwingPose;
+
+/// How the joints' motions are blended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SkinningMethod {
+    /// Matrices, linearly: fast, known everywhere, collapses under twist.
+    LinearBlend,
+    /// Rigid motions as dual quaternions, with scale and shear blended before them.
+    #[default]
+    DualQuaternion,
+    /// Rotations about centers found beforehand.
+    CentersOfRotation,
+    /// Dual quaternions where joints twist, linear where they swing.
+    TwistSwing,
+}
+
+/// A surface bound to joints by a method.
+#[derive(Clone, Debug)]
+pub struct Skinner {
+    rest: RestSurface,
+    weights: SkinWeights,
+    /// Where each joint was when the surface was bound.
+    pivots: Vec<Point3<f64>>,
+    bound: Bound,
+}
+
+/// What a method prepares.
+#[derive(Clone, Debug)]
+enum Bound {
+    LinearBlend,
+    DualQuaternion,
+    CentersOfRotation { centers: Vec<Point3<f64>>, slopes: Vec<[Vector3<f64>; 2]> },
+    TwistSwing(Twisting),
+}
+
+/// A surface in a pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skinned {
+    /// Where the vertices are.
+    pub positions: Vec<Point3<f64>>,
+    /// Unit normals.
+    pub normals: Vec<Vector3<f64>>,
+}
+
+/// One pose, as a method sees it.
+trait PosedMethod {
+    /// Where a vertex goes.
+    fn position(&self, vertex: usize) -> Point3<f64>;
+    /// Where a vertex goes, and how fast along the two tangents at rest.
+    fn jet(&self, vertex: usize) -> Jet;
+}
+
+/// A position and its derivative along two tangents.
+#[derive(Clone, Copy, Debug)]
+struct Jet {
+    position: Point3<f64>,
+    along: [Vector3<f64>; 2],
+}
+
+/// What every method blends: the surface, its weights and the matrices of a pose.
+#[derive(Clone, Copy)]
+struct Posing<'a> {
+    rest: &'a RestSurface,
+    weights: &'a SkinWeights,
+    pivots: &'a [Point3<f64>],
+    matrices: &'a [Matrix4<f64>],
+}
+
+impl Skinner {
+    /// Binds a method. `normals` are those at rest, one per vertex; `None`: those of the triangles.
+    ///
+    /// # Errors
+    /// [`CharacterError::PerVertex`] for weights or normals of another mesh, [`CharacterError::Matrices`] for another skeleton,
+    /// [`CharacterError::FlatJoint`] where a bind matrix has no inverse.
+    pub fn new(
+        mesh: &TriMesh,
+        normals: Option<&[Vector3<f64>]>,
+        skeleton: &Skeleton,
+        skin: &Skin,
+        method: SkinningMethod,
+    ) -> Result<Self, CharacterError> {
+        let (joints, matrices) = (skeleton.joint_count(), skin.inverse_bind().len());
+        if joints != matrices {
+            return Err(CharacterError::Matrices { joints, matrices });
+        }
+        let flat = |j: usize| CharacterError::FlatJoint { joint: skeleton.joints()[j].name.clone() };
+        let frame = |(j, b): (usize, &Matrix4<f64>)| b.try_inverse().ok_or_else(|| flat(j));
+        let frames: Vec<Matrix4<f64>> = skin.inverse_bind().iter().enumerate().map(frame).collect::<Result<_, _>>()?;
+        let weights = skin.weights().clone();
+        let rest = RestSurface::new(mesh, normals, &weights)?;
+        let bound = match method {
+            SkinningMethod::LinearBlend => Bound::LinearBlend,
+            SkinningMethod::DualQuaternion => Bound::DualQuaternion,
+            SkinningMethod::CentersOfRotation => {
+                let centers = centers_of_rotation(mesh, &weights);
+                let slopes = rest.slopes_of_points(mesh, &centers, |v| weights.row(v).len() > 1);
+                Bound::CentersOfRotation { centers, slopes }
+            }
+            SkinningMethod::TwistSwing => Bound::TwistSwing(Twisting::new(skeleton, &frames)),
+        };
+        let pivots = frames.iter().map(|f| Point3::new(f.m14, f.m24, f.m34)).collect();
+        Ok(Self { rest, weights, pivots, bound })
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.weights.vertex_count()
+    }
+
+    /// Where the vertices are when space moves with each joint as its matrix says.
+    ///
+    /// # Errors
+    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
+    pub fn positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
+        let mut positions = Vec::with_capacity(self.vertex_count());
+        self.positions_into(matrices, &mut positions)?;
+        Ok(positions)
+    }
+
+    /// As [`Self::positions`], in place of what `positions` held.
+    ///
+    /// # Errors
+    /// As [`Self::positions`].
+    pub fn positions_into(
+        &self,
+        matrices: &[Matrix4<f64>],
+        positions: &mut Vec<Point3<f64>>,
+    ) -> Result<(), CharacterError> {
+        struct Positions<'a>(&'a mut Vec<Point3<f64>>);
+        impl Visit for Positions<'_> {
+            type Output = ();
+            fn visit(self, method: &impl PosedMethod, vertices: usize) {
+                self.0.clear();
+                self.0.extend((0..vertices).map(|v| method.position(v)));
+            }
+        }
+        self.posed(matrices, Positions(positions))
+    }
+
+    /// The surface with its normals.
+    ///
+    /// # Errors
+    /// As [`Self::positions`].
+    pub fn skin(&self, matrices: &[Matrix4<f64>]) -> Result<Skinned, CharacterError> {
+        struct Surface<'a>(&'a RestSurface);
+        impl Visit for Surface<'_> {
+            type Output = Skinned;
+            fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output {
+                let vertex = |v: usize| {
+                    let Jet { position, along: [s, t] } = method.jet(v);
+                    // A surface that collapsed to a line has no normal: any will do.
+                    let normal = s.cross(&t).try_normalize(0.0).unwrap_or_else(|| self.0.normal(v));
+                    (position, normal)
+                };
+                let (positions, normals) = (0..vertices).map(vertex).unzip();
+                Skinned { positions, normals }
+            }
+        }
+        self.posed(matrices, Surface(&self.rest))
+    }
+
+    fn posed<V: Visit>(&self, matrices: &[Matrix4<f64>], visit: V) -> Result<V::Output, CharacterError> {
+        if matrices.len() != self.weights.joint_count() {
+            return Err(CharacterError::Matrices { joints: self.weights.joint_count(), matrices: matrices.len() });
+        }
+        check_affine(matrices)?;
+        let posing = Posing { rest: &self.rest, weights: &self.weights, pivots: &self.pivots, matrices };
+        let vertices = self.vertex_count();
+        Ok(match &self.bound {
+            Bound::LinearBlend => visit.visit(&LinearPose::new(posing), vertices),
+            Bound::DualQuaternion => visit.visit(&DualQuaternionPose::new(posing), vertices),
+            Bound::CentersOfRotation { centers, slopes } => {
+                visit.visit(&CentersPose::new(posing, centers, slopes), vertices)
+            }
+            Bound::TwistSwing(twisting) => visit.visit(&TwistSwingPose::new(posing, twisting), vertices),
+        })
+    }
+}
+
+/// What is done with a posed method, whichever it is, so that each has loops of its own.
+trait Visit {
+    type Output;
+    fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output;
+}

@@ -1,0 +1,168 @@
+//! The surface at rest: positions, a tangent frame at each vertex, and how weights change along it.
+//!
+//! ```text
+//! ∂w_ij/∂s = Σ_{t∋i} A_t ∇w_j|_t · s / Σ_{t∋i} A_t
+//! ```
+//!
+//! Slopes are kept for the joints of a vertex alone and made to sum to zero, as those of weights that sum to one do: else normals
+//! would depend on where the surface stands. Copies of a vertex (seams of texture) share their triangles.
+
+use std::collections::HashMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::{CharacterError, SkinWeights};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::Gradient;
+
+/// Positions, tangents, slopes of weights.
+#[derive(Clone, Debug)]
+pub(super) struct RestSurface {
+    positions: Vec<Point3<f64>>,
+    /// Two unit tangents whose cross product is the normal.
+    tangents: Vec<[Vector3<f64>; 2]>,
+    /// Derivative of each influence's weight along both tangents, in the order of the rows.
+    slopes: Vec<[f64; 2]>,
+    starts: Vec<u32>,
+}
+
+impl RestSurface {
+    pub(super) fn new(
+        mesh: &TriMesh,
+        normals: Option<&[Vector3<f64>]>,
+        weights: &SkinWeights,
+    ) -> Result<Self, CharacterError> {
+        let vertices = mesh.vertex_count();
+        let fits = |what, given| {
+            if given == vertices { Ok(()) } else { Err(CharacterError::PerVertex { what, given, vertices }) }
+        };
+        fits("rows of weights", weights.vertex_count())?;
+        fits("normals", normals.map_or(vertices, <[_]>::len))?;
+        let tangents = match normals {
+            Some(normals) => normals.iter().map(tangents).collect(),
+            None => mesh.vertex_normals().iter().map(tangents).collect::<Vec<_>>(),
+        };
+        let mut starts = vec![0];
+        starts.extend(weights.rows().scan(0, |sum, r| {
+            *sum += r.len() as u32;
+            Some(*sum)
+        }));
+        let mut rest = Self { positions: mesh.positions().to_vec(), tangents, slopes: Vec::new(), starts };
+        rest.slopes = rest.slopes_of_weights(mesh, weights);
+        Ok(rest)
+    }
+
+    #[inline]
+    pub(super) fn position(&self, vertex: usize) -> Point3<f64> {
+        self.positions[vertex]
+    }
+
+    #[inline]
+    pub(super) fn tangents(&self, vertex: usize) -> [Vector3<f64>; 2] {
+        self.tangents[vertex]
+    }
+
+    pub(super) fn normal(&self, vertex: usize) -> Vector3<f64> {
+        let [s, t] = self.tangents[vertex];
+        s.cross(&t)
+    }
+
+    /// Slopes of the weights of a vertex, in the order of its row.
+    #[inline]
+    pub(super) fn slopes(&self, vertex: usize) -> &[[f64; 2]] {
+        &self.slopes[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+
+    /// Derivatives along the tangents of a field of points, from triangles all of whose corners it is known at.
+    pub(super) fn slopes_of_points(
+        &self,
+        mesh: &TriMesh,
+        field: &[Point3<f64>],
+        known: impl Fn(usize) -> bool,
+    ) -> Vec<[Vector3<f64>; 2]> {
+        let gradient = Gradient::new(mesh);
+        let mut sums = vec![([Vector3::zeros(); 2], 0.0); field.len()];
+        for (t, corners) in mesh.triangles().iter().enumerate() {
+            if !corners.iter().all(|&c| known(c as usize)) {
+                continue;
+            }
+            let (phi, area) = (gradient.hats(t), gradient.areas()[t]);
+            for &v in corners {
+                let (sum, total) = &mut sums[v as usize];
+                for (along, tangent) in sum.iter_mut().zip(self.tangents[v as usize]) {
+                    let slope = |k: usize| field[corners[k] as usize].coords * phi[k].dot(&tangent);
+                    *along += area * (0..3).map(slope).sum::<Vector3<f64>>();
+                }
+                *total += area;
+            }
+        }
+        sums.into_iter().map(|(sum, total)| if total > 0.0 { sum.map(|s| s / total) } else { sum }).collect()
+    }
+
+    fn slopes_of_weights(&self, mesh: &TriMesh, weights: &SkinWeights) -> Vec<[f64; 2]> {
+        let gradient = Gradient::new(mesh);
+        let first = copies(mesh, weights);
+        let mut slopes = vec![[0.0; 2]; *self.starts.last().unwrap_or(&0) as usize];
+        let mut totals = vec![0.0; mesh.vertex_count()];
+        for (t, corners) in mesh.triangles().iter().enumerate() {
+            let (phi, area) = (gradient.hats(t), gradient.areas()[t]);
+            for &corner in corners {
+                let v = first[corner as usize] as usize;
+                totals[v] += area;
+                let start = self.starts[v] as usize;
+                for (slope, influence) in slopes[start..].iter_mut().zip(weights.row(v)) {
+                    let term = |k: usize| phi[k] * weights.weight(corners[k] as usize, influence.joint);
+                    let g: Vector3<f64> = (0..3).map(term).sum();
+                    for (along, tangent) in slope.iter_mut().zip(&self.tangents[v]) {
+                        *along += area * g.dot(tangent);
+                    }
+                }
+            }
+        }
+        self.balance(weights, &first, &totals, &mut slopes);
+        slopes
+    }
+
+    /// Divides by the areas, lets slopes sum to zero, and hands them to the copies.
+    fn balance(&self, weights: &SkinWeights, first: &[u32], totals: &[f64], slopes: &mut [[f64; 2]]) {
+        for v in 0..first.len() {
+            let (start, row) = (self.starts[v] as usize, weights.row(v));
+            let origin = first[v] as usize;
+            if origin != v {
+                // Copies may have other tangents: their normals can differ at a crease.
+                let from = self.starts[origin] as usize;
+                for k in 0..row.len() {
+                    let [a, b] = slopes[from + k];
+                    let g = self.tangents[origin][0] * a + self.tangents[origin][1] * b;
+                    slopes[start + k] = self.tangents[v].map(|t| t.dot(&g));
+                }
+                continue;
+            }
+            let one = &mut slopes[start..start + row.len()];
+            for k in 0..2 {
+                let scale = if totals[v] > 0.0 { 1.0 / totals[v] } else { 0.0 };
+                let excess: f64 = one.iter().map(|s| s[k] * scale).sum();
+                for (s, i) in one.iter_mut().zip(row) {
+                    s[k] = s[k] * scale - i.weight * excess;
+                }
+            }
+        }
+    }
+}
+
+/// Two unit vectors whose cross product is the normal.
+fn tangents(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let n = normal.try_normalize(0.0).unwrap_or_else(Vector3::z);
+    let s = n.cross(&Vector3::ith(n.iamin(), 1.0)).normalize();
+    [s, n.cross(&s)]
+}
+
+/// The first vertex with the same position and weights.
+fn copies(mesh: &TriMesh, weights: &SkinWeights) -> Vec<u32> {
+    let mut seen: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.vertex_count());
+    let place = |(v, p): (usize, &Point3<f64>)| {
+        let first = *seen.entry([p.x, p.y, p.z].map(f64::to_bits)).or_insert(v as u32);
+        if weights.row(first as usize) == weights.row(v) { first } else { v as u32 }
+    };
+    mesh.positions().iter().enumerate().map(place).collect()
+}

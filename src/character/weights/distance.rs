@@ -1,0 +1,40 @@
+//! Weights by distance alone:
+//!
+//! ```text
+//! wⱼ ∝ dⱼ⁻⁴       dⱼ the distance to the nearest bone of joint j, of the nearest four joints
+//! ```
+//!
+//! The fourth power makes a vertex that is twice as near follow sixteen times as much.
+
+use nalgebra::Point3;
+
+use super::super::Bone;
+use super::Row;
+use super::bone_distance::nearest;
+
+/// Joints of a row.
+const NEAREST: usize = 4;
+
+/// A row for each vertex.
+pub(super) fn rows(positions: &[Point3<f64>], bones: &[Bone]) -> Vec<Row> {
+    positions.iter().map(|p| row(p, bones)).collect()
+}
+
+fn row(p: &Point3<f64>, bones: &[Bone]) -> Row {
+    // Squared distance of each joint; bones of a joint follow each other.
+    let mut joints: Vec<(u32, f64)> = Vec::with_capacity(bones.len());
+    for bone in bones {
+        let (_, d2, _) = nearest(bone, p);
+        match joints.last_mut() {
+            Some((joint, least)) if *joint == bone.joint => *least = least.min(d2),
+            _ => joints.push((bone.joint, d2)),
+        }
+    }
+    joints.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    joints.truncate(NEAREST);
+    let least = joints[0].1;
+    if !(least > 0.0) {
+        return vec![(joints[0].0, 1.0)];
+    }
+    joints.iter().map(|&(j, d2)| (j, (least / d2).powi(2))).collect()
+}

@@ -1,0 +1,112 @@
+//! Animations: keys of nodes over time.
+
+use super::super::accessor::Values;
+use super::super::document::{self, Channel as Described, Sampler};
+use super::super::{fault, input::Input};
+use crate::mesh::MeshError;
+use crate::mesh::model::articulation::{Animation, Articulation, Channel, Interpolation, Property};
+
+/// All animations, and how many channels were left out: those of properties that are not read, and of nothing.
+pub(in super::super) fn read(input: &Input<'_>, tree: &Articulation) -> Result<(Vec<Animation>, usize), MeshError> {
+    let (mut animations, mut skipped) = (Vec::new(), 0);
+    for (k, described) in input.document.animations.iter().enumerate() {
+        let mut channels: Vec<Channel> = Vec::new();
+        for (c, channel) in described.channels.iter().enumerate() {
+            let at = format!("/animations/{k}/channels/{c}");
+            match channel_of(input, tree, described, channel, (k, &at))? {
+                None => skipped += 1,
+                Some(new) if channels.iter().any(|old| (old.node, old.property) == (new.node, new.property)) => {
+                    return Err(fault(at, format!("a second channel for {:?} of node {}", new.property, new.node)));
+                }
+                Some(new) => channels.push(new),
+            }
+        }
+        animations.push(Animation { name: described.name.clone(), channels });
+    }
+    Ok((animations, skipped))
+}
+
+fn channel_of(
+    input: &Input<'_>,
+    tree: &Articulation,
+    animation: &document::Animation,
+    channel: &Described,
+    (number, at): (usize, &str),
+) -> Result<Option<Channel>, MeshError> {
+    let there = animation.samplers.len();
+    let missing = || fault(at, format!("refers to sampler {}; there are {there}", channel.sampler));
+    let sampler = animation.samplers.get(channel.sampler).ok_or_else(missing)?;
+    let property = match channel.target.path.as_str() {
+        "translation" => Property::Translation,
+        "rotation" => Property::Rotation,
+        "scale" => Property::Scale,
+        "weights" => Property::Weights,
+        _ => return Ok(None),
+    };
+    let Some(node) = channel.target.node else { return Ok(None) };
+    if node >= tree.nodes.len() {
+        return Err(fault(at, format!("moves node {node}; there are only {}", tree.nodes.len())));
+    }
+    let node = node as u32;
+    let width = match property {
+        Property::Rotation => 4,
+        Property::Translation | Property::Scale => 3,
+        Property::Weights => match tree.instance_at(node).map_or(0, |i| tree.instances[i].targets.len()) {
+            // Nothing of the scene is morphed by it.
+            0 => return Ok(None),
+            targets => targets,
+        },
+    };
+    let at = format!("/animations/{number}/samplers/{}", channel.sampler);
+    let interpolation = interpolation(sampler, &at)?;
+    let times = times(input, sampler)?;
+    let values = keys(input, sampler, property)?;
+    let needed = times.len() * interpolation.per_key() * width;
+    if values.numbers.len() != needed {
+        let told = format!("{} keys need {needed} numbers, and there are {}", times.len(), values.numbers.len());
+        return Err(fault(at, told));
+    }
+    if let Some(k) = values.numbers.iter().position(|x| !x.is_finite()) {
+        let key = k / (width * interpolation.per_key());
+        return Err(fault(at, format!("the value of key {key} is not finite")));
+    }
+    Ok(Some(Channel { node, property, interpolation, times, values: values.numbers }))
+}
+
+fn interpolation(sampler: &Sampler, at: &str) -> Result<Interpolation, MeshError> {
+    Ok(match sampler.interpolation.as_deref() {
+        None | Some("LINEAR") => Interpolation::Linear,
+        Some("STEP") => Interpolation::Step,
+        Some("CUBICSPLINE") => Interpolation::CubicSpline,
+        Some(other) => {
+            let told = format!("{other:?} is no interpolation (LINEAR, STEP, CUBICSPLINE)");
+            return Err(fault(format!("{at}/interpolation"), told));
+        }
+    })
+}
+
+fn keys(input: &Input<'_>, sampler: &Sampler, property: Property) -> Result<Values, MeshError> {
+    let kind = match property {
+        Property::Rotation => "VEC4",
+        Property::Translation | Property::Scale => "VEC3",
+        Property::Weights => "SCALAR",
+    };
+    input.values(sampler.output, &[kind])
+}
+
+/// Finite, ascending, at least one.
+fn times(input: &Input<'_>, sampler: &Sampler) -> Result<Vec<f64>, MeshError> {
+    let times = input.values(sampler.input, &["SCALAR"])?.numbers;
+    let at = |k: usize| format!("/accessors/{}, item {k}", sampler.input);
+    if times.is_empty() {
+        return Err(fault(format!("/accessors/{}", sampler.input), "has no key times; an animation has at least one key"));
+    }
+    if let Some(k) = times.iter().position(|t| !t.is_finite()) {
+        return Err(fault(at(k), format!("key time {} is not finite", times[k])));
+    }
+    if let Some(k) = times.windows(2).position(|t| t[0] >= t[1]) {
+        let (a, b) = (times[k], times[k + 1]);
+        return Err(fault(at(k + 1), format!("key time {b} s does not follow {a} s; times of keys must ascend")));
+    }
+    Ok(times)
+}

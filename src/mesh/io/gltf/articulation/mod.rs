@@ -1,0 +1,6 @@
+//! What moves in a document: nodes, skins, morph targets and animations.
+
+pub(super) mod animations;
+pub(super) mod nodes;
+pub(super) mod skins;
+pub(super) mod targets;

@@ -1,0 +1,243 @@
+//! The writing of what moves.
+
+use nalgebra::{Matrix4, Vector3};
+use serde_json::{Map, Value, json};
+
+use super::parts::Part;
+use super::{ARRAYS, File, Key};
+use crate::mesh::model::articulation::{Articulation, Channel, Instance, Interpolation, MorphTarget, Place, Property};
+
+/// Influences of a vertex that are written: two sets of four.
+pub(in crate::mesh::io) const MOST_INFLUENCES: usize = 8;
+
+impl File<'_> {
+    /// `JOINTS_n` and `WEIGHTS_n` of the vertices of a part.
+    pub(super) fn influences(&mut self, part: &Part, keys: &[Key], attributes: &mut Map<String, Value>) {
+        let model = self.model;
+        let Some((articulation, instance)) = model.articulation().zip(part.instance) else { return };
+        if articulation.instances[instance].skin.is_none() {
+            return;
+        }
+        let rows: Vec<Vec<(u32, f64)>> = keys.iter().map(|k| kept(articulation, k[0] as usize)).collect();
+        let sets = rows.iter().map(Vec::len).max().unwrap_or(0).div_ceil(4).max(1);
+        let wide = rows.iter().flatten().any(|&(joint, _)| joint > u32::from(u8::MAX));
+        for set in 0..sets {
+            let item = |row: &Vec<(u32, f64)>, k: usize| row.get(4 * set + k).copied().unwrap_or((0, 0.0));
+            let joints: Vec<[u16; 4]> =
+                rows.iter().map(|row| std::array::from_fn(|k| item(row, k).0 as u16)).collect();
+            let weights: Vec<[f32; 4]> =
+                rows.iter().map(|row| std::array::from_fn(|k| item(row, k).1 as f32)).collect();
+            let joints = self.joints(&joints, wide);
+            attributes.insert(format!("JOINTS_{set}"), json!(joints));
+            let weights = self.floats(&weights, "VEC4", Some(ARRAYS));
+            attributes.insert(format!("WEIGHTS_{set}"), json!(weights));
+        }
+    }
+
+    fn joints(&mut self, joints: &[[u16; 4]], wide: bool) -> usize {
+        let bytes: Vec<u8> = match wide {
+            true => joints.iter().flatten().flat_map(|j| j.to_le_bytes()).collect(),
+            false => joints.iter().flatten().map(|&j| j as u8).collect(),
+        };
+        let view = self.view(&bytes, Some(ARRAYS));
+        let component = if wide { 5123 } else { 5121 };
+        self.accessors
+            .push(json!({ "bufferView": view, "componentType": component, "count": joints.len(), "type": "VEC4" }));
+        self.accessors.len() - 1
+    }
+
+    /// Morph targets of a part, as the primitives name them.
+    pub(super) fn targets(&mut self, part: &Part, keys: &[Key]) -> Vec<Value> {
+        let model = self.model;
+        let Some((articulation, instance)) = model.articulation().zip(part.instance) else { return Vec::new() };
+        let targets = &articulation.instances[instance].targets;
+        targets.iter().map(|target| self.target(target, part, keys)).collect()
+    }
+
+    fn target(&mut self, target: &MorphTarget, part: &Part, keys: &[Key]) -> Value {
+        let linear = part.part_from_model.fixed_view::<3, 3>(0, 0).into_owned();
+        let turn = |value: [f64; 3]| -> [f32; 3] { (linear * Vector3::from(value)).map(|x| x as f32).into() };
+        let rows = |values: &[[f64; 3]]| -> Vec<[f32; 3]> {
+            let value = |k: &Key| target.vertices.binary_search(&k[0]).ok().and_then(|at| values.get(at).copied());
+            keys.iter().map(|k| value(k).map_or([0.0; 3], turn)).collect()
+        };
+        let offsets = rows(&target.offsets);
+        let mut attributes = json!({ "POSITION": self.bounded(&offsets) });
+        if !target.normals.is_empty() && self.normals {
+            attributes["NORMAL"] = json!(self.floats(&rows(&target.normals), "VEC3", Some(ARRAYS)));
+        }
+        attributes
+    }
+
+    /// The nodes with their children, the meshes standing at them, the skins and the animations. `mesh_of_instance` are the
+    /// numbers of the meshes that were written.
+    pub(super) fn articulation(&mut self, articulation: &Articulation, mesh_of_instance: &[Option<usize>]) {
+        self.nodes = articulation.nodes.iter().map(|node| place(&node.place)).collect();
+        for (k, node) in articulation.nodes.iter().enumerate() {
+            if let Some(name) = node.name.as_ref().filter(|name| !name.is_empty()) {
+                self.nodes[k]["name"] = json!(name);
+            }
+            if let Some(parent) = node.parent {
+                match self.nodes[parent as usize].get_mut("children").and_then(Value::as_array_mut) {
+                    Some(children) => children.push(json!(k)),
+                    None => self.nodes[parent as usize]["children"] = json!([k]),
+                }
+            }
+        }
+        for (instance, mesh) in articulation.instances.iter().zip(mesh_of_instance) {
+            let Some(mesh) = mesh else { continue };
+            let node = &mut self.nodes[instance.node as usize];
+            node["mesh"] = json!(mesh);
+            if let Some(skin) = instance.skin {
+                node["skin"] = json!(skin);
+            }
+            morphed(&mut self.meshes[*mesh], instance);
+        }
+        for skin in &articulation.skins {
+            let columns: Vec<[f32; 16]> =
+                skin.inverse_binds.iter().map(|m| std::array::from_fn(|k| m.as_slice()[k] as f32)).collect();
+            let mut written = json!({ "joints": skin.joints, "inverseBindMatrices": self.floats(&columns, "MAT4", None) });
+            if let Some(name) = skin.name.as_ref().filter(|name| !name.is_empty()) {
+                written["name"] = json!(name);
+            }
+            self.skins.push(written);
+        }
+        self.roots = articulation.roots.iter().map(|&root| root as usize).collect();
+        self.animations(articulation, mesh_of_instance);
+    }
+
+    fn animations(&mut self, articulation: &Articulation, mesh_of_instance: &[Option<usize>]) {
+        for animation in &articulation.animations {
+            let (mut channels, mut samplers) = (Vec::new(), Vec::new());
+            // Channels often share their times.
+            let mut known: Vec<(&[f64], usize)> = Vec::new();
+            for channel in &animation.channels {
+                let at = articulation.instance_at(channel.node);
+                if channel.property == Property::Weights && at.and_then(|i| mesh_of_instance[i]).is_none() {
+                    continue;
+                }
+                let input = match known.iter().find(|(times, _)| *times == channel.times) {
+                    Some(&(_, input)) => input,
+                    None => {
+                        let input = self.times(&channel.times);
+                        known.push((&channel.times, input));
+                        input
+                    }
+                };
+                let (property, interpolation) = names(channel);
+                let output = self.values(channel);
+                channels.push(json!({ "sampler": samplers.len(), "target": { "node": channel.node, "path": property } }));
+                samplers.push(json!({ "input": input, "output": output, "interpolation": interpolation }));
+            }
+            if !channels.is_empty() {
+                let mut written = json!({ "channels": channels, "samplers": samplers });
+                if let Some(name) = animation.name.as_ref().filter(|name| !name.is_empty()) {
+                    written["name"] = json!(name);
+                }
+                self.animations.push(written);
+            }
+        }
+    }
+
+    /// Times of keys; those that 32 bits cannot tell apart are moved to the next number that can.
+    fn times(&mut self, times: &[f64]) -> usize {
+        let mut last = f32::NEG_INFINITY;
+        let mut apart = |t: &f64| {
+            last = (*t as f32).max(last.next_up());
+            [last]
+        };
+        let times: Vec<[f32; 1]> = times.iter().map(&mut apart).collect();
+        let accessor = self.floats(&times, "SCALAR", None);
+        self.accessors[accessor]["min"] = json!([times[0][0]]);
+        self.accessors[accessor]["max"] = json!([times[times.len() - 1][0]]);
+        accessor
+    }
+
+    fn values(&mut self, channel: &Channel) -> usize {
+        let rows = |width: usize| channel.values.chunks_exact(width);
+        match channel.property {
+            Property::Rotation => {
+                let unit = channel.interpolation != Interpolation::CubicSpline;
+                let row = |q: &[f64]| -> [f32; 4] {
+                    let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    let by = if unit && norm > 0.0 { norm } else { 1.0 };
+                    std::array::from_fn(|k| (q[k] / by) as f32)
+                };
+                let values: Vec<_> = rows(4).map(row).collect();
+                self.floats(&values, "VEC4", None)
+            }
+            Property::Translation | Property::Scale => {
+                let values: Vec<[f32; 3]> = rows(3).map(|v| std::array::from_fn(|k| v[k] as f32)).collect();
+                self.floats(&values, "VEC3", None)
+            }
+            Property::Weights => {
+                let values: Vec<[f32; 1]> = channel.values.iter().map(|&v| [v as f32]).collect();
+                self.floats(&values, "SCALAR", None)
+            }
+        }
+    }
+}
+
+/// The closest influences of a vertex, as many as are written. Where a vertex of a skin follows nothing, the first joint.
+fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
+    let mut row: Vec<(u32, f64)> = articulation.influences.row(vertex).collect();
+    row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    row.truncate(MOST_INFLUENCES);
+    if row.is_empty() {
+        return vec![(0, 1.0)];
+    }
+    let sum: f64 = row.iter().map(|(_, w)| w).sum();
+    row.iter_mut().for_each(|(_, w)| *w /= sum);
+    // The sum of the rounded weights is one as well.
+    let rest: f64 = row[1..].iter().map(|(_, w)| f64::from(*w as f32)).sum();
+    row[0].1 = 1.0 - rest;
+    row
+}
+
+fn place(place: &Place) -> Value {
+    let mut node = json!({});
+    match place {
+        Place::Matrix(matrix) if *matrix != Matrix4::identity() => node["matrix"] = json!(matrix.as_slice()),
+        Place::Matrix(_) => {}
+        Place::Trs { translation, rotation, scale } => {
+            let norm = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if *translation != [0.0; 3] {
+                node["translation"] = json!(translation);
+            }
+            if *rotation != [0.0, 0.0, 0.0, 1.0] && norm > 0.0 {
+                node["rotation"] = json!(rotation.map(|x| x / norm));
+            }
+            if *scale != [1.0; 3] {
+                node["scale"] = json!(scale);
+            }
+        }
+    }
+    node
+}
+
+/// Weights and names of the morph targets.
+fn morphed(mesh: &mut Value, instance: &Instance) {
+    if instance.targets.is_empty() {
+        return;
+    }
+    mesh["weights"] = json!(instance.targets.iter().map(|t| t.weight).collect::<Vec<_>>());
+    if instance.targets.iter().any(|t| t.name.is_some()) {
+        let names: Vec<_> = instance.targets.iter().map(|t| t.name.clone().unwrap_or_default()).collect();
+        mesh["extras"] = json!({ "targetNames": names });
+    }
+}
+
+fn names(channel: &Channel) -> (&'static str, &'static str) {
+    let property = match channel.property {
+        Property::Translation => "translation",
+        Property::Rotation => "rotation",
+        Property::Scale => "scale",
+        Property::Weights => "weights",
+    };
+    let interpolation = match channel.interpolation {
+        Interpolation::Step => "STEP",
+        Interpolation::Linear => "LINEAR",
+        Interpolation::CubicSpline => "CUBICSPLINE",
+    };
+    (property, interpolation)
+}

@@ -1,0 +1,119 @@
+//! Which faces go into which node.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix4, Vector3};
+
+use super::super::scene::normal_matrix;
+use crate::mesh::Model;
+use crate::mesh::model::articulation::Articulation;
+
+/// How many diagonals from the origin a mesh may lie before 32-bit coordinates lose a millionth of it.
+const FAR: f64 = 16.0;
+
+/// Faces that go into one node, in order of group and material.
+pub(super) struct Part {
+    /// Of the node.
+    pub(super) name: String,
+    /// Of the mesh.
+    pub(super) mesh: String,
+    pub(super) faces: Vec<usize>,
+    /// Vertices that no face names and that go with the part.
+    pub(super) loose: Vec<u32>,
+    /// Of the articulation.
+    pub(super) instance: Option<usize>,
+    /// Where the vertices lie as they are written.
+    pub(super) part_from_model: Matrix4<f64>,
+}
+
+impl Part {
+    /// How normals turn with the part.
+    pub(super) fn normal(&self, normal: &[f64; 3]) -> [f64; 3] {
+        if self.part_from_model == Matrix4::identity() {
+            return *normal;
+        }
+        let turned = normal_matrix(&self.part_from_model) * Vector3::from(*normal);
+        turned.try_normalize(0.0).unwrap_or_else(Vector3::z).into()
+    }
+
+    /// Triangles change their side.
+    pub(super) fn mirrored(&self) -> bool {
+        self.part_from_model.determinant() < 0.0
+    }
+}
+
+/// One part per instance; without any, one per object where objects share no vertex, one for all otherwise.
+pub(super) fn parts(model: &Model) -> Vec<Part> {
+    match model.articulation() {
+        Some(articulation) => of_instances(model, articulation),
+        None => of_objects(model),
+    }
+}
+
+fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
+    let world = articulation.world_from_nodes();
+    let part = |(k, instance): (usize, &crate::mesh::model::articulation::Instance)| {
+        let inverse = || world[instance.node as usize].try_inverse().filter(|m| m.iter().all(|x| x.is_finite()));
+        let part_from_model = if instance.skin.is_some() { Some(Matrix4::identity()) } else { inverse() };
+        let mesh = instance.mesh.clone().unwrap_or_default();
+        let name = articulation.nodes[instance.node as usize].name.clone().unwrap_or_else(|| mesh.clone());
+        // What has no volume at rest has lost its shape; it stands flat where it stood.
+        let part_from_model = part_from_model.unwrap_or_else(Matrix4::identity);
+        Part { name, mesh, faces: Vec::new(), loose: Vec::new(), instance: Some(k), part_from_model }
+    };
+    let mut parts: Vec<Part> = articulation.instances.iter().enumerate().map(part).collect();
+    for (face, vertices) in model.faces().iter().enumerate() {
+        parts[articulation.instance_of_vertex[vertices[0] as usize] as usize].faces.push(face);
+    }
+    for vertex in unnamed(model) {
+        parts[articulation.instance_of_vertex[vertex as usize] as usize].loose.push(vertex);
+    }
+    parts
+}
+
+fn of_objects(model: &Model) -> Vec<Part> {
+    let object = |face: usize| model.groups().get(face).map_or("", |group| &group.object);
+    let mut objects: BTreeMap<&str, (usize, Vec<usize>)> = BTreeMap::new();
+    let mut owner: Vec<Option<&str>> = vec![None; model.mesh().vertex_count()];
+    let mut shared = false;
+    for face in 0..model.faces().len() {
+        let name = object(face);
+        let order = objects.len();
+        objects.entry(name).or_insert((order, Vec::new())).1.push(face);
+        for &vertex in model.faces().get(face) {
+            shared |= owner[vertex as usize].replace(name).is_some_and(|other| other != name);
+        }
+    }
+    let part_from_model = Matrix4::new_translation(&-origin(model));
+    let part = |name: &str, faces, loose| Part {
+        name: name.to_owned(),
+        mesh: name.to_owned(),
+        faces,
+        loose,
+        instance: None,
+        part_from_model,
+    };
+    if shared || objects.len() < 2 {
+        let name = objects.keys().next().filter(|_| !shared).copied().unwrap_or_default();
+        return vec![part(name, (0..model.faces().len()).collect(), unnamed(model))];
+    }
+    let mut parts: Vec<_> = objects.into_iter().collect();
+    parts.sort_by_key(|(_, (order, _))| *order);
+    let first = |order: usize| if order == 0 { unnamed(model) } else { Vec::new() };
+    parts.into_iter().map(|(name, (order, faces))| part(name, faces, first(order))).collect()
+}
+
+/// What is taken from coordinates: the middle of a mesh far from the origin.
+pub(super) fn origin(model: &Model) -> Vector3<f64> {
+    let mesh = model.mesh();
+    let diagonal = mesh.diagonal();
+    let far = mesh.positions().iter().any(|p| p.coords.amax() > FAR * diagonal);
+    let middle = mesh.bounding_box().map(|(low, high)| nalgebra::center(&low, &high).coords);
+    middle.filter(|_| far && diagonal > 0.0).unwrap_or_else(Vector3::zeros)
+}
+
+fn unnamed(model: &Model) -> Vec<u32> {
+    let mut named = vec![false; model.mesh().vertex_count()];
+    model.faces().vertices().iter().for_each(|&v| named[v as usize] = true);
+    (0..named.len()).filter(|&v| !named[v]).map(|v| v as u32).collect()
+}
