@@ -202,7 +202,8 @@ mod tests {
             let p = Point3::new((k * 0.37).sin() * 2.0, (k * 0.73).cos(), (k * 1.31).sin() * 0.5);
             let d = Vector3::new((k * 0.91).cos(), (k * 0.17).sin(), (k * 0.53).cos());
             let all = || (0..mesh.triangle_count()).map(|t| mesh.corners(t));
-            let near = all().map(|t| nalgebra::distance(&p, &nearest_of_triangle(&p, &t))).fold(f64::INFINITY, f64::min);
+            let near =
+                all().map(|t| nalgebra::distance(&p, &nearest_of_triangle(&p, &t))).fold(f64::INFINITY, f64::min);
             let hit = all().filter_map(|t| meets(&p, &d, &t)).fold(f64::INFINITY, f64::min);
             assert!((nalgebra::distance(&tree.nearest(&p).unwrap(), &p) - near).abs() < 1e-14);
             assert_eq!(tree.first_hit(&p, &d).unwrap_or(f64::INFINITY), hit);

@@ -27,13 +27,13 @@ pub(super) fn radius(tree: &AabbTree, c: &Point3<f64>) -> f64 {
     tree.nearest(c).map_or(0.0, |p| nalgebra::distance(c, &p))
 }
 
-/// Moves all nodes but pinned ones toward the middle.
-pub(super) fn center(web: &mut Web, tree: &AabbTree, passes: usize) {
+/// Moves all nodes but pinned ones toward the middle. Only a `closed` surface has an outside.
+pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize) {
     let alive: Vec<u32> = web.alive().collect();
     for _ in 0..passes {
         let mut steps = vec![Vector3::zeros(); web.nodes.len()];
         for &v in &alive {
-            let step = step(tree, &web.nodes[v as usize]);
+            let step = step(tree, closed, &web.nodes[v as usize]);
             let along = tangent(web, v);
             steps[v as usize] = step - along * step.dot(&along);
         }
@@ -48,10 +48,10 @@ pub(super) fn center(web: &mut Web, tree: &AabbTree, passes: usize) {
 }
 
 /// The way from a node to the middle of its chord.
-fn step(tree: &AabbTree, c: &Point3<f64>) -> Vector3<f64> {
+fn step(tree: &AabbTree, closed: bool, c: &Point3<f64>) -> Vector3<f64> {
     let Some(near) = tree.nearest(c) else { return Vector3::zeros() };
     let Some(away) = (c - near).try_normalize(0.0) else { return Vector3::zeros() };
-    if !tree.encloses(c) {
+    if closed && !tree.encloses(c) {
         let inward = -away;
         let beyond = tree.first_hit(&(near + inward * (1e-6 + 1e-3 * (c - near).norm())), &inward).unwrap_or(0.0);
         return near - c + inward * (0.5 * beyond);

@@ -46,7 +46,15 @@ impl Complex {
         for (t, corners) in triangles.iter().enumerate() {
             corners.iter().for_each(|v| fans[*v as usize].push(t as u32));
         }
-        let mut this = Self { positions, triangles, fans, into: (0..n as u32).collect(), boundary: vec![false; n], alive: n, collapses: Vec::new() };
+        let mut this = Self {
+            positions,
+            triangles,
+            fans,
+            into: (0..n as u32).collect(),
+            boundary: vec![false; n],
+            alive: n,
+            collapses: Vec::new(),
+        };
         let mut neighbors = Vec::new();
         for v in 0..n as u32 {
             this.neighbors(v, &mut neighbors);

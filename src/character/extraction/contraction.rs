@@ -3,24 +3,29 @@
 //! Each round solves, in the least-squares sense, for positions `x'` of the vertices from the positions `x` of the round before,
 //!
 //! ```text
-//! E = Σᵢ w_L² ‖(L x')ᵢ‖²  +  Σᵢ mᵢ w_H² ‖x'ᵢ − xᵢ‖²  +  Σᵢ mᵢ w_M² ‖x'ᵢ − cᵢ‖²
+//! E = Σᵢ w_Lᵢ² ‖(L x')ᵢ‖²  +  Σᵢ mᵢ w_Hᵢ² ‖x'ᵢ − xᵢ‖²  +  Σᵢ mᵢ w_M² ‖x'ᵢ − cᵢ‖²
+//! w_Lᵢ = w_L s_Lᵗ ρᵢ² / √(aᵢ ā),   w_Hᵢ² = w_H² aᵢ / Aᵢ,   mᵢ = aᵢ / ā
 //! ```
 //!
-//! with `L` the cotangent Laplacian of the surface as it is now (`L_ij = cot α + cot β`, rows that sum to zero), `mᵢ` the area that a
-//! vertex stands for relative to the mean, and `cᵢ` the center of its medial ball. The first term makes the surface flat
-//! in the mean: it moves along its mean-curvature normal, thin parts inward. The second holds each round back, the third keeps
-//! what has shrunk in the middle of the shape, and branches from growing shorter. The normal equations
+//! with `L` the cotangent Laplacian of the surface as it is in round `t`, `aᵢ` the area that a vertex stood for at first and `Aᵢ` what is
+//! left of it, `ā` the mean of the former, `ρᵢ` the radius of the shape about the vertex and `cᵢ` the center of its medial ball. The
+//! first term makes the surface flat in the mean: it moves along its mean-curvature normal, thin parts inward. The second
+//! holds each round back, the more the less area is left; the third keeps what has shrunk in the middle of the shape, and
+//! branches from growing shorter. The normal equations
 //!
-//! `(Lᵀ W_L² L + M (w_H² + w_M²)) x' = M (w_H² x + w_M² c)`
+//! `(Lᵀ W_L² L + M (W_H² + w_M²)) x' = M (W_H² x + w_M² c)`
 //!
 //! are sparse and positive definite: one factorization and three right-hand sides per round.
 //!
-//! After each round edges that have become short collapse under the link condition, so that no sliver is left to spoil the
-//! cotangents and systems grow smaller as the surface does. A merged vertex stands for the area of both, at the mean of
-//! both centers. A round with an unchanged surface uses the analysis of the round before.
+//! After each round edges that have become short collapse under the link condition, so that systems grow smaller as the surface
+//! does. A merged vertex stands for the area of both, at the mean of both centers. A round with an unchanged surface uses the
+//! analysis of the round before.
 //!
-//! Departures: Au et al. raise `w_L` and `w_H` every round over a surface that keeps all its vertices; here vertices merge, as in
-//! Tagliasacchi et al., and weights stay. Pinned vertices have a weight that holds them in place.
+//! Departures from Au et al.: `w_L` counts in units of the local radius, so that fingers and trunks contract in the same rounds, and
+//! grows by 1.2 a round instead of 2; vertices merge, and are drawn to medial centers, as in Tagliasacchi et al. (there Voronoi
+//! poles); weights of edges are not negative, which Laplacians of slivers would need to be linearly precise; instead vertices whose
+//! area is gone are contracted no more, or limbs would be drawn in along themselves. Pinned vertices have a weight that holds
+//! them in place.
 //!
 //! # Reference
 //! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section
@@ -51,8 +56,14 @@ pub(super) struct Weights {
     pub(super) still: f64,
 }
 
-/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits.
-const STEEPEST: f64 = 30.0;
+/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
+/// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
+const STEEPEST: f64 = 1e3;
+/// A vertex whose triangles have shrunk to this share of their area is part of the curve: it is contracted no more. At 300 limbs
+/// lose their tips, at 10 palms and ears stay sheets.
+const FROZEN: f64 = 30.0;
+/// Bound of the weight by which shrunken vertices hold to their place.
+const FIRMEST: f64 = 1e6;
 /// Weight of pinned vertices over the others.
 const PINNED: f64 = 1e6;
 
@@ -123,12 +134,12 @@ impl Contraction {
         let w = &self.weights;
         let (hold, medial) = (w.hold * w.hold, w.medial * w.medial);
         let ring = self.ring_areas();
-        let env = super::env;
-        let (ha, ma, cap, freeze) = (env("HA", 1.0), env("MA", 0.0), env("CAP", 1e6), env("FREEZE", 30.0));
         let strength = w.contraction * w.growth.powi(self.round as i32);
         let shrunk = |v: u32| self.mass[v as usize] / ring[v as usize].max(1e-300);
         let row = |v: &u32| {
-            if shrunk(*v) > freeze { return 0.0; }
+            if shrunk(*v) > FROZEN {
+                return 0.0;
+            }
             let m = self.mass[*v as usize];
             strength * self.radii[*v as usize].powi(2) / (m * mean).sqrt()
         };
@@ -142,8 +153,7 @@ impl Contraction {
             let (weight, wanted) = if self.pinned[v] {
                 (PINNED, x * PINNED)
             } else {
-                let r = shrunk(v as u32).clamp(1.0, cap);
-                let (hold, medial) = (hold * r.powf(ha), medial * r.powf(ma));
+                let hold = hold * shrunk(v as u32).clamp(1.0, FIRMEST);
                 (m * (hold + medial), x * (m * hold) + self.centers[v].coords * (m * medial))
             };
             let diagonal = system.matrix.pattern().column(i).start;
@@ -157,11 +167,7 @@ impl Contraction {
         for (i, &v) in system.vertices.iter().enumerate() {
             let moved = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
             if moved.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
-                let v = v as usize;
-                let (c, at) = (self.centers[v], self.complex.positions[v]);
-                let most = nalgebra::distance(&at, &c).max(super::env("BETA", 99.0) * self.radii[v]);
-                let off = moved - c.coords;
-                self.complex.positions[v] = c + off * (most / off.norm().max(1e-300)).min(1.0);
+                self.complex.positions[v as usize] = Point3::from(moved);
             }
         }
         self.system = Some(system);
@@ -188,7 +194,10 @@ impl Contraction {
             let mut progress = false;
             for (_, a, b) in edges {
                 let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
-                if !alive || self.length(a, b) > self.weights.short || (self.pinned[a as usize] && self.pinned[b as usize]) {
+                if !alive
+                    || self.length(a, b) > self.weights.short
+                    || (self.pinned[a as usize] && self.pinned[b as usize])
+                {
                     continue;
                 }
                 self.complex.neighbors(a, &mut around);
@@ -287,8 +296,7 @@ impl System {
         for i in 0..n as u32 {
             row.clear();
             while let Some(&(_, j, weight)) = edges.get(at).filter(|e| e.0 == i) {
-                let weight = if super::env("CLAMP", 2.0) == 2.0 { weight.max(0.0) } else { weight };
-                row.push((j, weight * rows[i as usize]));
+                row.push((j, weight.max(0.0) * rows[i as usize]));
                 at += 1;
             }
             let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
@@ -308,10 +316,10 @@ impl System {
     }
 }
 
-/// Cotangent of the angle at `o`, between 0 and [`STEEPEST`].
+/// Half the cotangent of the angle at `o`.
 fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
     let (u, v) = (a - o, b - o);
     let cross = u.cross(&v).norm();
     let dot = u.dot(&v);
-    0.5 * if super::env("CLAMP", 2.0) == 1.0 && dot < 0.0 { 0.0 } else { (dot / cross.max(1e-300)).clamp(-super::env("STEEP",1000.0), super::env("STEEP",1000.0)) }
+    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
 }

@@ -367,7 +367,8 @@ fn independent_columns(m: &DMatrix<f64>) -> Vec<usize> {
     let mut rest = m.clone();
     let mut found = Vec::new();
     for j in 0..m.ncols() {
-        let (pivot, size) = (0..m.nrows()).map(|i| (i, rest[(i, j)].abs())).fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        let (pivot, size) =
+            (0..m.nrows()).map(|i| (i, rest[(i, j)].abs())).fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
         if size < 1e-6 {
             continue;
         }

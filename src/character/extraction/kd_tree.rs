@@ -44,12 +44,7 @@ fn divide(nodes: &mut [(Point3<f64>, u32, u8)]) {
     divide(&mut right[1..]);
 }
 
-fn search(
-    nodes: &[(Point3<f64>, u32, u8)],
-    p: &Point3<f64>,
-    wanted: &impl Fn(u32) -> bool,
-    best: &mut (u32, f64),
-) {
+fn search(nodes: &[(Point3<f64>, u32, u8)], p: &Point3<f64>, wanted: &impl Fn(u32) -> bool, best: &mut (u32, f64)) {
     let mut take = |n: &(Point3<f64>, u32, u8)| {
         let d = nalgebra::distance_squared(&n.0, p);
         if d < best.1 && wanted(n.1) {

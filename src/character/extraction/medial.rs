@@ -43,14 +43,7 @@ pub(super) fn balls(positions: &[Point3<f64>], normals: &[Vector3<f64>], widest:
     positions.iter().zip(normals).enumerate().map(of).collect()
 }
 
-fn shrunk(
-    i: u32,
-    p: &Point3<f64>,
-    n: &Vector3<f64>,
-    start: f64,
-    tree: &KdTree,
-    positions: &[Point3<f64>],
-) -> Ball {
+fn shrunk(i: u32, p: &Point3<f64>, n: &Vector3<f64>, start: f64, tree: &KdTree, positions: &[Point3<f64>]) -> Ball {
     let mut ball = Ball { center: p - n * start, radius: start };
     for _ in 0..ROUNDS {
         let Some((q, square)) = tree.nearest(&ball.center, |v| v != i) else { break };

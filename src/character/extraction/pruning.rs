@@ -57,7 +57,9 @@ pub(super) fn join_junctions(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) ->
         }
         let Some((_, branch)) = nearest else { return };
         let (a, b) = (branch[0], branch[branch.len() - 1]);
-        let (inner, keep) = if radius(web, a) >= radius(web, b) { (branch[1..].to_vec(), a) } else {
+        let (inner, keep) = if radius(web, a) >= radius(web, b) {
+            (branch[1..].to_vec(), a)
+        } else {
             let mut rest = branch.clone();
             rest.pop();
             rest.reverse();

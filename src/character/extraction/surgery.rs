@@ -56,7 +56,6 @@ struct Surgery<'c> {
     fans: Vec<Vec<u32>>,
     spokes: Vec<Vec<Spoke>>,
     quadrics: Vec<Matrix4<f64>>,
-    mass: Vec<f64>,
     version: Vec<u32>,
     into: Vec<u32>,
     pinned: &'c [bool],
@@ -65,8 +64,8 @@ struct Surgery<'c> {
 }
 
 /// Collapses all triangles of a complex.
-pub(super) fn collapse_to_curve(complex: &Complex, pinned: &[bool], mass: &[f64], classes: &mut Classes) -> Graph {
-    let mut surgery = Surgery::new(complex, pinned, mass, classes);
+pub(super) fn collapse_to_curve(complex: &Complex, pinned: &[bool], classes: &mut Classes) -> Graph {
+    let mut surgery = Surgery::new(complex, pinned, classes);
     for v in complex.vertices() {
         surgery.offer(v);
     }
@@ -76,7 +75,7 @@ pub(super) fn collapse_to_curve(complex: &Complex, pinned: &[bool], mass: &[f64]
 }
 
 impl<'c> Surgery<'c> {
-    fn new(complex: &Complex, pinned: &'c [bool], mass: &[f64], classes: &'c mut Classes) -> Self {
+    fn new(complex: &Complex, pinned: &'c [bool], classes: &'c mut Classes) -> Self {
         let n = complex.positions.len();
         let triangles = complex.triangles.clone();
         let mut fans = vec![Vec::new(); n];
@@ -97,7 +96,6 @@ impl<'c> Surgery<'c> {
             triangles,
             fans,
             spokes,
-            mass: mass.to_vec(),
             quadrics: vec![Matrix4::zeros(); n],
             version: vec![0; n],
             into: (0..n as u32).collect(),
@@ -129,7 +127,7 @@ impl<'c> Surgery<'c> {
         let at = self.positions[i as usize];
         let to = |v: u32| nalgebra::distance(&at, &self.positions[v as usize]);
         let around: f64 = self.spokes[i as usize].iter().map(|s| to(s.to)).sum();
-        super::env("SHAPE",1.0) * h.dot(&(quadric * h)).max(0.0) + super::env("SAMPLING",0.1) * to(j) * around
+        SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * to(j) * around
     }
 
     /// Puts all collapses of edges at `v` into the heap.
@@ -147,7 +145,10 @@ impl<'c> Surgery<'c> {
 
     fn run(&mut self) {
         while let Some(Reverse((_, i, j, at_i, at_j))) = self.heap.pop() {
-            if self.version[i as usize] == at_i && self.version[j as usize] == at_j && self.has_face(i, j) && self.keeps_holes(i, j)
+            if self.version[i as usize] == at_i
+                && self.version[j as usize] == at_j
+                && self.has_face(i, j)
+                && self.keeps_holes(i, j)
             {
                 self.collapse(i, j);
             }
@@ -214,13 +215,6 @@ impl<'c> Surgery<'c> {
                 self.spokes[k].push(Spoke { to: j, class: reverse });
             }
         }
-        if super::env("MID", 0.0) > 0.0 && !self.pinned[j as usize] {
-            let share = self.mass[i as usize] / (self.mass[i as usize] + self.mass[j as usize]).max(1e-300);
-            let toward = self.positions[i as usize] - self.positions[j as usize];
-            self.positions[j as usize] += toward * share;
-        }
-        let gone = self.mass[i as usize];
-        self.mass[j as usize] += gone;
         let quadric = self.quadrics[i as usize];
         self.quadrics[j as usize] += quadric;
         self.into[i as usize] = j;
@@ -247,8 +241,9 @@ impl<'c> Surgery<'c> {
     /// The simple cycle of fewest edges whose class is zero, by searches from every vertex.
     fn trivial_cycle(&mut self) -> Option<Vec<u32>> {
         let mut best: Option<Vec<u32>> = None;
-        let junctions: Vec<u32> =
-            (0..self.spokes.len() as u32).filter(|v| self.spokes[*v as usize].len() > 2 && self.into[*v as usize] == *v).collect();
+        let junctions: Vec<u32> = (0..self.spokes.len() as u32)
+            .filter(|v| self.spokes[*v as usize].len() > 2 && self.into[*v as usize] == *v)
+            .collect();
         let loops = self.loop_count();
         if loops <= self.classes.rank() {
             return None;
@@ -365,7 +360,8 @@ impl<'c> Surgery<'c> {
                 nodes.push(self.positions[v as usize]);
             }
         }
-        let spokes = (0..n).filter(|v| number[*v] != NONE).flat_map(|v| self.spokes[v].iter().map(move |s| (v, s.to as usize)));
+        let spokes =
+            (0..n).filter(|v| number[*v] != NONE).flat_map(|v| self.spokes[v].iter().map(move |s| (v, s.to as usize)));
         let edges = spokes.filter(|(v, u)| v < u).map(|(v, u)| [number[v], number[u]]).collect();
         let node_of_vertex = roots.iter().map(|v| number[*v as usize]).collect();
         Graph { nodes, edges, node_of_vertex }

@@ -1,0 +1,1 @@
+//! Laws of extraction on shapes made by rule.
