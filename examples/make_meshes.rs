@@ -1,4 +1,4 @@
-//! Writes the small meshes of `media/` that are made to hurt: `make_meshes [DIR]`.
+//! Writes the small meshes of `media/`, those that are made to hurt and a character: `make_meshes [DIR]`.
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,8 @@ fn main() -> Result<(), Failure> {
     write("mesh-bar.ply", shapes::bar([6, 6, 30], [1.0, 1.0, 5.0]))?;
     write("mesh-zero-area.obj", with_zero_area())?;
     write_model(&folder.join("mesh-polygons.obj"), &polygons()?)?;
+    let person = plumbline::character::humanoid::humanoid(0.03)?;
+    write_model(&folder.join("humanoid.glb"), &person.to_model(None)?)?;
     broken(&folder)
 }
 

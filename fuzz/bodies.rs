@@ -4,6 +4,8 @@
 use std::io::Cursor;
 
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
+use plumbline::character::Outside;
+use plumbline::character::io::{Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text};
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::math::Point2;
 use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
@@ -120,9 +122,34 @@ pub(crate) fn stl_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Stl);
 }
 
-/// [`mesh_file`] as glTF, in JSON or binary as the bytes begin.
+/// [`mesh_file`] as glTF, in JSON or binary as the bytes begin; as a character too, which is posed and written.
 pub(crate) fn gltf_file(bytes: &[u8]) {
-    mesh_file(bytes, if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf });
+    let format = if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf };
+    mesh_file(bytes, format);
+    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
+    let Ok(model) = decode_model(bytes, format, None, &limits) else { return };
+    let Ok(character) = character_of(&model) else { return };
+    for clip in &character.clips {
+        for time in [-1.0, 0.0, 0.3, 1e9] {
+            clip.pose(&character.skeleton, time, Outside::Repeat).expect("a clip of its own skeleton");
+        }
+    }
+    write_and_read(&character.to_model(None).expect("a character is a model"));
+}
+
+/// Any bytes as a skeleton or a movement of any text format: read or refused without a panic; what was read can be written and
+/// read again.
+pub(crate) fn rig_file(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let one = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
+    let _ = parse_anim(&text, "x", &one);
+    let alone = |skeleton| Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
+    for rig in [parse_bvh(&text), parse_tgf(&text), parse_skel(&text).map(alone)].into_iter().flatten() {
+        parse_tgf(&tgf_text(&rig.skeleton)).expect("own files are read");
+        if let Ok((text, _)) = bvh_text(&rig.skeleton, rig.clips.first()) {
+            parse_bvh(&text).expect("own files are read");
+        }
+    }
 }
 
 /// [`mesh_file`] as Medit.

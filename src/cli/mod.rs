@@ -15,6 +15,7 @@ mod motion;
 mod photo;
 mod photo_clip;
 mod plan;
+mod pose;
 mod probe;
 mod rectify;
 mod render;
@@ -60,6 +61,8 @@ enum Command {
     Deform(Box<deform::DeformArgs>),
     /// Find how a mesh bends most easily, and its near-rigid parts
     Modes(modes::ModesArgs),
+    /// Put characters into poses and through movements
+    Pose(Box<pose::PoseArgs>),
     /// Draw meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
@@ -85,7 +88,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, rig-and-pose
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -116,7 +119,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -129,6 +132,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
+        Command::Pose(args) => args.pipeline().map_err(|f| f.message),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
@@ -143,6 +147,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Mesh(args) => args.run(),
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
+        Command::Pose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

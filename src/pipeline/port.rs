@@ -27,13 +27,15 @@ pub enum PortType {
     Importance,
     /// A surface of triangles, with what its file holds besides, at rest and posed.
     Mesh,
+    /// Joints in a forest, with movements of them.
+    Skeleton,
     /// A file that was written.
     File,
 }
 
 impl PortType {
     /// Every type, in the order of the data's way.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Frames,
         Self::Audio,
         Self::Tracks,
@@ -45,6 +47,7 @@ impl PortType {
         Self::Importance,
         Self::Warp,
         Self::Mesh,
+        Self::Skeleton,
         Self::File,
     ];
 
@@ -67,6 +70,7 @@ impl PortType {
             Self::Importance => "importance",
             Self::Warp => "warp",
             Self::Mesh => "mesh",
+            Self::Skeleton => "skeleton",
             Self::File => "file",
         }
     }

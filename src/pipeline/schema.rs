@@ -10,6 +10,8 @@ use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
 use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
+use crate::character::pose_file::pose_file_schema;
+use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
@@ -35,6 +37,10 @@ pub enum FileFormat {
     Path,
     /// Handles of a surface, for deform --handles
     Handles,
+    /// Skeletons, plumbline.skeleton
+    Skeleton,
+    /// Poses of a character, for pose --pose
+    Pose,
     /// Skeletons at rest, plumbline.skeleton
     Skeleton,
 }
@@ -49,6 +55,8 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Motion => motion_file_schema().to_value(),
         FileFormat::Path => path_file_schema().to_value(),
         FileFormat::Handles => handle_file_schema().to_value(),
+        FileFormat::Skeleton => skeleton_file_schema().to_value(),
+        FileFormat::Pose => pose_file_schema().to_value(),
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
     }
 }

@@ -184,6 +184,64 @@ fn mesh_examples(format: MeshFormat) -> Vec<Vec<u8>> {
     examples
 }
 
+/// A triangle on two joints with a morph target and a movement, in both forms.
+fn moving_examples() -> Vec<Vec<u8>> {
+    let identity = "1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1";
+    let numbers = format!(
+        "0,0,0, 1,0,0, 0,1,0, {identity}, {identity}, 0.5,0.5,0,0, 1,0,0,0, 0.2,0.8,0,0, 0,1, 0,0,0,1, 0,0.6,0,0.8, 0,1"
+    );
+    let mut buffer: Vec<u8> = Vec::new();
+    for word in numbers.split(',') {
+        buffer.extend(word.trim().parse::<f32>().expect("a number").to_le_bytes());
+    }
+    buffer.extend([0_u8, 1, 0, 0].repeat(3));
+    let view = |from: usize, bytes: usize| format!("{{\"buffer\":0,\"byteOffset\":{from},\"byteLength\":{bytes}}}");
+    let views =
+        [view(0, 36), view(36, 128), view(164, 48), view(212, 8), view(220, 32), view(252, 8), view(260, 12)].join(",");
+    let json = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":{}}}],\"bufferViews\":[{views}],\"accessors\":[\
+         {{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}},\
+         {{\"bufferView\":1,\"componentType\":5126,\"count\":2,\"type\":\"MAT4\"}},\
+         {{\"bufferView\":2,\"componentType\":5126,\"count\":3,\"type\":\"VEC4\"}},\
+         {{\"bufferView\":3,\"componentType\":5126,\"count\":2,\"type\":\"SCALAR\"}},\
+         {{\"bufferView\":4,\"componentType\":5126,\"count\":2,\"type\":\"VEC4\"}},\
+         {{\"bufferView\":5,\"componentType\":5126,\"count\":2,\"type\":\"SCALAR\"}},\
+         {{\"bufferView\":6,\"componentType\":5121,\"count\":3,\"type\":\"VEC4\"}}],\
+         \"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0,\"JOINTS_0\":6,\"WEIGHTS_0\":2}},\"targets\":[{{\"POSITION\":0}}]}}]}}],\
+         \"nodes\":[{{\"children\":[1]}},{{\"translation\":[1,0,0]}},{{\"mesh\":0,\"skin\":0}}],\
+         \"skins\":[{{\"joints\":[0,1],\"inverseBindMatrices\":1}}],\"animations\":[{{\"channels\":[\
+         {{\"sampler\":0,\"target\":{{\"node\":1,\"path\":\"rotation\"}}}},{{\"sampler\":1,\"target\":{{\"node\":2,\"path\":\"weights\"}}}}],\
+         \"samplers\":[{{\"input\":3,\"output\":4}},{{\"input\":3,\"output\":5}}]}}],\"scenes\":[{{\"nodes\":[0,2]}}]}}",
+        buffer.len()
+    );
+    let mut json = json.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut glb = b"glTF\x02\0\0\0".to_vec();
+    glb.extend((28 + json.len() as u32 + buffer.len() as u32).to_le_bytes());
+    for (bytes, kind) in [(&json, b"JSON"), (&buffer, b"BIN\0")] {
+        glb.extend((bytes.len() as u32).to_le_bytes());
+        glb.extend(kind);
+        glb.extend(bytes);
+    }
+    let model = decode_model(&glb, MeshFormat::Glb, None, &ReadLimits::default()).expect("a character");
+    assert!(model.articulation().is_some());
+    let text = encode_model(&model, MeshFormat::Gltf, &WriteOptions::default()).expect("it can be written");
+    vec![glb, text]
+}
+
+#[test]
+fn no_file_of_a_skeleton_makes_a_reader_panic() {
+    let examples = [
+        "HIERARCHY\nROOT a\n{\n OFFSET 0 1 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n \
+         OFFSET 0 1 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 0 1 0\n }\n }\n}\nMOTION\nFrames: 2\nFrame \
+         Time: 0.04\n0 1 2 3 4 5 6 7 8\n8 7 6 5 4 3 2 1 0\n",
+        "1 0 0 0\n2 1 0 0\n3 1 1 0\n#\n1 2\n2 3\n",
+        "2\n0 0 0 a root\n1 0 0 b a\n",
+        "2 2\n0\n1 0 0\n1 0 0\n0 0\n1\n0 0 1\n0 1 0\n0.5 0.7\n",
+    ];
+    hammer(&examples.map(|e| e.as_bytes().to_vec()), bodies::rig_file, 23);
+}
+
 #[test]
 fn no_mesh_file_makes_a_reader_panic() {
     type Body = fn(&[u8]);
@@ -198,6 +256,7 @@ fn no_mesh_file_makes_a_reader_panic() {
         hammer(&mesh_examples(format), body, 10 + seed as u64);
     }
     hammer(&mesh_examples(MeshFormat::Gltf), bodies::gltf_file, 20);
+    hammer(&moving_examples(), bodies::gltf_file, 22);
     let medit = b"MeshVersionFormatted 1\nDimension 3\nVertices\n4\n0 0 0 1\n1 0 0 1\n0 1 0 1\n0 0 1 1\nTriangles\n2\n1 2 3 0\n1 3 4 0\n\
                   Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 7\nEnd\n";
     hammer(&[medit.to_vec()], bodies::medit_file, 21);

@@ -29,7 +29,9 @@ impl Clip {
             return Err(ClipError::Option { name: "end", value: to, range: "later than the start, s" });
         }
         if !(rate > 0.0 && (to - from) * rate < MOST_KEYS) {
-            return Err(ClipError::Option { name: "rate", value: rate, range: "above 0 per second, at most 10⁶ keys" });
+            return Err(ClipError::Option {
+                name: "rate", value: rate, range: "above 0 per second, at most 10⁶ keys"
+            });
         }
         let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
         let times: Vec<f64> =
@@ -68,9 +70,8 @@ impl Retiming for Change {
     fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
         let mut times: Vec<f64> = keys.times.iter().map(|t| self.start + t / self.speed).collect();
         let mut values = keys.values.clone();
-        let scaled = |tangents: &[[f64; N]]| -> Vec<[f64; N]> {
-            tangents.iter().map(|v| v.map(|x| x * self.speed)).collect()
-        };
+        let scaled =
+            |tangents: &[[f64; N]]| -> Vec<[f64; N]> { tangents.iter().map(|v| v.map(|x| x * self.speed)).collect() };
         let mut between = match &keys.between {
             Between::Cubic { arriving, leaving } => {
                 Between::Cubic { arriving: scaled(arriving), leaving: scaled(leaving) }

@@ -126,19 +126,22 @@ fn a_retimed_clip_shows_at_the_new_time_what_the_old_one_showed_at_the_old() {
 
 #[test]
 fn samples_stand_at_the_rate_and_at_both_ends() {
-    let clip = Clip::new("c", vec![Track { joint: 0, curve: Curve::Scale(keys(Between::Smooth)) }], vec![]).expect("valid");
+    let clip =
+        Clip::new("c", vec![Track { joint: 0, curve: Curve::Scale(keys(Between::Smooth)) }], vec![]).expect("valid");
     let sampled = clip.sampled(0.5, 1.35, 10.0).expect("valid");
     let times = sampled.tracks()[0].curve.times();
     assert_eq!((times.len(), times[0], times[1]), (10, 0.0, 0.1));
     assert!((times[9] - 0.85).abs() < 1e-12);
-    let [a, b] = [clip.pose(&chain(), 1.35, Outside::Hold), sampled.pose(&chain(), 0.85, Outside::Hold)].map(|p| p.expect("valid"));
+    let [a, b] = [clip.pose(&chain(), 1.35, Outside::Hold), sampled.pose(&chain(), 0.85, Outside::Hold)]
+        .map(|p| p.expect("valid"));
     assert!((a.locals[0].scale - b.locals[0].scale).norm() < 1e-12);
     assert!(clip.sampled(1.0, 1.0, 10.0).is_err() && clip.sampled(0.0, 1.0, f64::NAN).is_err());
 }
 
 #[test]
 fn a_clip_repeats_or_holds() {
-    let clip = Clip::new("c", vec![Track { joint: 1, curve: Curve::Scale(keys(Between::Linear)) }], vec![]).expect("valid");
+    let clip =
+        Clip::new("c", vec![Track { joint: 1, curve: Curve::Scale(keys(Between::Linear)) }], vec![]).expect("valid");
     let at = |t, outside| clip.pose(&chain(), t, outside).expect("valid");
     assert_eq!(at(0.75, Outside::Repeat), at(0.75, Outside::Hold));
     for t in [-4.0, 5.0, 100.0] {
@@ -156,7 +159,10 @@ fn faults_are_told_with_key_and_value() {
         Keys::<1>::new(times, values, Between::Linear).expect_err("to be refused").to_string()
     };
     assert!(told(vec![], 0.0).starts_with("0 key times and 0 values"));
-    assert_eq!(told(vec![0.0, 2.0, 1.0], 0.0), "key 2 is at 1 s, after one at 2 s; times of keys must be finite and ascend");
+    assert_eq!(
+        told(vec![0.0, 2.0, 1.0], 0.0),
+        "key 2 is at 1 s, after one at 2 s; times of keys must be finite and ascend"
+    );
     assert!(told(vec![0.0, f64::NAN], 0.0).starts_with("key 1 is at NaN s"));
     assert!(told(vec![0.0, 0.0], 0.0).starts_with("key 1 is at 0 s, after one at 0 s"));
     assert_eq!(told(vec![0.0], f64::NAN), "the value of key 0 is not finite");
@@ -166,5 +172,8 @@ fn faults_are_told_with_key_and_value() {
     let twice = Clip::new("c", vec![track(1), track(1)], vec![]).expect_err("to be refused");
     assert_eq!(twice.to_string(), "clip \"c\" has two tracks for the scale 1");
     let far = Clip::new("c", vec![track(7)], vec![]).expect("valid").pose(&chain(), 0.0, Outside::Hold);
-    assert_eq!(far.expect_err("to be refused").to_string(), "clip \"c\" moves joint 7, but there are 2, numbered from 0");
+    assert_eq!(
+        far.expect_err("to be refused").to_string(),
+        "clip \"c\" moves joint 7, but there are 2, numbered from 0"
+    );
 }

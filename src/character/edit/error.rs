@@ -52,7 +52,9 @@ pub enum EditError {
         joint: String,
     },
     /// Input: a name without a side.
-    #[error("joint {joint:?} and what hangs on it have no side in their names (such as .L, _left, Right…) that could be swapped")]
+    #[error(
+        "joint {joint:?} and what hangs on it have no side in their names (such as .L, _left, Right…) that could be swapped"
+    )]
     NoSide {
         /// Name of the joint.
         joint: String,

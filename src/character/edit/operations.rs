@@ -159,7 +159,8 @@ impl<'a> Rig<'a> {
             (_, None) => Vector3::zeros(),
         };
         let why = "has no bone to roll about: it needs one child, or a parent, at some distance";
-        Unit::try_new(along, 0.0).ok_or_else(|| EditError::NoBone { joint: self.joints[joint as usize].name.clone(), why })
+        Unit::try_new(along, 0.0)
+            .ok_or_else(|| EditError::NoBone { joint: self.joints[joint as usize].name.clone(), why })
     }
 }
 

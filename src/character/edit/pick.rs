@@ -17,8 +17,7 @@ pub struct Ray {
 /// from their outer side, and from their inner side. Where it begins inside, or the surface has no inner side there, halfway
 /// between the first two places that it meets. None where it meets fewer than two.
 pub fn volume_center(mesh: &TriMesh, ray: &Ray) -> Option<Point3<f64>> {
-    let mut met: Vec<(f64, bool)> =
-        (0..mesh.triangle_count()).filter_map(|t| meeting(mesh.corners(t), ray)).collect();
+    let mut met: Vec<(f64, bool)> = (0..mesh.triangle_count()).filter_map(|t| meeting(mesh.corners(t), ray)).collect();
     met.sort_by(|a, b| a.0.total_cmp(&b.0));
     let entry = met.iter().position(|&(_, outer)| outer);
     let exit = entry.and_then(|e| met[e..].iter().find(|&&(_, outer)| !outer));

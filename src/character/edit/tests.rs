@@ -88,7 +88,10 @@ fn an_edit_that_is_refused_changes_nothing() {
     let nan = Point3::new(f64::NAN, 0.0, 0.0);
     assert_eq!(told(Edit::Dissolve { joint: 9 }), "there is no joint 9; there are 4, numbered from 0");
     assert_eq!(told(Edit::Move { joint: 1, to: nan, with_children: true }), "the place is not finite");
-    assert_eq!(told(Edit::Reparent { joint: 1, parent: Some(3) }), "joint \"chest\" cannot hang on \"hand.L\", which hangs on it");
+    assert_eq!(
+        told(Edit::Reparent { joint: 1, parent: Some(3) }),
+        "joint \"chest\" cannot hang on \"hand.L\", which hangs on it"
+    );
     assert!(told(Edit::Reparent { joint: 1, parent: Some(1) }).contains("cannot hang on"));
     assert_eq!(told(Edit::Remove { joint: 0 }), "the last joint cannot be taken away");
     assert!(told(Edit::Split { joint: 3, share: 1.0, name: "x".into() }).starts_with("share 1 of the bone is invalid"));

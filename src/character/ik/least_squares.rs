@@ -84,9 +84,9 @@ impl<'a> Problem<'a> {
     fn lever(&self, j: u32) -> Lever {
         let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
         let linear = linear_above(self.skeleton, &self.frames, j);
-        let turn = joint.parent.map_or_else(Matrix3::identity, |p| {
-            self.frames.turn[p as usize].to_rotation_matrix().into_inner()
-        });
+        let turn = joint
+            .parent
+            .map_or_else(Matrix3::identity, |p| self.frames.turn[p as usize].to_rotation_matrix().into_inner());
         Lever {
             origin: self.frames.at(j),
             // A frame without volume moves nothing that can be told.

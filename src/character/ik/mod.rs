@@ -30,9 +30,9 @@ mod fabrik;
 mod frames;
 mod least_squares;
 mod residual;
-mod two_bone;
 #[cfg(test)]
 mod tests;
+mod two_bone;
 mod variables;
 
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
@@ -145,7 +145,12 @@ const BENT: f64 = 0.3;
 ///
 /// # Errors
 /// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Character`.
-pub fn solve(skeleton: &Skeleton, start: &Pose, targets: &[Target], options: &IkOptions) -> Result<IkSolution, IkError> {
+pub fn solve(
+    skeleton: &Skeleton,
+    start: &Pose,
+    targets: &[Target],
+    options: &IkOptions,
+) -> Result<IkSolution, IkError> {
     check(skeleton, targets)?;
     let allowed = within_limits(skeleton, start);
     let frames = Frames::of(skeleton, &allowed)?;
@@ -163,7 +168,8 @@ pub fn solve(skeleton: &Skeleton, start: &Pose, targets: &[Target], options: &Ik
         (problem.into_pose(), report)
     };
     let run = |pose: Pose| run_with(pose, 0.0, options.iterations);
-    let first = if options.rest > 0.0 { run_with(allowed, options.rest, options.iterations.min(DRAWN)).0 } else { allowed };
+    let first =
+        if options.rest > 0.0 { run_with(allowed, options.rest, options.iterations.min(DRAWN)).0 } else { allowed };
     let (mut pose, mut report) = run(first);
     let missed = |pose: &Pose| residual::missed(skeleton, targets, &Frames::chained(skeleton, pose));
     let unmet = |pose: &Pose| missed(pose).iter().zip(targets).any(|(m, t)| *m > MET * frames.scale(t));

@@ -116,8 +116,6 @@ fn across(axis: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
 /// How it changes, of the changes of the axis and of the vector.
 fn across_change(axis: &Vector3<f64>, turning: &Matrix3<f64>, v: &Vector3<f64>, moving: &Matrix3<f64>) -> Matrix3<f64> {
     let flat = v - axis * axis.dot(v);
-    let change = moving
-        - turning * axis.dot(v)
-        - axis * (v.transpose() * turning + axis.transpose() * moving);
+    let change = moving - turning * axis.dot(v) - axis * (v.transpose() * turning + axis.transpose() * moving);
     direction_change(&flat) * change
 }

@@ -112,7 +112,8 @@ fn i2_what_limits_allow_is_reached_within_them() {
             local.rotation = joint.rest.rotation * limits.turn(&limits.nearest(&at));
         }
         let at = tip_of(&skeleton, &there);
-        let found = solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default()).expect("valid");
+        let found =
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default()).expect("valid");
         assert!(found.missed[0] <= 2e-6 && within(&skeleton, &found.pose), "{k}: {}", found.missed[0]);
     }
 }
@@ -130,7 +131,10 @@ fn i3_a_chain_bends_toward_its_pole() {
         assert!((tip_of(&skeleton, &by_hand) - at).norm() < 1e-12);
         let ([a, b, c], root) = ([0, 1, 2].map(|j| Frames::chained(&skeleton, &by_hand).at(j)), pole);
         let normal = (c - a).cross(&(root - a)).normalize();
-        assert!((b - a).dot(&normal).abs() < 1e-12 && (b - a).dot(&(normal.cross(&(c - a)))) > 0.0, "in the plane, on its side");
+        assert!(
+            (b - a).dot(&normal).abs() < 1e-12 && (b - a).dot(&(normal.cross(&(c - a)))) > 0.0,
+            "in the plane, on its side"
+        );
         let middles = [&found.pose, &by_hand].map(|p| Frames::chained(&skeleton, p).at(1));
         assert!((middles[0] - middles[1]).norm() < 1e-5, "both find the one solution");
     }
@@ -164,8 +168,9 @@ fn i5_bones_keep_their_lengths() {
     let rest = skeleton.rest_pose();
     for at in places(&skeleton, 2.2, 1.3) {
         let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default()).expect("valid").pose;
-        let [(a, _), (b, _)] = [ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9)), fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9))]
-            .map(|r| r.expect("valid"));
+        let [(a, _), (b, _)] =
+            [ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9)), fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9))]
+                .map(|r| r.expect("valid"));
         for pose in [found, a, b] {
             for (found, length) in bone_lengths(&skeleton, &pose).iter().zip(lengths) {
                 assert!((found - length).abs() < 1e-12 * 2.2);
@@ -189,7 +194,10 @@ fn all_goals_are_met_together() {
         target(5, Goal::Orientation(frames.turn[5])),
         target(3, Goal::LookAt { axis: Vector3::z_axis(), at: seen }),
         target(2, Goal::Pole { root: 0, middle: 1, at: frames.at(1) }),
-        target(4, Goal::Position { point: Point3::new(0.1, 0.2, 0.0), at: frames.point(4, &Point3::new(0.1, 0.2, 0.0)) }),
+        target(
+            4,
+            Goal::Position { point: Point3::new(0.1, 0.2, 0.0), at: frames.point(4, &Point3::new(0.1, 0.2, 0.0)) },
+        ),
     ];
     let found = solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default()).expect("valid");
     for (k, missed) in found.missed.iter().enumerate() {
@@ -238,7 +246,11 @@ fn derivatives_are_those_of_differences_also_under_scaled_frames() {
                     pose
                 };
                 let difference = (cost(&moved(1e-5)) - cost(&moved(-1e-5))) / 2e-5;
-                assert!((gradient[3 * k + axis] - difference).abs() < 1e-7, "{each:?}, joint {j}, {axis}: {} {difference}", gradient[3 * k + axis]);
+                assert!(
+                    (gradient[3 * k + axis] - difference).abs() < 1e-7,
+                    "{each:?}, joint {j}, {axis}: {} {difference}",
+                    gradient[3 * k + axis]
+                );
             }
         }
     }
@@ -258,7 +270,8 @@ fn the_answer_moves_with_the_world_and_grows_with_the_model() {
     joints[0].rest.rotation = world.rotation * joints[0].rest.rotation;
     let other = Skeleton::new(joints).expect("valid");
     for at in places(&skeleton, 1.8, 0.9) {
-        let a = solve(&skeleton, &skeleton.rest_pose(), &[Target::position(3, at)], &IkOptions::default()).expect("valid");
+        let a =
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(3, at)], &IkOptions::default()).expect("valid");
         let moved = world.transform_point(&(at * 3.0));
         let b = solve(&other, &other.rest_pose(), &[Target::position(3, moved)], &IkOptions::default()).expect("valid");
         for (k, (a, b)) in a.pose.locals.iter().zip(&b.pose.locals).enumerate().skip(1) {

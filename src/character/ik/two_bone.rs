@@ -43,12 +43,14 @@ pub fn two_bone(
     let away = at - a;
     let distance = away.norm().clamp((first - second).abs(), first + second);
     let toward = away.try_normalize(0.0).or((c - a).try_normalize(0.0)).unwrap_or_else(Vector3::x);
-    let across = |v: Vector3<f64>, axis: &Vector3<f64>| (v - axis * axis.dot(&v)).try_normalize(1e-9 * (first + second));
+    let across =
+        |v: Vector3<f64>, axis: &Vector3<f64>| (v - axis * axis.dot(&v)).try_normalize(1e-9 * (first + second));
     // As it bends now, carried along by the shortest turn of the whole chain.
     let present = (c - a).try_normalize(0.0).unwrap_or(toward);
     let bend = across(b - a, &present).unwrap_or_else(|| some_across(&present));
     let carried = UnitQuaternion::rotation_between(&present, &toward).unwrap_or_else(UnitQuaternion::identity) * bend;
-    let bend_toward = pole.and_then(|p| across(p - a, &toward)).or(across(carried, &toward)).unwrap_or_else(|| some_across(&toward));
+    let bend_toward =
+        pole.and_then(|p| across(p - a, &toward)).or(across(carried, &toward)).unwrap_or_else(|| some_across(&toward));
     let cosine = ((first * first + distance * distance - second * second) / (2.0 * first * distance)).clamp(-1.0, 1.0);
     let cosine = if cosine.is_finite() { cosine } else { 1.0 };
     let sine = (1.0 - cosine * cosine).sqrt();

@@ -77,13 +77,19 @@ impl<'a> Coordinates<'a> {
                 let swing = e1 * at.swing.x + e2 * at.swing.y;
                 let left = left_jacobian(&swing);
                 let twist = UnitQuaternion::from_scaled_axis(swing) * limits.axis.into_inner();
-                joint.rest.rotation.to_rotation_matrix().into_inner() * Matrix3::from_columns(&[left * e1, left * e2, twist])
+                joint.rest.rotation.to_rotation_matrix().into_inner()
+                    * Matrix3::from_columns(&[left * e1, left * e2, twist])
             }
         }
     }
 
     /// The turn after a step, within limits, and the step that was possible.
-    pub(super) fn stepped(&self, joint: &Joint, local: &Trs, step: Vector3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
+    pub(super) fn stepped(
+        &self,
+        joint: &Joint,
+        local: &Trs,
+        step: Vector3<f64>,
+    ) -> (UnitQuaternion<f64>, Vector3<f64>) {
         match self {
             Self::Free => (local.rotation * UnitQuaternion::from_scaled_axis(step), step),
             Self::Limited(limits, at) => {

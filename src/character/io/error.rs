@@ -37,7 +37,9 @@ pub enum RigFileError {
         node: String,
     },
     /// Input: two skins that bind one joint in ways that no single surface allows.
-    #[error("skin {skin} binds joint {joint:?} otherwise than the skins before it, and not by one map for all its joints")]
+    #[error(
+        "skin {skin} binds joint {joint:?} otherwise than the skins before it, and not by one map for all its joints"
+    )]
     Bindings {
         /// The skin, numbered from 0.
         skin: usize,

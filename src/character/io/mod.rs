@@ -63,7 +63,11 @@ pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
 ///
 /// # Errors
 /// [`RigFileError`]: an extension that is none of these, a skeleton that the format cannot hold.
-pub fn rig_text(skeleton: &Skeleton, clip: Option<&Clip>, extension: &str) -> Result<(String, Vec<&'static str>), RigFileError> {
+pub fn rig_text(
+    skeleton: &Skeleton,
+    clip: Option<&Clip>,
+    extension: &str,
+) -> Result<(String, Vec<&'static str>), RigFileError> {
     match extension.to_ascii_lowercase().as_str() {
         "json" => {
             let file = super::skeleton_file::SkeletonFile { skeleton: skeleton.clone(), curve: None };

@@ -33,7 +33,8 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
         at.push(Vector3::from(words.triple(&format!("the place of joint {k}"))?));
         names.push(words.word(&format!("the name of joint {k}"))?);
         let parent = words.word(&format!("the parent of joint {k}"))?;
-        parents.push((parent, words.fault(format!("there is no joint {parent:?}; a joint without a parent has `root`"))));
+        parents
+            .push((parent, words.fault(format!("there is no joint {parent:?}; a joint without a parent has `root`"))));
     }
     let mut joints = Vec::with_capacity(count);
     for (k, (parent, fault)) in parents.into_iter().enumerate() {
@@ -93,7 +94,10 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
     for (j, turns) in turns.iter().enumerate().filter(|(_, t)| moves(t)) {
         let rest = skeleton.joints()[j].rest.rotation;
         let turns: Vec<_> = turns.iter().map(|turn| rest * turn).collect();
-        tracks.push(Track { joint: j as u32, curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear)?) });
+        tracks.push(Track {
+            joint: j as u32,
+            curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear)?),
+        });
     }
     Ok(Clip::new(name, tracks, Vec::new())?)
 }

@@ -24,7 +24,8 @@ fn skeleton() -> Skeleton {
 }
 
 fn clip() -> Clip {
-    let turn = |j: f64, t: f64| UnitQuaternion::from_scaled_axis(Vector3::new(0.5 * j, 0.3, -0.4 * j) * (t * 3.0).sin());
+    let turn =
+        |j: f64, t: f64| UnitQuaternion::from_scaled_axis(Vector3::new(0.5 * j, 0.3, -0.4 * j) * (t * 3.0).sin());
     let times: Vec<f64> = (0..9).map(|k| 0.25 * f64::from(k)).collect();
     let track = |joint: u32| {
         let rest = skeleton().joints()[joint as usize].rest.rotation;
@@ -129,7 +130,10 @@ fn characters_are_put_together_from_the_files_beside() {
     put("a.ini", "SIMMESH \"a.off\"\nUPSAMPLING x.txt\nSKELETON a.skel\nANIMATION a0.anim a\n");
     let (model, rig) = read_ini(&folder.path().join("a.ini")).expect("valid");
     let names: Vec<&str> = rig.clips.iter().map(Clip::name).collect();
-    assert_eq!((model.mesh().vertex_count(), names, rig.warnings), (3, vec!["a0", "a1"], vec!["UPSAMPLING is left out".into()]));
+    assert_eq!(
+        (model.mesh().vertex_count(), names, rig.warnings),
+        (3, vec!["a0", "a1"], vec!["UPSAMPLING is left out".into()])
+    );
     put("b.ini", "SIMMESH ../a.off\n");
     let told = read_ini(&folder.path().join("b.ini")).expect_err("to be refused").to_string();
     assert!(told.contains("b.ini: ini, line 1: \"../a.off\" leads outside the folder"), "{told}");
@@ -150,15 +154,25 @@ fn files_are_told_by_their_names() {
         assert_eq!((rig.skeleton.joint_count(), rig.clips.len()), (5, usize::from(extension == "bvh")), "{extension}");
     }
     let told = read_rig(&folder.path().join("a.max")).expect_err("to be refused").to_string();
-    assert!(told.ends_with("a.max: not a skeleton file by its name's extension (expected json, glb, gltf, bvh, tgf or skel)"));
+    assert!(
+        told.ends_with(
+            "a.max: not a skeleton file by its name's extension (expected json, glb, gltf, bvh, tgf or skel)"
+        )
+    );
     assert!(rig_text(&skeleton(), None, "fbx").is_err());
 }
 
 #[test]
 fn faults_are_told_with_line_and_value() {
     let bvh = |text: &str| parse_bvh(text).expect_err("to be refused").to_string();
-    assert_eq!(bvh("HIERARCHY\nROOT a\n{\n OFFSET 0 x 0\n"), "BVH, line 4: \"x\" is no finite number, where the offset is expected");
-    assert_eq!(bvh("HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n"), "BVH, line 4: the file ends where a part of the joint, or } is expected; it is cut short");
+    assert_eq!(
+        bvh("HIERARCHY\nROOT a\n{\n OFFSET 0 x 0\n"),
+        "BVH, line 4: \"x\" is no finite number, where the offset is expected"
+    );
+    assert_eq!(
+        bvh("HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n"),
+        "BVH, line 4: the file ends where a part of the joint, or } is expected; it is cut short"
+    );
     let head = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 1 Xrotation\n}\nMOTION\nFrames: 2\nFrame Time: ";
     assert_eq!(bvh(&format!("{head}0\n0\n0\n")), "BVH, line 9: 0 s between frames (expected more than 0)");
     assert!(bvh(&format!("{head}0.1\n0\nNaN\n")).starts_with("BVH, line 11: \"NaN\" is no finite number"));
@@ -168,13 +182,19 @@ fn faults_are_told_with_line_and_value() {
     assert_eq!(tgf("1 0 0\n"), "TGF, line 1: joint 1 needs three finite numbers for its place");
     assert_eq!(tgf("1 0 0 0\n#\n1 2\n"), "TGF, line 3: there is no joint 2");
     assert_eq!(tgf("1 0 0 0\n1 0 0 0\n"), "TGF, line 2: a second joint 1");
-    assert_eq!(tgf("1 0 0 0\n2 0 0 0\n3 0 0 0\n#\n1 2\n2 3\n3 2\n"), "TGF, line 7: this bone closes a cycle; a skeleton is a tree");
+    assert_eq!(
+        tgf("1 0 0 0\n2 0 0 0\n3 0 0 0\n#\n1 2\n2 3\n3 2\n"),
+        "TGF, line 7: this bone closes a cycle; a skeleton is a tree"
+    );
     assert!(tgf("1 0 0 0\n2 0 0 0\n#\n1 2\n2 1\n").contains("joints form a cycle: 1 → 2 → 1"));
     let skel = |text: &str| parse_skel(text).expect_err("to be refused").to_string();
     assert_eq!(skel("1\n0 0 0 a b\n"), "skel, line 2: there is no joint \"b\"; a joint without a parent has `root`");
     let one = parse_skel("1\n0 0 0 a root\n").expect("valid");
     let anim = |text: &str| parse_anim(text, "x", &one).expect_err("to be refused").to_string();
-    assert_eq!(anim("1 2\n"), "anim, line 1: \"2\", where the number of joints, no more than the skeleton has is expected (0 to 1)");
+    assert_eq!(
+        anim("1 2\n"),
+        "anim, line 1: \"2\", where the number of joints, no more than the skeleton has is expected (0 to 1)"
+    );
     assert!(anim("2 1\n1\n1 0 0\n0\n0.5\n1 0 0\n0\n").contains("pose 1 at 0.5 is not later than the one before"));
     assert!(anim("1 1\n0\n0 0 0\n0.5\n").contains("about an axis without length"));
 }

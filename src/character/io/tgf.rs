@@ -49,7 +49,8 @@ pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
                 names.push((*name).to_owned());
             }
             (1, [a, b, ..]) => {
-                let known = |name: &str| number_of.get(name).copied().ok_or_else(|| fault(format!("there is no joint {name}")));
+                let known =
+                    |name: &str| number_of.get(name).copied().ok_or_else(|| fault(format!("there is no joint {name}")));
                 edges.push((k + 1, [known(a)?, known(b)?]));
             }
             (1, _) => return Err(fault("a bone needs two joints".to_owned())),
@@ -62,7 +63,8 @@ pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
         Joint { name, parent: parents[j], rest: Trs::from_translation(at[j] - from), limits: None }
     };
     let skeleton = Skeleton::new(names.into_iter().enumerate().map(joint).collect())?;
-    let warnings = if skipped > 0 { vec![format!("lines after the bones are left out ({skipped})")] } else { Vec::new() };
+    let warnings =
+        if skipped > 0 { vec![format!("lines after the bones are left out ({skipped})")] } else { Vec::new() };
     Ok(Rig { skeleton, clips: Vec::new(), warnings })
 }
 

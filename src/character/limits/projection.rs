@@ -32,7 +32,8 @@ impl Limits {
         let twist = UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(w, self.axis.into_inner() * along));
         let swing = turn * twist.inverse();
         // The short way.
-        let swing = if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
+        let swing =
+            if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
         let angle = 2.0 * along.atan2(w);
         let angle = if angle > std::f64::consts::PI {
             angle - std::f64::consts::TAU

@@ -145,7 +145,8 @@ impl Document {
             let what = || format!("morph target {name:?}");
             let target = character.targets.iter().position(|t| t.name == *name);
             let known = || character.targets.iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ");
-            let target = target.ok_or_else(|| fault(what(), format!("the character has none of this name (known: {})", known())))?;
+            let target = target
+                .ok_or_else(|| fault(what(), format!("the character has none of this name (known: {})", known())))?;
             if !weight.is_finite() {
                 return Err(fault(what(), format!("weight {weight} is not finite")));
             }

@@ -20,7 +20,8 @@ fn character() -> Character {
     let mesh = TriMesh::new(corners, vec![[0, 1, 2]]).expect("valid");
     let skin = Skin::bound(SkinWeights::rigid(3, &[0, 1, 2]).expect("valid"), &skeleton).expect("valid");
     let turns = [0.0, 1.0].map(|x| UnitQuaternion::from_scaled_axis(Vector3::z() * x));
-    let track = Track { joint: 1, curve: Curve::Rotation(rotations(vec![0.0, 1.0], &turns, Between::Linear).expect("valid")) };
+    let track =
+        Track { joint: 1, curve: Curve::Rotation(rotations(vec![0.0, 1.0], &turns, Between::Linear).expect("valid")) };
     let clip = Clip::new("walk", vec![track], vec![]).expect("valid");
     let smile = MorphShape { name: "smile".into(), ..MorphShape::default() };
     let plain = Character::new(Model::of_mesh(mesh), skeleton, Arc::new(skin)).expect("valid");
@@ -68,7 +69,9 @@ fn faults_are_told_with_what_is_known() {
     assert!(told(r#", "joints": {"hip": {"rotation": [0, 0, 0, 0]}}"#).contains("has no length"));
     assert!(told(r#", "joints": {"hip": {"rotation": [1, 0, 0, 0], "turn_deg": [0, 0, 0]}}"#).contains("has both"));
     let other = |text: &str| WantedPose::parse(text, &character()).expect_err("to be refused").to_string();
-    assert!(other(r#"{"format": "plumbline.skeleton", "version": 1}"#).contains("where \"plumbline.pose\" is expected"));
+    assert!(
+        other(r#"{"format": "plumbline.skeleton", "version": 1}"#).contains("where \"plumbline.pose\" is expected")
+    );
     assert!(other(r#"{"format": "plumbline.pose", "version": 2}"#).starts_with("version 2 is not read here"));
     assert!(other("{").starts_with("not a pose file"));
 }

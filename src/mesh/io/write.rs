@@ -73,7 +73,8 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
     let polygons = model.faces().len() != model.mesh().triangle_count();
     let triangles = matches!(format, F::Stl | F::Gltf | F::Glb);
     let moving = model.articulation();
-    let most = moving.map_or(0, |a| (0..model.mesh().vertex_count()).map(|v| a.influences.row(v).count()).max().unwrap_or(0));
+    let most =
+        moving.map_or(0, |a| (0..model.mesh().vertex_count()).map(|v| a.influences.row(v).count()).max().unwrap_or(0));
     [
         (polygons && triangles, "polygons (their triangles are written)"),
         (model.texture().is_some() && matches!(format, F::Off | F::Stl), "texture coordinates"),

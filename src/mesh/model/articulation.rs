@@ -358,7 +358,8 @@ impl Articulation {
         let leader: Vec<u32> = (0..leader.len() as u32).map(|i| find(&leader, i)).collect();
         let alike = |i: usize| {
             let (a, b) = (&self.instances[i], &self.instances[leader[i] as usize]);
-            i == leader[i] as usize || a.skin.is_some() && a.skin == b.skin && a.targets.is_empty() && b.targets.is_empty()
+            i == leader[i] as usize
+                || a.skin.is_some() && a.skin == b.skin && a.targets.is_empty() && b.targets.is_empty()
         };
         let all_alike = (0..leader.len()).all(alike);
         self.instance_of_vertex.iter_mut().for_each(|i| *i = leader[*i as usize]);
@@ -377,7 +378,8 @@ mod tests {
             place: Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], scale: [2.0; 3] },
             ..Node::default()
         };
-        let tree = Articulation { nodes: vec![at(3.0, Some(2)), at(5.0, Some(0)), at(1.0, None)], ..Default::default() };
+        let tree =
+            Articulation { nodes: vec![at(3.0, Some(2)), at(5.0, Some(0)), at(1.0, None)], ..Default::default() };
         let x: Vec<f64> = tree.world_from_nodes().iter().map(|m| m[(0, 3)]).collect();
         assert_eq!(x, [1.0 + 2.0 * 3.0, 1.0 + 2.0 * (3.0 + 2.0 * 5.0), 1.0]);
         assert_eq!(tree.cycle(), None);

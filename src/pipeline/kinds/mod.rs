@@ -26,8 +26,10 @@ mod photo_rectangle;
 mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
+mod pose;
 mod render;
 mod report;
+mod skeleton_load;
 mod smooth;
 mod stmap;
 mod track;
@@ -62,8 +64,10 @@ pub use photo_rectangle::PhotoRectangleSettings;
 pub use photo_rectify::{FovAxis, PhotoRectifySettings};
 pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
+pub use pose::{BindingWish, PoseSettings, SkinningWish};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
+pub use skeleton_load::SkeletonLoadSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;
@@ -74,7 +78,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 34] = [
+pub static KINDS: [StageKind; 36] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -107,6 +111,8 @@ pub static KINDS: [StageKind; 34] = [
     StageKind::of::<MeshLoadSettings>(),
     StageKind::of::<MeshDeformSettings>(),
     StageKind::of::<MeshModesSettings>(),
+    StageKind::of::<SkeletonLoadSettings>(),
+    StageKind::of::<PoseSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),
 ];

@@ -60,7 +60,11 @@ fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Chann
             "JOINT" => open.push(begin(words, Some(joint), joints)?),
             "End" => end(words, joint, joints)?,
             "}" => drop(open.pop()),
-            other => return Err(words.fault(format!("{other:?}, where OFFSET, CHANNELS, JOINT, End Site or }} is expected"))),
+            other => {
+                return Err(
+                    words.fault(format!("{other:?}, where OFFSET, CHANNELS, JOINT, End Site or }} is expected"))
+                );
+            }
         }
     }
     Ok(())
@@ -138,10 +142,13 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
             let mut turn = UnitQuaternion::identity();
             let mut place = joints[of_joint.joint].rest.translation;
             for &each in &of_joint.moves {
-                let number = words.number(&format!("a number of {:?} in frame {frame}", joints[of_joint.joint].name))?;
+                let number =
+                    words.number(&format!("a number of {:?} in frame {frame}", joints[of_joint.joint].name))?;
                 match each {
                     Move::Along(axis) => place[axis] += number,
-                    Move::About(axis) => turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians()),
+                    Move::About(axis) => {
+                        turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians())
+                    }
                 }
             }
             turns[k].push(turn);

@@ -43,7 +43,8 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
     for pose in &poses {
         file.frame(&mut text, pose);
     }
-    let scaled = poses.iter().chain([&skeleton.rest_pose()]).flat_map(|p| &p.locals).any(|l| l.scale != Vector3::repeat(1.0));
+    let scaled =
+        poses.iter().chain([&skeleton.rest_pose()]).flat_map(|p| &p.locals).any(|l| l.scale != Vector3::repeat(1.0));
     let limited = skeleton.joints().iter().any(|j| j.limits.is_some());
     let morphed = clip.is_some_and(|c| !c.morphs().is_empty());
     let lost = [(scaled, "scales of joints"), (limited, "limits of joints"), (morphed, "weights of morph targets")];

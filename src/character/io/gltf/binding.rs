@@ -61,10 +61,8 @@ fn skin_map(
 ) -> Result<Matrix4<f64>, RigFileError> {
     let skin = &articulation.skins[number];
     let joint = |k: usize| joints.of_node[skin.joints[k] as usize] as usize;
-    let refused = |k: usize| RigFileError::Bindings {
-        skin: number,
-        joint: joints.skeleton.joints()[joint(k)].name.clone(),
-    };
+    let refused =
+        |k: usize| RigFileError::Bindings { skin: number, joint: joints.skeleton.joints()[joint(k)].name.clone() };
     let known = (0..skin.joints.len()).find_map(|k| Some((k, inverse_bind[joint(k)]?)));
     let map = match known {
         None => Matrix4::identity(),

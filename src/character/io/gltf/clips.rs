@@ -26,7 +26,9 @@ pub(super) fn read(
             match channel.property {
                 Property::Weights => {
                     let instance = articulation.instance_at(channel.node);
-                    morphs.extend(instance.map(|i| morph_tracks(channel, first_target[i])).transpose()?.into_iter().flatten());
+                    morphs.extend(
+                        instance.map(|i| morph_tracks(channel, first_target[i])).transpose()?.into_iter().flatten(),
+                    );
                 }
                 _ if joint == NO_VALUE => skipped += 1,
                 _ => tracks.push(Track { joint, curve: curve(channel)? }),

@@ -59,7 +59,11 @@ fn moved(model: &Model, articulation: &Articulation, maps: &[Matrix4<f64>]) -> O
     Some(positions.iter().enumerate().map(|(v, p)| of(v).transform_point(p)).collect())
 }
 
-fn weights(articulation: &Articulation, joints: &Joints, warnings: &mut Vec<String>) -> Result<SkinWeights, CharacterError> {
+fn weights(
+    articulation: &Articulation,
+    joints: &Joints,
+    warnings: &mut Vec<String>,
+) -> Result<SkinWeights, CharacterError> {
     let mut loose = 0;
     let mut row = |vertex: usize| -> Vec<(u32, f64)> {
         let instance = &articulation.instances[articulation.instance_of_vertex[vertex] as usize];
@@ -74,7 +78,9 @@ fn weights(articulation: &Articulation, joints: &Joints, warnings: &mut Vec<Stri
     };
     let rows: Vec<_> = (0..articulation.instance_of_vertex.len()).map(&mut row).collect();
     if loose > 0 {
-        warnings.push(format!("{loose} vertices of skinned meshes have no weights; they follow the first joint of the skin"));
+        warnings.push(format!(
+            "{loose} vertices of skinned meshes have no weights; they follow the first joint of the skin"
+        ));
     }
     let (weights, _) = SkinWeights::normalized(joints.skeleton.joint_count(), rows, None)?;
     Ok(weights)

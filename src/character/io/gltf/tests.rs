@@ -57,7 +57,8 @@ fn posed(character: &Character, pose: &Pose, weights: &[f64]) -> Vec<Point3<f64>
     let morphed = character.morphed(weights).expect("valid");
     let rows = character.skin.weights().rows();
     let blend = |(p, row): (&Point3<f64>, &[crate::character::Influence])| {
-        row.iter().fold(Point3::origin(), |sum, i| sum + matrices[i.joint as usize].transform_point(p).coords * i.weight)
+        row.iter()
+            .fold(Point3::origin(), |sum, i| sum + matrices[i.joint as usize].transform_point(p).coords * i.weight)
     };
     morphed.iter().zip(rows).map(blend).collect()
 }
@@ -69,7 +70,10 @@ fn a_character_comes_back_from_its_file() {
         let again = through_a_file(&character, format);
         let names = |c: &Character| c.skeleton.joints().iter().map(|j| (j.name.clone(), j.parent)).collect::<Vec<_>>();
         assert_eq!(names(&again)[..3], names(&character)[..]);
-        assert_eq!(again.targets.iter().map(|t| (t.name.as_str(), t.weight)).collect::<Vec<_>>(), [("a", 0.25), ("b", 0.25)]);
+        assert_eq!(
+            again.targets.iter().map(|t| (t.name.as_str(), t.weight)).collect::<Vec<_>>(),
+            [("a", 0.25), ("b", 0.25)]
+        );
         assert_eq!((again.clips.len(), again.clips[0].name(), again.clips[0].tracks().len()), (1, "wave", 3));
         // At a key of a step the 32-bit time of the file may lie on either side.
         for t in [0.0, 0.2, 0.41, 0.77, 1.1] {
@@ -112,10 +116,12 @@ fn smooth_curves_are_written_as_many_keys() {
 
 /// Two triangles at two nodes of a chain: the first follows its node, the second a skin of both nodes.
 fn assembled(second_bind: Matrix4<f64>) -> Model {
-    let place = |x: f64| Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0, 1.0, 1.0] };
+    let place =
+        |x: f64| Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0, 1.0, 1.0] };
     let node = |name: &str, parent, place| Node { name: Some(name.into()), parent, place };
     let corners = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]].map(Point3::from);
-    let mesh = crate::mesh::TriMesh::new([corners(0.0), corners(1.0)].concat(), vec![[0, 1, 2], [3, 4, 5]]).expect("valid");
+    let mesh =
+        crate::mesh::TriMesh::new([corners(0.0), corners(1.0)].concat(), vec![[0, 1, 2], [3, 4, 5]]).expect("valid");
     let nodes = vec![
         node("", None, place(0.5)),
         node("arm", Some(0), place(1.0)),
@@ -128,7 +134,11 @@ fn assembled(second_bind: Matrix4<f64>) -> Model {
     let mut influences = Influences::default();
     (0..3).for_each(|_| influences.push([]));
     (0..3).for_each(|_| influences.push([(0, 0.4), (1, 0.6)]));
-    let skin = |by: Matrix4<f64>| NodeSkin { name: None, joints: vec![1, 2], inverse_binds: vec![inverse(1) * by, inverse(2) * by] };
+    let skin = |by: Matrix4<f64>| NodeSkin {
+        name: None,
+        joints: vec![1, 2],
+        inverse_binds: vec![inverse(1) * by, inverse(2) * by],
+    };
     let instance = |node, skin| Instance { node, skin, ..Instance::default() };
     let articulation = Articulation {
         roots: vec![0, 3],
@@ -157,7 +167,8 @@ fn parts_without_a_skin_follow_their_node_and_all_are_bound_alike() {
     let mut pose = character.skeleton.rest_pose();
     pose.locals[1].translation += Vector3::new(0.0, 0.5, 0.0);
     let turned = posed(&character, &pose, &[]);
-    let moved = character.skeleton.globals(&pose).expect("valid")[1] * character.skeleton.rest_globals()[1].try_inverse().expect("rigid");
+    let moved = character.skeleton.globals(&pose).expect("valid")[1]
+        * character.skeleton.rest_globals()[1].try_inverse().expect("rigid");
     for v in 0..3 {
         assert!((moved.transform_point(&rest[v]) - turned[v]).norm() < 1e-12, "{v}");
     }
@@ -173,8 +184,12 @@ fn skins_that_bind_a_joint_in_two_ways_are_refused_by_name() {
     articulation.instances[0].skin = Some(1);
     articulation.influences = Influences::default();
     (0..6).for_each(|_| articulation.influences.push([(0, 1.0)]));
-    let refused = character_of(&model.with_articulation(Some(articulation)).expect("valid")).expect_err("to be refused");
-    assert_eq!(refused.to_string(), "skin 1 binds joint \"arm (2)\" otherwise than the skins before it, and not by one map for all its joints");
+    let refused =
+        character_of(&model.with_articulation(Some(articulation)).expect("valid")).expect_err("to be refused");
+    assert_eq!(
+        refused.to_string(),
+        "skin 1 binds joint \"arm (2)\" otherwise than the skins before it, and not by one map for all its joints"
+    );
 }
 
 #[test]

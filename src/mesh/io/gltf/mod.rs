@@ -124,4 +124,6 @@ fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAsset
 }
 
 #[cfg(test)]
+mod moving_tests;
+#[cfg(test)]
 mod tests;

@@ -59,14 +59,19 @@ impl Scene<'_> {
         let (animations, skipped) = animations::read(self.input, &self.articulation)?;
         self.articulation.animations = animations;
         self.skipped[1] = skipped;
-        let told = ["primitives of points or lines", "channels of animations that move nothing known", "influences beyond eight a vertex"];
+        let told = [
+            "primitives of points or lines",
+            "channels of animations that move nothing known",
+            "influences beyond eight a vertex",
+        ];
         for (count, what) in self.skipped.into_iter().zip(told) {
             if count > 0 {
                 self.builder.warnings.push(format!("{what} are left out ({count})"));
             }
         }
         if self.odd_weights > 0 {
-            let told = format!("weights that do not sum to one are scaled so that they do ({} vertices)", self.odd_weights);
+            let told =
+                format!("weights that do not sum to one are scaled so that they do ({} vertices)", self.odd_weights);
             self.builder.warnings.push(told);
         }
         let moving = &self.articulation;
@@ -142,7 +147,8 @@ impl Scene<'_> {
                 self.skipped[0] += 1;
                 continue;
             }
-            let same = |other: &Primitive| (&other.attributes, &other.targets) == (&primitive.attributes, &primitive.targets);
+            let same =
+                |other: &Primitive| (&other.attributes, &other.targets) == (&primitive.attributes, &primitive.targets);
             let first = match read.iter().find(|(other, _)| same(other)) {
                 Some(&(_, first)) => first,
                 None => self.vertices(primitive, &mut stand, &at)?,

@@ -7,6 +7,7 @@ mod deform;
 mod handles;
 mod load;
 mod modes;
+mod posing;
 mod render;
 mod report;
 mod save;
@@ -20,7 +21,8 @@ use nalgebra::Point3;
 use super::context::Context;
 use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
-    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings,
+    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
+    SkeletonLoadSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
@@ -56,6 +58,10 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         deform::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshModesSettings>() {
         modes::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SkeletonLoadSettings>() {
+        posing::load(context, stage, settings)
+    } else if let Some(settings) = settings.get::<PoseSettings>() {
+        posing::pose(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshRenderSettings>() {
         render::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshSaveSettings>() {

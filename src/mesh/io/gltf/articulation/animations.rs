@@ -99,7 +99,10 @@ fn times(input: &Input<'_>, sampler: &Sampler) -> Result<Vec<f64>, MeshError> {
     let times = input.values(sampler.input, &["SCALAR"])?.numbers;
     let at = |k: usize| format!("/accessors/{}, item {k}", sampler.input);
     if times.is_empty() {
-        return Err(fault(format!("/accessors/{}", sampler.input), "has no key times; an animation has at least one key"));
+        return Err(fault(
+            format!("/accessors/{}", sampler.input),
+            "has no key times; an animation has at least one key",
+        ));
     }
     if let Some(k) = times.iter().position(|t| !t.is_finite()) {
         return Err(fault(at(k), format!("key time {} is not finite", times[k])));

@@ -54,5 +54,9 @@ fn place(node: &document::Node, at: &str) -> Result<Place, MeshError> {
             scale: node.scale.unwrap_or([1.0; 3]),
         },
     };
-    if place.matrix().iter().all(|x| x.is_finite()) { Ok(place) } else { Err(fault(at, "its transformation is not finite")) }
+    if place.matrix().iter().all(|x| x.is_finite()) {
+        Ok(place)
+    } else {
+        Err(fault(at, "its transformation is not finite"))
+    }
 }

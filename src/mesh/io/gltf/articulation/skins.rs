@@ -47,7 +47,8 @@ fn skin(input: &Input<'_>, index: usize) -> Result<NodeSkin, MeshError> {
 fn matrices(input: &Input<'_>, accessor: usize, joints: usize, at: &str) -> Result<Vec<Matrix4<f64>>, MeshError> {
     let read = input.values(accessor, &["MAT4"])?;
     if read.len() < joints {
-        let told = format!("has {joints} joints, but only {} matrices; give each joint one, or none at all", read.len());
+        let told =
+            format!("has {joints} joints, but only {} matrices; give each joint one, or none at all", read.len());
         return Err(fault(at, told));
     }
     let mut matrices = Vec::with_capacity(joints);

@@ -23,8 +23,7 @@ impl File<'_> {
         let wide = rows.iter().flatten().any(|&(joint, _)| joint > u32::from(u8::MAX));
         for set in 0..sets {
             let item = |row: &Vec<(u32, f64)>, k: usize| row.get(4 * set + k).copied().unwrap_or((0, 0.0));
-            let joints: Vec<[u16; 4]> =
-                rows.iter().map(|row| std::array::from_fn(|k| item(row, k).0 as u16)).collect();
+            let joints: Vec<[u16; 4]> = rows.iter().map(|row| std::array::from_fn(|k| item(row, k).0 as u16)).collect();
             let weights: Vec<[f32; 4]> =
                 rows.iter().map(|row| std::array::from_fn(|k| item(row, k).1 as f32)).collect();
             let joints = self.joints(&joints, wide);
@@ -96,7 +95,8 @@ impl File<'_> {
         for skin in &articulation.skins {
             let columns: Vec<[f32; 16]> =
                 skin.inverse_binds.iter().map(|m| std::array::from_fn(|k| m.as_slice()[k] as f32)).collect();
-            let mut written = json!({ "joints": skin.joints, "inverseBindMatrices": self.floats(&columns, "MAT4", None) });
+            let mut written =
+                json!({ "joints": skin.joints, "inverseBindMatrices": self.floats(&columns, "MAT4", None) });
             if let Some(name) = skin.name.as_ref().filter(|name| !name.is_empty()) {
                 written["name"] = json!(name);
             }
@@ -126,7 +126,8 @@ impl File<'_> {
                 };
                 let (property, interpolation) = names(channel);
                 let output = self.values(channel);
-                channels.push(json!({ "sampler": samplers.len(), "target": { "node": channel.node, "path": property } }));
+                channels
+                    .push(json!({ "sampler": samplers.len(), "target": { "node": channel.node, "path": property } }));
                 samplers.push(json!({ "input": input, "output": output, "interpolation": interpolation }));
             }
             if !channels.is_empty() {

@@ -1,0 +1,151 @@
+//! `plumbline pose`: a character in a pose, or through a movement. Builds the same graph as `pipeline/rig-and-pose.toml`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::run::run_or_print;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::kinds::{
+    BindingWish, ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
+    SkeletonLoadSettings, SkinningWish,
+};
+use crate::pipeline::options::{ProgressMode, RunSettings};
+use crate::pipeline::surfaces::ViewWish;
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+
+/// Frames of a folder where no number is given.
+const FRAMES: u32 = 24;
+
+/// Options of `plumbline pose`.
+#[derive(Debug, Args)]
+pub(super) struct PoseArgs {
+    /// The character: a glTF or GLB file with a skin, or a mesh of any format with --skeleton
+    #[arg(value_name = "CHARACTER")]
+    input: PathBuf,
+    /// The skeleton: our own JSON, glTF, GLB, BVH, .tgf or .skel; the mesh is bound to it
+    #[arg(long, value_name = "FILE")]
+    skeleton: Option<PathBuf>,
+    /// How a mesh is bound to --skeleton
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", requires = "skeleton")]
+    weights: BindingWish,
+    /// The pose: turns of joints, and places that they seek (`plumbline schema pose` describes the file)
+    #[arg(long, value_name = "FILE.json", conflicts_with = "clip")]
+    pose: Option<PathBuf>,
+    /// The movement, by its name
+    #[arg(long, value_name = "NAME")]
+    clip: Option<String>,
+    /// The file to write, its extension chooses the format; or a folder (`frames/`) for a sequence of OBJ files
+    #[arg(short, long, value_name = "OUTPUT")]
+    output: PathBuf,
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+
+    /// How the surface follows the joints
+    #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Posing")]
+    skinning: SkinningWish,
+    /// Steps toward the targets of the pose file, at most
+    #[arg(long, default_value_t = PoseSettings::default().iterations, value_name = "N", help_heading = "Posing")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    iterations: u32,
+    /// Where the movement begins, s
+    #[arg(long, value_name = "SECONDS", requires = "clip", help_heading = "Posing", allow_hyphen_values = true)]
+    start: Option<f64>,
+    /// Where the movement ends, s
+    #[arg(long, value_name = "SECONDS", requires = "clip", help_heading = "Posing", allow_hyphen_values = true)]
+    end: Option<f64>,
+
+    /// Poses of the movement, or from rest to the pose, as NAME_0000.EXT and so on; of a folder 24 if left out
+    #[arg(long, value_name = "N", help_heading = "Writing", value_parser = clap::value_parser!(u32).range(1..=9999))]
+    frames: Option<u32>,
+    /// Keep the skeleton and its movements in the .glb or .gltf, which stands in the pose by its joints
+    #[arg(long, help_heading = "Writing")]
+    rig: bool,
+    /// Also draw the last pose
+    #[arg(long, value_name = "FILE.png", help_heading = "Writing")]
+    render: Option<PathBuf>,
+    /// From where it is drawn: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
+    #[arg(
+        long,
+        default_value_t,
+        value_name = "VIEW",
+        allow_hyphen_values = true,
+        requires = "render",
+        help_heading = "Writing"
+    )]
+    view: ViewWish,
+
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    print_pipeline: bool,
+    /// Threads; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+impl PoseArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.print_pipeline, backend)
+    }
+
+    /// The pipeline that the options mean.
+    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        let (output, frames) = self.files();
+        if self.rig
+            && !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
+        {
+            return Err(Failure::usage("--rig needs an output that can hold a skeleton: NAME.glb or NAME.gltf"));
+        }
+        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
+        let pose = PoseSettings {
+            pose: self.pose.as_ref().map(|path| literal_path(path)),
+            clip: self.clip.clone(),
+            skinning: self.skinning,
+            binding: self.weights,
+            frames,
+            start: self.start,
+            end: self.end,
+            iterations: self.iterations,
+            rig: self.rig,
+        };
+        let save = MeshSaveSettings { path: literal_path(&output), frames, ..MeshSaveSettings::default() };
+        let mut stages = vec![StageEntry::built("mesh", &load)];
+        let mut posed = StageEntry::built("posed", &pose).input("mesh", "mesh");
+        if let Some(path) = &self.skeleton {
+            let skeleton = SkeletonLoadSettings { path: literal_path(path) };
+            stages.push(StageEntry::built("skeleton", &skeleton));
+            posed = posed.input("skeleton", "skeleton");
+        }
+        stages.push(posed);
+        stages.push(StageEntry::built("out", &save).input("mesh", "posed"));
+        if let Some(path) = &self.render {
+            let render = MeshRenderSettings { view: self.view, ..MeshRenderSettings::default() };
+            let picture = ImageSaveSettings { path: literal_path(path), ..ImageSaveSettings::default() };
+            stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
+            stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));
+        }
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        Ok(PipelineFile {
+            name: Some("pose".to_owned()),
+            run: entries_of(&run, &RunSettings::default()),
+            stages,
+            ..PipelineFile::default()
+        })
+    }
+
+    /// The file to write and how many poses: a folder is meant by a name that ends with a separator, or by none with an
+    /// extension.
+    fn files(&self) -> (PathBuf, u32) {
+        let ends = self.output.to_string_lossy().ends_with(['/', '\\']);
+        if ends || self.output.extension().is_none() || self.output.is_dir() {
+            let stem = self.input.file_stem().map_or(Path::new("pose"), Path::new);
+            return (self.output.join(stem).with_extension("obj"), self.frames.unwrap_or(FRAMES));
+        }
+        (self.output.clone(), self.frames.unwrap_or(1))
+    }
+}

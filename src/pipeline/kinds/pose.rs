@@ -1,0 +1,145 @@
+//! `pose`: a character in another pose, or in the poses of a movement.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::character::skinning::SkinningMethod;
+use crate::character::weights::WeightMethod;
+use crate::pipeline::kind::{Conflict, OverTime, StageSettings};
+use crate::pipeline::port::{Port, PortType};
+
+/// How the surface follows the joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum SkinningWish {
+    /// Linear blend: as every viewer does; collapses under twist
+    Lbs,
+    /// Dual quaternions: keep the radius under twist, bulge at bends
+    #[default]
+    Dqs,
+    /// Optimized centers of rotation: neither
+    Cor,
+    /// Dual quaternions where joints twist, linear where they swing
+    Mixed,
+}
+
+impl SkinningWish {
+    /// The method.
+    pub fn method(self) -> SkinningMethod {
+        match self {
+            Self::Lbs => SkinningMethod::LinearBlend,
+            Self::Dqs => SkinningMethod::DualQuaternion,
+            Self::Cor => SkinningMethod::CentersOfRotation,
+            Self::Mixed => SkinningMethod::TwistSwing,
+        }
+    }
+}
+
+/// How a surface without a skin is bound to the skeleton.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum BindingWish {
+    /// Bone heat
+    #[default]
+    Heat,
+    /// Bounded biharmonic weights, on the surface
+    Biharmonic,
+    /// By distance to the bones alone
+    Distance,
+}
+
+impl BindingWish {
+    /// The method.
+    pub fn method(self) -> WeightMethod {
+        match self {
+            Self::Heat => WeightMethod::Heat,
+            Self::Biharmonic => WeightMethod::BoundedBiharmonic,
+            Self::Distance => WeightMethod::Distance,
+        }
+    }
+}
+
+/// Settings of `pose`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoseSettings {
+    /// The pose: a pose file (JSON; `plumbline schema pose` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub pose: Option<String>,
+    /// The movement, by its name
+    pub clip: Option<String>,
+    /// How the surface follows the joints
+    pub skinning: SkinningWish,
+    /// How a surface without a skin is bound to the skeleton
+    pub binding: BindingWish,
+    /// Poses: of a movement from its start to its end, of a pose file from rest to the pose; 1: the last alone
+    #[schemars(range(min = 1, max = 9999))]
+    pub frames: u32,
+    /// Where the movement begins, s; its first key if left out
+    pub start: Option<f64>,
+    /// Where the movement ends, s; its last key if left out
+    pub end: Option<f64>,
+    /// Steps toward the targets of a pose file, at most
+    #[schemars(range(min = 1, max = 100_000))]
+    pub iterations: u32,
+    /// The output keeps its skeleton and movements, and stands in the pose by its joints: for .glb and .gltf, which are then
+    /// shown with linear blend
+    pub rig: bool,
+}
+
+impl Default for PoseSettings {
+    fn default() -> Self {
+        Self {
+            pose: None,
+            clip: None,
+            skinning: SkinningWish::default(),
+            binding: BindingWish::default(),
+            frames: 1,
+            start: None,
+            end: None,
+            iterations: 200,
+            rig: false,
+        }
+    }
+}
+
+impl StageSettings for PoseSettings {
+    const KIND: &'static str = "pose";
+    const SUMMARY: &'static str = "puts a character into a pose, or through a movement";
+    const INPUTS: &'static [Port] = &[
+        Port::one("mesh", PortType::Mesh, "the surface: with a skin, or to be bound to the skeleton"),
+        Port::optional("skeleton", PortType::Skeleton, "the skeleton, where the file of the surface has none"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the surface in its poses")];
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        let conflict = |key, message: &str, help| Conflict { key, message: message.to_owned(), help };
+        let mut found = Vec::new();
+        if self.pose.is_some() && self.clip.is_some() {
+            let help = "name the clip in the pose file (`from`), or leave one out";
+            found.push(conflict("clip", "a pose file and a clip are both given", help));
+        }
+        if self.rig && self.frames > 1 {
+            found.push(conflict(
+                "rig",
+                "a rig is one file, and several frames are asked for",
+                "leave out `frames` or `rig`",
+            ));
+        }
+        if let (Some(start), Some(end)) = (self.start, self.end)
+            && !(start <= end)
+        {
+            found.push(conflict("end", "it is before the start", "give an `end` that is not before `start`"));
+        }
+        found
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        self.pose.iter().map(String::as_str).collect()
+    }
+}

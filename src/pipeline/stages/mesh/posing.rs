@@ -1,0 +1,161 @@
+//! `skeleton.load` and `pose`: a character from a surface and a skeleton, and its poses.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
+use super::{Posed, mesh_at};
+use crate::character::ik::between;
+use crate::character::io::{Rig, RigFileError, character_of, read_rig};
+use crate::character::pose_file::WantedPose;
+use crate::character::skinning::Skinner;
+use crate::character::weights::{WeightOptions, bone_weights};
+use crate::character::{Character, Outside, Pose, Skin};
+use crate::mesh::Model;
+use crate::pipeline::kinds::{PoseSettings, SkeletonLoadSettings};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::context::Context;
+
+/// How far a target may be missed before it is told, of the model's diagonal.
+const MISSED: f64 = 1e-4;
+
+/// Reads a skeleton.
+pub(super) fn load(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &SkeletonLoadSettings,
+) -> Result<(), RunError> {
+    let path = Path::new(&settings.path);
+    let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+    rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
+    context.values.put(stage, "skeleton", Arc::new(rig));
+    Ok(())
+}
+
+/// Poses the surface.
+pub(super) fn pose(context: &mut Context<'_, '_>, stage: usize, settings: &PoseSettings) -> Result<(), RunError> {
+    let surface = mesh_at(context, stage)?;
+    let rig = match context.edge(stage, "skeleton") {
+        Some(edge) => Some(context.values.get::<Arc<Rig>>(edge)?.clone()),
+        None => None,
+    };
+    let character = character(context, &surface.model, rig.as_deref(), settings)?;
+    let wanted = poses(context, &character, settings)?;
+    let posed = if settings.rig {
+        let last = wanted.last().map(|(pose, _)| pose);
+        let mut kept = character;
+        kept.clips.retain(|clip| settings.clip.as_deref().is_none_or(|name| clip.name() == name));
+        // A movement is shown from rest; a pose is where the joints stand.
+        let stand = if settings.clip.is_some() { None } else { last };
+        let model = kept.to_model(stand).map_err(|e| RunError::Internal(e.to_string()))?;
+        Posed::at_rest(model)
+    } else {
+        let positions = skinned(context, &character, &wanted, settings)?;
+        Posed { model: Arc::new(character.model), poses: Arc::new(positions), handles: Arc::default() }
+    };
+    context.values.put(stage, "mesh", posed);
+    Ok(())
+}
+
+/// The surface with its own skin, or bound to the skeleton that is given.
+fn character(
+    context: &mut Context<'_, '_>,
+    model: &Model,
+    rig: Option<&Rig>,
+    settings: &PoseSettings,
+) -> Result<Character, RunError> {
+    let Some(rig) = rig else {
+        let character = character_of(model).map_err(|e| match e {
+            RigFileError::NoSkin => RunError::Input(format!("{e}; `--skeleton` (the input `skeleton`) names one")),
+            other => RunError::Input(other.to_string()),
+        })?;
+        let known = model.warnings();
+        character.warnings.iter().filter(|w| !known.contains(w)).for_each(|w| context.warn(w.clone()));
+        return Ok(character);
+    };
+    let options = WeightOptions { method: settings.binding.method(), ..WeightOptions::default() };
+    let refused = |e: crate::character::CharacterError| RunError::Input(e.to_string());
+    let (weights, report) = bone_weights(model.mesh(), &rig.skeleton, &options).map_err(refused)?;
+    if report.borrowed_vertices > 0 {
+        let (vertices, pieces) = (report.borrowed_vertices, report.borrowed_components);
+        context.warn(format!("{vertices} vertices in {pieces} pieces see no bone; they follow the nearest that do"));
+    }
+    let skin = Skin::bound(weights, &rig.skeleton).map_err(refused)?;
+    let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
+    let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin)).map_err(refused)?;
+    Ok(Character { clips: rig.clips.clone(), ..character })
+}
+
+/// A pose and the weights of the morph targets.
+type Wanted = (Pose, Vec<f64>);
+
+fn poses(
+    context: &mut Context<'_, '_>,
+    character: &Character,
+    settings: &PoseSettings,
+) -> Result<Vec<Wanted>, RunError> {
+    let rest = || (character.skeleton.rest_pose(), character.rest_weights());
+    let share = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
+    if let Some(path) = settings.pose.as_deref().map(Path::new) {
+        let refused =
+            |e: crate::character::pose_file::PoseFileError| RunError::Input(format!("{}: {e}", path.display()));
+        let wanted = WantedPose::read(path, character).map_err(refused)?;
+        let found = wanted.solve(character, settings.iterations as usize).map_err(refused)?;
+        let far = MISSED * character.model.mesh().diagonal();
+        for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
+            let unit = if matches!(wanted.targets[k].goal, crate::character::ik::Goal::Position { .. }) {
+                "units"
+            } else {
+                "rad"
+            };
+            context.warn(format!("{}: target {k} is missed by {missed:.3} {unit}", path.display()));
+        }
+        let (from, weights) = rest();
+        let pose = |k: u32| {
+            let pose = between(&character.skeleton, &from, &found.pose, share(k))
+                .map_err(|e| RunError::Internal(e.to_string()))?;
+            let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * share(k)).collect();
+            Ok((pose, mixed))
+        };
+        return (0..settings.frames).map(pose).collect();
+    }
+    let Some(name) = &settings.clip else { return Ok(vec![rest(); settings.frames as usize]) };
+    let refused = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    let clip = character.clip(name).map_err(|e| refused(&e))?;
+    let (first, last) = clip.span().unwrap_or((0.0, 0.0));
+    let (start, end) = (settings.start.unwrap_or(first), settings.end.unwrap_or(last));
+    let pose = |k: u32| {
+        let time = start + (end - start) * share(k);
+        let pose = clip.pose(&character.skeleton, time, Outside::Hold).map_err(|e| refused(&e))?;
+        Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Hold).map_err(|e| refused(&e))?))
+    };
+    (0..settings.frames).map(pose).collect()
+}
+
+/// Positions of the surface in each pose.
+fn skinned(
+    context: &Context<'_, '_>,
+    character: &Character,
+    wanted: &[Wanted],
+    settings: &PoseSettings,
+) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
+    let refused = |e: crate::character::CharacterError| RunError::Input(e.to_string());
+    let (skin, method) = (&character.skin, settings.skinning.method());
+    let bound =
+        |mesh: &crate::mesh::TriMesh| Skinner::new(mesh, None, &character.skeleton, skin, method).map_err(refused);
+    let rest = bound(character.model.mesh())?;
+    let mut positions = Vec::with_capacity(wanted.len());
+    for (pose, weights) in wanted {
+        context.job.check_cancel()?;
+        let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
+        positions.push(if weights.iter().all(|w| *w == 0.0) {
+            rest.positions(&matrices).map_err(refused)?
+        } else {
+            let morphed = character.morphed(weights).map_err(refused)?;
+            let mesh = character.model.mesh().with_positions(morphed).map_err(|e| RunError::Input(e.to_string()))?;
+            bound(&mesh)?.positions(&matrices).map_err(refused)?
+        });
+    }
+    Ok(positions)
+}

@@ -1,0 +1,140 @@
+//! Characters through the built program: posed, moved, written, and what is refused.
+
+use std::fs;
+use std::path::Path;
+
+use nalgebra::Point3;
+use plumbline::character::Outside;
+use plumbline::character::io::character_of;
+use plumbline::character::skinning::{Skinner, SkinningMethod};
+use plumbline::mesh::{Model, ReadLimits, read_model};
+use plumbline::pipeline::read;
+use plumbline::pipeline::shipped::shipped;
+
+use crate::support::program::{err, names, plumbline_in, succeed};
+
+fn humanoid() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("media/humanoid.glb").display().to_string()
+}
+
+fn model(path: &Path) -> Model {
+    read_model(path, &ReadLimits::default()).expect("a mesh file")
+}
+
+fn far_apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(p, q)| nalgebra::distance(p, q)).fold(0.0, f64::max)
+}
+
+const REACHING: &str = r#"{"format": "plumbline.pose", "version": 1,
+    "joints": {"head": {"turn_deg": [0, 20, 0]}},
+    "targets": [{"joint": "hand.L", "position": [0.3, 1.2, 0.35], "chain": 3}]}"#;
+
+#[test]
+fn a_movement_is_written_frame_by_frame_as_the_skin_has_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    succeed(folder, &["pose", &humanoid(), "--clip", "walk", "-o", "frames/", "--frames", "3", "--skinning", "lbs"]);
+    assert_eq!(names(&folder.join("frames")), ["humanoid_0000.obj", "humanoid_0001.obj", "humanoid_0002.obj"]);
+    let person = character_of(&model(Path::new(&humanoid()))).expect("a character");
+    let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
+    let (clip, skinner) = (person.clip("walk").expect("there"), skinner.expect("of one mesh"));
+    let (first, last) = clip.span().expect("keys");
+    let middle = clip.pose(&person.skeleton, 0.5 * (first + last), Outside::Hold).expect("valid");
+    let matrices = person.skin.joint_matrices(&person.skeleton.globals(&middle).expect("valid")).expect("valid");
+    let written = model(&folder.join("frames/humanoid_0001.obj"));
+    let expected = skinner.positions(&matrices).expect("valid");
+    assert!(far_apart(written.mesh().positions(), &expected) < 1e-9);
+}
+
+#[test]
+fn a_rig_that_is_kept_stands_as_the_baked_surface_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::write(folder.join("p.json"), REACHING).expect("writable");
+    let pose = ["pose", &humanoid(), "--pose", "p.json", "--skinning", "lbs"];
+    succeed(folder, &[&pose[..], &["-o", "baked.glb", "--render", "p.png"]].concat());
+    succeed(folder, &[&pose[..], &["-o", "rig.glb", "--rig"]].concat());
+    let person = character_of(&model(&folder.join("rig.glb"))).expect("it keeps its skin");
+    let names: Vec<&str> = person.clips.iter().map(|c| c.name()).collect();
+    assert_eq!(names, ["walk", "wave"]);
+    let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
+    let matrices = person.skin.joint_matrices(&person.skeleton.rest_globals()).expect("valid");
+    let posed = skinner.expect("of one mesh").positions(&matrices).expect("valid");
+    assert!(far_apart(model(&folder.join("baked.glb")).mesh().positions(), &posed) < 1e-5);
+    let hand = person.skeleton.rest_positions()[person.skeleton.named("hand.L").expect("there") as usize];
+    assert!((hand - Point3::new(0.3, 1.2, 0.35)).norm() < 1e-5, "{hand}");
+}
+
+#[test]
+fn a_plain_mesh_is_bound_to_a_skeleton_of_another_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::write(folder.join("bones.tgf"), "1 0.5 0.5 0\n2 0.5 0.5 2.5\n3 0.5 0.5 5\n#\n1 2\n2 3\n").expect("writable");
+    fs::write(
+        folder.join("p.json"),
+        r#"{"format": "plumbline.pose", "version": 1, "joints": {"2": {"turn_deg": [60, 0, 0]}}}"#,
+    )
+    .expect("writable");
+    let bar = Path::new(env!("CARGO_MANIFEST_DIR")).join("media/mesh-bar.ply").display().to_string();
+    let args = ["pose", &bar, "--skeleton", "bones.tgf", "--pose", "p.json", "-o", "bent.ply"];
+    succeed(folder, &args);
+    let (rest, bent) = (model(Path::new(&bar)), model(&folder.join("bent.ply")));
+    let (low, _) = rest.mesh().bounding_box().expect("vertices");
+    for (p, q) in rest.mesh().positions().iter().zip(bent.mesh().positions()) {
+        let moves = (p - q).norm();
+        assert!(p.z - low.z > 1e-9 || moves < 0.05, "the foot stays: {p} {q}");
+    }
+    assert!(far_apart(rest.mesh().positions(), bent.mesh().positions()) > 1.0);
+}
+
+#[test]
+fn what_cannot_be_posed_is_refused_and_nothing_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::write(folder.join("p.json"), r#"{"format": "plumbline.pose", "version": 1, "joints": {"haed": {}}}"#)
+        .expect("writable");
+    fs::write(folder.join("ring.bvh"), "HIERARCHY\nROOT a\n{\n OFFSET 0 0\n").expect("writable");
+    let bar = Path::new(env!("CARGO_MANIFEST_DIR")).join("media/mesh-bar.ply").display().to_string();
+    let person = humanoid();
+    let cases: [(&[&str], i32, &str); 6] = [
+        (&[&bar, "-o", "x.obj"], 65, "the model has no skin and nothing that moves"),
+        (&[&person, "--clip", "run", "-o", "x.obj"], 65, "there is no clip \"run\" (known: \"walk\", \"wave\")"),
+        (
+            &[&person, "--pose", "p.json", "-o", "x.obj"],
+            65,
+            "p.json: there is no joint \"haed\"; did you mean \"head\"?",
+        ),
+        (&[&bar, "--skeleton", "ring.bvh", "-o", "x.obj"], 65, "ring.bvh: BVH, line 4"),
+        (&[&person, "--rig", "-o", "x.obj"], 2, "--rig needs an output that can hold a skeleton"),
+        (&[&person, "--clip", "walk", "--start", "1", "--end", "0.5", "-o", "x.obj"], 2, "it is before the start"),
+    ];
+    let before = names(folder);
+    for (args, status, message) in cases {
+        let ran = plumbline_in(folder, &[&["pose"], args].concat());
+        assert_eq!(ran.status.code(), Some(status), "{args:?}: {}", err(&ran));
+        assert!(err(&ran).contains(message), "{args:?}: {}", err(&ran));
+        assert_eq!(names(folder), before);
+    }
+}
+
+#[test]
+fn the_shipped_pipeline_is_what_the_command_builds() {
+    let file =
+        read(shipped("rig-and-pose").expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+    let args = [
+        "plumbline",
+        "pose",
+        "mesh.obj",
+        "--skeleton",
+        "skeleton.json",
+        "--pose",
+        "pose.json",
+        "-o",
+        "posed.obj",
+        "--render",
+        "posed.png",
+    ];
+    let built = plumbline::cli::pipeline_of(args).expect("options in order");
+    assert_eq!(file.file.stages.len(), built.stages.len());
+}
