@@ -4,20 +4,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::job::JobArgs;
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     DecodeSettings, Deinterlace, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings,
 };
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::units::{ClipTime, FrameRate};
 
 /// Options that `stabilize` and `motion` share.
 #[derive(Debug, Args)]
 pub(super) struct ClipArgs {
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
     /// First position to read: seconds or [HH:]MM:SS
     #[arg(long, value_name = "TIME")]
     start: Option<ClipTime>,
@@ -41,23 +38,11 @@ pub(super) struct ClipArgs {
     #[arg(long, default_value_t, value_name = "auto|off|SECONDS", help_heading = "Analysis")]
     rolling_shutter: RollingShutter,
 
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    pub(super) print_pipeline: bool,
-    /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    pub(super) job: JobArgs,
 }
 
 impl ClipArgs {
-    /// How the run goes.
-    pub(super) fn run(&self) -> RunSettings {
-        RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress }
-    }
-
     /// Stages `source` and `motion`, and `tracks` where the clip is tracked; `source`: the clip, `cameras`: those in space too.
     pub(super) fn analysis(&self, source: String, cameras: bool) -> Vec<StageEntry> {
         let decode = DecodeSettings {

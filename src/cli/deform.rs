@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     CotangentWish, ImageSaveSettings, LaplacianWish, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings,
     MeshSaveSettings, SolverWish, TurningWish, UnheldWish,
 };
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::surfaces::{MethodName, ViewWish};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
@@ -27,9 +27,6 @@ pub(super) struct DeformArgs {
     /// The file to write; its extension chooses the format
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     #[arg(long, default_value_t, value_name = "METHOD", help_heading = "Method", help = method_help())]
     method: MethodName,
@@ -82,15 +79,8 @@ pub(super) struct DeformArgs {
     )]
     view: ViewWish,
 
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 fn method_help() -> String {
@@ -99,7 +89,7 @@ fn method_help() -> String {
 
 impl DeformArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.print_pipeline, backend)
+        run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -132,12 +122,6 @@ impl DeformArgs {
             stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
             stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));
         }
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        Ok(PipelineFile {
-            name: Some("deform".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        })
+        Ok(PipelineFile { name: Some("deform".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() })
     }
 }

@@ -9,6 +9,7 @@ mod deform;
 mod failure;
 mod graph;
 mod interrupt;
+mod job;
 mod mesh;
 mod modes;
 mod motion;

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{CotangentWish, MeshLoadSettings, MeshModesSettings};
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline modes`.
@@ -34,23 +34,13 @@ pub(super) struct ModesArgs {
     /// How weights of edges are taken from angles
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     cotangents: CotangentWish,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl ModesArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -64,10 +54,9 @@ impl ModesArgs {
             modes: path(&self.output),
             parts: path(&self.parts),
         };
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         PipelineFile {
             name: Some("modes".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
+            run: self.job.run(),
             stages: vec![StageEntry::built("mesh", &load), StageEntry::built("modes", &modes).input("mesh", "mesh")],
             ..PipelineFile::default()
         }

@@ -7,9 +7,8 @@ use clap::{ArgGroup, Args};
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::MotionExportSettings;
-use crate::pipeline::options::RunSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
@@ -38,7 +37,7 @@ pub(super) struct MotionArgs {
 
 impl MotionArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.clip.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.clip.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -53,11 +52,6 @@ impl MotionArgs {
         let mut stages = self.clip.analysis(escape(&self.input), true);
         let export = StageEntry::built("files", &export);
         stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
-        PipelineFile {
-            name: Some("motion".to_owned()),
-            run: entries_of(&self.clip.run(), &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        }
+        PipelineFile { name: Some("motion".to_owned()), run: self.clip.job.run(), stages, ..PipelineFile::default() }
     }
 }

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::is_glob;
+use super::job::{JobArgs, batch, only_input};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
     ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, LinesSaveSettings, MapExportSettings,
     PhotoReportSettings,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
 
@@ -32,9 +31,6 @@ pub(super) struct PhotoArgs {
     /// The folder to write to; results keep the names of their inputs
     #[arg(long, value_name = "DIR")]
     pub(super) out_dir: Option<PathBuf>,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// Lines that shall be straight: auto finds them, off takes none; NAME.lines.json beside the picture if left out, and where
     /// there is none, auto
@@ -65,18 +61,11 @@ pub(super) struct PhotoArgs {
     #[arg(long, default_value_t = ImageLoadSettings::default().max_pixels, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     max_pixels: u64,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    pub(super) print_pipeline: bool,
     /// Pictures at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
     pub(super) jobs: u32,
-    /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    pub(super) job: JobArgs,
 }
 
 /// Where the names of one job come from: the options, or the item of the batch.
@@ -108,16 +97,11 @@ impl PhotoArgs {
         all.extend(self.writing(&names, render));
         Ok(PipelineFile {
             name: Some(name.to_owned()),
-            run: entries_of(&self.run(), &RunSettings::default()),
-            batch: self.output.is_none().then(|| self.batch()),
+            run: self.job.run(),
+            batch: self.output.is_none().then(|| batch(&self.inputs, self.jobs)),
             stages: all,
             ..PipelineFile::default()
         })
-    }
-
-    /// How the run goes.
-    pub(super) fn run(&self) -> RunSettings {
-        RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress }
     }
 
     /// Options that clips do not have, and whether they were given.
@@ -138,17 +122,8 @@ impl PhotoArgs {
             return Err(Failure::usage("pictures are not read from standard input; give the path of a file"));
         }
         let Some(output) = &self.output else { return self.batch_names() };
-        let [input] = self.inputs.as_slice() else {
-            let count = self.inputs.len();
-            let message = format!("--output names one file, but there are {count} inputs; use --out-dir");
-            return Err(Failure::usage(message));
-        };
-        let path = Path::new(input);
-        if path.is_dir() || (is_glob(input) && !path.exists()) {
-            let message = format!("`{input}` may be many pictures, but --output names one file; use --out-dir");
-            return Err(Failure::usage(message));
-        }
-        let lines = path.with_extension("lines.json");
+        let input = only_input(&self.inputs, "pictures")?;
+        let lines = Path::new(input).with_extension("lines.json");
         Ok(Names { source: escape(input), lines: literal_path(&lines), output: literal_path(output) })
     }
 
@@ -178,15 +153,6 @@ impl PhotoArgs {
             lines: "${item.dir}/${item.stem}.lines.json".to_owned(),
             output: format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')),
         })
-    }
-
-    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
-        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
-        let foreach = match patterns.as_slice() {
-            [one] => Foreach::One(one.clone()),
-            _ => Foreach::List(patterns),
-        };
-        entries_of(&BatchSettings { foreach, jobs: self.jobs, ..BatchSettings::default() }, &BatchSettings::default())
     }
 
     /// Appends the stages that give lines; the name of the last.

@@ -5,14 +5,15 @@ use std::path::Path;
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::{batch, only_input};
 use super::photo::PhotoArgs;
 use super::stabilize::KEPT_CONTAINERS;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand, is_glob};
+use crate::pipeline::file::literal_path;
+use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
 use crate::pipeline::kinds::{
     Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
+use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::units::ClipTime;
 use crate::pipeline::{PipelineFile, StageEntry, number_for};
@@ -75,10 +76,11 @@ impl ClipWishes {
         all.extend(stages);
         all.push(StageEntry::built("drawn", render).input("frames", "source").inputs("warps", warps));
         all.push(StageEntry::built("out", &encode).input("frames", "drawn").input("audio", "source.audio"));
+        let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
         Ok(PipelineFile {
             name: Some(name.to_owned()),
-            run: entries_of(&photo.run(), &RunSettings::default()),
-            batch: photo.output.is_none().then(|| batch(photo)),
+            run: photo.job.run(),
+            batch: photo.output.is_none().then(|| batch(&photo.inputs, jobs)),
             stages: all,
             ..PipelineFile::default()
         })
@@ -98,27 +100,8 @@ impl ClipWishes {
             let output = format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/'));
             return Ok(("${item.path}".to_owned(), output));
         };
-        let [input] = photo.inputs.as_slice() else {
-            let count = photo.inputs.len();
-            let message = format!("--output names one file, but there are {count} inputs; use --out-dir");
-            return Err(Failure::usage(message));
-        };
-        if Path::new(input).is_dir() || (is_glob(input) && !Path::new(input).exists()) {
-            let message = format!("`{input}` may be many clips, but --output names one file; use --out-dir");
-            return Err(Failure::usage(message));
-        }
-        Ok((escape(input), literal_path(output)))
+        Ok((escape(only_input(&photo.inputs, "clips")?), literal_path(output)))
     }
-}
-
-fn batch(photo: &PhotoArgs) -> Vec<crate::pipeline::syntax::Entry> {
-    let patterns: Vec<String> = photo.inputs.iter().map(|i| escape(i)).collect();
-    let foreach = match patterns.as_slice() {
-        [one] => Foreach::One(one.clone()),
-        _ => Foreach::List(patterns),
-    };
-    let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
-    entries_of(&BatchSettings { foreach, jobs, ..BatchSettings::default() }, &BatchSettings::default())
 }
 
 /// Stages `tracks` and `motion`; the points are carried through the map `lens` where there is one.

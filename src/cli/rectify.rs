@@ -65,7 +65,7 @@ pub struct RectifyArgs {
 
 impl RectifyArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.photo.print_pipeline, backend)
+        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.

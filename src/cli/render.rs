@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::{JobArgs, batch, only_input};
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::is_glob;
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, UpWish};
-use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::{BackgroundColor, ViewWish};
@@ -29,9 +28,6 @@ pub(super) struct RenderArgs {
     /// The folder to write to; pictures are called as their meshes
     #[arg(long, value_name = "DIR")]
     out_dir: Option<PathBuf>,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// Size of the picture
     #[arg(long, default_value_t = MeshRenderSettings::default().size, value_name = "WxH", help_heading = "View")]
@@ -62,23 +58,16 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "COLOR", help_heading = "Look")]
     background: Option<BackgroundColor>,
 
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
     /// Meshes at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
     jobs: u32,
-    /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl RenderArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.print_pipeline, backend)
+        run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -98,11 +87,10 @@ impl RenderArgs {
         };
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };
         let save = ImageSaveSettings { path: target, ..ImageSaveSettings::default() };
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         Ok(PipelineFile {
             name: Some("render".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            batch: self.output.is_none().then(|| self.batch()),
+            run: self.job.run(),
+            batch: self.output.is_none().then(|| batch(&self.inputs, self.jobs)),
             stages: vec![
                 StageEntry::built("mesh", &load),
                 StageEntry::built("drawn", &render).input("mesh", "mesh"),
@@ -119,24 +107,6 @@ impl RenderArgs {
             let target = format!("{}/${{item.stem}}.png", folder.trim_end_matches('/'));
             return Ok(("${item.path}".to_owned(), target));
         };
-        let [input] = self.inputs.as_slice() else {
-            let count = self.inputs.len();
-            let message = format!("--output names one file, but there are {count} meshes; use --out-dir");
-            return Err(Failure::usage(message));
-        };
-        if Path::new(input).is_dir() || (is_glob(input) && !Path::new(input).exists()) {
-            let message = format!("`{input}` may be many meshes, but --output names one file; use --out-dir");
-            return Err(Failure::usage(message));
-        }
-        Ok((escape(input), literal_path(output)))
-    }
-
-    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
-        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
-        let foreach = match patterns.as_slice() {
-            [one] => Foreach::One(one.clone()),
-            _ => Foreach::List(patterns),
-        };
-        entries_of(&BatchSettings { foreach, jobs: self.jobs, ..BatchSettings::default() }, &BatchSettings::default())
+        Ok((escape(only_input(&self.inputs, "meshes")?), literal_path(output)))
     }
 }

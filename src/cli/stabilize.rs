@@ -6,14 +6,15 @@ use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
 use super::failure::Failure;
+use super::job::{batch, only_input};
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::items::{is_glob, is_picture, pictures};
+use crate::pipeline::file::literal_path;
+use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::kinds::{
     Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionExportSettings, PathMethod,
     RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpMode, WarpSettings, Zoom,
 };
-use crate::pipeline::options::{BatchSettings, Foreach, RunSettings};
+use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::units::{BitRate, ByteSize};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
@@ -108,7 +109,7 @@ pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 impl StabilizeArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.clip.print_pipeline, backend)
+        run_or_print(self.pipeline()?, self.clip.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -119,8 +120,8 @@ impl StabilizeArgs {
         };
         let mut file = PipelineFile {
             name: Some("stabilize".to_owned()),
-            run: entries_of(&self.clip.run(), &RunSettings::default()),
-            batch: self.output.is_none().then(|| self.batch()),
+            run: self.clip.job.run(),
+            batch: self.output.is_none().then(|| batch(&self.inputs, BatchSettings::default().jobs)),
             stages: self.analysis(source),
             ..PipelineFile::default()
         };
@@ -129,24 +130,15 @@ impl StabilizeArgs {
     }
 
     fn only_input(&self) -> Result<String, Failure> {
-        let [input] = self.inputs.as_slice() else {
-            let count = self.inputs.len();
-            if self.inputs.iter().all(|i| is_picture(Path::new(i))) {
-                let help = "name their folder, or put the glob in quotes";
-                return Err(Failure::usage(format!("{count} pictures do not say that they are one clip; {help}")));
-            }
-            return Err(Failure::usage(format!(
-                "--output names one file, but there are {count} inputs; use --out-dir"
-            )));
-        };
-        let path = Path::new(input);
-        let many = path.is_dir() || (is_glob(input) && !path.exists());
-        if many && pictures(input).is_none() {
-            return Err(Failure::usage(format!(
-                "`{input}` may be many clips, but --output names one file; use --out-dir"
-            )));
+        let many = self.inputs.len();
+        if many > 1 && self.inputs.iter().all(|i| is_picture(Path::new(i))) {
+            let help = "name their folder, or put the glob in quotes";
+            return Err(Failure::usage(format!("{many} pictures do not say that they are one clip; {help}")));
         }
-        Ok(escape(input))
+        match self.inputs.as_slice() {
+            [sequence] if pictures(sequence).is_some() => Ok(escape(sequence)),
+            inputs => Ok(escape(only_input(inputs, "clips")?)),
+        }
     }
 
     /// The name of each result under `--out-dir`: the container of the input where it holds the codec, or one that does.
@@ -179,15 +171,6 @@ impl StabilizeArgs {
         };
         let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
         Ok(format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')))
-    }
-
-    fn batch(&self) -> Vec<crate::pipeline::syntax::Entry> {
-        let patterns: Vec<String> = self.inputs.iter().map(|i| escape(i)).collect();
-        let foreach = match patterns.as_slice() {
-            [one] => Foreach::One(one.clone()),
-            _ => Foreach::List(patterns),
-        };
-        entries_of(&BatchSettings { foreach, ..BatchSettings::default() }, &BatchSettings::default())
     }
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {

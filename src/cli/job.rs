@@ -1,0 +1,66 @@
+//! What commands share whose options mean a pipeline: how the job goes, and which files it is for.
+
+use std::path::Path;
+
+use clap::Args;
+
+use super::failure::Failure;
+use crate::pipeline::file::entries_of;
+use crate::pipeline::items::is_glob;
+use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::reference::escape;
+use crate::pipeline::syntax::Entry;
+
+/// Options of every command that computes something.
+#[derive(Debug, Args)]
+pub(super) struct JobArgs {
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    pub(super) print_pipeline: bool,
+    /// Threads for the whole run; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+impl JobArgs {
+    /// How the run goes.
+    pub(super) fn run(&self) -> Vec<Entry> {
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        entries_of(&run, &RunSettings::default())
+    }
+}
+
+/// The input of a command whose `--output` names one file; `many` says what its inputs are, such as `meshes`.
+pub(super) fn only_input<'a>(inputs: &'a [String], many: &str) -> Result<&'a str, Failure> {
+    let [input] = inputs else {
+        let count = inputs.len();
+        return Err(Failure::usage(format!("--output names one file, but there are {count} {many}; use --out-dir")));
+    };
+    if may_be_many(input) {
+        let message = format!("`{input}` may be many {many}, but --output names one file; use --out-dir");
+        return Err(Failure::usage(message));
+    }
+    Ok(input)
+}
+
+/// Whether a name stands for what a folder holds or a glob matches.
+pub(super) fn may_be_many(input: &str) -> bool {
+    let path = Path::new(input);
+    path.is_dir() || (is_glob(input) && !path.exists())
+}
+
+/// One run for each input; `jobs` at once, 0 for as many as processors and memory allow.
+pub(super) fn batch(inputs: &[String], jobs: u32) -> Vec<Entry> {
+    let patterns: Vec<String> = inputs.iter().map(|i| escape(i)).collect();
+    let foreach = match patterns.as_slice() {
+        [one] => Foreach::One(one.clone()),
+        _ => Foreach::List(patterns),
+    };
+    entries_of(&BatchSettings { foreach, jobs, ..BatchSettings::default() }, &BatchSettings::default())
+}
