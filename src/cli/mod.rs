@@ -23,6 +23,7 @@ mod render;
 mod retarget;
 mod run;
 mod schema;
+mod skeleton;
 mod solve;
 mod stabilize;
 mod stages;
@@ -62,6 +63,8 @@ enum Command {
     Deform(Box<deform::DeformArgs>),
     /// Find how a mesh bends most easily, and its near-rigid parts
     Modes(modes::ModesArgs),
+    /// Find the skeletons of meshes
+    Skeleton(Box<skeleton::SkeletonArgs>),
     /// Put characters into poses and through movements
     Pose(Box<pose::PoseArgs>),
     /// Draw meshes, without a graphics card
@@ -120,7 +123,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skeleton`, `pose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -133,6 +136,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
+        Command::Skeleton(args) => args.pipeline().map_err(|f| f.message),
         Command::Pose(args) => args.pipeline().map_err(|f| f.message),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
@@ -148,6 +152,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Mesh(args) => args.run(),
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
+        Command::Skeleton(args) => args.run(backend),
         Command::Pose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),

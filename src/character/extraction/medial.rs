@@ -23,6 +23,10 @@ const ROUNDS: usize = 20;
 /// give balls of their own, above 60° so do the ridges of thin parts lose theirs.
 const TOO_NEAR: f64 = 0.766;
 
+/// Radius where nothing bounds a ball, as a share of the widest: an open surface has no inside there, and its vertices are drawn to
+/// where they are.
+const UNBOUNDED: f64 = 0.1;
+
 /// A ball inside the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ball {
@@ -37,8 +41,10 @@ pub(super) fn balls(positions: &[Point3<f64>], normals: &[Vector3<f64>], widest:
     let of = |(i, (p, n)): (usize, (&Point3<f64>, &Vector3<f64>))| {
         let ball = shrunk(i as u32, p, n, first, &tree, positions);
         // Neighbors in the list are often neighbors on the surface: their balls are a good start.
+        let start = first;
         first = (3.0 * ball.radius).min(widest);
-        if ball.radius >= first { shrunk(i as u32, p, n, widest, &tree, positions) } else { ball }
+        let ball = if ball.radius >= start { shrunk(i as u32, p, n, widest, &tree, positions) } else { ball };
+        if ball.radius >= widest { Ball { center: *p, radius: UNBOUNDED * widest } } else { ball }
     };
     positions.iter().zip(normals).enumerate().map(of).collect()
 }

@@ -90,7 +90,9 @@ pub(super) fn extract(
     }
     let closed = part.handles().is_some();
     let web = finished(&web, &tree, closed, options.prune);
-    Ok(found(&web, &tree, &frame, part.mesh.vertex_count(), rounds))
+    let mut found = found(&web, &tree, &frame, part.mesh.vertex_count(), rounds);
+    whole_regions(&part.mesh, &mut found.node_of_vertex);
+    Ok(found)
 }
 
 /// A part too small for a curve.
@@ -199,5 +201,64 @@ fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usi
         radius: alive.iter().map(|v| centering::radius(tree, &web.nodes[*v as usize]) * frame.scale).collect(),
         node_of_vertex: (0..vertices).map(|v| number[web.node_of(v) as usize]).collect(),
         rounds,
+    }
+}
+
+/// Makes the vertices of each node hang together: a divided surface may be connected where the one it was made of is not. Of
+/// each node the largest piece stays, the others go to nodes beside them.
+fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
+    let mut neighbors = vec![Vec::new(); mesh.vertex_count()];
+    for &[a, b, c] in mesh.triangles() {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            neighbors[p as usize].push(q);
+            neighbors[q as usize].push(p);
+        }
+    }
+    let mut piece_of_vertex = vec![usize::MAX; mesh.vertex_count()];
+    let mut pieces: Vec<Vec<u32>> = Vec::new();
+    for v in 0..mesh.vertex_count() as u32 {
+        if piece_of_vertex[v as usize] != usize::MAX {
+            continue;
+        }
+        let mut piece = vec![v];
+        piece_of_vertex[v as usize] = pieces.len();
+        let mut at = 0;
+        while let Some(u) = piece.get(at).copied() {
+            at += 1;
+            for &w in &neighbors[u as usize] {
+                if piece_of_vertex[w as usize] == usize::MAX && node_of_vertex[w as usize] == node_of_vertex[v as usize]
+                {
+                    piece_of_vertex[w as usize] = pieces.len();
+                    piece.push(w);
+                }
+            }
+        }
+        pieces.push(piece);
+    }
+    let mut largest = std::collections::HashMap::new();
+    for (i, piece) in pieces.iter().enumerate() {
+        let best = largest.entry(node_of_vertex[piece[0] as usize]).or_insert(i);
+        if piece.len() > pieces[*best].len() {
+            *best = i;
+        }
+    }
+    let settled = |v: usize, nodes: &[u32]| nodes[v] != u32::MAX;
+    for (i, piece) in pieces.iter().enumerate() {
+        if largest[&node_of_vertex[piece[0] as usize]] != i {
+            piece_of_vertex[piece[0] as usize] = usize::MAX;
+        }
+    }
+    let strays: Vec<u32> =
+        pieces.iter().filter(|p| piece_of_vertex[p[0] as usize] == usize::MAX).flatten().copied().collect();
+    strays.iter().for_each(|v| node_of_vertex[*v as usize] = u32::MAX);
+    let mut queue: std::collections::VecDeque<u32> =
+        (0..mesh.vertex_count() as u32).filter(|v| settled(*v as usize, node_of_vertex)).collect();
+    while let Some(v) = queue.pop_front() {
+        for &w in &neighbors[v as usize] {
+            if !settled(w as usize, node_of_vertex) {
+                node_of_vertex[w as usize] = node_of_vertex[v as usize];
+                queue.push_back(w);
+            }
+        }
     }
 }

@@ -29,6 +29,7 @@ mod photo_retarget;
 mod pose;
 mod render;
 mod report;
+mod skeleton_extract;
 mod skeleton_load;
 mod smooth;
 mod stmap;
@@ -67,6 +68,7 @@ pub use photo_retarget::PhotoRetargetSettings;
 pub use pose::{BindingWish, PoseSettings, SkinningWish};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
+pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
@@ -112,6 +114,7 @@ pub static KINDS: [StageKind; 36] = [
     StageKind::of::<MeshDeformSettings>(),
     StageKind::of::<MeshModesSettings>(),
     StageKind::of::<SkeletonLoadSettings>(),
+    StageKind::of::<SkeletonExtractSettings>(),
     StageKind::of::<PoseSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),
