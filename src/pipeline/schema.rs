@@ -12,7 +12,6 @@ use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
 use crate::character::pose_file::pose_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
-use crate::character::skeleton_file::skeleton_file_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
 use crate::surface::handle_file::handle_file_schema;
@@ -41,8 +40,6 @@ pub enum FileFormat {
     Skeleton,
     /// Poses of a character, for pose --pose
     Pose,
-    /// Skeletons at rest, plumbline.skeleton
-    Skeleton,
 }
 
 /// The schema of a format.
@@ -57,7 +54,6 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Handles => handle_file_schema().to_value(),
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
         FileFormat::Pose => pose_file_schema().to_value(),
-        FileFormat::Skeleton => skeleton_file_schema().to_value(),
     }
 }
 

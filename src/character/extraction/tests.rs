@@ -111,7 +111,7 @@ fn every_vertex_belongs_to_one_node_and_regions_hang_together() {
     }
     let node = |v: usize| curve.node_of_vertex[v];
     for t in mesh.triangles() {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2])] {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             let (a, b) = (a as usize, b as usize);
             if node(a) == node(b) {
                 let (a, b) = (root(&into, a), root(&into, b));
