@@ -16,6 +16,7 @@ pub mod clip;
 mod curve;
 pub mod edit;
 mod error;
+pub mod extraction;
 pub mod humanoid;
 pub mod ik;
 pub mod io;

@@ -24,6 +24,7 @@ mod retarget;
 mod run;
 mod schema;
 mod skin;
+mod skeleton;
 mod solve;
 mod stabilize;
 mod stages;
@@ -65,6 +66,8 @@ enum Command {
     Modes(modes::ModesArgs),
     /// Find how a surface follows a skeleton
     Skin(skin::SkinArgs),
+    /// Find the skeletons of meshes
+    Skeleton(Box<skeleton::SkeletonArgs>),
     /// Put characters into poses and through movements
     Pose(Box<pose::PoseArgs>),
     /// Draw meshes, without a graphics card
@@ -125,6 +128,7 @@ pub fn command() -> clap::Command {
 
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skin` or `render` builds from these arguments, the program's name first.
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skeleton`, `pose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -138,6 +142,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
         Command::Skin(args) => Ok(args.pipeline()),
+        Command::Skeleton(args) => args.pipeline().map_err(|f| f.message),
         Command::Pose(args) => args.pipeline().map_err(|f| f.message),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
@@ -154,6 +159,7 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
         Command::Skin(args) => args.run(backend),
+        Command::Skeleton(args) => args.run(backend),
         Command::Pose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),

@@ -61,7 +61,6 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
         FileFormat::Weights => weights_file_schema().to_value(),
         FileFormat::Pose => pose_file_schema().to_value(),
-        FileFormat::Skeleton => skeleton_file_schema().to_value(),
     }
 }
 

@@ -146,6 +146,8 @@ pub struct SurfaceSummary {
     pub modes: Option<String>,
     /// How it follows a skeleton.
     pub weights: Option<String>,
+    /// Its skeleton.
+    pub skeleton: Option<String>,
 }
 
 impl SurfaceSummary {
@@ -159,6 +161,7 @@ impl SurfaceSummary {
         self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
         self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
         self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))
+        self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))
     }
 }
 

@@ -30,6 +30,7 @@ mod pose;
 mod render;
 mod report;
 mod skin_weights;
+mod skeleton_extract;
 mod skeleton_load;
 mod smooth;
 mod stmap;
@@ -71,6 +72,7 @@ pub use pose::{BindingWish, PoseSettings, SkinningWish};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
 pub use skin_weights::{SkinWeightsSettings, WeightWish};
+pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
@@ -84,6 +86,7 @@ use super::kind::StageKind;
 /// Every stage kind, in the order of the data's way.
 pub static KINDS: [StageKind; 35] = [
 pub static KINDS: [StageKind; 36] = [
+pub static KINDS: [StageKind; 37] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -118,6 +121,7 @@ pub static KINDS: [StageKind; 36] = [
     StageKind::of::<MeshModesSettings>(),
     StageKind::of::<SkinWeightsSettings>(),
     StageKind::of::<SkeletonLoadSettings>(),
+    StageKind::of::<SkeletonExtractSettings>(),
     StageKind::of::<PoseSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),

@@ -4,6 +4,7 @@
 //! written from the model, so that polygons, texture coordinates, groups and materials are those that were read.
 
 mod deform;
+mod extraction;
 mod handles;
 mod load;
 mod modes;
@@ -24,7 +25,7 @@ use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
     MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, SkinWeightsSettings,
     MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
-    SkeletonLoadSettings,
+    SkeletonExtractSettings, SkeletonLoadSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
@@ -64,6 +65,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         weights::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<SkeletonLoadSettings>() {
         posing::load(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SkeletonExtractSettings>() {
+        extraction::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<PoseSettings>() {
         posing::pose(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshRenderSettings>() {

@@ -1,0 +1,220 @@
+//! Where a surface is nearest, and where rays meet it: a tree of boxes around its triangles.
+//!
+//! Triangles are halved by the middle of the widest axis of their centers until few are left; a node stands before its left
+//! half, so that the tree is one array.
+
+use nalgebra::{Point3, Vector3};
+
+/// Triangles by place.
+pub(super) struct AabbTree {
+    nodes: Vec<Node>,
+    corners: Vec<[Point3<f64>; 3]>,
+}
+
+struct Node {
+    low: Point3<f64>,
+    high: Point3<f64>,
+    /// Triangles of a leaf; none in a node with halves.
+    triangles: std::ops::Range<u32>,
+    /// The node of the right half; the left one follows its node.
+    right: u32,
+}
+
+/// Triangles of a leaf at most.
+const LEAF: usize = 4;
+
+impl AabbTree {
+    pub(super) fn new(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
+        let mut corners: Vec<_> = triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect();
+        let mut nodes = Vec::with_capacity(corners.len());
+        if !corners.is_empty() {
+            divide(&mut corners, 0, &mut nodes);
+        }
+        Self { nodes, corners }
+    }
+
+    /// The point of the surface nearest to `p`.
+    pub(super) fn nearest(&self, p: &Point3<f64>) -> Option<Point3<f64>> {
+        let mut best = (Point3::origin(), f64::INFINITY);
+        if !self.nodes.is_empty() {
+            self.near(0, p, &mut best);
+        }
+        (best.1 < f64::INFINITY).then_some(best.0)
+    }
+
+    fn near(&self, at: usize, p: &Point3<f64>, best: &mut (Point3<f64>, f64)) {
+        let node = &self.nodes[at];
+        if !node.triangles.is_empty() {
+            for t in node.triangles.clone() {
+                let q = nearest_of_triangle(p, &self.corners[t as usize]);
+                let d = nalgebra::distance_squared(p, &q);
+                if d < best.1 {
+                    *best = (q, d);
+                }
+            }
+            return;
+        }
+        let halves = [at + 1, node.right as usize].map(|n| (n, self.nodes[n].squared_distance(p)));
+        let [first, second] = if halves[1].1 < halves[0].1 { [halves[1], halves[0]] } else { halves };
+        for (half, distance) in [first, second] {
+            if distance < best.1 {
+                self.near(half, p, best);
+            }
+        }
+    }
+
+    /// Parameter `t > 0` of the first point `origin + t direction` on the surface.
+    pub(super) fn first_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+        let mut first = f64::INFINITY;
+        self.along(origin, direction, &mut |t| first = first.min(t), f64::INFINITY);
+        (first < f64::INFINITY).then_some(first)
+    }
+
+    /// True where a ray from `p` leaves the surface an odd number of times, by the majority of three directions.
+    pub(super) fn encloses(&self, p: &Point3<f64>) -> bool {
+        // No direction that a modeler would choose for an edge.
+        const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
+        let odd = |d: &[f64; 3]| {
+            let mut count = 0;
+            self.along(p, &Vector3::from(*d), &mut |_| count += 1, f64::INFINITY);
+            count % 2 == 1
+        };
+        DIRECTIONS.iter().filter(|d| odd(d)).count() >= 2
+    }
+
+    fn along(&self, o: &Point3<f64>, d: &Vector3<f64>, meet: &mut impl FnMut(f64), until: f64) {
+        let inverse = d.map(|c| 1.0 / c);
+        let mut stack = vec![0_usize];
+        while let Some(at) = stack.pop() {
+            let Some(node) = self.nodes.get(at) else { return };
+            if !node.is_met(o, &inverse, until) {
+                continue;
+            }
+            if node.triangles.is_empty() {
+                stack.extend([at + 1, node.right as usize]);
+            }
+            for t in node.triangles.clone() {
+                if let Some(t) = meets(o, d, &self.corners[t as usize]).filter(|t| *t <= until) {
+                    meet(t);
+                }
+            }
+        }
+    }
+}
+
+fn divide(corners: &mut [[Point3<f64>; 3]], first: usize, nodes: &mut Vec<Node>) {
+    let all = corners.iter().flatten();
+    let (low, high) = all.fold((corners[0][0], corners[0][0]), |(low, high), p| (low.inf(p), high.sup(p)));
+    let at = nodes.len();
+    let leaf = corners.len() <= LEAF;
+    let triangles = if leaf { first as u32..(first + corners.len()) as u32 } else { 0..0 };
+    nodes.push(Node { low, high, triangles, right: 0 });
+    if leaf {
+        return;
+    }
+    let axis = (high - low).imax();
+    let center = |t: &[Point3<f64>; 3]| t[0][axis] + t[1][axis] + t[2][axis];
+    let middle = corners.len() / 2;
+    corners.select_nth_unstable_by(middle, |a, b| center(a).total_cmp(&center(b)));
+    let (left, right) = corners.split_at_mut(middle);
+    divide(left, first, nodes);
+    nodes[at].right = nodes.len() as u32;
+    divide(right, first + middle, nodes);
+}
+
+impl Node {
+    fn squared_distance(&self, p: &Point3<f64>) -> f64 {
+        (self.low - p).sup(&(p - self.high)).sup(&Vector3::zeros()).norm_squared()
+    }
+
+    fn is_met(&self, o: &Point3<f64>, inverse: &Vector3<f64>, until: f64) -> bool {
+        let (mut enter, mut leave) = (0.0_f64, until);
+        for k in 0..3 {
+            let (a, b) = ((self.low[k] - o[k]) * inverse[k], (self.high[k] - o[k]) * inverse[k]);
+            // A ray in the plane of a side gives NaN, which min and max pass over.
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        enter <= leave
+    }
+}
+
+/// The point of a triangle nearest to `p` (C. Ericson, *Real-Time Collision Detection*, section 5.1.5).
+fn nearest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Point3<f64> {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return *a;
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(&bp), ac.dot(&bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return *b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return *c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let sum = va + vb + vc;
+    a + ab * (vb / sum) + ac * (vc / sum)
+}
+
+/// Parameter at which a ray meets a triangle (T. Möller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, 1997).
+fn meets(o: &Point3<f64>, d: &Vector3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Option<f64> {
+    let (e1, e2) = (b - a, c - a);
+    let p = d.cross(&e2);
+    let det = e1.dot(&p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = o - a;
+    let u = s.dot(&p) / det;
+    let q = s.cross(&e1);
+    let v = d.dot(&q) / det;
+    let t = e2.dot(&q) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn nearest_points_and_hits_are_those_that_a_search_of_all_finds() {
+        let mesh = shapes::holed_torus(2, 8);
+        let tree = AabbTree::new(mesh.positions(), mesh.triangles());
+        for k in 0..100 {
+            let k = f64::from(k);
+            let p = Point3::new((k * 0.37).sin() * 2.0, (k * 0.73).cos(), (k * 1.31).sin() * 0.5);
+            let d = Vector3::new((k * 0.91).cos(), (k * 0.17).sin(), (k * 0.53).cos());
+            let all = || (0..mesh.triangle_count()).map(|t| mesh.corners(t));
+            let near =
+                all().map(|t| nalgebra::distance(&p, &nearest_of_triangle(&p, &t))).fold(f64::INFINITY, f64::min);
+            let hit = all().filter_map(|t| meets(&p, &d, &t)).fold(f64::INFINITY, f64::min);
+            assert!((nalgebra::distance(&tree.nearest(&p).unwrap(), &p) - near).abs() < 1e-14);
+            assert_eq!(tree.first_hit(&p, &d).unwrap_or(f64::INFINITY), hit);
+        }
+    }
+
+    #[test]
+    fn inside_is_inside() {
+        let mesh = shapes::icosphere(3);
+        let tree = AabbTree::new(mesh.positions(), mesh.triangles());
+        assert!(tree.encloses(&Point3::new(0.1, 0.2, 0.3)) && tree.encloses(&Point3::new(0.0, 0.0, 0.98)));
+        assert!(!tree.encloses(&Point3::new(0.0, 1.01, 0.0)) && !tree.encloses(&Point3::new(5.0, 0.0, 0.0)));
+    }
+}

@@ -1,0 +1,169 @@
+//! A surface whose edges collapse, and which vertex each vertex of it became part of.
+//!
+//! A half-edge collapse `i → j` takes the triangles at the edge away and gives the others at `i` to `j`. It keeps the topology of the
+//! surface where the *link condition* holds: the neighbors that `i` and `j` share are those opposite to the edge, and no edge
+//! between two vertices of the boundary is collapsed unless it is of the boundary itself.
+//!
+//! # Reference
+//! T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, Publ. Inst. Math. 66 (1999).
+
+use nalgebra::{Point3, Vector3};
+
+/// No vertex or triangle.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Triangles over vertices that merge.
+#[derive(Clone)]
+pub(super) struct Complex {
+    /// Positions; those of merged vertices mean nothing.
+    pub(super) positions: Vec<Point3<f64>>,
+    /// Corners of the triangles that were there first; `[NONE; 3]` where one is gone.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// Triangles around each vertex.
+    fans: Vec<Vec<u32>>,
+    /// The vertex that each has merged into, itself where it is alive.
+    into: Vec<u32>,
+    boundary: Vec<bool>,
+    alive: usize,
+    /// What has collapsed, in order.
+    pub(super) collapses: Vec<Collapse>,
+}
+
+/// A collapse, along an edge of a triangle known by its number and two of its corners.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Collapse {
+    pub(super) gone: u32,
+    pub(super) kept: u32,
+    pub(super) triangle: u32,
+    /// Places in the triangle of the vertex that is gone and of the one kept.
+    pub(super) corners: [u8; 2],
+}
+
+impl Complex {
+    pub(super) fn new(positions: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> Self {
+        let n = positions.len();
+        let mut fans = vec![Vec::new(); n];
+        for (t, corners) in triangles.iter().enumerate() {
+            corners.iter().for_each(|v| fans[*v as usize].push(t as u32));
+        }
+        let mut this = Self {
+            positions,
+            triangles,
+            fans,
+            into: (0..n as u32).collect(),
+            boundary: vec![false; n],
+            alive: n,
+            collapses: Vec::new(),
+        };
+        let mut neighbors = Vec::new();
+        for v in 0..n as u32 {
+            this.neighbors(v, &mut neighbors);
+            this.boundary[v as usize] = neighbors.iter().any(|u| this.edge_triangles(v, *u).count() == 1);
+        }
+        this
+    }
+
+    /// Number of vertices that have not merged into others.
+    pub(super) fn alive_count(&self) -> usize {
+        self.alive
+    }
+
+    pub(super) fn is_alive(&self, v: u32) -> bool {
+        self.into[v as usize] == v
+    }
+
+    /// Vertices that have not merged into others, in order.
+    pub(super) fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.into.len() as u32).filter(|v| self.is_alive(*v))
+    }
+
+    /// The vertex that `v` has become part of.
+    pub(super) fn root(&self, mut v: u32) -> u32 {
+        while self.into[v as usize] != v {
+            v = self.into[v as usize];
+        }
+        v
+    }
+
+    /// Triangles that are left.
+    pub(super) fn faces(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.triangles.iter().copied().filter(|t| t[0] != NONE)
+    }
+
+    /// Triangles around a vertex.
+    pub(super) fn fan(&self, v: u32) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.fans[v as usize].iter().map(|t| self.triangles[*t as usize])
+    }
+
+    /// Neighbors of a vertex, ascending.
+    pub(super) fn neighbors(&self, v: u32, into: &mut Vec<u32>) {
+        into.clear();
+        into.extend(self.fan(v).flatten().filter(|u| *u != v));
+        into.sort_unstable();
+        into.dedup();
+    }
+
+    fn edge_triangles(&self, a: u32, b: u32) -> impl Iterator<Item = u32> + '_ {
+        self.fans[a as usize].iter().copied().filter(move |t| self.triangles[*t as usize].contains(&b))
+    }
+
+    /// True where the collapse of an edge leaves a surface of the same topology.
+    pub(super) fn link_condition(&self, i: u32, j: u32, scratch: &mut [Vec<u32>; 2]) -> bool {
+        let [of_i, of_j] = scratch;
+        self.neighbors(i, of_i);
+        self.neighbors(j, of_j);
+        let opposite = self.edge_triangles(i, j).count();
+        let shared = of_i.iter().filter(|v| of_j.binary_search(v).is_ok()).count();
+        if opposite == 0 || shared != opposite {
+            return false;
+        }
+        if self.boundary[i as usize] && self.boundary[j as usize] && opposite != 1 {
+            return false;
+        }
+        // A tetrahedron, and a triangle alone, would fold onto themselves.
+        of_i.len().min(of_j.len()) > if opposite == 1 { 2 } else { 3 } || (opposite == 2 && of_i.len() + of_j.len() > 6)
+    }
+
+    /// The normal of a triangle, twice its area long, with `v` moved to `place`.
+    fn normal_with(&self, t: [u32; 3], v: u32, place: &Point3<f64>) -> Vector3<f64> {
+        let [a, b, c] = t.map(|u| if u == v { *place } else { self.positions[u as usize] });
+        (b - a).cross(&(c - a))
+    }
+
+    /// True where moving `i` onto `j` turns a triangle that stays by more than about 80°.
+    pub(super) fn would_fold(&self, i: u32, j: u32) -> bool {
+        let place = self.positions[j as usize];
+        self.fan(i).filter(|t| !t.contains(&j)).any(|t| {
+            let (before, after) = (self.normal_with(t, i, &self.positions[i as usize]), self.normal_with(t, i, &place));
+            before.dot(&after) <= 0.2 * before.norm() * after.norm()
+        })
+    }
+
+    /// Merges `i` into `j`, whose position stays.
+    pub(super) fn collapse(&mut self, i: u32, j: u32) {
+        let place = |corners: [u32; 3], v: u32| corners.iter().position(|c| *c == v).map(|k| k as u8);
+        for t in std::mem::take(&mut self.fans[i as usize]) {
+            let corners = self.triangles[t as usize];
+            if let (Some(from), Some(to)) = (place(corners, i), place(corners, j)) {
+                if self.collapses.last().is_none_or(|c| c.gone != i) {
+                    self.collapses.push(Collapse { gone: i, kept: j, triangle: t, corners: [from, to] });
+                }
+                for v in corners.into_iter().filter(|v| *v != i) {
+                    self.fans[v as usize].retain(|u| *u != t);
+                }
+                self.triangles[t as usize] = [NONE; 3];
+            } else {
+                self.triangles[t as usize] = corners.map(|v| if v == i { j } else { v });
+                self.fans[j as usize].push(t);
+            }
+        }
+        self.into[i as usize] = j;
+        self.boundary[j as usize] |= self.boundary[i as usize];
+        self.alive -= 1;
+    }
+
+    /// Area of all triangles that are left.
+    pub(super) fn area(&self) -> f64 {
+        self.faces().map(|t| 0.5 * self.normal_with(t, NONE, &Point3::origin()).norm()).sum()
+    }
+}

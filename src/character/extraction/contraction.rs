@@ -1,0 +1,325 @@
+//! The surface shrinks until it is a curve.
+//!
+//! Each round solves, in the least-squares sense, for positions `x'` of the vertices from the positions `x` of the round before,
+//!
+//! ```text
+//! E = Σᵢ w_Lᵢ² ‖(L x')ᵢ‖²  +  Σᵢ mᵢ w_Hᵢ² ‖x'ᵢ − xᵢ‖²  +  Σᵢ mᵢ w_M² ‖x'ᵢ − cᵢ‖²
+//! w_Lᵢ = w_L s_Lᵗ ρᵢ² / √(aᵢ ā),   w_Hᵢ² = w_H² aᵢ / Aᵢ,   mᵢ = aᵢ / ā
+//! ```
+//!
+//! with `L` the cotangent Laplacian of the surface as it is in round `t`, `aᵢ` the area that a vertex stood for at first and `Aᵢ` what is
+//! left of it, `ā` the mean of the former, `ρᵢ` the radius of the shape about the vertex and `cᵢ` the center of its medial ball. The
+//! first term makes the surface flat in the mean: it moves along its mean-curvature normal, thin parts inward. The second
+//! holds each round back, the more the less area is left; the third keeps what has shrunk in the middle of the shape, and
+//! branches from growing shorter. The normal equations
+//!
+//! `(Lᵀ W_L² L + M (W_H² + w_M²)) x' = M (W_H² x + w_M² c)`
+//!
+//! are sparse and positive definite: one factorization and three right-hand sides per round.
+//!
+//! After each round edges that have become short collapse under the link condition, so that systems grow smaller as the surface
+//! does. A merged vertex stands for the area of both, at the mean of both centers. A round with an unchanged surface uses the
+//! analysis of the round before.
+//!
+//! Departures from Au et al.: `w_L` counts in units of the local radius, so that fingers and trunks contract in the same rounds, and
+//! grows by 1.2 a round instead of 2; vertices merge, and are drawn to medial centers, as in Tagliasacchi et al. (there Voronoi
+//! poles); weights of edges are not negative, which Laplacians of slivers would need to be linearly precise; instead vertices whose
+//! area is gone are contracted no more, or limbs would be drawn in along themselves. Pinned vertices have a weight that holds
+//! them in place.
+//!
+//! # Reference
+//! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section
+//! 4; A. Tagliasacchi, I. Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012, sections 3 and 4.
+
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
+
+use super::complex::{Complex, NONE};
+use super::error::ExtractionError;
+use super::medial::Ball;
+use super::order::Cost;
+use crate::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
+
+/// Weights and bounds of the contraction; lengths in the unit of the normalized model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Weights {
+    pub(super) contraction: f64,
+    pub(super) hold: f64,
+    pub(super) medial: f64,
+    /// Growth of the contraction weight per round.
+    pub(super) growth: f64,
+    /// Edges shorter than this collapse.
+    pub(super) short: f64,
+    pub(super) rounds: usize,
+    /// It ends when a round takes less than this share of the first area away.
+    pub(super) still: f64,
+}
+
+/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
+/// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
+const STEEPEST: f64 = 1e3;
+/// A vertex whose triangles have shrunk to this share of their area is part of the curve: it is contracted no more. At 300 limbs
+/// lose their tips, at 10 palms and ears stay sheets.
+const FROZEN: f64 = 30.0;
+/// Bound of the weight by which shrunken vertices hold to their place.
+const FIRMEST: f64 = 1e6;
+/// Weight of pinned vertices over the others.
+const PINNED: f64 = 1e6;
+
+/// A surface on its way to a curve.
+pub(super) struct Contraction {
+    pub(super) complex: Complex,
+    /// Where each vertex is drawn to.
+    centers: Vec<Point3<f64>>,
+    /// Area that each vertex stands for.
+    pub(super) mass: Vec<f64>,
+    /// Radius of the shape around each vertex.
+    radii: Vec<f64>,
+    pinned: Vec<bool>,
+    weights: Weights,
+    first_area: f64,
+    area: f64,
+    round: usize,
+    system: Option<System>,
+}
+
+/// The normal equations of one connectivity.
+struct System {
+    vertices: Vec<u32>,
+    number: Vec<u32>,
+    matrix: SparseMatrix,
+    factor: Cholesky,
+}
+
+impl Contraction {
+    pub(super) fn new(complex: Complex, balls: &[Ball], pinned: Vec<bool>, weights: Weights) -> Self {
+        let mut mass = vec![0.0; complex.positions.len()];
+        for t in complex.faces() {
+            let [a, b, c] = t.map(|v| complex.positions[v as usize]);
+            let third = (b - a).cross(&(c - a)).norm() / 6.0;
+            t.iter().for_each(|v| mass[*v as usize] += third);
+        }
+        let area = complex.area();
+        let centers = balls.iter().map(|b| b.center).collect();
+        let radii = balls.iter().map(|b| b.radius).collect();
+        Self { complex, centers, mass, radii, pinned, weights, first_area: area, area, round: 0, system: None }
+    }
+
+    /// Share of the first area that is left.
+    pub(super) fn area_left(&self) -> f64 {
+        if self.first_area > 0.0 { self.area / self.first_area } else { 0.0 }
+    }
+
+    /// One round; true where it was the last.
+    pub(super) fn step(&mut self) -> Result<bool, ExtractionError> {
+        self.solve()?;
+        if self.collapse_short() {
+            self.system = None;
+        }
+        let area = self.complex.area();
+        let lost = self.area - area;
+        self.area = area;
+        self.round += 1;
+        Ok(lost.abs() < self.weights.still * self.first_area || self.round >= self.weights.rounds)
+    }
+
+    fn solve(&mut self) -> Result<(), ExtractionError> {
+        let mut system = match self.system.take() {
+            Some(system) => system,
+            None => System::analyze(&self.complex)?,
+        };
+        let n = system.vertices.len();
+        let mean = system.vertices.iter().map(|v| self.mass[*v as usize]).sum::<f64>() / n as f64;
+        let w = &self.weights;
+        let (hold, medial) = (w.hold * w.hold, w.medial * w.medial);
+        let ring = self.ring_areas();
+        let strength = w.contraction * w.growth.powi(self.round as i32);
+        let shrunk = |v: u32| self.mass[v as usize] / ring[v as usize].max(1e-300);
+        let row = |v: &u32| {
+            if shrunk(*v) > FROZEN {
+                return 0.0;
+            }
+            let m = self.mass[*v as usize];
+            strength * self.radii[*v as usize].powi(2) / (m * mean).sqrt()
+        };
+        let rows: Vec<f64> = system.vertices.iter().map(row).collect();
+        system.fill_laplacian(&self.complex, &rows);
+        let mut rhs = vec![0.0; 3 * n];
+        for (i, &v) in system.vertices.iter().enumerate() {
+            let v = v as usize;
+            let m = (self.mass[v] / mean).max(1e-6);
+            let x = self.complex.positions[v].coords;
+            let (weight, wanted) = if self.pinned[v] {
+                (PINNED, x * PINNED)
+            } else {
+                let hold = hold * shrunk(v as u32).clamp(1.0, FIRMEST);
+                (m * (hold + medial), x * (m * hold) + self.centers[v].coords * (m * medial))
+            };
+            let diagonal = system.matrix.pattern().column(i).start;
+            system.matrix.values_mut()[diagonal] += weight;
+            for k in 0..3 {
+                rhs[k * n + i] = wanted[k];
+            }
+        }
+        system.factor.factor(&system.matrix).map_err(ExtractionError::from_sparse)?;
+        system.factor.solve_in_place(&mut rhs);
+        for (i, &v) in system.vertices.iter().enumerate() {
+            let moved = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
+            if moved.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
+                self.complex.positions[v as usize] = Point3::from(moved);
+            }
+        }
+        self.system = Some(system);
+        Ok(())
+    }
+
+    fn ring_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.complex.positions.len()];
+        for t in self.complex.faces() {
+            let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
+            let third = (b - a).cross(&(c - a)).norm() / 6.0;
+            t.iter().for_each(|v| areas[*v as usize] += third);
+        }
+        areas
+    }
+
+    /// Collapses short edges, the shortest first; true where there was one.
+    fn collapse_short(&mut self) -> bool {
+        let mut scratch = [Vec::new(), Vec::new()];
+        let (mut any, mut around) = (false, Vec::new());
+        loop {
+            let mut edges = self.short_edges();
+            edges.sort_unstable();
+            let mut progress = false;
+            for (_, a, b) in edges {
+                let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
+                if !alive
+                    || self.length(a, b) > self.weights.short
+                    || (self.pinned[a as usize] && self.pinned[b as usize])
+                {
+                    continue;
+                }
+                self.complex.neighbors(a, &mut around);
+                if around.binary_search(&b).is_ok() && self.complex.link_condition(a, b, &mut scratch) {
+                    self.merge(a, b);
+                    progress = true;
+                }
+            }
+            any |= progress;
+            if !progress {
+                return any;
+            }
+        }
+    }
+
+    fn length(&self, a: u32, b: u32) -> f64 {
+        nalgebra::distance(&self.complex.positions[a as usize], &self.complex.positions[b as usize])
+    }
+
+    fn short_edges(&self) -> Vec<(Cost, u32, u32)> {
+        let mut edges = Vec::new();
+        for [a, b, c] in self.complex.faces() {
+            for (a, b) in [(a, b), (b, c), (c, a)] {
+                let length = self.length(a, b);
+                if length < self.weights.short {
+                    edges.push((Cost::new(length), a.min(b), a.max(b)));
+                }
+            }
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    fn merge(&mut self, a: u32, b: u32) {
+        let (gone, kept) = if self.pinned[a as usize] { (b, a) } else { (a, b) };
+        let (g, k) = (gone as usize, kept as usize);
+        let sum = self.mass[g] + self.mass[k];
+        let share = if sum > 0.0 { self.mass[g] / sum } else { 0.5 };
+        if !self.pinned[k] {
+            let toward = self.complex.positions[g] - self.complex.positions[k];
+            self.complex.positions[k] += toward * share;
+            let toward = self.centers[g] - self.centers[k];
+            self.centers[k] += toward * share;
+            self.radii[k] += (self.radii[g] - self.radii[k]) * share;
+        }
+        self.mass[k] = sum;
+        self.complex.collapse(gone, kept);
+    }
+}
+
+impl System {
+    fn analyze(complex: &Complex) -> Result<Self, ExtractionError> {
+        let vertices: Vec<u32> = complex.vertices().collect();
+        let mut number = vec![NONE; complex.positions.len()];
+        vertices.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
+        let mut places = Vec::new();
+        let mut row = Vec::new();
+        for &v in &vertices {
+            complex.neighbors(v, &mut row);
+            row.push(v);
+            for (k, p) in row.iter().enumerate() {
+                places.extend(row[..k].iter().map(|q| (number[*p as usize] as usize, number[*q as usize] as usize)));
+            }
+        }
+        let pattern = Arc::new(Pattern::new(vertices.len(), places).map_err(ExtractionError::from_sparse)?);
+        let at = |v: &u32| complex.positions[*v as usize].coords.into();
+        let ordering = Ordering::NestedDissection(vertices.iter().map(at).collect());
+        let mut factor = Cholesky::analyze(&pattern, &ordering).map_err(ExtractionError::from_sparse)?;
+        factor.reserve_columns(3);
+        Ok(Self { vertices, number, matrix: SparseMatrix::zeros(pattern), factor })
+    }
+
+    /// Sets the matrix to `w² Lᵀ L`.
+    fn fill_laplacian(&mut self, complex: &Complex, rows: &[f64]) {
+        let n = self.vertices.len();
+        let mut edges: Vec<(u32, u32, f64)> = Vec::with_capacity(6 * n);
+        for t in complex.faces() {
+            let p = t.map(|v| complex.positions[v as usize]);
+            for k in 0..3 {
+                let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
+                let cot = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
+                let (a, b) = (self.number[a as usize], self.number[b as usize]);
+                edges.extend([(a, b, cot), (b, a, cot)]);
+            }
+        }
+        edges.sort_unstable_by_key(|e| (e.0, e.1));
+        edges.dedup_by(|later, first| {
+            let same = (later.0, later.1) == (first.0, first.1);
+            first.2 += if same { later.2 } else { 0.0 };
+            same
+        });
+        self.matrix.values_mut().fill(0.0);
+        let mut at = 0;
+        let mut row: Vec<(u32, f64)> = Vec::new();
+        for i in 0..n as u32 {
+            row.clear();
+            while let Some(&(_, j, weight)) = edges.get(at).filter(|e| e.0 == i) {
+                row.push((j, weight.max(0.0) * rows[i as usize]));
+                at += 1;
+            }
+            let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
+            row.push((i, -sum));
+            self.add_square(&row);
+        }
+    }
+
+    /// Adds the square of a row.
+    fn add_square(&mut self, row: &[(u32, f64)]) {
+        for (k, &(i, wi)) in row.iter().enumerate() {
+            for &(j, wj) in &row[..=k] {
+                let slot = self.matrix.pattern().slot(i as usize, j as usize).expect("rows of L make the pattern");
+                self.matrix.values_mut()[slot] += wi * wj;
+            }
+        }
+    }
+}
+
+/// Half the cotangent of the angle at `o`.
+fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
+    let (u, v) = (a - o, b - o);
+    let cross = u.cross(&v).norm();
+    let dot = u.dot(&v);
+    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
+}

@@ -1,0 +1,103 @@
+//! Tips of a surface: where the way along it from its middle is longest, and stands out.
+//!
+//! The middle is the vertex of the least sum of distances to a few vertices far from each other. Over the vertices in falling order of
+//! their distance `d` from the middle, every one without a higher neighbor begins a hill; where two hills meet at `d`, the lower
+//! one, with its top at `d'`, ends, and stands out by `d' − d`. Tops of hills that stand out far enough are tips: what is no more
+//! than a bump never counts, however many bumps there are.
+//!
+//! # Reference
+//! H. Edelsbrunner, D. Letscher, A. Zomorodian, *Topological persistence and simplification*, Discrete Comput. Geom. 28 (2002); distances
+//! are those along edges (E. W. Dijkstra 1959).
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::complex::Complex;
+use super::order::Cost;
+
+/// How far a tip stands out, in radii of the sphere of equal area.
+const STANDS_OUT: f64 = 0.25;
+/// Vertices by which the middle is found.
+const FAR_APART: usize = 8;
+
+/// Tips, the farthest first.
+pub(super) fn find(complex: &Complex) -> Vec<u32> {
+    let Some(first) = complex.vertices().next() else { return Vec::new() };
+    let mut sum = vec![0.0; complex.positions.len()];
+    let mut nearest = distances(complex, first);
+    for _ in 0..FAR_APART {
+        let far = farthest(complex, &nearest);
+        let from = distances(complex, far);
+        for v in complex.vertices().map(|v| v as usize) {
+            sum[v] += from[v];
+            nearest[v] = nearest[v].min(from[v]);
+        }
+    }
+    let middle = complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first);
+    tops(complex, &distances(complex, middle))
+}
+
+fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
+    let by = |v: &u32| (Cost::new(distance[*v as usize]), Reverse(*v));
+    complex.vertices().max_by_key(by).expect("there is a first vertex")
+}
+
+/// Lengths of shortest ways along edges.
+fn distances(complex: &Complex, from: u32) -> Vec<f64> {
+    let mut distance = vec![f64::INFINITY; complex.positions.len()];
+    distance[from as usize] = 0.0;
+    let mut heap = BinaryHeap::from([Reverse((Cost::new(0.0), from))]);
+    let mut around = Vec::new();
+    let mut done = vec![false; complex.positions.len()];
+    while let Some(Reverse((_, v))) = heap.pop() {
+        if std::mem::replace(&mut done[v as usize], true) {
+            continue;
+        }
+        complex.neighbors(v, &mut around);
+        for &u in &around {
+            let step = nalgebra::distance(&complex.positions[v as usize], &complex.positions[u as usize]);
+            let there = distance[v as usize] + step;
+            if there < distance[u as usize] {
+                distance[u as usize] = there;
+                heap.push(Reverse((Cost::new(there), u)));
+            }
+        }
+    }
+    distance
+}
+
+/// Tops of hills that stand out.
+fn tops(complex: &Complex, height: &[f64]) -> Vec<u32> {
+    let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
+    order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
+    let mut top = vec![u32::MAX; complex.positions.len()];
+    fn find(top: &[u32], into: &[u32], mut v: u32) -> u32 {
+        v = top[v as usize];
+        while into[v as usize] != v {
+            v = into[v as usize];
+        }
+        v
+    }
+    let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
+    let mut tips: Vec<u32> = order.first().copied().into_iter().collect();
+    let mut around = Vec::new();
+    for &v in &order {
+        complex.neighbors(v, &mut around);
+        let mut hills: Vec<u32> =
+            around.iter().filter(|u| top[**u as usize] != u32::MAX).map(|u| find(&top, &into, *u)).collect();
+        hills.sort_by_key(|t| (Reverse(Cost::new(height[*t as usize])), *t));
+        hills.dedup();
+        let Some(highest) = hills.first().copied() else {
+            top[v as usize] = v;
+            continue;
+        };
+        top[v as usize] = highest;
+        for &lower in &hills[1..] {
+            if height[lower as usize] - height[v as usize] >= STANDS_OUT {
+                tips.push(lower);
+            }
+            into[lower as usize] = highest;
+        }
+    }
+    tips
+}

@@ -1,0 +1,93 @@
+//! The nearest of many points: a balanced k-d tree without pointers.
+//!
+//! The middle point of a range by the widest axis stands in its middle; what is left and right of it are the two halves. Built
+//! in `O(n log² n)`, asked in `O(log n)`.
+
+use nalgebra::Point3;
+
+/// Points in the order of the tree.
+pub(super) struct KdTree {
+    /// Point, its number, and the axis that divides below it.
+    nodes: Vec<(Point3<f64>, u32, u8)>,
+}
+
+/// Ranges up to this length are searched one by one.
+const LEAF: usize = 8;
+
+impl KdTree {
+    pub(super) fn new(points: &[Point3<f64>]) -> Self {
+        let mut nodes: Vec<_> = points.iter().zip(0..).map(|(p, i)| (*p, i, 0)).collect();
+        divide(&mut nodes);
+        Self { nodes }
+    }
+
+    /// The point nearest to `p` among those that `wanted` takes, and the square of its distance.
+    pub(super) fn nearest(&self, p: &Point3<f64>, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
+        let mut best = (u32::MAX, f64::INFINITY);
+        search(&self.nodes, p, &wanted, &mut best);
+        (best.0 != u32::MAX).then_some(best)
+    }
+}
+
+fn divide(nodes: &mut [(Point3<f64>, u32, u8)]) {
+    if nodes.len() <= LEAF {
+        return;
+    }
+    let first = nodes[0].0;
+    let (low, high) = nodes.iter().fold((first, first), |(low, high), n| (low.inf(&n.0), high.sup(&n.0)));
+    let axis = (high - low).imax();
+    let middle = nodes.len() / 2;
+    nodes.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    nodes[middle].2 = axis as u8;
+    let (left, right) = nodes.split_at_mut(middle);
+    divide(left);
+    divide(&mut right[1..]);
+}
+
+fn search(nodes: &[(Point3<f64>, u32, u8)], p: &Point3<f64>, wanted: &impl Fn(u32) -> bool, best: &mut (u32, f64)) {
+    let mut take = |n: &(Point3<f64>, u32, u8)| {
+        let d = nalgebra::distance_squared(&n.0, p);
+        if d < best.1 && wanted(n.1) {
+            *best = (n.1, d);
+        }
+    };
+    if nodes.len() <= LEAF {
+        nodes.iter().for_each(take);
+        return;
+    }
+    let middle = nodes.len() / 2;
+    let node = &nodes[middle];
+    take(node);
+    let axis = usize::from(node.2);
+    let offset = p[axis] - node.0[axis];
+    let (left, right) = (&nodes[..middle], &nodes[middle + 1..]);
+    let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
+    search(near, p, wanted, best);
+    if offset * offset < best.1 {
+        search(far, p, wanted, best);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn the_nearest_point_is_the_one_that_a_search_of_all_finds() {
+        let points = shapes::icosphere(3).positions().to_vec();
+        let tree = KdTree::new(&points);
+        for k in 0..200 {
+            let k = f64::from(k);
+            let p = Point3::new((k * 0.37).sin() * 2.0, (k * 0.73).cos(), (k * 1.31).sin() * 0.5);
+            let wanted = |i: u32| i % 3 != 0;
+            let slow = (0..points.len() as u32)
+                .filter(|i| wanted(*i))
+                .map(|i| nalgebra::distance_squared(&points[i as usize], &p))
+                .fold(f64::INFINITY, f64::min);
+            let (found, square) = tree.nearest(&p, wanted).unwrap();
+            assert!(wanted(found) && square == slow);
+        }
+        assert_eq!(KdTree::new(&[]).nearest(&Point3::origin(), |_| true), None);
+    }
+}

@@ -1,0 +1,264 @@
+//! The curve of one part of a surface: all steps in their order.
+
+use nalgebra::Point3;
+
+use super::aabb::AabbTree;
+use super::complex::Complex;
+use super::contraction::{Contraction, Weights};
+use super::homology::Classes;
+use super::medial::{Ball, balls};
+use super::parts::Part;
+use super::web::Web;
+use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
+use super::{centering, extremities, pruning, reduction, resampling, surgery};
+use crate::mesh::TriMesh;
+
+/// Vertices that are contracted at most. At 3000 fingers of a figure lose their ends, above 6000 nothing is gained but time.
+const MOST_VERTICES: usize = 6000;
+/// Vertices that are contracted at least: coarser surfaces are divided.
+const LEAST_VERTICES: usize = 1500;
+/// Triangles below which a part is a point.
+const LEAST_TRIANGLES: usize = 4;
+/// Edges shorter than this collapse in the contraction.
+const SHORT: f64 = 0.03;
+/// Growth of the contraction per round.
+const GROWTH: f64 = 1.2;
+/// Distance of nodes.
+const SPACING: f64 = 0.04;
+/// Radius of a medial ball at most: twice that of the sphere of equal area.
+const WIDEST: f64 = 2.0;
+/// Passes of centering before branches are judged, and after.
+const PASSES: [usize; 2] = [3, 8];
+/// Junctions nearer than this share of the radius are one.
+const ONE_JUNCTION: f64 = 0.5;
+
+/// A curve in the place of the model.
+pub(super) struct Found {
+    pub(super) nodes: Vec<Point3<f64>>,
+    pub(super) edges: Vec<[u32; 2]>,
+    pub(super) radius: Vec<f64>,
+    pub(super) node_of_vertex: Vec<u32>,
+    pub(super) rounds: usize,
+}
+
+/// Extracts the curve of part `which.0` of `which.1`.
+pub(super) fn extract(
+    part: &Part,
+    which: (usize, usize),
+    options: &ExtractionOptions,
+    observer: &mut Observer<'_>,
+) -> Result<Found, ExtractionError> {
+    let Some(frame) = Frame::of(&part.mesh).filter(|_| part.mesh.triangle_count() >= LEAST_TRIANGLES) else {
+        return Ok(point(part));
+    };
+    let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
+    let surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
+    let tree = AabbTree::new(surface.positions(), surface.triangles());
+    let fine = divided(&surface);
+    let normals = fine.vertex_normals();
+    let mut pinned = vec![false; fine.vertex_count()];
+    if let Keep::Vertices(all) = &options.keep {
+        let wanted = |sources: &Vec<u32>| sources.iter().any(|v| all.contains(v));
+        part.sources.iter().enumerate().filter(|(_, s)| wanted(s)).for_each(|(v, _)| pinned[v] = true);
+    }
+    let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
+    reduction::reduce(&mut complex, MOST_VERTICES, &pinned);
+    if options.keep == Keep::Extrema {
+        extremities::find(&complex).into_iter().for_each(|v| pinned[v as usize] = true);
+    }
+    let mut classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
+    complex.collapses.clear();
+    let balls = balls_of(&complex, &normals);
+    let weights = Weights {
+        contraction: options.contraction,
+        hold: options.hold,
+        medial: options.medial,
+        growth: GROWTH,
+        short: SHORT,
+        rounds: options.rounds,
+        still: 1e-4,
+    };
+    let mut contraction = Contraction::new(complex, &balls, pinned.clone(), weights);
+    let rounds = contract(&mut contraction, which, options, &frame, observer)?;
+    classes.follow(&contraction.complex.collapses);
+    let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes);
+    let mut web = Web::new(graph.nodes, &graph.edges, graph.node_of_vertex);
+    for v in (0..pinned.len()).filter(|v| pinned[*v]) {
+        let node = web.node_of(v) as usize;
+        web.pinned[node] = true;
+        web.nodes[node] = fine.positions()[v];
+    }
+    let closed = part.handles().is_some();
+    let web = finished(&web, &tree, closed, options.prune);
+    let mut found = found(&web, &tree, &frame, part.mesh.vertex_count(), rounds);
+    whole_regions(&part.mesh, &mut found.node_of_vertex);
+    Ok(found)
+}
+
+/// A part too small for a curve.
+fn point(part: &Part) -> Found {
+    let all = part.mesh.positions();
+    let first = all[0];
+    let middle = first + all.iter().map(|p| p - first).sum::<nalgebra::Vector3<f64>>() / all.len() as f64;
+    let radius = all.iter().map(|p| nalgebra::distance(p, &middle)).fold(0.0, f64::max);
+    Found {
+        nodes: vec![middle],
+        edges: Vec::new(),
+        radius: vec![radius],
+        node_of_vertex: vec![0; all.len()],
+        rounds: 0,
+    }
+}
+
+/// The surface with each triangle cut into four, until there are vertices enough. Vertices keep their numbers.
+fn divided(surface: &TriMesh) -> TriMesh {
+    let mut mesh = surface.clone();
+    while mesh.vertex_count() < LEAST_VERTICES {
+        let mut positions = mesh.positions().to_vec();
+        let mut middle = std::collections::HashMap::new();
+        let mut triangles = Vec::with_capacity(4 * mesh.triangle_count());
+        for &[a, b, c] in mesh.triangles() {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+                *middle.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                    positions.push(nalgebra::center(&positions[p as usize], &positions[q as usize]));
+                    positions.len() as u32 - 1
+                })
+            });
+            triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        mesh = TriMesh::new(positions, triangles).expect("midpoints of finite positions");
+    }
+    mesh
+}
+
+/// Balls of the vertices that are left; the others have none.
+fn balls_of(complex: &Complex, normals: &[nalgebra::Vector3<f64>]) -> Vec<Ball> {
+    let alive: Vec<u32> = complex.vertices().collect();
+    let points: Vec<_> = alive.iter().map(|v| complex.positions[*v as usize]).collect();
+    let normals: Vec<_> = alive.iter().map(|v| normals[*v as usize]).collect();
+    let mut all = vec![Ball { center: Point3::origin(), radius: 0.0 }; complex.positions.len()];
+    for (v, ball) in alive.iter().zip(balls(&points, &normals, WIDEST)) {
+        all[*v as usize] = ball;
+    }
+    all
+}
+
+/// Contracts round by round; the number of rounds.
+fn contract(
+    contraction: &mut Contraction,
+    (part, parts): (usize, usize),
+    options: &ExtractionOptions,
+    frame: &Frame,
+    observer: &mut Observer<'_>,
+) -> Result<usize, ExtractionError> {
+    for round in 1..=options.rounds {
+        let done = contraction.step()?;
+        let surface = || contracted(&contraction.complex, frame);
+        let area_left = contraction.area_left();
+        let told = Round { part, parts, round, rounds: options.rounds, area_left, surface: &surface };
+        if observer(&told).is_break() {
+            return Err(ExtractionError::Interrupted);
+        }
+        if done {
+            return Ok(round);
+        }
+    }
+    Ok(options.rounds)
+}
+
+/// The surface as it is now, without the vertices that are gone.
+fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
+    let mut number = vec![0; complex.positions.len()];
+    let mut positions = Vec::new();
+    for v in complex.vertices() {
+        number[v as usize] = positions.len() as u32;
+        positions.push(frame.of_model(&complex.positions[v as usize]));
+    }
+    let triangles = complex.faces().map(|t| t.map(|v| number[v as usize])).collect();
+    TriMesh::new(positions, triangles).expect("a contraction keeps finite positions")
+}
+
+/// Evened out, pruned, in the middle.
+fn finished(web: &Web, tree: &AabbTree, closed: bool, prune: f64) -> Web {
+    let mut web = resampling::resample(web, SPACING);
+    centering::center(&mut web, tree, closed, PASSES[0]);
+    let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
+    pruning::prune(&mut web, &mut radius, prune);
+    pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
+    web = resampling::resample(&web, SPACING);
+    centering::center(&mut web, tree, closed, PASSES[1]);
+    resampling::resample(&web, SPACING)
+}
+
+fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usize) -> Found {
+    let alive: Vec<u32> = web.alive().collect();
+    let mut number = vec![0_u32; web.nodes.len()];
+    alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
+    let joined = |v: &u32| web.neighbors(*v).iter().filter(|u| *v < **u).map(|u| [*v, *u]).collect::<Vec<_>>();
+    Found {
+        nodes: alive.iter().map(|v| frame.of_model(&web.nodes[*v as usize])).collect(),
+        edges: alive.iter().flat_map(joined).map(|e| e.map(|v| number[v as usize])).collect(),
+        radius: alive.iter().map(|v| centering::radius(tree, &web.nodes[*v as usize]) * frame.scale).collect(),
+        node_of_vertex: (0..vertices).map(|v| number[web.node_of(v) as usize]).collect(),
+        rounds,
+    }
+}
+
+/// Makes the vertices of each node hang together: a divided surface may be connected where the one it was made of is not. Of
+/// each node the largest piece stays, the others go to nodes beside them.
+fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
+    let mut neighbors = vec![Vec::new(); mesh.vertex_count()];
+    for &[a, b, c] in mesh.triangles() {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            neighbors[p as usize].push(q);
+            neighbors[q as usize].push(p);
+        }
+    }
+    let mut piece_of_vertex = vec![usize::MAX; mesh.vertex_count()];
+    let mut pieces: Vec<Vec<u32>> = Vec::new();
+    for v in 0..mesh.vertex_count() as u32 {
+        if piece_of_vertex[v as usize] != usize::MAX {
+            continue;
+        }
+        let mut piece = vec![v];
+        piece_of_vertex[v as usize] = pieces.len();
+        let mut at = 0;
+        while let Some(u) = piece.get(at).copied() {
+            at += 1;
+            for &w in &neighbors[u as usize] {
+                if piece_of_vertex[w as usize] == usize::MAX && node_of_vertex[w as usize] == node_of_vertex[v as usize]
+                {
+                    piece_of_vertex[w as usize] = pieces.len();
+                    piece.push(w);
+                }
+            }
+        }
+        pieces.push(piece);
+    }
+    let mut largest = std::collections::HashMap::new();
+    for (i, piece) in pieces.iter().enumerate() {
+        let best = largest.entry(node_of_vertex[piece[0] as usize]).or_insert(i);
+        if piece.len() > pieces[*best].len() {
+            *best = i;
+        }
+    }
+    let settled = |v: usize, nodes: &[u32]| nodes[v] != u32::MAX;
+    for (i, piece) in pieces.iter().enumerate() {
+        if largest[&node_of_vertex[piece[0] as usize]] != i {
+            piece_of_vertex[piece[0] as usize] = usize::MAX;
+        }
+    }
+    let strays: Vec<u32> =
+        pieces.iter().filter(|p| piece_of_vertex[p[0] as usize] == usize::MAX).flatten().copied().collect();
+    strays.iter().for_each(|v| node_of_vertex[*v as usize] = u32::MAX);
+    let mut queue: std::collections::VecDeque<u32> =
+        (0..mesh.vertex_count() as u32).filter(|v| settled(*v as usize, node_of_vertex)).collect();
+    while let Some(v) = queue.pop_front() {
+        for &w in &neighbors[v as usize] {
+            if !settled(w as usize, node_of_vertex) {
+                node_of_vertex[w as usize] = node_of_vertex[v as usize];
+                queue.push_back(w);
+            }
+        }
+    }
+}

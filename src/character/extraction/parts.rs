@@ -1,0 +1,103 @@
+//! The parts of a surface, each by itself.
+//!
+//! Repair drops what is degenerate or double and orients the rest, but takes sheets apart where more than two meet. A curve should
+//! run through such places: copies of a vertex are joined again, and triangles that hang together by a vertex are one part.
+
+use std::collections::HashMap;
+
+use crate::mesh::{RepairOptions, TriMesh, repair};
+
+/// A part of the surface.
+pub(super) struct Part {
+    pub(super) mesh: TriMesh,
+    /// For each vertex the vertices of the input that it is.
+    pub(super) sources: Vec<Vec<u32>>,
+}
+
+impl Part {
+    /// Number of handles; `None` where the part is not a closed manifold.
+    pub(super) fn handles(&self) -> Option<usize> {
+        let mut halves = std::collections::HashSet::new();
+        for &[a, b, c] in self.mesh.triangles() {
+            if ![(a, b), (b, c), (c, a)].into_iter().all(|half| halves.insert(half)) {
+                return None;
+            }
+        }
+        if !halves.iter().all(|(a, b)| halves.contains(&(*b, *a))) {
+            return None;
+        }
+        let euler = self.mesh.vertex_count() as i64 - halves.len() as i64 / 2 + self.mesh.triangle_count() as i64;
+        usize::try_from(2 - euler).ok().map(|twice| twice / 2)
+    }
+}
+
+/// Parts in the order of their first vertex, and what repair did.
+pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
+    let repaired = repair(mesh, &RepairOptions::default());
+    let mut number: HashMap<[u64; 3], u32> = HashMap::new();
+    let mut positions = Vec::new();
+    let place = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
+    let joined: Vec<u32> = repaired
+        .mesh
+        .positions()
+        .iter()
+        .map(|p| {
+            let next = positions.len() as u32;
+            let v = *number.entry(place(p)).or_insert(next);
+            if v == next {
+                positions.push(*p);
+            }
+            v
+        })
+        .collect();
+    let triangles: Vec<[u32; 3]> = repaired.mesh.triangles().iter().map(|t| t.map(|v| joined[v as usize])).collect();
+    let mut sources = vec![Vec::new(); positions.len()];
+    for (source, v) in repaired.vertex_of_source.iter().enumerate() {
+        if let Some(v) = v {
+            sources[joined[*v as usize] as usize].push(source as u32);
+        }
+    }
+    let component = components(positions.len(), &triangles);
+    let count = component.iter().max().map_or(0, |c| *c as usize + 1);
+    let mut own = vec![0_u32; positions.len()];
+    let mut parts = vec![(Vec::new(), Vec::new(), Vec::new()); count];
+    for (v, &c) in component.iter().enumerate() {
+        let (points, from, _) = &mut parts[c as usize];
+        own[v] = points.len() as u32;
+        points.push(positions[v]);
+        from.push(std::mem::take(&mut sources[v]));
+    }
+    for t in triangles {
+        parts[component[t[0] as usize] as usize].2.push(t.map(|v| own[v as usize]));
+    }
+    let made = |(points, sources, triangles): (_, _, Vec<[u32; 3]>)| {
+        let mesh = TriMesh::new(points, triangles).expect("corners exist and positions are those of a mesh");
+        Part { mesh, sources }
+    };
+    (parts.into_iter().map(made).collect(), repaired.report.changes().collect())
+}
+
+/// Number of the component of each vertex, by the order of their first vertices.
+fn components(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut into: Vec<u32> = (0..vertices as u32).collect();
+    fn root(into: &mut [u32], mut v: u32) -> u32 {
+        while into[v as usize] != v {
+            into[v as usize] = into[into[v as usize] as usize];
+            v = into[v as usize];
+        }
+        v
+    }
+    for t in triangles {
+        for k in 1..3 {
+            let (a, b) = (root(&mut into, t[0]), root(&mut into, t[k]));
+            into[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut number = HashMap::new();
+    (0..vertices as u32)
+        .map(|v| {
+            let next = number.len() as u32;
+            *number.entry(root(&mut into, v)).or_insert(next)
+        })
+        .collect()
+}

@@ -1,0 +1,46 @@
+//! Fewer vertices before the work begins: the shortest edges collapse first.
+//!
+//! A curve needs far less detail than the surface around it. The shortest edge of all is collapsed into the end with more area
+//! around it, unless that changes the topology or folds the surface; triangles of about equal size remain.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::complex::Complex;
+use super::order::Cost;
+
+/// Collapses edges until `target` vertices are left, or none can go.
+pub(super) fn reduce(complex: &mut Complex, target: usize, pinned: &[bool]) {
+    let mut heap = BinaryHeap::new();
+    let mut version = vec![0_u32; complex.positions.len()];
+    let length = |c: &Complex, a: u32, b: u32| {
+        Cost::new(nalgebra::distance_squared(&c.positions[a as usize], &c.positions[b as usize]))
+    };
+    let (mut neighbors, mut scratch) = (Vec::new(), [Vec::new(), Vec::new()]);
+    for a in complex.vertices() {
+        complex.neighbors(a, &mut neighbors);
+        heap.extend(neighbors.iter().filter(|b| a < **b).map(|b| Reverse((length(complex, a, *b), a, *b, 0, 0))));
+    }
+    while complex.alive_count() > target {
+        let Some(Reverse((_, a, b, at_a, at_b))) = heap.pop() else { return };
+        if version[a as usize] != at_a || version[b as usize] != at_b || !complex.is_alive(a) || !complex.is_alive(b) {
+            continue;
+        }
+        if !complex.link_condition(a, b, &mut scratch) {
+            continue;
+        }
+        let Some((gone, kept)) = [(b, a), (a, b)]
+            .into_iter()
+            .find(|(gone, kept)| !pinned[*gone as usize] && !complex.would_fold(*gone, *kept))
+        else {
+            continue;
+        };
+        complex.collapse(gone, kept);
+        version[kept as usize] += 1;
+        complex.neighbors(kept, &mut neighbors);
+        for &u in &neighbors {
+            let (a, b) = (kept.min(u), kept.max(u));
+            heap.push(Reverse((length(complex, a, b), a, b, version[a as usize], version[b as usize])));
+        }
+    }
+}

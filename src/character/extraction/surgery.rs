@@ -1,0 +1,369 @@
+//! The shrunken surface becomes a curve: edges collapse until no triangle is left.
+//!
+//! The half-edge collapse `i → j` of least cost goes first,
+//!
+//! ```text
+//! F(i, j) = w_a (p_jᵀ Q_i p_j + p_jᵀ Q_j p_j) + w_b ‖v_i − v_j‖ Σ_{k ∈ N(i)} ‖v_i − v_k‖
+//! ```
+//!
+//! The shape term measures how far `p_j = (v_j, 1)` is from the lines of edges that have collapsed into both ends: with the unit
+//! direction `a` of an edge and `b = a × v_i`, `K = ([a]ₓ | −b)` gives the offset of a point from its line, and `Q_i = Σ Kᵀ K` over
+//! the edges at `i`; `Q_j` takes `Q_i` over. The sampling term keeps long edges from arising. An edge is collapsed only while it
+//! belongs to a triangle, so that what remains is a graph.
+//!
+//! Collapses that do not keep the link condition close a triangle of edges that is no face. Where this is the neck of a
+//! branch, it is what is wanted; where it goes round a hole of the shape, it would fill the hole. [`super::homology`] tells
+//! one from the other: edges carry the class that they have inside the shape, and a triangle may close only if its classes
+//! sum to zero.
+//!
+//! # Reference
+//! O. K.-C. Au et al., *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section 5.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Matrix4, Point3, Vector4};
+
+use super::complex::{Complex, NONE};
+use super::homology::Classes;
+use super::order::Cost;
+
+/// Weight of the shape, as in the paper.
+const SHAPE: f64 = 1.0;
+/// Weight of the sampling, as in the paper.
+const SAMPLING: f64 = 0.1;
+
+/// Nodes and edges, and the node that each vertex of the surface became part of.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Graph {
+    pub(super) nodes: Vec<Point3<f64>>,
+    pub(super) edges: Vec<[u32; 2]>,
+    /// For each vertex of the complex.
+    pub(super) node_of_vertex: Vec<u32>,
+}
+
+/// An edge at a vertex.
+#[derive(Clone, Copy, Debug)]
+struct Spoke {
+    to: u32,
+    /// Number of its class from the vertex to `to`.
+    class: u32,
+}
+
+struct Surgery<'c> {
+    positions: Vec<Point3<f64>>,
+    triangles: Vec<[u32; 3]>,
+    fans: Vec<Vec<u32>>,
+    spokes: Vec<Vec<Spoke>>,
+    quadrics: Vec<Matrix4<f64>>,
+    version: Vec<u32>,
+    into: Vec<u32>,
+    pinned: &'c [bool],
+    classes: &'c mut Classes,
+    heap: BinaryHeap<Reverse<(Cost, u32, u32, u32, u32)>>,
+}
+
+/// Collapses all triangles of a complex.
+pub(super) fn collapse_to_curve(complex: &Complex, pinned: &[bool], classes: &mut Classes) -> Graph {
+    let mut surgery = Surgery::new(complex, pinned, classes);
+    for v in complex.vertices() {
+        surgery.offer(v);
+    }
+    surgery.run();
+    surgery.close_trivial_loops();
+    surgery.graph(complex)
+}
+
+impl<'c> Surgery<'c> {
+    fn new(complex: &Complex, pinned: &'c [bool], classes: &'c mut Classes) -> Self {
+        let n = complex.positions.len();
+        let triangles = complex.triangles.clone();
+        let mut fans = vec![Vec::new(); n];
+        let mut spokes: Vec<Vec<Spoke>> = vec![Vec::new(); n];
+        for (t, corners) in triangles.iter().enumerate().filter(|(_, c)| c[0] != NONE) {
+            for k in 0..3 {
+                fans[corners[k] as usize].push(t as u32);
+                for to in [(k + 1) % 3, (k + 2) % 3] {
+                    if spokes[corners[k] as usize].iter().all(|s| s.to != corners[to]) {
+                        let class = classes.between(t, k, to);
+                        spokes[corners[k] as usize].push(Spoke { to: corners[to], class });
+                    }
+                }
+            }
+        }
+        let mut this = Self {
+            positions: complex.positions.clone(),
+            triangles,
+            fans,
+            spokes,
+            quadrics: vec![Matrix4::zeros(); n],
+            version: vec![0; n],
+            into: (0..n as u32).collect(),
+            pinned,
+            classes,
+            heap: BinaryHeap::new(),
+        };
+        for v in 0..n {
+            this.quadrics[v] = this.spokes[v].iter().map(|s| this.line_quadric(v as u32, s.to)).sum();
+        }
+        this
+    }
+
+    /// `Kᵀ K` of the line through an edge; zero where it has no length.
+    fn line_quadric(&self, i: u32, j: u32) -> Matrix4<f64> {
+        let (p, q) = (self.positions[i as usize].coords, self.positions[j as usize].coords);
+        let Some(a) = (q - p).try_normalize(1e-12) else { return Matrix4::zeros() };
+        let b = a.cross(&p);
+        let mut k = nalgebra::Matrix3x4::zeros();
+        k.fixed_columns_mut::<3>(0).copy_from(&a.cross_matrix());
+        k.set_column(3, &-b);
+        k.transpose() * k
+    }
+
+    fn cost(&self, i: u32, j: u32) -> f64 {
+        let p = self.positions[j as usize];
+        let h = Vector4::new(p.x, p.y, p.z, 1.0);
+        let quadric = self.quadrics[i as usize] + self.quadrics[j as usize];
+        let at = self.positions[i as usize];
+        let to = |v: u32| nalgebra::distance(&at, &self.positions[v as usize]);
+        let around: f64 = self.spokes[i as usize].iter().map(|s| to(s.to)).sum();
+        SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * to(j) * around
+    }
+
+    /// Puts all collapses of edges at `v` into the heap.
+    fn offer(&mut self, v: u32) {
+        for k in 0..self.spokes[v as usize].len() {
+            let u = self.spokes[v as usize][k].to;
+            for (i, j) in [(v, u), (u, v)] {
+                if !self.pinned[i as usize] {
+                    let entry = (Cost::new(self.cost(i, j)), i, j, self.version[i as usize], self.version[j as usize]);
+                    self.heap.push(Reverse(entry));
+                }
+            }
+        }
+    }
+
+    fn run(&mut self) {
+        while let Some(Reverse((_, i, j, at_i, at_j))) = self.heap.pop() {
+            if self.version[i as usize] == at_i
+                && self.version[j as usize] == at_j
+                && self.has_face(i, j)
+                && self.keeps_holes(i, j)
+            {
+                self.collapse(i, j);
+            }
+        }
+    }
+
+    fn has_face(&self, i: u32, j: u32) -> bool {
+        self.fans[i as usize].iter().any(|t| self.triangles[*t as usize].contains(&j))
+    }
+
+    fn spoke(&self, i: u32, j: u32) -> Option<Spoke> {
+        self.spokes[i as usize].iter().copied().find(|s| s.to == j)
+    }
+
+    /// True where each triangle of edges that would close bounds inside the shape.
+    fn keeps_holes(&mut self, i: u32, j: u32) -> bool {
+        let Some(across) = self.spoke(i, j) else { return false };
+        if self.classes.is_trivial() {
+            return true;
+        }
+        for k in 0..self.spokes[i as usize].len() {
+            let s = self.spokes[i as usize][k];
+            if let Some(other) = self.spoke(j, s.to).filter(|_| s.to != j) {
+                let there = self.classes.sum(across.class, other.class);
+                if there != s.class {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    fn collapse(&mut self, i: u32, j: u32) {
+        for t in std::mem::take(&mut self.fans[i as usize]) {
+            let corners = self.triangles[t as usize];
+            let moved = corners.map(|v| if v == i { j } else { v });
+            let double = !corners.contains(&j) && {
+                let mut wanted = moved;
+                wanted.sort_unstable();
+                self.fans[j as usize].iter().any(|u| {
+                    let mut other = self.triangles[*u as usize];
+                    other.sort_unstable();
+                    other == wanted
+                })
+            };
+            if corners.contains(&j) || double {
+                for v in corners.into_iter().filter(|v| *v != i) {
+                    self.fans[v as usize].retain(|u| *u != t);
+                }
+                self.triangles[t as usize] = [NONE; 3];
+            } else {
+                self.triangles[t as usize] = moved;
+                self.fans[j as usize].push(t);
+            }
+        }
+        let back = self.spoke(j, i).expect("edges are known at both ends").class;
+        for s in std::mem::take(&mut self.spokes[i as usize]) {
+            let k = s.to as usize;
+            self.spokes[k].retain(|s| s.to != i);
+            if s.to != j && self.spoke(j, s.to).is_none() {
+                let class = self.classes.sum(back, s.class);
+                self.spokes[j as usize].push(Spoke { to: s.to, class });
+                let reverse = self.classes.negative(class);
+                self.spokes[k].push(Spoke { to: j, class: reverse });
+            }
+        }
+        let quadric = self.quadrics[i as usize];
+        self.quadrics[j as usize] += quadric;
+        self.into[i as usize] = j;
+        self.version[i as usize] += 1;
+        self.version[j as usize] += 1;
+        // Costs at the neighbors changed in their sampling term alone; they are offered anew with the edges of `j`.
+        self.offer(j);
+    }
+
+    /// What is left may hold loops that bound inside the shape, where faces of several branches died between them: the
+    /// shortest edge of a shortest such loop collapses until there is none.
+    fn close_trivial_loops(&mut self) {
+        while let Some(cycle) = self.trivial_cycle() {
+            let edge = |k: usize| (cycle[k], cycle[(k + 1) % cycle.len()]);
+            let length = |(a, b): (u32, u32)| {
+                Cost::new(nalgebra::distance(&self.positions[a as usize], &self.positions[b as usize]))
+            };
+            let shortest = (0..cycle.len()).map(edge).min_by_key(|e| (length(*e), *e)).expect("a cycle has edges");
+            let (i, j) = if self.pinned[shortest.0 as usize] { (shortest.1, shortest.0) } else { shortest };
+            self.collapse(i, j);
+        }
+    }
+
+    /// The simple cycle of fewest edges whose class is zero, by searches from every vertex.
+    fn trivial_cycle(&mut self) -> Option<Vec<u32>> {
+        let mut best: Option<Vec<u32>> = None;
+        let junctions: Vec<u32> = (0..self.spokes.len() as u32)
+            .filter(|v| self.spokes[*v as usize].len() > 2 && self.into[*v as usize] == *v)
+            .collect();
+        let loops = self.loop_count();
+        if loops <= self.classes.rank() {
+            return None;
+        }
+        let lone: Vec<u32> = if junctions.is_empty() {
+            (0..self.spokes.len() as u32).filter(|v| self.spokes[*v as usize].len() == 2).collect()
+        } else {
+            junctions
+        };
+        for v in lone {
+            if let Some(cycle) = self.trivial_cycle_through(v, best.as_ref().map_or(usize::MAX, Vec::len)) {
+                best = Some(cycle);
+            }
+        }
+        best
+    }
+
+    fn loop_count(&self) -> usize {
+        let mut seen = vec![false; self.spokes.len()];
+        let (mut edges, mut nodes, mut parts) = (0, 0, 0);
+        for v in 0..self.spokes.len() {
+            nodes += usize::from(self.into[v] == v as u32);
+            edges += self.spokes[v].len();
+            if seen[v] || self.into[v] != v as u32 {
+                continue;
+            }
+            parts += 1;
+            let mut stack = vec![v];
+            seen[v] = true;
+            while let Some(u) = stack.pop() {
+                for s in &self.spokes[u] {
+                    if !std::mem::replace(&mut seen[s.to as usize], true) {
+                        stack.push(s.to as usize);
+                    }
+                }
+            }
+        }
+        edges / 2 + parts - nodes
+    }
+
+    /// Breadth-first search from `v` over pairs of vertex and class: where a vertex is reached by two ways of equal class that
+    /// share no edge at `v`, they close a cycle that bounds.
+    fn trivial_cycle_through(&mut self, v: u32, shorter_than: usize) -> Option<Vec<u32>> {
+        let mut reached: std::collections::HashMap<(u32, u32), (u32, u32, u32, u32)> = std::collections::HashMap::new();
+        let zero = self.classes.zero();
+        reached.insert((v, zero), (v, zero, v, 0));
+        let mut queue = std::collections::VecDeque::from([(v, zero)]);
+        let bound = self.spokes.len().min(shorter_than);
+        while let Some((at, class)) = queue.pop_front() {
+            let (from, _, branch, depth) = reached[&(at, class)];
+            if 2 * depth as usize + 1 >= bound {
+                return None;
+            }
+            for k in 0..self.spokes[at as usize].len() {
+                let s = self.spokes[at as usize][k];
+                if s.to == from && at != v {
+                    continue;
+                }
+                let next = (s.to, self.classes.sum(class, s.class));
+                let own = if at == v { s.to } else { branch };
+                match reached.get(&next) {
+                    None if reached.len() < 64 * self.spokes.len() => {
+                        reached.insert(next, (at, class, own, depth + 1));
+                        queue.push_back(next);
+                    }
+                    Some(&(_, _, other, there)) if other != own && s.to != v => {
+                        if (depth + 1 + there) as usize >= shorter_than {
+                            return None;
+                        }
+                        let trace = |mut key: (u32, u32)| {
+                            let mut path = vec![key.0];
+                            while key != (v, zero) {
+                                let (from, class, ..) = reached[&key];
+                                key = (from, class);
+                                path.push(key.0);
+                            }
+                            path
+                        };
+                        let mut cycle = trace((at, class));
+                        let mut back = trace(next);
+                        back.pop();
+                        back.reverse();
+                        cycle.reverse();
+                        cycle.extend(back.into_iter().rev());
+                        let mut once = cycle.clone();
+                        once.sort_unstable();
+                        once.dedup();
+                        if once.len() == cycle.len() {
+                            return Some(cycle);
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        None
+    }
+
+    fn graph(&self, complex: &Complex) -> Graph {
+        let root = |mut v: u32| {
+            v = complex.root(v);
+            while self.into[v as usize] != v {
+                v = self.into[v as usize];
+            }
+            v
+        };
+        let n = self.positions.len();
+        let roots: Vec<u32> = (0..n as u32).map(root).collect();
+        let mut number = vec![NONE; n];
+        let mut nodes = Vec::new();
+        for &v in &roots {
+            if number[v as usize] == NONE {
+                number[v as usize] = nodes.len() as u32;
+                nodes.push(self.positions[v as usize]);
+            }
+        }
+        let spokes =
+            (0..n).filter(|v| number[*v] != NONE).flat_map(|v| self.spokes[v].iter().map(move |s| (v, s.to as usize)));
+        let edges = spokes.filter(|(v, u)| v < u).map(|(v, u)| [number[v], number[u]]).collect();
+        let node_of_vertex = roots.iter().map(|v| number[*v as usize]).collect();
+        Graph { nodes, edges, node_of_vertex }
+    }
+}

@@ -1,0 +1,250 @@
+//! Laws of extraction on shapes made by rule.
+
+use std::ops::ControlFlow;
+
+use nalgebra::{Point3, Rotation3, Vector3};
+
+use super::*;
+use crate::mesh::shapes;
+
+fn curve_of(mesh: &TriMesh) -> (CurveSkeleton, ExtractionReport) {
+    extract(mesh, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+fn moved(mesh: &TriMesh, place: impl Fn(&Point3<f64>) -> Point3<f64>) -> TriMesh {
+    mesh.with_positions(mesh.positions().iter().map(place).collect()).unwrap()
+}
+
+/// A capsule of radius 1 about a curve of unit speed in the plane `z = 0`, `length` long.
+fn capsule(length: f64, along: impl Fn(f64) -> (Point3<f64>, Vector3<f64>)) -> TriMesh {
+    let (around, rings, caps) = (32, 60, 10);
+    let mut profile: Vec<(f64, f64)> = Vec::new();
+    let quarter = std::f64::consts::FRAC_PI_2;
+    profile.extend((1..caps).map(|k| {
+        let a = quarter * f64::from(k) / f64::from(caps);
+        (-a.cos(), a.sin())
+    }));
+    profile.extend((0..=rings).map(|k| (length * f64::from(k) / f64::from(rings), 1.0)));
+    profile.extend((1..caps).rev().map(|k| {
+        let a = quarter * f64::from(k) / f64::from(caps);
+        (length + a.cos(), a.sin())
+    }));
+    let frame = |s: f64| {
+        let (p, t) = along(s.clamp(0.0, length));
+        (p + t * (s - s.clamp(0.0, length)), Vector3::new(-t.y, t.x, 0.0), Vector3::z())
+    };
+    let mut positions = vec![frame(-1.0).0];
+    for &(s, r) in &profile {
+        let (p, u, v) = frame(s);
+        positions.extend((0..around).map(|k| {
+            let a = std::f64::consts::TAU * f64::from(k) / f64::from(around);
+            p + (u * a.cos() + v * a.sin()) * r
+        }));
+    }
+    positions.push(frame(length + 1.0).0);
+    let last = positions.len() as u32 - 1;
+    let n = around as u32;
+    let mut triangles = Vec::new();
+    for k in 0..n {
+        let next = (k + 1) % n;
+        triangles.push([0, 1 + next, 1 + k]);
+        for ring in 0..profile.len() as u32 - 1 {
+            let (a, b) = (1 + ring * n + k, 1 + ring * n + next);
+            triangles.extend([[a, b, b + n], [a, b + n, a + n]]);
+        }
+        let ring = 1 + (profile.len() as u32 - 1) * n;
+        triangles.push([last, ring + k, ring + next]);
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+#[test]
+fn a_curve_has_as_many_loops_as_its_surface_has_handles() {
+    let coarse = shapes::holed_torus(1, 6);
+    for (name, mesh, handles) in [
+        ("ball", shapes::icosphere(3), 0),
+        ("bar", shapes::bar([4, 4, 20], [1.0, 1.0, 5.0]), 0),
+        ("cactus", shapes::cactus(30), 0),
+        ("torus", shapes::holed_torus(1, 16), 1),
+        ("coarse torus", coarse, 1),
+        ("two holes", shapes::holed_torus(2, 16), 2),
+        ("three holes", shapes::holed_torus(3, 16), 3),
+    ] {
+        let (curve, report) = curve_of(&mesh);
+        assert_eq!((report.handles, report.loops), (handles, handles), "{name}");
+        assert_eq!(curve.edges.len() + 1, curve.nodes.len() + handles, "{name} is in pieces");
+    }
+}
+
+#[test]
+fn a_straight_capsule_gives_its_axis_and_a_bent_one_its_arc() {
+    let straight = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let (curve, report) = curve_of(&straight);
+    assert_eq!((report.ends, report.junctions), (2, 0));
+    for p in &curve.nodes {
+        assert!(p.y.hypot(p.z) <= 0.01, "{p}");
+    }
+    let radius = 6.0;
+    let bent = capsule(10.0, |s| {
+        let a: f64 = s / radius;
+        (Point3::new(radius * a.sin(), radius * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
+    });
+    let (curve, report) = curve_of(&bent);
+    assert_eq!((report.ends, report.junctions), (2, 0));
+    for p in &curve.nodes {
+        let off = ((p.x.hypot(p.y - radius) - radius).powi(2) + p.z * p.z).sqrt();
+        assert!(off <= 0.05, "{p} is {off} off");
+    }
+}
+
+#[test]
+fn every_vertex_belongs_to_one_node_and_regions_hang_together() {
+    let mesh = shapes::cactus(30);
+    let (curve, _) = curve_of(&mesh);
+    assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count());
+    let mut into: Vec<usize> = (0..mesh.vertex_count()).collect();
+    fn root(into: &[usize], mut v: usize) -> usize {
+        while into[v] != v {
+            v = into[v];
+        }
+        v
+    }
+    let node = |v: usize| curve.node_of_vertex[v];
+    for t in mesh.triangles() {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            let (a, b) = (a as usize, b as usize);
+            if node(a) == node(b) {
+                let (a, b) = (root(&into, a), root(&into, b));
+                into[a] = b;
+            }
+        }
+    }
+    let mut pieces: Vec<(u32, usize)> = (0..mesh.vertex_count()).map(|v| (node(v), root(&into, v))).collect();
+    pieces.sort_unstable();
+    pieces.dedup();
+    let mut nodes: Vec<u32> = pieces.iter().map(|p| p.0).collect();
+    nodes.dedup();
+    assert!(nodes.iter().all(|n| (*n as usize) < curve.nodes.len()));
+    assert_eq!(pieces.len(), nodes.len(), "a region is in pieces");
+}
+
+#[test]
+fn scale_turn_and_place_of_the_model_do_not_matter() {
+    let mesh = shapes::cactus(30);
+    let (curve, report) = curve_of(&mesh);
+    let turn = Rotation3::from_euler_angles(0.3, 1.1, -0.7);
+    let far = Vector3::new(1e6, -2e6, 5e5);
+    let cases: [(&str, f64, Rotation3<f64>, Vector3<f64>); 4] = [
+        ("scaled", 137.0, Rotation3::identity(), Vector3::zeros()),
+        ("small", 1e-4, Rotation3::identity(), Vector3::zeros()),
+        ("turned", 1.0, turn, Vector3::zeros()),
+        ("moved", 1.0, Rotation3::identity(), far),
+    ];
+    for (name, scale, turn, by) in cases {
+        let place = |p: &Point3<f64>| turn * (p * scale) + by;
+        let (other, same) = curve_of(&moved(&mesh, place));
+        assert_eq!(report, same, "{name}");
+        assert_eq!((curve.edges.len(), &curve.node_of_vertex), (other.edges.len(), &other.node_of_vertex), "{name}");
+        for (p, q) in curve.nodes.iter().zip(&other.nodes) {
+            let off = nalgebra::distance(&place(p), q) / (mesh.diagonal() * scale);
+            assert!(off <= 1e-6, "{name}: {off}");
+        }
+    }
+}
+
+#[test]
+fn what_is_kept_ends_a_branch() {
+    let mesh = shapes::icosphere(3);
+    let ends = vec![0, 7];
+    let options = ExtractionOptions { keep: Keep::Vertices(ends.clone()), ..ExtractionOptions::default() };
+    let (curve, _) = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap();
+    for v in ends {
+        let p = mesh.positions()[v as usize];
+        let (node, off) = (0..curve.nodes.len())
+            .map(|n| (n, nalgebra::distance(&curve.nodes[n], &p)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap();
+        assert!(off < 1e-9, "vertex {v} is {off} from the curve");
+        assert_eq!(curve.edges.iter().flatten().filter(|n| **n as usize == node).count(), 1);
+    }
+    let options = ExtractionOptions { keep: Keep::Vertices(vec![9999]), ..ExtractionOptions::default() };
+    let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    assert_eq!(refused.to_string(), "vertex 9999 is to be kept, but the mesh has 642 vertices, numbered from 0");
+}
+
+#[test]
+fn surfaces_that_hurt_have_curves_too() {
+    let whole = shapes::icosphere(3);
+    let parts = shapes::disjoint(&[whole.clone(), shapes::one_triangle(), shapes::holed_torus(1, 12)]);
+    for (name, mesh, parts) in [
+        ("soup", shapes::soup(&whole), 1),
+        ("plane", shapes::plane(12), 1),
+        ("moebius", shapes::moebius(40, 4), 1),
+        ("book", shapes::book(5), 1),
+        ("hourglass", shapes::hourglass(), 1),
+        ("parts", parts, 3),
+    ] {
+        let (curve, report) = curve_of(&mesh);
+        assert_eq!(report.parts, parts, "{name}");
+        assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count());
+        assert!(curve.nodes.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "{name}");
+        let far = 0.2 * mesh.diagonal();
+        let (low, high) = mesh.bounding_box().unwrap();
+        let near = |p: &Point3<f64>| (0..3).all(|k| p[k] > low[k] - far && p[k] < high[k] + far);
+        assert!(curve.nodes.iter().all(near), "{name} leaves its box");
+    }
+    let nothing = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap();
+    let refused = extract(&nothing, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()));
+    assert_eq!(refused.unwrap_err(), ExtractionError::Empty);
+}
+
+#[test]
+fn rounds_are_told_and_an_observer_can_stop_them() {
+    let mesh = shapes::cactus(24);
+    let mut left = vec![1.0];
+    let mut rounds = 0;
+    let stopped = extract(&mesh, &ExtractionOptions::default(), &mut |round| {
+        left.push(round.area_left);
+        rounds += 1;
+        assert_eq!((round.part, round.parts, round.round), (0, 1, rounds));
+        assert!(round.surface().triangle_count() > 0);
+        if rounds == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!(stopped.unwrap_err(), ExtractionError::Interrupted);
+    assert!(left.len() == 4 && left[3] < 0.7, "{left:?}");
+}
+
+#[test]
+fn options_are_checked() {
+    let mesh = shapes::icosphere(1);
+    for (options, message) in [
+        (
+            ExtractionOptions { prune: f64::NAN, ..ExtractionOptions::default() },
+            "prune NaN is invalid (expected 0 to 100)",
+        ),
+        (
+            ExtractionOptions { medial: 0.0, ..ExtractionOptions::default() },
+            "medial 0 is invalid (expected more than 0, at most 1000)",
+        ),
+    ] {
+        let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap_err();
+        assert_eq!(refused.to_string(), message);
+    }
+}
+
+#[test]
+fn joints_are_ends_junctions_and_bends_in_a_tree() {
+    let mesh = shapes::cactus(30);
+    let (curve, report) = curve_of(&mesh);
+    let few = skeleton_of(&curve, Some(1)).unwrap();
+    assert_eq!(few.joint_count(), report.ends + report.junctions);
+    let many = skeleton_of(&curve, Some(30)).unwrap();
+    assert_eq!(many.joint_count(), 30);
+    assert_eq!(many.roots().count(), 1);
+    for p in many.rest_positions() {
+        assert!(curve.nodes.iter().any(|n| nalgebra::distance(n, &p) < 1e-9));
+    }
+    let (ring, _) = curve_of(&shapes::holed_torus(1, 16));
+    let tree = skeleton_of(&ring, None).unwrap();
+    assert!(tree.joint_count() >= 3 && tree.roots().count() == 1, "a loop is cut once");
+}

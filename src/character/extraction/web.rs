@@ -1,0 +1,125 @@
+//! A curve while it is worked on: nodes that merge, edges, and the node that each vertex of the surface belongs to.
+
+use nalgebra::Point3;
+
+use super::complex::NONE;
+
+/// Nodes joined by edges.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Web {
+    pub(super) nodes: Vec<Point3<f64>>,
+    pub(super) pinned: Vec<bool>,
+    neighbors: Vec<Vec<u32>>,
+    into: Vec<u32>,
+    node_of_vertex: Vec<u32>,
+}
+
+/// Nodes in a row between two that are no inner nodes of a branch; a loop begins and ends with the same one.
+pub(super) type Branch = Vec<u32>;
+
+impl Web {
+    pub(super) fn new(nodes: Vec<Point3<f64>>, edges: &[[u32; 2]], node_of_vertex: Vec<u32>) -> Self {
+        let mut neighbors = vec![Vec::new(); nodes.len()];
+        for &[a, b] in edges {
+            neighbors[a as usize].push(b);
+            neighbors[b as usize].push(a);
+        }
+        let into = (0..nodes.len() as u32).collect();
+        Self { pinned: vec![false; nodes.len()], nodes, neighbors, into, node_of_vertex }
+    }
+
+    pub(super) fn is_alive(&self, v: u32) -> bool {
+        self.into[v as usize] == v
+    }
+
+    pub(super) fn alive(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.nodes.len() as u32).filter(|v| self.is_alive(*v))
+    }
+
+    pub(super) fn neighbors(&self, v: u32) -> &[u32] {
+        &self.neighbors[v as usize]
+    }
+
+    pub(super) fn degree(&self, v: u32) -> usize {
+        self.neighbors[v as usize].len()
+    }
+
+    pub(super) fn length(&self, a: u32, b: u32) -> f64 {
+        nalgebra::distance(&self.nodes[a as usize], &self.nodes[b as usize])
+    }
+
+    /// The node that a vertex of the surface belongs to.
+    pub(super) fn node_of(&self, vertex: usize) -> u32 {
+        let mut v = self.node_of_vertex[vertex];
+        while v != NONE && self.into[v as usize] != v {
+            v = self.into[v as usize];
+        }
+        v
+    }
+
+    /// Merges `i` into its neighbor `j`. An edge that both have to a third node becomes one.
+    pub(super) fn merge(&mut self, i: u32, j: u32) {
+        for k in std::mem::take(&mut self.neighbors[i as usize]) {
+            let of_k = &mut self.neighbors[k as usize];
+            let place = of_k.iter().position(|v| *v == i).expect("edges are known at both ends");
+            if k == j || of_k.contains(&j) {
+                of_k.swap_remove(place);
+            } else {
+                of_k[place] = j;
+                self.neighbors[j as usize].push(k);
+            }
+        }
+        self.into[i as usize] = j;
+        self.pinned[j as usize] |= self.pinned[i as usize];
+    }
+
+    /// Branches between ends and junctions; loops without either begin at their first node. Each once.
+    pub(super) fn branches(&self) -> Vec<Branch> {
+        let mut seen = vec![false; self.nodes.len()];
+        let mut branches = Vec::new();
+        let knots: Vec<u32> = self.alive().filter(|v| self.degree(*v) != 2).collect();
+        for &v in &knots {
+            for &to in self.neighbors(v) {
+                let branch = self.walk(v, to);
+                let last = branch[branch.len() - 1];
+                let inner = branch.get(1..branch.len() - 1).unwrap_or_default();
+                let first_time = match inner.first() {
+                    Some(first) => !seen[*first as usize],
+                    None => v < last,
+                };
+                if first_time {
+                    inner.iter().for_each(|v| seen[*v as usize] = true);
+                    branches.push(branch);
+                }
+            }
+        }
+        for v in self.alive() {
+            if self.degree(v) == 2 && !seen[v as usize] {
+                let branch = self.walk(v, self.neighbors(v)[0]);
+                branch.iter().for_each(|v| seen[*v as usize] = true);
+                branches.push(branch);
+            }
+        }
+        branches
+    }
+
+    fn walk(&self, from: u32, to: u32) -> Branch {
+        let mut branch = vec![from, to];
+        let (mut before, mut at) = (from, to);
+        while self.degree(at) == 2 && at != from {
+            let next = self.neighbors(at).iter().copied().find(|v| *v != before).unwrap_or(before);
+            branch.push(next);
+            (before, at) = (at, next);
+        }
+        branch
+    }
+
+    /// Length of a branch.
+    pub(super) fn branch_length(&self, branch: &[u32]) -> f64 {
+        branch.windows(2).map(|w| self.length(w[0], w[1])).sum()
+    }
+
+    pub(super) fn vertex_count(&self) -> usize {
+        self.node_of_vertex.len()
+    }
+}

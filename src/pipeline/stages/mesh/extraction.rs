@@ -1,0 +1,154 @@
+//! `skeleton.extract`: extracts, makes joints, writes.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::mesh_at;
+use crate::character::extraction::{
+    ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
+};
+use crate::character::io::{Rig, rig_text};
+use crate::character::skeleton_file::SkeletonFile;
+use crate::character::weights::{WeightOptions, bone_weights};
+use crate::character::{Character, CurveSkeleton, Skeleton, Skin};
+use crate::mesh::io::{WriteOptions, encode_model};
+use crate::mesh::{MeshFormat, Model};
+use crate::pipeline::kinds::SkeletonExtractSettings;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::context::Context;
+use crate::pipeline::stages::photo::{begin, cannot};
+
+/// Extracts the skeleton.
+pub(super) fn run(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &SkeletonExtractSettings,
+) -> Result<(), RunError> {
+    let posed = mesh_at(context, stage)?;
+    let mesh =
+        posed.model.mesh().with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+    let options = ExtractionOptions { prune: settings.prune, keep: keep(settings)?, ..ExtractionOptions::default() };
+    let folder = settings.contraction_frames.as_deref().map(Path::new);
+    let mut failed = None;
+    let mut frames = Vec::new();
+    let job = context.job;
+    let mut observer = |round: &Round<'_>| {
+        if job.check_cancel().is_err() {
+            return ControlFlow::Break(());
+        }
+        let Some(folder) = folder else { return ControlFlow::Continue(()) };
+        let path = folder.join(format!("part{:03}_round{:03}.obj", round.part, round.round));
+        match write_frame(&path, round) {
+            Ok(()) => frames.push(path),
+            Err(error) => {
+                failed = Some(error);
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    };
+    let found = extract(&mesh, &options, &mut observer);
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let (curve, report) = found.map_err(|e| refused(&e))?;
+    context.job.check_cancel()?;
+    context.summary.outputs.extend(frames);
+    let skeleton =
+        skeleton_of(&curve, settings.joints.map(|n| n as usize)).map_err(|e| RunError::Input(e.to_string()))?;
+    tell(context, &skeleton, &report, settings);
+    if let Some(path) = settings.path.as_deref().map(Path::new) {
+        let bytes = encoded(path, &posed.model, &skeleton, &curve)?;
+        let unfinished = begin(path)?;
+        std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
+        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        context.summary.outputs.push(path.to_owned());
+    }
+    let rig = Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
+    context.values.put(stage, "skeleton", Arc::new(rig));
+    Ok(())
+}
+
+fn refused(error: &ExtractionError) -> RunError {
+    match error {
+        ExtractionError::Interrupted => RunError::Interrupted,
+        ExtractionError::Option { .. } => RunError::Usage(error.to_string()),
+        ExtractionError::Numerics(_) => RunError::Internal(error.to_string()),
+        _ => RunError::Input(error.to_string()),
+    }
+}
+
+/// Which ends stay.
+fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
+    let Some(name) = settings.keep_file() else {
+        return Ok(if settings.keep.is_some() { Keep::Extrema } else { Keep::Nothing });
+    };
+    let bad = |what: String| RunError::Input(format!("{name}: {what}"));
+    let text =
+        std::fs::read_to_string(name).map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
+    let words = text.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|w| !w.is_empty());
+    let number = |w: &str| w.parse::<u32>().map_err(|_| bad(format!("`{w}` is no number of a vertex (whole, from 0)")));
+    words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)
+}
+
+fn write_frame(path: &Path, round: &Round<'_>) -> Result<(), RunError> {
+    let internal = |e: crate::mesh::MeshError| RunError::Internal(e.to_string());
+    let model = Model::of_mesh(round.surface());
+    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default()).map_err(internal)?;
+    let unfinished = begin(path)?;
+    std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))
+}
+
+/// The bytes of the file.
+fn encoded(path: &Path, model: &Model, skeleton: &Skeleton, curve: &CurveSkeleton) -> Result<Vec<u8>, RunError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    match extension.as_str() {
+        "json" => {
+            let file = SkeletonFile { skeleton: skeleton.clone(), curve: Some(curve.clone()) };
+            Ok(file.to_json().into_bytes())
+        }
+        "glb" | "gltf" => {
+            let (weights, _) =
+                bone_weights(model.mesh(), skeleton, &WeightOptions::default()).map_err(|e| input(&e))?;
+            let skin = Skin::bound(weights, skeleton).map_err(|e| input(&e))?;
+            let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
+            let character = Character::new(still, skeleton.clone(), Arc::new(skin)).map_err(|e| input(&e))?;
+            let rigged = character.to_model(None).map_err(|e| RunError::Internal(e.to_string()))?;
+            let format = if extension == "glb" { MeshFormat::Glb } else { MeshFormat::Gltf };
+            encode_model(&rigged, format, &WriteOptions::default()).map_err(|e| RunError::Internal(e.to_string()))
+        }
+        other => match rig_text(skeleton, None, other) {
+            Ok((text, _)) => Ok(text.into_bytes()),
+            Err(_) => Err(RunError::Usage(format!(
+                "the extension of `{}` names no skeleton to write (expected .json, .glb, .gltf, .tgf, .skel or .bvh)",
+                path.display()
+            ))),
+        },
+    }
+}
+
+fn tell(
+    context: &mut Context<'_, '_>,
+    skeleton: &Skeleton,
+    report: &ExtractionReport,
+    settings: &SkeletonExtractSettings,
+) {
+    let joints = skeleton.joint_count();
+    let line = format!(
+        "{joints} joints; a curve of {} ends, {} junctions and {} loops in {} parts, {} rounds",
+        report.ends, report.junctions, report.loops, report.parts, report.rounds
+    );
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs.clone_from(&report.repairs);
+        surface.skeleton = Some(line);
+    }
+    if report.parts == 1 && report.loops != report.handles {
+        context.warn(format!("the curve has {} loops, but the surface has {} handles", report.loops, report.handles));
+    }
+    if let Some(wanted) = settings.joints.filter(|n| (*n as usize) < joints) {
+        context.warn(format!("{joints} joints, not {wanted}: ends, junctions and loops need as many"));
+    }
+}
