@@ -2,15 +2,18 @@
 //!
 //! Standard output carries results only; progress, summaries and errors go to standard error. Exit statuses: [`Exit`].
 
+mod blend;
 mod check;
 mod clip;
 mod completions;
+mod compose;
 mod deform;
 mod failure;
 mod graph;
 mod interrupt;
 mod mesh;
 mod modes;
+mod morph;
 mod motion;
 mod photo;
 mod photo_clip;
@@ -60,6 +63,12 @@ enum Command {
     Deform(Box<deform::DeformArgs>),
     /// Find how a mesh bends most easily, and its near-rigid parts
     Modes(modes::ModesArgs),
+    /// Find the shapes between two meshes
+    Morph(Box<morph::MorphArgs>),
+    /// Mix two meshes, each place as far from one to the other as is painted there
+    Blend(Box<blend::BlendArgs>),
+    /// Make one mesh of parts of two
+    Compose(Box<compose::ComposeArgs>),
     /// Draw meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
@@ -85,7 +94,7 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, morph
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -116,7 +125,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `morph`, `blend`, `compose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -129,6 +138,9 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
         Command::Deform(args) => args.pipeline().map_err(|f| f.message),
         Command::Modes(args) => Ok(args.pipeline()),
+        Command::Morph(args) => Ok(args.pipeline()),
+        Command::Blend(args) => Ok(args.pipeline()),
+        Command::Compose(args) => Ok(args.pipeline()),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
@@ -143,6 +155,9 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Mesh(args) => args.run(),
         Command::Deform(args) => args.run(backend),
         Command::Modes(args) => args.run(backend),
+        Command::Morph(args) => args.run(backend),
+        Command::Blend(args) => args.run(backend),
+        Command::Compose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

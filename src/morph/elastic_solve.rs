@@ -80,8 +80,23 @@ impl ElasticSolve {
     /// Improves `x` so that its edges, each opposite a corner of a triangle, are as near to `edges` as can be. Vertices that
     /// are held, or the first of each free piece, stay.
     pub(super) fn follow(&mut self, edges: impl Fn(usize) -> [Vector3<f64>; 3], x: &mut [Point3<f64>]) {
+        self.follow_pushed(edges, &[], x);
+    }
+
+    /// The same, with a force on every vertex, or on none.
+    pub(super) fn follow_pushed(
+        &mut self,
+        edges: impl Fn(usize) -> [Vector3<f64>; 3],
+        forces: &[Vector3<f64>],
+        x: &mut [Point3<f64>],
+    ) {
         let Some(factor) = &mut self.factor else { return };
         let mut rhs = vec![[0.0; 3]; factor.n()];
+        for (force, &k) in forces.iter().zip(&self.unknown) {
+            if let Some(sum) = rhs.get_mut(k as usize) {
+                *sum = (*force).into();
+            }
+        }
         for (t, (v, h)) in self.triangles.iter().zip(&self.half).enumerate() {
             let wanted = edges(t);
             for k in 0..3 {
@@ -100,6 +115,15 @@ impl ElasticSolve {
                 *x += Vector3::from(*step);
             }
         }
+    }
+
+    /// Weights of the edges at each vertex, summed.
+    pub(super) fn diagonal(&self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.unknown.len()];
+        for (v, h) in self.triangles.iter().zip(&self.half) {
+            (0..3).for_each(|k| sums[v[k] as usize] += h[(k + 1) % 3] + h[(k + 2) % 3]);
+        }
+        sums
     }
 
     /// Moves each piece so that the weighted means of its vertices are those of `like`.

@@ -21,20 +21,32 @@ pub fn self_intersections(mesh: &TriMesh) -> Vec<[u32; 2]> {
     found
 }
 
+/// An edge that passes through a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Passage {
+    pub(super) edge: [u32; 2],
+    pub(super) triangle: u32,
+}
+
 fn intersect(mesh: &TriMesh, t: usize, u: usize) -> bool {
+    passages(mesh, t, u).next().is_some()
+}
+
+/// Edges of either triangle that pass through the other.
+pub(super) fn passages(mesh: &TriMesh, t: usize, u: usize) -> impl Iterator<Item = Passage> {
     let (a, b) = (mesh.triangles()[t], mesh.triangles()[u]);
     let (p, q) = (mesh.corners(t), mesh.corners(u));
     // Copies of a vertex are one place: a seam of a texture is no intersection.
-    let same = |i: usize, j: usize| a[i] == b[j] || p[i] == q[j];
-    let shared: Vec<(usize, usize)> =
-        (0..9).map(|k| (k / 3, k % 3)).filter(|&(i, j)| same(i, j)).collect();
-    match shared[..] {
-        [] => (0..3).any(|k| passes(&p[k], &p[(k + 1) % 3], &q) || passes(&q[k], &q[(k + 1) % 3], &p)),
-        [(i, j)] => {
-            passes(&p[(i + 1) % 3], &p[(i + 2) % 3], &q) || passes(&q[(j + 1) % 3], &q[(j + 2) % 3], &p)
-        }
-        _ => false,
-    }
+    let same = |k: &usize| a[k / 3] == b[k % 3] || p[k / 3] == q[k % 3];
+    let mut shared = (0..9).filter(same);
+    let (first, second) = (shared.next(), shared.next());
+    // With one corner in common, the edges opposite it; with an edge, none.
+    let of = move |corner: Option<usize>| (0..3).filter(move |k| second.is_none() && corner.is_none_or(|c| (c + 1) % 3 == *k));
+    let edge = |of: &[u32; 3], k: usize| [of[k], of[(k + 1) % 3]];
+    let ours = of(first.map(|k| k / 3)).filter(move |&k| passes(&p[k], &p[(k + 1) % 3], &q));
+    let theirs = of(first.map(|k| k % 3)).filter(move |&k| passes(&q[k], &q[(k + 1) % 3], &p));
+    let ours = ours.map(move |k| Passage { edge: edge(&a, k), triangle: u as u32 });
+    ours.chain(theirs.map(move |k| Passage { edge: edge(&b, k), triangle: t as u32 }))
 }
 
 /// The segment passes through the triangle, from one side to the other.

@@ -10,6 +10,9 @@ use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
 use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
+use crate::morph::composition::seam_schema;
+use crate::morph::correspondence::landmarks_schema;
+use crate::morph::paint::paint_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
 use crate::surface::handle_file::handle_file_schema;
@@ -34,6 +37,12 @@ pub enum FileFormat {
     Path,
     /// Handles of a surface, for deform --handles
     Handles,
+    /// Places of two meshes that belong together, for morph and blend --landmarks
+    Landmarks,
+    /// Times painted on a mesh, for blend --paint
+    Paint,
+    /// Where two meshes are cut and joined, for compose --seam
+    Seam,
 }
 
 /// The schema of a format.
@@ -46,6 +55,9 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Motion => motion_file_schema().to_value(),
         FileFormat::Path => path_file_schema().to_value(),
         FileFormat::Handles => handle_file_schema().to_value(),
+        FileFormat::Landmarks => landmarks_schema().to_value(),
+        FileFormat::Paint => paint_schema().to_value(),
+        FileFormat::Seam => seam_schema().to_value(),
     }
 }
 

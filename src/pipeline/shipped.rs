@@ -5,13 +5,14 @@ use std::path::Path;
 use super::syntax::Source;
 
 /// `(name, text)` of every shipped file.
-pub const SHIPPED: [(&str, &str); 6] = [
+pub const SHIPPED: [(&str, &str); 7] = [
     ("stabilize", include_str!("../../pipeline/stabilize.toml")),
     ("stabilize-3d", include_str!("../../pipeline/stabilize-3d.toml")),
     ("rectify", include_str!("../../pipeline/rectify.toml")),
     ("retarget", include_str!("../../pipeline/retarget.toml")),
     ("vertical-video", include_str!("../../pipeline/vertical-video.toml")),
     ("deform-mesh", include_str!("../../pipeline/deform-mesh.toml")),
+    ("morph", include_str!("../../pipeline/morph.toml")),
 ];
 
 /// The shipped file called `name`. Relative paths in it start from the working directory.

@@ -144,6 +144,8 @@ pub struct SurfaceSummary {
     pub deformation: Option<String>,
     /// Its modes and parts.
     pub modes: Option<String>,
+    /// What became of it and another.
+    pub morph: Vec<String>,
 }
 
 impl SurfaceSummary {
@@ -155,7 +157,8 @@ impl SurfaceSummary {
         writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, from {low} to {high}")?;
         self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
         self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
-        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))
+        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
+        self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
     }
 }
 

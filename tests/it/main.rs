@@ -14,6 +14,7 @@ mod lens;
 mod media_bad_input;
 mod media_roundtrip;
 mod mesh;
+mod morph;
 mod motion;
 mod motion_file;
 mod path;

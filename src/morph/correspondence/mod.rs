@@ -7,6 +7,8 @@ mod landmarks;
 mod quality;
 mod refinement;
 mod registration;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::Point3;
 

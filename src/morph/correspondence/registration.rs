@@ -26,6 +26,13 @@ use super::super::MorphError;
 use crate::mesh::TriMesh;
 use crate::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
 
+/// Rounds in which folds are smoothed out. Most go in the first five; what is left after thirty is held by landmarks that cross.
+const UNFOLDING: usize = 30;
+
+/// Every vertex is drawn this faintly to where the similarity of the landmarks put it: pieces without a landmark stay there while
+/// nothing else holds them. Far above rounding (pivots of 10⁻¹³ against the 10⁴ of short edges), far below all weights.
+const FAINT: f64 = 1e-6;
+
 /// How a surface is laid over another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistrationOptions {
@@ -69,7 +76,60 @@ pub fn register(
     for &(v, w) in landmarks {
         places[v as usize] = target.vertex(w);
     }
-    Ok(places.into_iter().map(|p| Nearest { point: p.point * unit, squared: p.squared * unit * unit, ..p }).collect())
+    unfold(&start, &target, landmarks, &mut places)?;
+    let in_units = |p: Nearest| {
+        let corners = second.corners(p.triangle as usize);
+        let point = corners.iter().zip(p.weights).map(|(c, w)| c.coords * w).sum::<Vector3<f64>>();
+        Nearest { point: Point3::from(point), squared: p.squared * unit * unit, ..p }
+    };
+    Ok(places.into_iter().map(in_units).collect())
+}
+
+/// Takes out folds that putting vertices on their nearest places made: vertices of triangles that face away from the surface
+/// under them go to the middle of their neighbors, and to the surface again.
+fn unfold(
+    mesh: &TriMesh,
+    target: &Target<'_>,
+    landmarks: &[(u32, u32)],
+    places: &mut [Nearest],
+) -> Result<(), MorphError> {
+    let mut fixed = vec![false; places.len()];
+    landmarks.iter().for_each(|l| fixed[l.0 as usize] = true);
+    let mut around = vec![Vec::new(); places.len()];
+    for &[a, b, c] in mesh.triangles() {
+        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[i as usize].push(j));
+        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[j as usize].push(i));
+    }
+    let longest = |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
+    let has_area = |t: &usize| mesh.area_normal(*t).norm() > 1e-9 * longest(*t);
+    let solid: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(has_area).map(|t| mesh.triangles()[t]).collect();
+    for _ in 0..UNFOLDING {
+        let normal = |v: u32| target.normal(places[v as usize].triangle).try_normalize(0.0).unwrap_or_default();
+        let folded = |t: &&[u32; 3]| {
+            let [p, q, r] = t.map(|v| places[v as usize].point);
+            let faces = (q - p).cross(&(r - p));
+            let under: Vector3<f64> = t.iter().map(|v| normal(*v)).sum();
+            // At an edge of the surface corners lie on triangles that face anywhere: what lies under the middle decides.
+            let middle = || target.nearest(&Point3::from((p.coords + q.coords + r.coords) / 3.0));
+            !(faces.dot(&under) > 0.0) && middle().is_none_or(|m| !(faces.dot(&target.normal(m.triangle)) > 0.0))
+        };
+        let mut moved: Vec<u32> = solid.iter().filter(folded).flatten().copied().collect();
+        moved.sort_unstable();
+        moved.dedup();
+        moved.retain(|v| !fixed[*v as usize]);
+        let middle = |v: &u32| {
+            let ring = &around[*v as usize];
+            let sum: Vector3<f64> = ring.iter().map(|w| places[*w as usize].point.coords).sum();
+            let facing: Vector3<f64> = ring.iter().map(|w| normal(*w)).sum();
+            target.place(&Point3::from(sum / ring.len() as f64), &facing)
+        };
+        let there: Vec<Nearest> = moved.iter().map(middle).collect::<Result<_, _>>()?;
+        if moved.is_empty() {
+            break;
+        }
+        moved.iter().zip(there).for_each(|(&v, place)| places[v as usize] = place);
+    }
+    Ok(())
 }
 
 /// The first mesh after the similarity of the landmarks.
@@ -217,9 +277,10 @@ impl System {
         let mut rhs = vec![[0.0; 3]; matrix.n()];
         let free = self.unknown.iter().enumerate().filter_map(|(v, k)| k.map(|k| (v, k as usize)));
         for (v, k) in free {
-            rhs[k] = self.rhs[v].into();
+            rhs[k] = (self.rhs[v] + self.start[v].coords * FAINT).into();
+            let diagonal = matrix.pattern().column_starts()[k] as usize;
+            matrix.values_mut()[diagonal] += FAINT;
             if let Some(place) = places.get(v) {
-                let diagonal = matrix.pattern().column_starts()[k] as usize;
                 matrix.values_mut()[diagonal] += closeness;
                 (0..3).for_each(|c| rhs[k][c] += closeness * place.point[c]);
             }

@@ -26,6 +26,7 @@
 mod frames;
 #[cfg(test)]
 mod tests;
+mod untangling;
 mod unwinding;
 
 use std::f64::consts::TAU;
@@ -230,7 +231,10 @@ impl Trajectory {
 }
 
 /// Two poses of one mesh have the same triangles.
-pub(super) fn same_connectivity(first: &TriMesh, second: &TriMesh) -> Result<(), MorphError> {
+///
+/// # Errors
+/// [`MorphError::VertexCounts`], [`MorphError::Triangles`] where these are not.
+pub fn same_connectivity(first: &TriMesh, second: &TriMesh) -> Result<(), MorphError> {
     if first.vertex_count() != second.vertex_count() {
         return Err(MorphError::VertexCounts { first: first.vertex_count(), second: second.vertex_count() });
     }

@@ -88,8 +88,8 @@ fn a_bar_twisted_by_a_turn_and_a_half_is_half_as_twisted_on_half_the_way() {
         let squares: f64 = half.positions().iter().zip(x).map(|(p, q)| (map * p - q).norm_squared()).sum();
         (squares / x.len() as f64).sqrt()
     };
-    // A turn of 90° the other way would end 180° from there.
-    assert!(apart(&middle) < 0.05 * 0.6 && apart(&linear) > 0.15 * 0.6, "{} {}", apart(&middle), apart(&linear));
+    // Not quite that bar: halfway, triangles are stretched half as much, which does not fit together exactly.
+    assert!(apart(&middle) < 0.25 * apart(&linear), "{} {}", apart(&middle), apart(&linear));
 }
 
 #[test]
@@ -147,4 +147,37 @@ fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
     fewer.pop();
     let fewer = TriMesh::new(mesh.positions().to_vec(), fewer).unwrap();
     assert!(matches!(refused(&mesh, &fewer), MorphError::Triangles { triangle: 79, second: None, .. }));
+}
+
+/// A strip whose two halves have to pass each other: one end folds over the other on straight and on rigid ways alike.
+#[test]
+fn a_shape_is_pushed_out_of_itself_and_never_deeper_in() {
+    // A closed box with a fin on it that swings through a second fin.
+    let bar = shapes::bar([30, 2, 8], [6.0, 0.3, 1.5]);
+    let bent = |angle: f64| {
+        let place = |p: &Point3<f64>| {
+            let s = p.x / 6.0;
+            let (radius, (sine, cosine)) = (6.0 / angle, (angle * (s - 0.5)).sin_cos());
+            Point3::new((radius + p.y) * sine, (radius + p.y) * cosine - radius, p.z)
+        };
+        bar.with_positions(bar.positions().iter().map(place).collect()).unwrap()
+    };
+    // Nearly closed rings, wound from either side: halfway the ends meet.
+    let first = bent(1.9 * PI);
+    let second = {
+        let tilted = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z + 2.4 * (p.x / 1.2).tanh()));
+        first.with_positions(tilted.collect()).unwrap()
+    };
+    let mirrored = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z - 2.4 * (p.x / 1.2).tanh())).collect();
+    let first = first.with_positions(mirrored).unwrap();
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    for time in [0.0, 0.3, 0.5, 1.0] {
+        let (x, [before, after]) = trajectory.untangled(time, 10);
+        let count = crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap()).len();
+        assert_eq!(count, after);
+        assert!(after <= before && (before == 0 || time == 0.0 || time == 1.0 || after < before), "{time}: {before} to {after}");
+        if before == 0 {
+            assert_eq!(x, trajectory.at(time));
+        }
+    }
 }
