@@ -8,7 +8,7 @@ use super::failure::Failure;
 use super::run::run_or_print;
 use crate::mesh::MeshFormat;
 use crate::pipeline::file::{entries_of, literal_path};
-use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
+use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings, OverWish};
 use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
@@ -42,6 +42,13 @@ pub(super) struct MorphArgs {
     #[arg(long, default_value_t = MorphSettings::default().rounds, value_name = "N", help_heading = "Method")]
     #[arg(value_parser = clap::value_parser!(u32).range(0..=10_000))]
     rounds: u32,
+    /// Rounds at most in which a shape that passes through itself is pushed out of itself
+    #[arg(long, default_value_t = MorphSettings::default().untangle, value_name = "N", help_heading = "Method")]
+    #[arg(value_parser = clap::value_parser!(u32).range(0..=1000))]
+    untangle: u32,
+    /// How the first mesh is laid over the second
+    #[arg(long, value_enum, default_value_t, value_name = "HOW", requires = "landmarks", help_heading = "Method")]
+    over: OverWish,
     /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
     #[arg(long, default_value_t = 0, value_name = "N", allow_hyphen_values = true, help_heading = "Method")]
     #[arg(value_parser = clap::value_parser!(i32).range(-100..=100))]
@@ -73,6 +80,8 @@ impl MorphArgs {
             landmarks: self.landmarks.as_ref().map(|path| literal_path(path)),
             frames: self.frames,
             rounds: self.rounds,
+            untangle: self.untangle,
+            over: self.over,
             whole_turns: self.whole_turns,
             refine: self.refine,
             report: self.report.as_ref().map(|path| literal_path(path)),

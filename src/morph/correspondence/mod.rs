@@ -7,6 +7,7 @@ mod landmarks;
 mod quality;
 mod refinement;
 mod registration;
+mod sphere;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +18,7 @@ pub use quality::{MapQuality, measure};
 pub(in crate::morph) use refinement::divided;
 pub use refinement::{Refined, refine};
 pub use registration::{RegistrationOptions, register};
+pub use sphere::{SphereOptions, over_spheres, sphere_map};
 
 use super::MorphError;
 use super::bvh::Nearest;
@@ -27,6 +29,8 @@ use crate::mesh::TriMesh;
 pub enum CorrespondenceMethod {
     /// Deformed smoothly until it lies there: any topology, never flawless.
     Registration(RegistrationOptions),
+    /// Over the sphere: closed surfaces without handles; one to one.
+    Sphere(SphereOptions),
 }
 
 impl Default for CorrespondenceMethod {
@@ -58,6 +62,7 @@ pub fn correspond(
 ) -> Result<Correspondence, MorphError> {
     let places = match method {
         CorrespondenceMethod::Registration(options) => register(first, second, landmarks, options)?,
+        CorrespondenceMethod::Sphere(options) => over_spheres(first, second, landmarks, options)?,
     };
     let positions: Vec<Point3<f64>> = places.iter().map(|p| p.point).collect();
     let laid = first.with_positions(positions)?;

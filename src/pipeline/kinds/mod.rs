@@ -60,7 +60,7 @@ pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
 pub use mesh_render::{MeshRenderSettings, UpWish};
 pub use mesh_save::MeshSaveSettings;
-pub use morph::MorphSettings;
+pub use morph::{MorphSettings, OverWish};
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;

@@ -1,10 +1,33 @@
 //! `morph`: the shapes between two meshes.
 
+use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::morph::correspondence::{CorrespondenceMethod, RegistrationOptions, SphereOptions};
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
+
+/// How one mesh is laid over another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverWish {
+    /// Deformed smoothly until it lies there: any mesh, never flawless
+    #[default]
+    Registration,
+    /// Through the sphere: closed meshes without handles, one to one
+    Sphere,
+}
+
+impl OverWish {
+    /// The option of the method.
+    pub fn option(self) -> CorrespondenceMethod {
+        match self {
+            Self::Registration => CorrespondenceMethod::Registration(RegistrationOptions::default()),
+            Self::Sphere => CorrespondenceMethod::Sphere(SphereOptions::default()),
+        }
+    }
+}
 
 /// Settings of `morph`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,6 +43,11 @@ pub struct MorphSettings {
     /// Rounds in which each shape is made more rigid towards both meshes
     #[schemars(range(min = 0, max = 10_000))]
     pub rounds: u32,
+    /// Rounds at most in which a shape that passes through itself is pushed out of itself
+    #[schemars(range(min = 0, max = 1000))]
+    pub untangle: u32,
+    /// How the first mesh is laid over the second: by deforming it, or over the sphere (closed meshes without handles, one to one)
+    pub over: OverWish,
     /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
     #[schemars(range(min = -100, max = 100))]
     pub whole_turns: i32,
@@ -34,7 +62,7 @@ pub struct MorphSettings {
 
 impl Default for MorphSettings {
     fn default() -> Self {
-        Self { landmarks: None, frames: 9, rounds: 10, whole_turns: 0, refine: None, report: None }
+        Self { landmarks: None, frames: 9, rounds: 10, untangle: 8, over: OverWish::default(), whole_turns: 0, refine: None, report: None }
     }
 }
 

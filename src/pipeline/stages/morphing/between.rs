@@ -10,21 +10,24 @@ use super::{morph_error, of_file, tell, write_report};
 use crate::morph::intersections::self_intersections;
 use crate::morph::paint::Paint;
 use crate::morph::{Trajectory, TrajectoryOptions, time_field};
-use crate::pipeline::kinds::{BlendSettings, MorphSettings};
+use crate::pipeline::kinds::{BlendSettings, MorphSettings, OverWish};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::mesh::Posed;
 
 /// Shapes, evenly from one mesh to the other.
 pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &MorphSettings) -> Result<(), RunError> {
-    let pair = Pair::new(context, stage, settings.landmarks.as_ref(), settings.refine)?;
+    let pair = Pair::new(context, stage, settings.landmarks.as_ref(), settings.over, settings.refine)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: settings.whole_turns };
     let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
     let mut shapes = Shapes { pair: &pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], count: settings.report.is_some() };
     for k in 0..settings.frames {
         context.job.check_cancel()?;
         let time = f64::from(k) / f64::from((settings.frames - 1).max(1));
-        let x = trajectory.at(time);
+        let x = match settings.untangle {
+            0 => trajectory.at(time),
+            rounds => trajectory.untangled(time, rounds as usize).0,
+        };
         let linear = trajectory.linear(time);
         shapes.add(Some(time), time, &x, &linear)?;
     }
@@ -43,7 +46,7 @@ pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &Morp
 
 /// A shape in which every place has the time that is painted there.
 pub(super) fn blend(context: &mut Context<'_, '_>, stage: usize, settings: &BlendSettings) -> Result<(), RunError> {
-    let pair = Pair::new(context, stage, settings.landmarks.as_ref(), None)?;
+    let pair = Pair::new(context, stage, settings.landmarks.as_ref(), OverWish::default(), None)?;
     let in_paint = of_file(&settings.paint);
     let paint = Paint::read(settings.paint.as_ref()).map_err(&in_paint)?;
     let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;

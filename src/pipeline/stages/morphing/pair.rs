@@ -7,8 +7,9 @@ use serde_json::{Value as Json, json};
 
 use super::{mesh_at, morph_error, of_file, tell};
 use crate::mesh::{Model, TriMesh};
-use crate::morph::correspondence::{CorrespondenceMethod, Landmarks, MapQuality, correspond, measure, refine};
+use crate::morph::correspondence::{Landmarks, MapQuality, correspond, measure, refine};
 use crate::morph::same_connectivity;
+use crate::pipeline::kinds::OverWish;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::mesh::Posed;
@@ -38,6 +39,7 @@ impl Pair {
         context: &mut Context<'_, '_>,
         stage: usize,
         landmarks: Option<&String>,
+        over: OverWish,
         tolerance: Option<f64>,
     ) -> Result<Self, RunError> {
         let [first, second] = ["mesh", "other"].map(|port| mesh_at(context, stage, port));
@@ -51,7 +53,7 @@ impl Pair {
             None => Self::same(first.model, &a, &b, solvable),
             Some(path) => {
                 let pairs = Landmarks::read(path.as_ref()).and_then(|l| l.vertices(&a, &b)).map_err(of_file(path))?;
-                Self::laid(context, first.model, &b, solvable, &pairs, tolerance)
+                Self::laid(context, first.model, &b, solvable, &pairs, (over, tolerance))
             }
         }
     }
@@ -70,14 +72,14 @@ impl Pair {
         b: &TriMesh,
         solvable: Solvable,
         pairs: &[(u32, u32)],
-        tolerance: Option<f64>,
+        (over, tolerance): (OverWish, Option<f64>),
     ) -> Result<Self, RunError> {
         let mut pairs: Vec<(u32, u32)> =
             pairs.iter().filter_map(|&(v, w)| Some((solvable.vertex_of_source[v as usize]?, w))).collect();
         // Vertices that repair joined are one landmark.
         let mut seen = std::collections::BTreeSet::new();
         pairs.retain(|p| seen.insert(p.0));
-        let laid = correspond(&solvable.mesh, b, &pairs, &CorrespondenceMethod::default()).map_err(morph_error)?;
+        let laid = correspond(&solvable.mesh, b, &pairs, &over.option()).map_err(morph_error)?;
         let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.laid, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
