@@ -202,7 +202,8 @@ mod tests {
             let everywhere = (0..mesh.triangle_count() as u32).filter(|&t| wanted(t)).map(|t| {
                 // Sampled: never nearer.
                 let [a, b, c] = mesh.corners(t as usize);
-                (0..=8).flat_map(move |i| (0..=8 - i).map(move |j| (f64::from(i) / 8.0, f64::from(j) / 8.0)))
+                (0..=8)
+                    .flat_map(move |i| (0..=8 - i).map(move |j| (f64::from(i) / 8.0, f64::from(j) / 8.0)))
                     .map(|(u, v)| (a + (b - a) * u + (c - a) * v - p).norm_squared())
                     .fold(f64::MAX, f64::min)
             });

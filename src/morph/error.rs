@@ -64,7 +64,9 @@ pub enum MorphError {
         vertices: usize,
     },
     /// Input: too few landmarks, or landmarks on one line.
-    #[error("{given} landmarks do not fix how the meshes lie to each other (expected at least {expected}, not all on one line)")]
+    #[error(
+        "{given} landmarks do not fix how the meshes lie to each other (expected at least {expected}, not all on one line)"
+    )]
     Landmarks {
         /// How many there are.
         given: usize,

@@ -41,7 +41,9 @@ pub(super) fn passages(mesh: &TriMesh, t: usize, u: usize) -> impl Iterator<Item
     let mut shared = (0..9).filter(same);
     let (first, second) = (shared.next(), shared.next());
     // With one corner in common, the edges opposite it; with an edge, none.
-    let of = move |corner: Option<usize>| (0..3).filter(move |k| second.is_none() && corner.is_none_or(|c| (c + 1) % 3 == *k));
+    let of = move |corner: Option<usize>| {
+        (0..3).filter(move |k| second.is_none() && corner.is_none_or(|c| (c + 1) % 3 == *k))
+    };
     let edge = |of: &[u32; 3], k: usize| [of[k], of[(k + 1) % 3]];
     let ours = of(first.map(|k| k / 3)).filter(move |&k| passes(&p[k], &p[(k + 1) % 3], &q));
     let theirs = of(first.map(|k| k % 3)).filter(move |&k| passes(&q[k], &q[(k + 1) % 3], &p));
@@ -73,7 +75,8 @@ mod tests {
         let sphere = shapes::icosphere(2);
         assert!(self_intersections(&sphere).is_empty());
         let wall = shapes::plane(8);
-        let placed: Vec<_> = wall.positions().iter().map(|p| Point3::new(6.0 * p.x - 3.03, 6.0 * p.y - 2.98, 0.11)).collect();
+        let placed: Vec<_> =
+            wall.positions().iter().map(|p| Point3::new(6.0 * p.x - 3.03, 6.0 * p.y - 2.98, 0.11)).collect();
         let first = sphere.vertex_count() as u32;
         let positions = [sphere.positions(), &placed].concat();
         let moved = wall.triangles().iter().map(|t| t.map(|v| v + first));
@@ -85,7 +88,9 @@ mod tests {
         // As many as looking at all pairs finds.
         let mut all = Vec::new();
         for t in 0..both.triangle_count() {
-            all.extend((t + 1..both.triangle_count()).filter(|&u| intersect(&both, t, u)).map(|u| [t as u32, u as u32]));
+            all.extend(
+                (t + 1..both.triangle_count()).filter(|&u| intersect(&both, t, u)).map(|u| [t as u32, u as u32]),
+            );
         }
         assert_eq!(pairs, all);
         for [t, _] in pairs {

@@ -139,9 +139,8 @@ impl Stroke {
     fn vertices_of(&self, mesh: &TriMesh, place: &str) -> Result<Vec<u32>, MorphError> {
         let named: Result<Vec<u32>, MorphError> =
             self.vertices.iter().map(|p| p.vertex(mesh, "first", place)).collect();
-        let in_ball = |p: &Point3<f64>| {
-            self.sphere.as_ref().is_some_and(|b| (p - Point3::from(b.center)).norm() <= b.radius)
-        };
+        let in_ball =
+            |p: &Point3<f64>| self.sphere.as_ref().is_some_and(|b| (p - Point3::from(b.center)).norm() <= b.radius);
         let beyond = |p: &Point3<f64>| {
             let on_side = |h: &HalfSpace| (p - Point3::from(h.point)).dot(&Vector3::from(h.normal)) >= 0.0;
             self.half_space.as_ref().is_some_and(on_side)

@@ -49,7 +49,20 @@ fn a_turn_is_made_by_turning_all_the_way_also_by_270_degrees() {
     for (degrees, turns) in [(170.0, "0"), (270.0, "-1")] {
         save(folder, "b.off", &turned(&mesh, degrees));
         let out = format!("f{degrees}/");
-        let args = ["morph", "a.off", "b.off", "-o", &out, "--frames", "5", "--whole-turns", turns, "--report", "r.json", "--overwrite"];
+        let args = [
+            "morph",
+            "a.off",
+            "b.off",
+            "-o",
+            &out,
+            "--frames",
+            "5",
+            "--whole-turns",
+            turns,
+            "--report",
+            "r.json",
+            "--overwrite",
+        ];
         succeed(folder, &args);
         for k in 0..5 {
             let shape = load(folder, &format!("{out}morph_{k:04}.off"));
@@ -79,7 +92,10 @@ fn polygons_and_copies_of_vertices_are_kept_and_the_ends_are_the_meshes() {
         for &v in corners {
             let same = |w: &usize| soup.positions()[*w] == soup.positions()[v as usize];
             let copies = (0..soup.vertex_count()).filter(same);
-            assert!(copies.map(|w| (middle.positions()[w] - middle.positions()[v as usize]).norm()).all(|d| d < 1e-9), "{t}");
+            assert!(
+                copies.map(|w| (middle.positions()[w] - middle.positions()[v as usize]).norm()).all(|d| d < 1e-9),
+                "{t}"
+            );
         }
     }
     assert!(farthest(&load(folder, "m_0002.ply"), &load(folder, "b.ply")) == 0.0);
@@ -90,14 +106,28 @@ fn landmarks_lay_one_mesh_over_another_and_refinement_finds_its_features() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let (coarse, fine) = (shapes::icosphere(2), shapes::icosphere(4));
-    let bumpy = moved(&fine, |p| p + p.coords * (0.25 * (-12.0 * (p - Point3::new(0.0, 0.0, 1.0)).norm_squared()).exp()));
+    let bumpy =
+        moved(&fine, |p| p + p.coords * (0.25 * (-12.0 * (p - Point3::new(0.0, 0.0, 1.0)).norm_squared()).exp()));
     save(folder, "a.obj", &coarse);
     save(folder, "b.obj", &bumpy);
     let pairs: Vec<String> = (0..12).map(|v| format!("[{v}, {v}]")).collect();
     let text = format!("{{\"format\": \"plumbline.landmarks\", \"version\": 1, \"pairs\": [{}]}}", pairs.join(", "));
     fs::write(folder.join("l.json"), text).expect("a small file");
     let run = |out: &str, more: &[&str]| {
-        let args = ["morph", "a.obj", "b.obj", "-o", out, "--landmarks", "l.json", "--frames", "2", "--report", "r.json", "--overwrite"];
+        let args = [
+            "morph",
+            "a.obj",
+            "b.obj",
+            "-o",
+            out,
+            "--landmarks",
+            "l.json",
+            "--frames",
+            "2",
+            "--report",
+            "r.json",
+            "--overwrite",
+        ];
         succeed(folder, &[&args[..], more].concat());
         let report = json(folder, "r.json");
         (report["correspondence"]["missed_worst"].as_f64().expect("a number"), report)
@@ -159,10 +189,16 @@ fn bad_input_is_named_and_nothing_is_written() {
     for (name, text) in [
         ("few.json", r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[0, 0], [1, 1]]}"#),
         ("none.json", r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[0, 0], [1, 9999], [2, 2]]}"#),
-        ("open.json", r#"{"format": "plumbline.seam", "version": 1, "base": {"lasso": {"vertices": [0, 1, 0, 1], "keep": 5}},
-            "part": {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}}"#),
-        ("miss.json", r#"{"format": "plumbline.seam", "version": 1, "base": {"plane": {"point": [0, 0, 9], "normal": [0, 0, 1]}},
-            "part": {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}}"#),
+        (
+            "open.json",
+            r#"{"format": "plumbline.seam", "version": 1, "base": {"lasso": {"vertices": [0, 1, 0, 1], "keep": 5}},
+            "part": {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}}"#,
+        ),
+        (
+            "miss.json",
+            r#"{"format": "plumbline.seam", "version": 1, "base": {"plane": {"point": [0, 0, 9], "normal": [0, 0, 1]}},
+            "part": {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}}"#,
+        ),
         ("paint.json", r#"{"format": "plumbline.paint", "version": 1, "paint": [{"time": 2, "vertices": [0]}]}"#),
     ] {
         fs::write(folder.join(name), text).expect("a small file");
@@ -171,10 +207,19 @@ fn bad_input_is_named_and_nothing_is_written() {
     for (args, told) in [
         (&["morph", "a.obj", "b.obj", "-o", "m.obj"][..], "the meshes differ: 162 and 642 vertices"),
         (&["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "few.json"], "2 landmarks do not fix"),
-        (&["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "none.json"], "landmark 1: the second mesh has no vertex 9999"),
-        (&["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "paint.json"], "paint.json: not a file of landmarks"),
+        (
+            &["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "none.json"],
+            "landmark 1: the second mesh has no vertex 9999",
+        ),
+        (
+            &["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "paint.json"],
+            "paint.json: not a file of landmarks",
+        ),
         (&["blend", "a.obj", "a.obj", "-o", "m.obj", "--paint", "paint.json"], "a time is 2 (expected 0 to 1)"),
-        (&["compose", "a.obj", "b.obj", "-o", "m.obj", "--seam", "miss.json"], "the seam of the base mesh does not meet the surface"),
+        (
+            &["compose", "a.obj", "b.obj", "-o", "m.obj", "--seam", "miss.json"],
+            "the seam of the base mesh does not meet the surface",
+        ),
         (&["compose", "a.obj", "b.obj", "-o", "m.obj", "--seam", "open.json"], "the seam of the base mesh"),
     ] {
         let run = plumbline_in(folder, args);
@@ -186,7 +231,8 @@ fn bad_input_is_named_and_nothing_is_written() {
 
 #[test]
 fn the_command_builds_the_shipped_graph_and_prints_what_it_builds() {
-    let file = pipeline_of(["plumbline", "morph", "first.obj", "second.obj", "-o", "morph.obj"]).expect("options in order");
+    let file =
+        pipeline_of(["plumbline", "morph", "first.obj", "second.obj", "-o", "morph.obj"]).expect("options in order");
     let built = check(file.clone()).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
     let ours = read(shipped("morph").expect("shipped"), &[]).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
     assert_eq!(draw(&built.graph, GraphFormat::Mermaid), draw(&ours.graph, GraphFormat::Mermaid));

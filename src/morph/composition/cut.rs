@@ -91,7 +91,14 @@ pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> R
         }
         Cut::Lasso { vertices, keep } => {
             let line = closed_path(mesh, vertices, *keep, which)?;
-            separated(mesh, &line, &Kept::Vertex(*keep), (0..mesh.vertex_count() as u32).map(Some).collect(), which, keep_rest)
+            separated(
+                mesh,
+                &line,
+                &Kept::Vertex(*keep),
+                (0..mesh.vertex_count() as u32).map(Some).collect(),
+                which,
+                keep_rest,
+            )
         }
         Cut::Loop { vertices, keep } => {
             let line = closed_path(mesh, vertices, *keep, which)?;
@@ -102,7 +109,8 @@ pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> R
             let source = (0..mesh.vertex_count() as u32).map(Some).collect();
             let loops = HalfEdges::new(mesh)?.boundary_loops();
             let line = nearest_line(mesh, loops, near);
-            let seam = line.ok_or_else(|| seam(which, "is a boundary, but the surface is closed; cut it".to_owned()))?;
+            let seam =
+                line.ok_or_else(|| seam(which, "is a boundary, but the surface is closed; cut it".to_owned()))?;
             Ok(CutSurface { mesh: mesh.clone(), seam, source })
         }
     }
@@ -138,13 +146,16 @@ fn along_level(
     }
     let triangles = mesh.triangles().iter().flat_map(|t| divided(t, &middle_of)).collect();
     let divided = TriMesh::new(positions, triangles)?;
-    let above: Vec<bool> =
-        divided.triangles().iter().map(|t| t.iter().all(|v| levels[*v as usize] >= 0.0)).collect();
+    let above: Vec<bool> = divided.triangles().iter().map(|t| t.iter().all(|v| levels[*v as usize] >= 0.0)).collect();
     let lines = lines_between(&divided, &above);
     let closed: Vec<_> = lines.iter().filter(|l| l.1).map(|l| l.0.clone()).collect();
     let open = lines.len() - closed.len();
     let line = nearest_line(&divided, closed, near).ok_or_else(|| {
-        let told = if open > 0 { "does not close: it runs into the border of the surface" } else { "does not meet the surface" };
+        let told = if open > 0 {
+            "does not close: it runs into the border of the surface"
+        } else {
+            "does not meet the surface"
+        };
         seam(which, format!("{told}; move the plane or the vertices"))
     })?;
     separated(&divided, &line, &Kept::Left, source, which, keep_rest)
@@ -165,8 +176,12 @@ fn snap(mesh: &TriMesh, levels: &mut [f64]) {
 
 /// Lines between marked triangles and others, the marked ones to their left, and whether each closes.
 fn lines_between(mesh: &TriMesh, marked: &[bool]) -> Vec<(Vec<u32>, bool)> {
-    let other: BTreeMap<(u32, u32), usize> =
-        mesh.triangles().iter().enumerate().flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t))).collect();
+    let other: BTreeMap<(u32, u32), usize> = mesh
+        .triangles()
+        .iter()
+        .enumerate()
+        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
+        .collect();
     let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let mut before = BTreeMap::new();
     for (&(a, b), &t) in &other {
@@ -224,7 +239,8 @@ fn separated(
     let sides = edge_part(edges[0]).zip(edge_part((edges[0].1, edges[0].0)));
     let (left, right) = sides.ok_or_else(|| seam(which, "runs along the border of the surface".to_owned()))?;
     if left == right {
-        let fault = "does not separate anything: the surface goes around it; add the other lines that are needed elsewhere";
+        let fault =
+            "does not separate anything: the surface goes around it; add the other lines that are needed elsewhere";
         return Err(seam(which, fault.to_owned()));
     }
     let wanted = match kept {
@@ -242,8 +258,12 @@ fn separated(
 
 /// The part of each triangle where no part crosses the given edges, and that to the left of an edge.
 fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u32, u32)) -> Option<usize> + use<'m>) {
-    let left: BTreeMap<(u32, u32), usize> =
-        mesh.triangles().iter().enumerate().flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t))).collect();
+    let left: BTreeMap<(u32, u32), usize> = mesh
+        .triangles()
+        .iter()
+        .enumerate()
+        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
+        .collect();
     let walls: std::collections::BTreeSet<(u32, u32)> = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
     let mut part = vec![usize::MAX; mesh.triangle_count()];
     let mut count = 0;
@@ -254,7 +274,8 @@ fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u
                 continue;
             }
             let [a, b, c] = mesh.triangles()[t];
-            let across = [(b, a), (c, b), (a, c)].into_iter().filter(|e| !walls.contains(e)).filter_map(|e| left.get(&e));
+            let across =
+                [(b, a), (c, b), (a, c)].into_iter().filter(|e| !walls.contains(e)).filter_map(|e| left.get(&e));
             stack.extend(across.copied().filter(|&u| part[u] == usize::MAX));
         }
         count += 1;
@@ -291,7 +312,12 @@ fn compacted(
 fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str) -> Result<Vec<u32>, MorphError> {
     let count = mesh.vertex_count();
     if let Some(&v) = vertices.iter().chain([&keep]).find(|&&v| v as usize >= count) {
-        return Err(MorphError::NoSuchVertex { place: "seam".to_owned(), which, vertex: u64::from(v), vertices: count });
+        return Err(MorphError::NoSuchVertex {
+            place: "seam".to_owned(),
+            which,
+            vertex: u64::from(v),
+            vertices: count,
+        });
     }
     if vertices.len() < 2 {
         return Err(seam(which, format!("has {} vertices (expected at least 2)", vertices.len())));
@@ -309,7 +335,10 @@ fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str)
         // Later ways do not touch earlier ones: with two vertices the way back is another one.
         let way = shortest(mesh, &neighbors, from, to, |v| line.contains(&v) || v == keep);
         let way = way.ok_or_else(|| {
-            seam(which, format!("does not close: no way is left from vertex {from} to vertex {to} that does not cross it"))
+            seam(
+                which,
+                format!("does not close: no way is left from vertex {from} to vertex {to} that does not cross it"),
+            )
         })?;
         line.extend(&way[..way.len() - 1]);
     }
@@ -372,7 +401,8 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Re
         let third = mesh.area_normal(t).norm() / 6.0;
         corners.iter().for_each(|v| rhs[*v as usize] += if part[t] == kept { third } else { 0.0 });
     }
-    let length: f64 = edges.iter().map(|e| (mesh.positions()[e.0 as usize] - mesh.positions()[e.1 as usize]).norm()).sum();
+    let length: f64 =
+        edges.iter().map(|e| (mesh.positions()[e.0 as usize] - mesh.positions()[e.1 as usize]).norm()).sum();
     let time = (DIFFUSION * length / edges.len() as f64).powi(2);
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
     let least = mesh.area() * 1e-12 / mesh.vertex_count() as f64;

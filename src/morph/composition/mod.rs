@@ -83,10 +83,8 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions) -> Resu
     let moved: Vec<Point3<f64>> = added.mesh.positions().iter().map(|p| base_from_part * p).collect();
     let line = |points: &[Point3<f64>], seam: &[u32]| Measured::new(seam.iter().map(|v| points[*v as usize]).collect());
     let pairs = matched(&line(kept.mesh.positions(), &kept.seam), &line(&moved, &added.seam));
-    let mut sheets = [&kept, &added].map(|c| Sheet {
-        positions: c.mesh.positions().to_vec(),
-        triangles: c.mesh.triangles().to_vec(),
-    });
+    let mut sheets = [&kept, &added]
+        .map(|c| Sheet { positions: c.mesh.positions().to_vec(), triangles: c.mesh.triangles().to_vec() });
     sheets[1].positions = moved;
     let (of_base, of_part): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     let seams = [sheets[0].divide(&kept.seam, &of_base), sheets[1].divide(&added.seam, &of_part)];

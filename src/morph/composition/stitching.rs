@@ -90,7 +90,8 @@ pub(super) fn matched(first: &Measured, second: &Measured) -> Vec<(On, On)> {
     let near = coincident(&first.at, &other.iter().map(|o| o.0).collect::<Vec<_>>());
     let mut places: Vec<(f64, On, On)> = Vec::new();
     for (k, &at) in first.at.iter().enumerate() {
-        let on_second = near.get(&k).map_or_else(|| second.on((start - at).rem_euclid(1.0)), |&o| On::Vertex(other[o].1));
+        let on_second =
+            near.get(&k).map_or_else(|| second.on((start - at).rem_euclid(1.0)), |&o| On::Vertex(other[o].1));
         places.push((at, On::Vertex(k), on_second));
     }
     let taken: Vec<usize> = near.values().copied().collect();
@@ -211,9 +212,11 @@ mod tests {
         for (n, m, start) in [(12, 12, 0.0), (12, 7, 0.13), (5, 40, 0.7), (3, 3, 0.5)] {
             let (first, second) = (ring(n, 1.0, 0.0, false), ring(m, 1.0, start, true));
             let pairs = matched(&first, &second);
-            let firsts: Vec<usize> = pairs.iter().filter_map(|p| if let On::Vertex(k) = p.0 { Some(k) } else { None }).collect();
+            let firsts: Vec<usize> =
+                pairs.iter().filter_map(|p| if let On::Vertex(k) = p.0 { Some(k) } else { None }).collect();
             assert_eq!(firsts, (0..n).collect::<Vec<_>>());
-            let mut seconds: Vec<usize> = pairs.iter().filter_map(|p| if let On::Vertex(k) = p.1 { Some(k) } else { None }).collect();
+            let mut seconds: Vec<usize> =
+                pairs.iter().filter_map(|p| if let On::Vertex(k) = p.1 { Some(k) } else { None }).collect();
             // Backwards, from somewhere.
             assert_eq!(seconds.windows(2).filter(|w| (w[0] + m - 1) % m != w[1]).count(), 0, "{seconds:?}");
             seconds.sort_unstable();

@@ -30,10 +30,12 @@ fn two_spheres(band: usize, landmarks: bool) -> (TriMesh, TriMesh, Composition) 
     let up = map.isometry.rotation * Vector3::z();
     let at = map * Point3::new(0.0, 0.0, 0.1);
     let nearest = |mesh: &TriMesh, p: Point3<f64>| {
-        (0..mesh.vertex_count()).min_by(|a, b| {
-            let d = |v: usize| (mesh.positions()[v] - p).norm();
-            d(*a).total_cmp(&d(*b))
-        }).unwrap() as u32
+        (0..mesh.vertex_count())
+            .min_by(|a, b| {
+                let d = |v: usize| (mesh.positions()[v] - p).norm();
+                d(*a).total_cmp(&d(*b))
+            })
+            .unwrap() as u32
     };
     // Vertices of the coarse sphere are vertices of the fine one.
     let pairs = (0..20).map(|v| (v, nearest(&part, map * base.positions()[v as usize]))).collect();
@@ -123,17 +125,32 @@ fn the_gap_is_closed_smoothly_where_the_cuts_are_of_other_sizes() {
         (0..3).max_by(|a, b| (high - low)[*a].total_cmp(&(high - low)[*b])).unwrap()
     };
     let k = axis(&base);
-    let middle = |mesh: &TriMesh| { let (low, high) = mesh.bounding_box().unwrap(); center(&low, &high) };
-    let along = |sign: f64| { let mut n = Vector3::zeros(); n[k] = sign; n };
+    let middle = |mesh: &TriMesh| {
+        let (low, high) = mesh.bounding_box().unwrap();
+        center(&low, &high)
+    };
+    let along = |sign: f64| {
+        let mut n = Vector3::zeros();
+        n[k] = sign;
+        n
+    };
     // Landmarks say how the part lies: as it is, not scaled to fit.
-    let far = |mesh: &TriMesh, p: Point3<f64>| (0..mesh.vertex_count())
-        .min_by(|a, b| (mesh.positions()[*a] - p).norm().total_cmp(&(mesh.positions()[*b] - p).norm())).unwrap();
+    let far = |mesh: &TriMesh, p: Point3<f64>| {
+        (0..mesh.vertex_count())
+            .min_by(|a, b| (mesh.positions()[*a] - p).norm().total_cmp(&(mesh.positions()[*b] - p).norm()))
+            .unwrap()
+    };
     let mut named = base.positions().to_vec();
     let first = named.len();
-    named.extend([Vector3::x(), Vector3::y(), Vector3::z()].map(|d| part.positions()[far(&part, middle(&part) + d * 9.0)]));
+    named.extend(
+        [Vector3::x(), Vector3::y(), Vector3::z()].map(|d| part.positions()[far(&part, middle(&part) + d * 9.0)]),
+    );
     let base = TriMesh::new(named, base.triangles().to_vec()).unwrap();
-    let landmarks = [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate()
-        .map(|(j, d)| ((first + j) as u32, far(&part, middle(&part) + d * 9.0) as u32)).collect();
+    let landmarks = [Vector3::x(), Vector3::y(), Vector3::z()]
+        .iter()
+        .enumerate()
+        .map(|(j, d)| ((first + j) as u32, far(&part, middle(&part) + d * 9.0) as u32))
+        .collect();
     let at = middle(&part) + along(0.05);
     let compose_with = |band: usize| {
         let options = ComposeOptions {
@@ -148,7 +165,15 @@ fn the_gap_is_closed_smoothly_where_the_cuts_are_of_other_sizes() {
     };
     let (narrow, wide) = (compose_with(1), compose_with(6));
     let radius = |composed: &Composition| -> Vec<f64> {
-        composed.seam.iter().map(|v| { let mut p = composed.mesh.positions()[*v as usize] - at; p[k] = 0.0; p.norm() }).collect()
+        composed
+            .seam
+            .iter()
+            .map(|v| {
+                let mut p = composed.mesh.positions()[*v as usize] - at;
+                p[k] = 0.0;
+                p.norm()
+            })
+            .collect()
     };
     assert!(radius(&wide).iter().all(|r| (1.0..1.15).contains(r)), "{:?}", radius(&wide));
     // Steepest edge around the seam: with one ring the whole step is made there.
@@ -170,14 +195,22 @@ fn lasso_and_loop_cut_the_same_cap_and_the_loop_is_shorter() {
     let ball = shapes::icosphere(4);
     let at = |angle: f64| {
         let p = Point3::new(0.8 * angle.cos(), 0.8 * angle.sin(), 0.6);
-        (0..ball.vertex_count()).min_by(|a, b| (ball.positions()[*a] - p).norm().total_cmp(&(ball.positions()[*b] - p).norm())).unwrap() as u32
+        (0..ball.vertex_count())
+            .min_by(|a, b| (ball.positions()[*a] - p).norm().total_cmp(&(ball.positions()[*b] - p).norm()))
+            .unwrap() as u32
     };
     let vertices: Vec<u32> = (0..5).map(|k| at(f64::from(k) / 5.0 * std::f64::consts::TAU)).collect();
-    let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z)).unwrap() as u32;
+    let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z)).unwrap()
+        as u32;
     let lasso = cut(&ball, &Cut::Lasso { vertices: vertices.clone(), keep: top }, "part", false).unwrap();
     let line = cut(&ball, &Cut::Loop { vertices: vertices.clone(), keep: top }, "part", false).unwrap();
     let length = |c: &CutSurface| -> f64 {
-        (0..c.seam.len()).map(|k| (c.mesh.positions()[c.seam[k] as usize] - c.mesh.positions()[c.seam[(k + 1) % c.seam.len()] as usize]).norm()).sum()
+        (0..c.seam.len())
+            .map(|k| {
+                (c.mesh.positions()[c.seam[k] as usize] - c.mesh.positions()[c.seam[(k + 1) % c.seam.len()] as usize])
+                    .norm()
+            })
+            .sum()
     };
     assert!(length(&line) < length(&lasso), "{} {}", length(&line), length(&lasso));
     for c in [&lasso, &line] {
@@ -226,6 +259,7 @@ fn files_of_seams_are_checked() {
         let error = SeamFile::parse(&good.replace(from, to)).unwrap_err().to_string();
         assert!(error.contains(told), "{error}");
     }
-    let beyond = SeamFile::parse(&good.replace("\"keep\": 7", "\"keep\": 700")).unwrap().of_meshes(&ball, &ball).unwrap_err();
+    let beyond =
+        SeamFile::parse(&good.replace("\"keep\": 7", "\"keep\": 700")).unwrap().of_meshes(&ball, &ball).unwrap_err();
     assert!(beyond.to_string().contains("keep: the part mesh has no vertex 700"), "{beyond}");
 }

@@ -92,7 +92,8 @@ impl Landmarks {
         let mut pairs = Vec::with_capacity(self.0.len());
         for (k, (a, b)) in self.0.iter().enumerate() {
             let place = format!("landmark {k}");
-            let pair = [(a, first, "first"), (b, second, "second")].map(|(p, mesh, which)| p.vertex(mesh, which, &place));
+            let pair =
+                [(a, first, "first"), (b, second, "second")].map(|(p, mesh, which)| p.vertex(mesh, which, &place));
             let [a, b] = pair;
             let (a, b) = (a?, b?);
             for (seen, (v, which)) in seen.iter_mut().zip([(a, "first"), (b, "second")]) {
@@ -232,8 +233,11 @@ mod tests {
             assert!(told.contains(part), "{told}");
         }
         let mesh = shapes::icosphere(0);
-        let vertices = |pairs: &[(u32, u32)]| Landmarks::of_vertices(pairs).vertices(&mesh, &mesh).unwrap_err().to_string();
-        assert!(vertices(&[(1, 1), (2, 12)]).contains("landmark 1: the second mesh has no vertex 12 (expected 0 to 11"));
+        let vertices =
+            |pairs: &[(u32, u32)]| Landmarks::of_vertices(pairs).vertices(&mesh, &mesh).unwrap_err().to_string();
+        assert!(
+            vertices(&[(1, 1), (2, 12)]).contains("landmark 1: the second mesh has no vertex 12 (expected 0 to 11")
+        );
         assert!(vertices(&[(1, 1), (1, 2)]).contains("the vertex of the first mesh is 1, named before"));
         let nowhere = Landmarks(vec![(Place::Nearest([f64::NAN, 0.0, 0.0]), Place::Vertex(0))]);
         assert!(nowhere.vertices(&mesh, &mesh).is_err());

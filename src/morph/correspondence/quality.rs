@@ -73,7 +73,8 @@ fn faces_away(laid: &TriMesh, t: usize, target: &Target<'_>) -> bool {
     let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
     let samples = [middle, center(&middle, &a), center(&middle, &b), center(&middle, &c)];
     let normal = laid.area_normal(t);
-    let against = samples.iter().filter_map(|p| target.nearest(p)).filter(|p| target.normal(p.triangle).dot(&normal) < 0.0);
+    let against =
+        samples.iter().filter_map(|p| target.nearest(p)).filter(|p| target.normal(p.triangle).dot(&normal) < 0.0);
     against.count() > samples.len() / 2
 }
 
@@ -109,7 +110,8 @@ fn squared_stretch(rest: &[Point3<f64>; 3], moved: &[Point3<f64>; 3]) -> Option<
         return None;
     }
     // cot at corner k is −e_i·e_j / 2A of the two other edges.
-    let part = |k: usize| -edge(rest, (k + 1) % 3).dot(&edge(rest, (k + 2) % 3)) / doubled * edge(moved, k).norm_squared();
+    let part =
+        |k: usize| -edge(rest, (k + 1) % 3).dot(&edge(rest, (k + 2) % 3)) / doubled * edge(moved, k).norm_squared();
     let dirichlet = 0.5 * (0..3).map(part).sum::<f64>();
     Some(dirichlet / doubled)
 }
@@ -134,7 +136,8 @@ mod tests {
     #[test]
     fn a_plane_stretched_one_way_has_the_stretch_of_its_singular_values() {
         let plane = shapes::plane(6);
-        let laid = plane.with_positions(plane.positions().iter().map(|p| Point3::new(4.0 * p.x, p.y, 0.0)).collect()).unwrap();
+        let laid =
+            plane.with_positions(plane.positions().iter().map(|p| Point3::new(4.0 * p.x, p.y, 0.0)).collect()).unwrap();
         let quality = measure(&plane, &laid, &laid, &[]).unwrap();
         // σ = 4, 1; the area grows by 4.
         assert!((quality.stretch - (17.0_f64 / 2.0 / 4.0).sqrt()).abs() < 1e-12, "{}", quality.stretch);

@@ -128,7 +128,10 @@ mod tests {
         let half_edges = HalfEdges::new(&refined.laid).unwrap();
         assert_eq!((half_edges.boundary_edge_count(), refined.first.triangles()), (0, refined.laid.triangles()));
         // The surface of the first is what it was.
-        assert!((refined.first.area() - coarse.area()).abs() < 1e-12 && (refined.first.volume() - coarse.volume()).abs() < 1e-12);
+        assert!(
+            (refined.first.area() - coarse.area()).abs() < 1e-12
+                && (refined.first.volume() - coarse.volume()).abs() < 1e-12
+        );
     }
 
     #[test]

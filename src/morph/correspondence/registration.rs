@@ -19,10 +19,10 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Similarity3, Vector3};
 
+use super::super::MorphError;
 use super::super::bvh::{Bvh, Nearest};
 use super::super::rigid::nearest_similarity;
 use super::super::trajectory::neighbors;
-use super::super::MorphError;
 use crate::mesh::TriMesh;
 use crate::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
 
@@ -100,7 +100,8 @@ fn unfold(
         [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[i as usize].push(j));
         [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[j as usize].push(i));
     }
-    let longest = |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
+    let longest =
+        |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
     let has_area = |t: &usize| mesh.area_normal(*t).norm() > 1e-9 * longest(*t);
     let solid: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(has_area).map(|t| mesh.triangles()[t]).collect();
     for _ in 0..UNFOLDING {

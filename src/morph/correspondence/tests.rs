@@ -67,8 +67,12 @@ fn too_few_landmarks_and_surfaces_of_nothing_are_refused() {
     assert_eq!(refused(&points, &[(0, 0), (1, 1), (2, 2)]), MorphError::Empty { which: "second" });
     let bar = shapes::bar([4, 1, 1], [4.0, 1.0, 1.0]);
     let line: Vec<(u32, u32)> = (0..bar.vertex_count() as u32)
-        .filter(|&v| { let p = bar.positions()[v as usize]; p.y == 0.0 && p.z == 0.0 })
-        .map(|v| (v, v)).collect();
+        .filter(|&v| {
+            let p = bar.positions()[v as usize];
+            p.y == 0.0 && p.z == 0.0
+        })
+        .map(|v| (v, v))
+        .collect();
     let on_line = correspond(&bar, &bar, &line, &CorrespondenceMethod::default()).unwrap_err();
     assert!(matches!(on_line, MorphError::Landmarks { .. }), "{on_line}");
 }

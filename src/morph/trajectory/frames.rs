@@ -80,7 +80,8 @@ mod tests {
         let p = [Point3::new(0.1, 0.2, 0.3), Point3::new(1.0, 0.4, -0.2), Point3::new(0.3, 1.5, 0.9)];
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(2.0, -1.0, 1.5));
         let stretch = Matrix3::new(1.4, 0.1, 0.3, 0.1, 0.9, -0.2, 0.3, -0.2, 1.2);
-        for (moved, exact) in [(p.map(|p| turn * p), true), (p.map(|p| turn * Point3::from(stretch * p.coords)), false)] {
+        for (moved, exact) in [(p.map(|p| turn * p), true), (p.map(|p| turn * Point3::from(stretch * p.coords)), false)]
+        {
             let (from, to) = (Frame::new(&p).unwrap(), Frame::new(&moved).unwrap());
             let found = from.rotation_to(&to).unwrap();
             if exact {
@@ -90,7 +91,8 @@ mod tests {
             let back: Vec<_> = moved.iter().map(|q| found.inverse() * (q - moved[0])).collect();
             let (e, f) = (p[1] - p[0], p[2] - p[0]);
             let n = e.cross(&f);
-            let left = Matrix3::from_columns(&[back[1], back[2], n]) * Matrix3::from_columns(&[e, f, n]).try_inverse().unwrap();
+            let left = Matrix3::from_columns(&[back[1], back[2], n])
+                * Matrix3::from_columns(&[e, f, n]).try_inverse().unwrap();
             assert!((left - left.transpose()).amax() < 1e-12, "{left}");
         }
         assert!(Frame::new(&[p[0], p[0], p[1]]).is_none());
@@ -103,7 +105,12 @@ mod tests {
         let half = [0.2, 0.5, 0.3];
         let best = Frame::new(&p).unwrap().best_rotation_to(&Frame::new(&q).unwrap(), &half);
         let misfit = |r: &Matrix3<f64>| -> f64 {
-            opposite_edges(&p).iter().zip(opposite_edges(&q)).zip(half).map(|((e, f), h)| h * (f - r * e).norm_squared()).sum()
+            opposite_edges(&p)
+                .iter()
+                .zip(opposite_edges(&q))
+                .zip(half)
+                .map(|((e, f), h)| h * (f - r * e).norm_squared())
+                .sum()
         };
         assert!((best * best.transpose() - Matrix3::identity()).amax() < 1e-14);
         for k in 0..60 {

@@ -39,8 +39,8 @@ use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 pub(super) use frames::{Frame, opposite_edges};
-pub(super) use unwinding::neighbors;
 use unwinding::Unwinding;
+pub(super) use unwinding::neighbors;
 
 /// How a trajectory is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,7 +152,8 @@ impl Trajectory {
             let to_end = |end: usize, share: f64| -> f64 {
                 let turn = self.fit(end, t, frame.as_ref());
                 let edges = opposite_edges(&self.corners(self.end(end), t)).into_iter().zip(opposite_edges(&now));
-                let square = |((rest, e), h): ((Vector3<f64>, Vector3<f64>), &f64)| h * (e - turn * rest).norm_squared();
+                let square =
+                    |((rest, e), h): ((Vector3<f64>, Vector3<f64>), &f64)| h * (e - turn * rest).norm_squared();
                 share * edges.zip(&self.solve.half()[t]).map(square).sum::<f64>()
             };
             to_end(0, 1.0 - time) + to_end(1, time)
@@ -172,7 +173,8 @@ impl Trajectory {
 
     /// Straight ways between the poses, both carried along by the motion of the whole.
     fn guess(&self, times: &[f64]) -> Vec<Point3<f64>> {
-        let between = |(&time, (a, b)): (&f64, (&Point3<f64>, &Point3<f64>))| self.motion.at(time, &(a + (b - a) * time));
+        let between =
+            |(&time, (a, b)): (&f64, (&Point3<f64>, &Point3<f64>))| self.motion.at(time, &(a + (b - a) * time));
         times.iter().zip(self.first.iter().zip(&self.still)).map(between).collect()
     }
 
@@ -201,7 +203,8 @@ impl Trajectory {
 
     /// The rotation that takes a triangle of an end nearest to where it is now; none where one of both has no area.
     fn fit(&self, end: usize, t: usize, now: Option<&Frame>) -> Matrix3<f64> {
-        let fitted = self.frames[end][t].as_ref().zip(now).map(|(rest, now)| rest.best_rotation_to(now, &self.solve.half()[t]));
+        let fitted =
+            self.frames[end][t].as_ref().zip(now).map(|(rest, now)| rest.best_rotation_to(now, &self.solve.half()[t]));
         fitted.unwrap_or_else(Matrix3::identity)
     }
 

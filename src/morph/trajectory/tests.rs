@@ -1,4 +1,3 @@
-
 use std::f64::consts::PI;
 
 use super::*;
@@ -98,7 +97,8 @@ fn each_round_brings_both_ends_nearer() {
     for time in [0.3, 0.5] {
         let mut last = f64::INFINITY;
         for rounds in [0, 1, 2, 5, 20, 60] {
-            let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }).unwrap();
+            let mut trajectory =
+                Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }).unwrap();
             let x = trajectory.at(time);
             let energy = trajectory.energy(time, &x);
             assert!(energy <= last * (1.0 + 1e-12), "{rounds}: {energy} after {last}");
@@ -175,7 +175,10 @@ fn a_shape_is_pushed_out_of_itself_and_never_deeper_in() {
         let (x, [before, after]) = trajectory.untangled(time, 10);
         let count = crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap()).len();
         assert_eq!(count, after);
-        assert!(after <= before && (before == 0 || time == 0.0 || time == 1.0 || after < before), "{time}: {before} to {after}");
+        assert!(
+            after <= before && (before == 0 || time == 0.0 || time == 1.0 || after < before),
+            "{time}: {before} to {after}"
+        );
         if before == 0 {
             assert_eq!(x, trajectory.at(time));
         }

@@ -62,7 +62,16 @@ pub struct MorphSettings {
 
 impl Default for MorphSettings {
     fn default() -> Self {
-        Self { landmarks: None, frames: 9, rounds: 10, untangle: 8, over: OverWish::default(), whole_turns: 0, refine: None, report: None }
+        Self {
+            landmarks: None,
+            frames: 9,
+            rounds: 10,
+            untangle: 8,
+            over: OverWish::default(),
+            whole_turns: 0,
+            refine: None,
+            report: None,
+        }
     }
 }
 

@@ -30,8 +30,7 @@ pub(super) fn removals(mesh: &TriMesh) -> Option<Removals> {
     let n = mesh.vertex_count();
     let mut rings: Vec<Vec<u32>> = (0..n as u32).map(|v| half_edges.neighbors(v).collect()).collect();
     let mut version = vec![0_u32; n];
-    let mut queue: BinaryHeap<_> =
-        (0..n as u32).map(|v| Reverse((cost(mesh, &rings, v), v, 0))).collect();
+    let mut queue: BinaryHeap<_> = (0..n as u32).map(|v| Reverse((cost(mesh, &rings, v), v, 0))).collect();
     let (mut vertices, mut left) = (Vec::with_capacity(n), n);
     // Vertices that could not go are tried again when their neighbors have changed.
     while left > 4 {

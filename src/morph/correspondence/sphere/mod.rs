@@ -59,7 +59,8 @@ pub fn sphere_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector3<f64
     let mut ball = Ball::new(mesh, &removed.left);
     let mut next = 8;
     for removed in removed.vertices.iter().rev() {
-        ball.insert(removed).ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
+        ball.insert(removed)
+            .ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
         if ball.order.len() >= next {
             next = next * 3 / 2;
             (0..SWEEPS).for_each(|_| ball.relax(&[]));

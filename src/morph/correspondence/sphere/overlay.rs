@@ -63,7 +63,8 @@ fn turn(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)]) {
     let from: Vec<_> = landmarks.iter().map(|l| Point3::from(ball.at[l.0 as usize])).collect();
     let to: Vec<_> = landmarks.iter().map(|l| Point3::from(goal[l.1 as usize])).collect();
     // About the center of the sphere: every landmark and its opposite.
-    let both = |p: &[Point3<f64>]| p.iter().copied().chain(p.iter().map(|p| Point3::from(-p.coords))).collect::<Vec<_>>();
+    let both =
+        |p: &[Point3<f64>]| p.iter().copied().chain(p.iter().map(|p| Point3::from(-p.coords))).collect::<Vec<_>>();
     let (map, rank) = nearest_similarity(&both(&from), &both(&to), &vec![1.0; 2 * from.len()], false);
     if rank > 1 {
         ball.at.iter_mut().for_each(|p| *p = (map.isometry.rotation * *p).normalize());

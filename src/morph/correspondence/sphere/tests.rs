@@ -60,7 +60,8 @@ fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
         .flat_map(|k| [(k, 1.0), (k, -1.0)])
         .map(|(k, s)| (extreme(&first, k, s), extreme(&second, k, s)))
         .collect();
-    let laid = correspond(&first, &second, &landmarks, &CorrespondenceMethod::Sphere(SphereOptions::default())).unwrap();
+    let laid =
+        correspond(&first, &second, &landmarks, &CorrespondenceMethod::Sphere(SphereOptions::default())).unwrap();
     assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
     assert_eq!(laid.quality.collapsed, 0);
     // Every place on its triangle.

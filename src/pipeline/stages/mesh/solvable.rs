@@ -46,7 +46,11 @@ impl Solvable {
     }
 
     /// Positions of the file's vertices after this mesh's have moved. What nothing is left of stays at `rest`.
-    pub(in crate::pipeline::stages) fn carry_back(&self, rest: &[Point3<f64>], moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    pub(in crate::pipeline::stages) fn carry_back(
+        &self,
+        rest: &[Point3<f64>],
+        moved: &[Point3<f64>],
+    ) -> Vec<Point3<f64>> {
         let place = |(vertex, rest): (&Option<u32>, &Point3<f64>)| vertex.map_or(*rest, |v| moved[v as usize]);
         self.vertex_of_source.iter().zip(rest).map(place).collect()
     }
