@@ -26,8 +26,9 @@ use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use crate::mesh::{HalfEdges, TriMesh};
 
-/// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself: no slivers.
-const SNAP: f64 = 0.01;
+/// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself. Less leaves slivers, whose normals
+/// are ragged after the transition; more moves the cut visibly away from the plane.
+const SNAP: f64 = 0.1;
 
 /// How far the indicator of a loop diffuses, in mean lengths of the lasso's edges. Less leaves corners, more moves the line away
 /// from the picked vertices.

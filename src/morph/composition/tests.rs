@@ -1,4 +1,4 @@
-use nalgebra::{Vector3, center};
+use nalgebra::{UnitQuaternion, Vector3, center};
 
 use super::*;
 use crate::mesh::shapes;
@@ -262,4 +262,52 @@ fn files_of_seams_are_checked() {
     let beyond =
         SeamFile::parse(&good.replace("\"keep\": 7", "\"keep\": 700")).unwrap().of_meshes(&ball, &ball).unwrap_err();
     assert!(beyond.to_string().contains("keep: the part mesh has no vertex 700"), "{beyond}");
+}
+
+#[test]
+fn pieces_that_the_cut_does_not_touch_stay_with_the_base_and_leave_the_part() {
+    let ball = shapes::icosphere(3);
+    let far = moved(&shapes::icosphere(1), &Similarity3::new(Vector3::new(5.0, 0.0, 3.0), Vector3::zeros(), 1.0));
+    let first = ball.vertex_count() as u32;
+    let both = TriMesh::new(
+        [ball.positions(), far.positions()].concat(),
+        ball.triangles().iter().copied().chain(far.triangles().iter().map(|t| t.map(|v| v + first))).collect(),
+    )
+    .unwrap();
+    let options = ComposeOptions {
+        base: plane([0.0, 0.0, 0.2], [0.0, 0.0, -1.0]),
+        part: plane([0.0, 0.0, 0.2], [0.0, 0.0, 1.0]),
+        landmarks: Vec::new(),
+        band: 3,
+    };
+    let composed = compose(&both, &both, &options).unwrap();
+    let apart = composed.mesh.positions().iter().filter(|p| p.x > 3.0).count();
+    assert_eq!(apart, far.vertex_count());
+    assert_eq!(HalfEdges::new(&composed.mesh).unwrap().boundary_edge_count(), 0);
+}
+
+#[test]
+fn a_kink_at_the_seam_becomes_a_bend() {
+    let tube = shapes::cylinder(40, 40, 1.0, 6.0);
+    let (low, high) = tube.bounding_box().unwrap();
+    let k = (0..3).max_by(|a, b| (high - low)[*a].total_cmp(&(high - low)[*b])).unwrap();
+    let middle = center(&low, &high);
+    let (mut along, mut across) = (Vector3::zeros(), Vector3::zeros());
+    (along[k], across[(k + 1) % 3]) = (1.0, 1.0);
+    // The part leans by half a radian; its landmarks say so.
+    let lean = UnitQuaternion::from_scaled_axis(across * 0.5);
+    let leaning: Vec<_> = tube.positions().iter().map(|p| middle + lean * (p - middle)).collect();
+    let base = TriMesh::new([tube.positions(), &leaning].concat(), tube.triangles().to_vec()).unwrap();
+    let n = tube.vertex_count() as u32;
+    let landmarks: Vec<(u32, u32)> = (0..n).step_by(97).map(|v| (n + v, v)).collect();
+    let crease = |band: usize| {
+        let options = ComposeOptions {
+            base: Cut::Plane { point: middle, normal: -along },
+            part: Cut::Plane { point: middle, normal: along },
+            landmarks: landmarks.clone(),
+            band,
+        };
+        compose(&base, &tube, &options).unwrap().crease
+    };
+    assert!(crease(6) < 0.6 * crease(1), "{} {}", crease(6), crease(1));
 }

@@ -149,10 +149,8 @@ fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
     assert!(matches!(refused(&mesh, &fewer), MorphError::Triangles { triangle: 79, second: None, .. }));
 }
 
-/// A strip whose two halves have to pass each other: one end folds over the other on straight and on rigid ways alike.
 #[test]
-fn a_shape_is_pushed_out_of_itself_and_never_deeper_in() {
-    // A closed box with a fin on it that swings through a second fin.
+fn a_shape_is_never_pushed_deeper_into_itself() {
     let bar = shapes::bar([30, 2, 8], [6.0, 0.3, 1.5]);
     let bent = |angle: f64| {
         let place = |p: &Point3<f64>| {
@@ -162,7 +160,7 @@ fn a_shape_is_pushed_out_of_itself_and_never_deeper_in() {
         };
         bar.with_positions(bar.positions().iter().map(place).collect()).unwrap()
     };
-    // Nearly closed rings, wound from either side: halfway the ends meet.
+    // Nearly closed rings, open like a spring to one side, then to the other: halfway the ends are nearest.
     let first = bent(1.9 * PI);
     let second = {
         let tilted = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z + 2.4 * (p.x / 1.2).tanh()));
@@ -182,5 +180,26 @@ fn a_shape_is_pushed_out_of_itself_and_never_deeper_in() {
         if before == 0 {
             assert_eq!(x, trajectory.at(time));
         }
+    }
+}
+
+#[test]
+fn the_center_goes_its_way_and_improvement_turns_nothing_as_a_whole() {
+    let (first, second) = twisted(2.0, 1.5);
+    let carried = second.positions().iter().map(|p| p + Vector3::new(7.0, -2.0, 1.0)).collect();
+    let second = second.with_positions(carried).unwrap();
+    let shape = |rounds: usize, time: f64| {
+        let options = TrajectoryOptions { rounds, whole_turns: 0 };
+        let mut trajectory = Trajectory::new(&first, &second, &options).unwrap();
+        let wanted = centroid(&trajectory.guess(&vec![time; first.vertex_count()]), &trajectory.weights);
+        let x = trajectory.at(time);
+        assert!((centroid(&x, &trajectory.weights) - wanted).norm() < 1e-12, "{rounds} rounds, {time}");
+        (x, trajectory.weights)
+    };
+    for time in [0.2, 0.5, 0.7] {
+        let (start, weights) = shape(0, time);
+        let (improved, _) = shape(40, time);
+        let turn = nearest_similarity(&improved, &start, &weights, false).0.isometry.rotation;
+        assert!(turn.angle() < 1e-7, "{}", turn.angle());
     }
 }

@@ -70,3 +70,19 @@ fn pushes(mesh: &TriMesh, pairs: &[[u32; 2]]) -> Vec<Vector3<f64>> {
     }
     sums.into_iter().map(|(sum, count)| if count > 0.0 { sum / count } else { sum }).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tip_behind_a_triangle_is_pushed_to_it_and_the_triangle_the_other_way() {
+        // The tip is 0.1 below the plane, its base 1 above.
+        let p = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [1.0, 1.0, -0.1], [0.9, 1.0, 1.0], [1.1, 1.2, 1.0]];
+        let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [3, 4, 5]]).unwrap();
+        let pushes = pushes(&mesh, &self_intersections(&mesh));
+        assert!((pushes[3] - Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12, "{}", pushes[3]);
+        assert!(pushes[..3].iter().all(|d| (d + Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12));
+        assert!(pushes[4..].iter().all(|d| *d == Vector3::zeros()));
+    }
+}
