@@ -92,7 +92,12 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions) -> Resu
     let ring = rings(joined.mesh.triangles(), joined.mesh.vertex_count(), &seams[0]);
     let band = usable_band(&ring, options.band, which_part(&joined))?;
     let transition = Transition { joined: &joined.mesh, edges: joined.edges, half: joined.half, ring: &ring, band };
-    let mesh = joined.mesh.with_positions(transition.solve()?)?;
+    let [closed, smooth] = transition.solve()?;
+    let closed = joined.mesh.with_positions(closed)?;
+    // Slivers at the seam can spoil the second step: it counts only where it made the seam less steep.
+    let smooth = joined.mesh.with_positions(smooth).ok();
+    let better = smooth.filter(|mesh| crease(mesh, &seams[0]) <= crease(&closed, &seams[0]));
+    let mesh = better.unwrap_or(closed);
     HalfEdges::new(&mesh)?;
     Ok(Composition {
         crease: crease(&mesh, &seams[0]),

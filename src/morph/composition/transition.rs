@@ -6,14 +6,12 @@
 //! min over x, Rₜ   Σ_t Σ_{e ∈ t} h_e |e(x) − Rₜ e|²,      x fixed outside the band
 //! ```
 //!
-//! (one factor; rotations and positions in turn). Then the crease goes: vertices lie off the middles of their neighbors by the `δ` by
-//! which they do now, but on the seam and beside it by what continues the two sides harmonically,
+//! (one factor; rotations and positions in turn). Then the crease goes: the surface has the mean curvature normals `δ` that it has
+//! now, but on the seam and beside it those that continue the two sides harmonically,
 //!
 //! ```text
-//! min over x   Σᵢ |xᵢ − mean of its neighbors − δᵢ|²,      x fixed outside the inner band.
+//! min over x   Σᵢ |(L x)ᵢ − mᵢ δᵢ|² / mᵢ,      x fixed outside the inner band.
 //! ```
-//!
-//! All neighbors count alike: a seam has triangles of any shape, and by cotangents slivers would decide.
 //!
 //! # Reference
 //! Y. Yu et al., *Mesh editing with Poisson-based gradient field manipulation*, SIGGRAPH 2004 (merging); O. Sorkine et al.,
@@ -25,6 +23,7 @@ use super::super::MorphError;
 use super::super::elastic_solve::{ElasticSolve, factored};
 use super::super::trajectory::{Frame, opposite_edges};
 use crate::mesh::TriMesh;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 
 /// Rounds of rotations and positions. The gap is small against the band: more do not show.
 const ROUNDS: usize = 8;
@@ -47,8 +46,8 @@ pub(super) struct Transition<'a> {
 }
 
 impl Transition<'_> {
-    /// The positions after both steps.
-    pub(super) fn solve(self) -> Result<Vec<Point3<f64>>, MorphError> {
+    /// The positions after the first step, and after both. The second is not to be trusted where the seam has slivers.
+    pub(super) fn solve(self) -> Result<[Vec<Point3<f64>>; 2], MorphError> {
         let mut x = self.joined.positions().to_vec();
         let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
         let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held)?;
@@ -57,7 +56,8 @@ impl Transition<'_> {
             let turned: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.turned(t, &x)).collect();
             elastic.follow(|t| turned[t], &mut x);
         }
-        self.without_crease(x)
+        let smooth = self.without_crease(x.clone())?;
+        Ok([x, smooth])
     }
 
     /// Edges of a triangle on its own surface, turned to where it is now.
@@ -71,7 +71,7 @@ impl Transition<'_> {
         [a, b, c].map(|e| turn * e)
     }
 
-    fn without_crease(&self, mut x: Vec<Point3<f64>>) -> Result<Vec<Point3<f64>>, MorphError> {
+    fn without_crease(&self, x: Vec<Point3<f64>>) -> Result<Vec<Point3<f64>>, MorphError> {
         let inner = (self.band - 1).min(CREASE + 2);
         let n = x.len();
         let free: Vec<usize> = (0..n).filter(|&v| self.ring[v] < inner).collect();
@@ -79,69 +79,63 @@ impl Transition<'_> {
         if inner == 0 || free.is_empty() {
             return Ok(x);
         }
-        let rows = self.neighbors(&near);
-        let offsets = self.continued(&rows, &x, inner);
+        let now = self.joined.with_positions(x)?;
+        let weights = EdgeWeights::cotangent(n, &Cotangents::new(&now, CotangentRule::Clamped));
+        let masses = barycentric_areas(&now);
+        let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
+        for (i, j, w) in weights.iter().filter(|&(i, j, _)| near[i] || near[j]) {
+            rows[i].push((j, w));
+            rows[j].push((i, w));
+        }
+        let curvature = self.continued(&rows, &masses, now.positions(), inner);
         let mut unknown = vec![None; n];
         free.iter().enumerate().for_each(|(k, &v)| unknown[v] = Some(k));
         let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
-        for i in (0..n).filter(|&i| near[i] && !rows[i].is_empty()) {
-            let share = 1.0 / rows[i].len() as f64;
-            let row: Vec<(usize, f64)> =
-                std::iter::once((i, 1.0)).chain(rows[i].iter().map(|&j| (j, -share))).collect();
+        for i in (0..n).filter(|&i| near[i] && masses[i] > 0.0) {
+            let mut row: Vec<(usize, f64)> = rows[i].iter().map(|&(j, w)| (j, -w)).collect();
+            row.push((i, rows[i].iter().map(|r| r.1).sum()));
             // What is missing with all where they are now: steps are solved for.
-            let missing = offsets[i] - offset(&rows[i], &x, i);
+            let l: Vector3<f64> = row.iter().map(|&(j, a)| now.positions()[j].coords * a).sum();
+            let missing = curvature[i] * masses[i] - l;
             for (k, &(j, a)) in row.iter().enumerate() {
                 let Some(u) = unknown[j] else { continue };
-                (0..3).for_each(|c| rhs[u][c] += a * missing[c]);
-                triplets.extend(row[..=k].iter().filter_map(|&(h, b)| unknown[h].map(|w| (u, w, a * b))));
+                (0..3).for_each(|c| rhs[u][c] += a * missing[c] / masses[i]);
+                let with = row[..=k].iter().filter_map(|&(h, b)| unknown[h].map(|w| (u, w, a * b / masses[i])));
+                triplets.extend(with);
             }
         }
-        let places = free.iter().map(|&v| x[v].coords.into()).collect();
+        let places = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
         if let Some(mut factor) = factored(free.len(), &triplets, places)? {
             factor.solve_3(&mut rhs);
         }
-        free.iter().zip(&rhs).for_each(|(&v, step)| x[v] += Vector3::from(*step));
-        Ok(x)
+        let mut moved = now.positions().to_vec();
+        free.iter().zip(&rhs).for_each(|(&v, step)| moved[v] += Vector3::from(*step));
+        Ok(moved)
     }
 
-    /// Neighbors of the vertices of the band and of those beside it.
-    fn neighbors(&self, near: &[bool]) -> Vec<Vec<usize>> {
-        let mut rows: Vec<Vec<usize>> = vec![Vec::new(); near.len()];
-        for t in self.joined.triangles() {
-            for k in 0..3 {
-                let (i, j) = (t[k] as usize, t[(k + 1) % 3] as usize);
-                if near[i] || near[j] {
-                    rows[i].push(j);
-                    rows[j].push(i);
-                }
-            }
-        }
-        for row in &mut rows {
-            row.sort_unstable();
-            row.dedup();
-        }
-        rows
-    }
-
-    /// How far vertices lie off the middles of their neighbors; near the seam, as both sides go on.
-    fn continued(&self, rows: &[Vec<usize>], x: &[Point3<f64>], inner: usize) -> Vec<Vector3<f64>> {
-        let mut offsets: Vec<Vector3<f64>> = (0..rows.len()).map(|i| offset(&rows[i], x, i)).collect();
+    /// Mean curvature normals, those near the seam continued from both sides.
+    fn continued(
+        &self,
+        rows: &[Vec<(usize, f64)>],
+        masses: &[f64],
+        x: &[Point3<f64>],
+        inner: usize,
+    ) -> Vec<Vector3<f64>> {
+        let of = |i: usize| -> Vector3<f64> {
+            let sum: Vector3<f64> = rows[i].iter().map(|&(j, w)| (x[i] - x[j]) * w).sum();
+            if masses[i] > 0.0 { sum / masses[i] } else { Vector3::zeros() }
+        };
+        let mut curvature: Vec<Vector3<f64>> = (0..rows.len()).map(of).collect();
         let crease: Vec<usize> = (0..rows.len()).filter(|&v| self.ring[v] <= CREASE.min(inner)).collect();
         // A few vertices across: a hundred sweeps settle them.
         for _ in 0..100 {
-            for &v in crease.iter().filter(|v| !rows[**v].is_empty()) {
-                offsets[v] = rows[v].iter().map(|j| offsets[*j]).sum::<Vector3<f64>>() / rows[v].len() as f64;
+            for &v in &crease {
+                let total: f64 = rows[v].iter().map(|r| r.1).sum();
+                if total > 0.0 {
+                    curvature[v] = rows[v].iter().map(|&(j, w)| curvature[j] * w).sum::<Vector3<f64>>() / total;
+                }
             }
         }
-        offsets
-    }
-}
-
-/// How far a vertex lies off the middle of its neighbors.
-fn offset(row: &[usize], x: &[Point3<f64>], i: usize) -> Vector3<f64> {
-    if row.is_empty() {
-        Vector3::zeros()
-    } else {
-        row.iter().map(|j| x[i] - x[*j]).sum::<Vector3<f64>>() / row.len() as f64
+        curvature
     }
 }
