@@ -18,6 +18,7 @@ pub mod image;
 pub mod math;
 pub mod media;
 pub mod mesh;
+pub mod morph;
 pub mod motion;
 pub mod optim;
 pub mod path;

@@ -2,9 +2,11 @@
 //!
 //! Standard output carries results only; progress, summaries and errors go to standard error. Exit statuses: [`Exit`].
 
+mod blend;
 mod check;
 mod clip;
 mod completions;
+mod compose;
 mod deform;
 mod failure;
 mod graph;
@@ -12,6 +14,7 @@ mod interrupt;
 mod job;
 mod mesh;
 mod modes;
+mod morph;
 mod motion;
 mod photo;
 mod photo_clip;
@@ -70,6 +73,12 @@ enum Command {
     Skeleton(Box<skeleton::SkeletonArgs>),
     /// Put characters into poses and through movements
     Pose(Box<pose::PoseArgs>),
+    /// Find the shapes between two meshes
+    Morph(Box<morph::MorphArgs>),
+    /// Mix two meshes, each place as far from one to the other as is painted there
+    Blend(Box<blend::BlendArgs>),
+    /// Make one mesh of parts of two
+    Compose(Box<compose::ComposeArgs>),
     /// Draw meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
@@ -96,6 +105,7 @@ enum Command {
 #[derive(Debug, Args)]
 struct PipelineArgs {
     /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, rig-and-pose
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, morph
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -129,6 +139,7 @@ pub fn command() -> clap::Command {
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skin` or `render` builds from these arguments, the program's name first.
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
 /// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skeleton`, `pose` or `render` builds from these arguments, the program's name first.
+/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `morph`, `blend`, `compose` or `render` builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.
@@ -144,6 +155,9 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
         Command::Skin(args) => Ok(args.pipeline()),
         Command::Skeleton(args) => args.pipeline().map_err(|f| f.message),
         Command::Pose(args) => args.pipeline().map_err(|f| f.message),
+        Command::Morph(args) => Ok(args.pipeline()),
+        Command::Blend(args) => Ok(args.pipeline()),
+        Command::Compose(args) => Ok(args.pipeline()),
         Command::Render(args) => args.pipeline().map_err(|f| f.message),
         _ => Err("not a command that builds a pipeline".to_owned()),
     }
@@ -161,6 +175,9 @@ fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
         Command::Skin(args) => args.run(backend),
         Command::Skeleton(args) => args.run(backend),
         Command::Pose(args) => args.run(backend),
+        Command::Morph(args) => args.run(backend),
+        Command::Blend(args) => args.run(backend),
+        Command::Compose(args) => args.run(backend),
         Command::Render(args) => args.run(backend),
         Command::Run(args) => args.run(backend),
         Command::Check(args) => args.run(),

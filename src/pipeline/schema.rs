@@ -14,6 +14,9 @@ use crate::character::pose_file::pose_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::weights_file_schema;
+use crate::morph::composition::seam_schema;
+use crate::morph::correspondence::landmarks_schema;
+use crate::morph::paint::paint_schema;
 use crate::motion::motion_file_schema;
 use crate::photo::marks::{faces_schema, lines_schema};
 use crate::surface::handle_file::handle_file_schema;
@@ -46,6 +49,12 @@ pub enum FileFormat {
     Skeleton,
     /// Weights of a skin, plumbline.weights
     Weights,
+    /// Places of two meshes that belong together, for morph and blend --landmarks
+    Landmarks,
+    /// Times painted on a mesh, for blend --paint
+    Paint,
+    /// Where two meshes are cut and joined, for compose --seam
+    Seam,
 }
 
 /// The schema of a format.
@@ -61,6 +70,9 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
         FileFormat::Weights => weights_file_schema().to_value(),
         FileFormat::Pose => pose_file_schema().to_value(),
+        FileFormat::Landmarks => landmarks_schema().to_value(),
+        FileFormat::Paint => paint_schema().to_value(),
+        FileFormat::Seam => seam_schema().to_value(),
     }
 }
 

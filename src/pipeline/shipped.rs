@@ -13,6 +13,7 @@ pub const SHIPPED: [(&str, &str); 7] = [
     ("vertical-video", include_str!("../../pipeline/vertical-video.toml")),
     ("deform-mesh", include_str!("../../pipeline/deform-mesh.toml")),
     ("rig-and-pose", include_str!("../../pipeline/rig-and-pose.toml")),
+    ("morph", include_str!("../../pipeline/morph.toml")),
 ];
 
 /// The shipped file called `name`. Relative paths in it start from the working directory.

@@ -148,6 +148,8 @@ pub struct SurfaceSummary {
     pub weights: Option<String>,
     /// Its skeleton.
     pub skeleton: Option<String>,
+    /// What became of it and another.
+    pub morph: Vec<String>,
 }
 
 impl SurfaceSummary {
@@ -162,6 +164,7 @@ impl SurfaceSummary {
         self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
         self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))
         self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))
+        self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
     }
 }
 

@@ -15,6 +15,7 @@ mod media_bad_input;
 mod media_roundtrip;
 mod mesh;
 mod messy;
+mod morph;
 mod motion;
 mod motion_file;
 mod path;

@@ -1,5 +1,7 @@
 //! The registry of stage kinds: one file per kind with its typed settings.
 
+mod blend;
+mod compose;
 mod decode;
 mod encode;
 mod faces_detect;
@@ -19,6 +21,7 @@ mod mesh_load;
 mod mesh_modes;
 mod mesh_render;
 mod mesh_save;
+mod morph;
 mod motion;
 mod motion_export;
 mod motion_import;
@@ -40,6 +43,8 @@ mod video_retarget;
 mod warp;
 
 pub use crate::media::{Codec, EncoderWish};
+pub use blend::BlendSettings;
+pub use compose::ComposeSettings;
 pub use decode::{DecodeSettings, Deinterlace};
 pub use encode::EncodeSettings;
 pub use faces_detect::FacesDetectSettings;
@@ -61,6 +66,7 @@ pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
 pub use mesh_render::{MeshRenderSettings, UpWish};
 pub use mesh_save::MeshSaveSettings;
+pub use morph::{MorphSettings, OverWish};
 pub use motion::{MotionSettings, RollingShutter};
 pub use motion_export::MotionExportSettings;
 pub use motion_import::MotionImportSettings;
@@ -123,6 +129,9 @@ pub static KINDS: [StageKind; 37] = [
     StageKind::of::<SkeletonLoadSettings>(),
     StageKind::of::<SkeletonExtractSettings>(),
     StageKind::of::<PoseSettings>(),
+    StageKind::of::<MorphSettings>(),
+    StageKind::of::<BlendSettings>(),
+    StageKind::of::<ComposeSettings>(),
     StageKind::of::<MeshRenderSettings>(),
     StageKind::of::<MeshSaveSettings>(),
 ];

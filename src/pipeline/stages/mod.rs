@@ -19,6 +19,7 @@ mod import;
 mod maps;
 mod measuring;
 mod mesh;
+mod morphing;
 mod npz;
 mod numpy;
 mod path_file;
@@ -106,7 +107,8 @@ fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
     let (job, pass) = (context.job, context.pass);
     for (done, &stage) in pass.stages.iter().enumerate() {
         job.check_cancel()?;
-        let done_by_kind = photo::run(context, stage).or_else(|| mesh::run(context, stage));
+        let done_by_kind =
+            photo::run(context, stage).or_else(|| mesh::run(context, stage)).or_else(|| morphing::run(context, stage));
         done_by_kind.unwrap_or_else(|| run_stage(context, stage))?;
         photo::let_go(job.graph(), &pass.stages, done, context.values);
     }

@@ -14,6 +14,7 @@ mod report;
 mod save;
 mod solvable;
 mod weights;
+pub(super) mod solvable;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -32,22 +33,22 @@ pub(super) use save::rehearse;
 
 /// A mesh between stages.
 #[derive(Clone)]
-struct Posed {
+pub(super) struct Posed {
     /// As it was read.
-    model: Arc<Model>,
+    pub(super) model: Arc<Model>,
     /// Positions of its vertices, pose by pose; none: as it was read.
-    poses: Arc<Vec<Vec<Point3<f64>>>>,
+    pub(super) poses: Arc<Vec<Vec<Point3<f64>>>>,
     /// Vertices of handles, and whether each moves.
-    handles: Arc<Vec<(u32, bool)>>,
+    pub(super) handles: Arc<Vec<(u32, bool)>>,
 }
 
 impl Posed {
-    fn at_rest(model: Model) -> Self {
+    pub(super) fn at_rest(model: Model) -> Self {
         Self { model: Arc::new(model), poses: Arc::default(), handles: Arc::default() }
     }
 
     /// Positions of the last pose.
-    fn last(&self) -> &[Point3<f64>] {
+    pub(super) fn last(&self) -> &[Point3<f64>] {
         self.poses.last().map_or_else(|| self.model.mesh().positions(), Vec::as_slice)
     }
 }

@@ -12,18 +12,18 @@ use crate::mesh::{RepairOptions, RepairReport, Repaired, TriMesh, repair};
 use crate::pipeline::run_error::RunError;
 
 /// A mesh without faults that hinder a solve, and where its vertices come from.
-pub(super) struct Solvable {
-    pub(super) mesh: TriMesh,
+pub(in crate::pipeline::stages) struct Solvable {
+    pub(in crate::pipeline::stages) mesh: TriMesh,
     /// What repair did.
-    pub(super) report: RepairReport,
+    pub(in crate::pipeline::stages) report: RepairReport,
     /// For each of its vertices the vertex of the file that it was.
-    pub(super) source_of_vertex: Vec<u32>,
+    pub(in crate::pipeline::stages) source_of_vertex: Vec<u32>,
     /// For each vertex of the file the vertex that it became; `None` where nothing is left of it.
-    pub(super) vertex_of_source: Vec<Option<u32>>,
+    pub(in crate::pipeline::stages) vertex_of_source: Vec<Option<u32>>,
 }
 
 impl Solvable {
-    pub(super) fn new(mesh: &TriMesh) -> Result<Self, RunError> {
+    pub(in crate::pipeline::stages) fn new(mesh: &TriMesh) -> Result<Self, RunError> {
         let Repaired { mesh, report, source_of_vertex: source, vertex_of_source, .. } =
             repair(mesh, &RepairOptions::default());
         // Repair welds what is exactly in one place and moves nothing: copies are known by their place, in a soup too, where
@@ -46,7 +46,11 @@ impl Solvable {
     }
 
     /// Positions of the file's vertices after this mesh's have moved. What nothing is left of stays at `rest`.
-    pub(super) fn carry_back(&self, rest: &[Point3<f64>], moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    pub(in crate::pipeline::stages) fn carry_back(
+        &self,
+        rest: &[Point3<f64>],
+        moved: &[Point3<f64>],
+    ) -> Vec<Point3<f64>> {
         let place = |(vertex, rest): (&Option<u32>, &Point3<f64>)| vertex.map_or(*rest, |v| moved[v as usize]);
         self.vertex_of_source.iter().zip(rest).map(place).collect()
     }

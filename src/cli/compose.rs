@@ -1,0 +1,75 @@
+//! `plumbline compose`: one mesh made of parts of two.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::failure::Failure;
+use super::run::run_or_print;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::kinds::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
+use crate::pipeline::options::{ProgressMode, RunSettings};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+
+/// Options of `plumbline compose`.
+#[derive(Debug, Args)]
+pub(super) struct ComposeArgs {
+    /// The mesh that stays where it is
+    #[arg(value_name = "BASE")]
+    base: PathBuf,
+    /// The mesh of which a part is added
+    #[arg(value_name = "PART")]
+    part: PathBuf,
+    /// The file to write; its extension chooses the format
+    #[arg(short, long, value_name = "OUTPUT")]
+    output: PathBuf,
+    /// Replace existing files
+    #[arg(long)]
+    overwrite: bool,
+
+    /// Where both are cut and how they are joined (`plumbline schema seam` describes the file)
+    #[arg(long, value_name = "FILE.json")]
+    seam: PathBuf,
+
+    /// Also write how it went, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Print the pipeline that these options mean, and do nothing
+    #[arg(long)]
+    print_pipeline: bool,
+    /// Threads; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    threads: u32,
+    /// How progress is told
+    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    progress: ProgressMode,
+}
+
+impl ComposeArgs {
+    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline(), self.print_pipeline, backend)
+    }
+
+    /// The pipeline that the options mean.
+    pub(super) fn pipeline(&self) -> PipelineFile {
+        let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
+        let compose = ComposeSettings {
+            seam: literal_path(&self.seam),
+            report: self.report.as_ref().map(|path| literal_path(path)),
+        };
+        let save = MeshSaveSettings { path: literal_path(&self.output), ..Default::default() };
+        let stages = vec![
+            StageEntry::built("base", &load(&self.base)),
+            StageEntry::built("part", &load(&self.part)),
+            StageEntry::built("composed", &compose).input("base", "base").input("part", "part"),
+            StageEntry::built("out", &save).input("mesh", "composed"),
+        ];
+        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        PipelineFile {
+            name: Some("compose".to_owned()),
+            run: entries_of(&run, &RunSettings::default()),
+            stages,
+            ..PipelineFile::default()
+        }
+    }
+}

@@ -1,0 +1,420 @@
+//! A surface cut along a closed line.
+//!
+//! A plane `n·(x − p) = 0` and the loop through picked vertices are level lines of a function on the vertices: triangles are
+//! divided where it passes through 0. A lasso runs along edges, the shortest way from one of its vertices to the next; a loop is
+//! the same line made short: the indicator `χ` of what lies on one side diffuses a little,
+//!
+//! ```text
+//! (M + τ L) u = M χ,
+//! ```
+//!
+//! and the line moves to `u = ½`, across triangles and without the lasso's corners: a step of motion by curvature.
+//!
+//! Only the one line nearest to the given place cuts, so that a plane through a neck does not take a leg off too.
+//!
+//! # Reference
+//! B. Merriman, J. Bence, S. Osher, *Motion of multiple junctions: a level set approach*, J. Comput. Phys. 112 (1994).
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::MorphError;
+use super::super::correspondence::divided;
+use super::super::elastic_solve::factored;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::{HalfEdges, TriMesh};
+
+/// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself. Less leaves slivers, whose normals
+/// are ragged after the transition; more moves the cut visibly away from the plane.
+const SNAP: f64 = 0.1;
+
+/// How far the indicator of a loop diffuses, in mean lengths of the lasso's edges. Less leaves corners, more moves the line away
+/// from the picked vertices.
+const DIFFUSION: f64 = 2.0;
+
+/// Where a surface is cut.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cut {
+    /// By a plane, along the closed line of it that is nearest to the point.
+    Plane {
+        /// A point of the plane, near where it cuts.
+        point: Point3<f64>,
+        /// Across the plane, to what is kept.
+        normal: Vector3<f64>,
+    },
+    /// Along edges from vertex to vertex and back to the first.
+    Lasso {
+        /// Vertices on the line, in order.
+        vertices: Vec<u32>,
+        /// A vertex of what is kept.
+        keep: u32,
+    },
+    /// As a lasso, then across triangles and without its corners.
+    Loop {
+        /// Vertices near the line, in order.
+        vertices: Vec<u32>,
+        /// A vertex of what is kept.
+        keep: u32,
+    },
+    /// Not at all: the surface has a hole already, the boundary nearest to a place.
+    Boundary {
+        /// The place.
+        near: Point3<f64>,
+    },
+}
+
+/// What a cut leaves.
+#[derive(Clone, Debug)]
+pub struct CutSurface {
+    /// What is kept.
+    pub mesh: TriMesh,
+    /// The vertices of the cut in order, the surface to their left.
+    pub seam: Vec<u32>,
+    /// The vertex of the input that each was; `None` for those that the cut made.
+    pub source: Vec<Option<u32>>,
+}
+
+/// Cuts a surface. What does not touch the cut is kept where `keep_rest`.
+///
+/// # Errors
+/// [`MorphError::Seam`] where the line does not close, does not separate, or does not exist; [`MorphError::NoSuchVertex`];
+/// [`MorphError::Mesh`] where the surface is no oriented manifold.
+pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> Result<CutSurface, MorphError> {
+    HalfEdges::new(mesh)?;
+    match cut {
+        Cut::Plane { point, normal } => {
+            let normal = normal.try_normalize(0.0).filter(|n| n.iter().all(|c| c.is_finite()));
+            let normal = normal.ok_or_else(|| seam(which, "has a plane whose normal is zero".to_owned()))?;
+            let levels = mesh.positions().iter().map(|p| normal.dot(&(p - point))).collect();
+            along_level(mesh, levels, point, which, keep_rest)
+        }
+        Cut::Lasso { vertices, keep } => {
+            let line = closed_path(mesh, vertices, *keep, which)?;
+            separated(
+                mesh,
+                &line,
+                &Kept::Vertex(*keep),
+                (0..mesh.vertex_count() as u32).map(Some).collect(),
+                which,
+                keep_rest,
+            )
+        }
+        Cut::Loop { vertices, keep } => {
+            let line = closed_path(mesh, vertices, *keep, which)?;
+            let levels = shortened(mesh, &line, *keep, which)?;
+            along_level(mesh, levels, &mesh.positions()[vertices[0] as usize], which, keep_rest)
+        }
+        Cut::Boundary { near } => {
+            let source = (0..mesh.vertex_count() as u32).map(Some).collect();
+            let loops = HalfEdges::new(mesh)?.boundary_loops();
+            let line = nearest_line(mesh, loops, near);
+            let seam =
+                line.ok_or_else(|| seam(which, "is a boundary, but the surface is closed; cut it".to_owned()))?;
+            Ok(CutSurface { mesh: mesh.clone(), seam, source })
+        }
+    }
+}
+
+fn seam(which: &'static str, fault: String) -> MorphError {
+    MorphError::Seam { which, fault }
+}
+
+/// Cuts where a function of the vertices passes through 0, along the line nearest to a place; keeps where it is above.
+fn along_level(
+    mesh: &TriMesh,
+    mut levels: Vec<f64>,
+    near: &Point3<f64>,
+    which: &'static str,
+    keep_rest: bool,
+) -> Result<CutSurface, MorphError> {
+    snap(mesh, &mut levels);
+    let mut positions = mesh.positions().to_vec();
+    let mut source: Vec<Option<u32>> = (0..positions.len() as u32).map(Some).collect();
+    let mut middle_of = BTreeMap::new();
+    for &[a, b, c] in mesh.triangles() {
+        for (i, j) in [(a, b), (b, c), (c, a)].map(|(i, j)| (i.min(j), i.max(j))) {
+            let (p, q) = (levels[i as usize], levels[j as usize]);
+            if p * q < 0.0 && !middle_of.contains_key(&(i, j)) {
+                middle_of.insert((i, j), positions.len() as u32);
+                let (a, b) = (positions[i as usize], positions[j as usize]);
+                positions.push(a + (b - a) * (p / (p - q)));
+                levels.push(0.0);
+                source.push(None);
+            }
+        }
+    }
+    let triangles = mesh.triangles().iter().flat_map(|t| divided(t, &middle_of)).collect();
+    let divided = TriMesh::new(positions, triangles)?;
+    let above: Vec<bool> = divided.triangles().iter().map(|t| t.iter().all(|v| levels[*v as usize] >= 0.0)).collect();
+    let lines = lines_between(&divided, &above);
+    let closed: Vec<_> = lines.iter().filter(|l| l.1).map(|l| l.0.clone()).collect();
+    let open = lines.len() - closed.len();
+    let line = nearest_line(&divided, closed, near).ok_or_else(|| {
+        let told = if open > 0 {
+            "does not close: it runs into the border of the surface"
+        } else {
+            "does not meet the surface"
+        };
+        seam(which, format!("{told}; move the plane or the vertices"))
+    })?;
+    separated(&divided, &line, &Kept::Left, source, which, keep_rest)
+}
+
+/// Vertices very near to the line are put on it.
+fn snap(mesh: &TriMesh, levels: &mut [f64]) {
+    let given = levels.to_vec();
+    for &[a, b, c] in mesh.triangles() {
+        for (i, j) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {
+            let (p, q) = (given[i as usize], given[j as usize]);
+            if p * q < 0.0 && p.abs() < SNAP * (p - q).abs() {
+                levels[i as usize] = 0.0;
+            }
+        }
+    }
+}
+
+/// Lines between marked triangles and others, the marked ones to their left, and whether each closes.
+fn lines_between(mesh: &TriMesh, marked: &[bool]) -> Vec<(Vec<u32>, bool)> {
+    let other: BTreeMap<(u32, u32), usize> = mesh
+        .triangles()
+        .iter()
+        .enumerate()
+        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
+        .collect();
+    let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let mut before = BTreeMap::new();
+    for (&(a, b), &t) in &other {
+        if marked[t] && other.get(&(b, a)).is_some_and(|&u| !marked[u]) {
+            next.entry(a).or_default().push(b);
+            *before.entry(b).or_insert(0_usize) += 1;
+        }
+    }
+    let starts: Vec<u32> = next.keys().copied().collect();
+    // Open lines first, from their ends.
+    let (ends, rest): (Vec<u32>, Vec<u32>) =
+        starts.into_iter().partition(|v| before.get(v).copied().unwrap_or(0) < next[v].len());
+    let mut lines = Vec::new();
+    for start in ends.into_iter().chain(rest) {
+        while next.get(&start).is_some_and(|n| !n.is_empty()) {
+            let (mut line, mut at) = (vec![start], start);
+            while let Some(v) = next.get_mut(&at).and_then(Vec::pop) {
+                at = v;
+                if v == start {
+                    break;
+                }
+                line.push(v);
+            }
+            lines.push((line, at == start));
+        }
+    }
+    lines
+}
+
+fn nearest_line(mesh: &TriMesh, lines: Vec<Vec<u32>>, near: &Point3<f64>) -> Option<Vec<u32>> {
+    let distance = |line: &Vec<u32>| {
+        line.iter().map(|v| (mesh.positions()[*v as usize] - near).norm_squared()).fold(f64::INFINITY, f64::min)
+    };
+    lines.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+enum Kept {
+    /// What lies to the left of the line.
+    Left,
+    /// What has this vertex.
+    Vertex(u32),
+}
+
+/// What remains of a surface after it came apart along a closed line of its edges.
+fn separated(
+    mesh: &TriMesh,
+    line: &[u32],
+    kept: &Kept,
+    source: Vec<Option<u32>>,
+    which: &'static str,
+    keep_rest: bool,
+) -> Result<CutSurface, MorphError> {
+    let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
+    let (part, edge_part) = parts(mesh, &edges);
+    let sides = edge_part(edges[0]).zip(edge_part((edges[0].1, edges[0].0)));
+    let (left, right) = sides.ok_or_else(|| seam(which, "runs along the border of the surface".to_owned()))?;
+    if left == right {
+        let fault =
+            "does not separate anything: the surface goes around it; add the other lines that are needed elsewhere";
+        return Err(seam(which, fault.to_owned()));
+    }
+    let wanted = match kept {
+        Kept::Left => left,
+        Kept::Vertex(v) => mesh.triangles().iter().position(|t| t.contains(v)).map_or(left, |t| part[t]),
+    };
+    if wanted != left && wanted != right {
+        return Err(seam(which, "does not touch the piece of the vertex that is to be kept".to_owned()));
+    }
+    let removed = if wanted == left { right } else { left };
+    let keep = |t: usize| if keep_rest { part[t] != removed } else { part[t] == wanted };
+    let line: Vec<u32> = if wanted == left { line.to_vec() } else { line.iter().rev().copied().collect() };
+    compacted(mesh, keep, &line, &source)
+}
+
+/// The part of each triangle where no part crosses the given edges, and that to the left of an edge.
+fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u32, u32)) -> Option<usize> + use<'m>) {
+    let left: BTreeMap<(u32, u32), usize> = mesh
+        .triangles()
+        .iter()
+        .enumerate()
+        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
+        .collect();
+    let walls: std::collections::BTreeSet<(u32, u32)> = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    let mut part = vec![usize::MAX; mesh.triangle_count()];
+    let mut count = 0;
+    for start in 0..part.len() {
+        let mut stack = if part[start] == usize::MAX { vec![start] } else { continue };
+        while let Some(t) = stack.pop() {
+            if std::mem::replace(&mut part[t], count) != usize::MAX {
+                continue;
+            }
+            let [a, b, c] = mesh.triangles()[t];
+            let across =
+                [(b, a), (c, b), (a, c)].into_iter().filter(|e| !walls.contains(e)).filter_map(|e| left.get(&e));
+            stack.extend(across.copied().filter(|&u| part[u] == usize::MAX));
+        }
+        count += 1;
+    }
+    let of_triangle = part.clone();
+    (part, move |edge| left.get(&edge).map(|&t| of_triangle[t]))
+}
+
+/// The kept triangles and the vertices they name. A vertex of the line that both sides kept would name stays one.
+fn compacted(
+    mesh: &TriMesh,
+    keep: impl Fn(usize) -> bool,
+    line: &[u32],
+    source: &[Option<u32>],
+) -> Result<CutSurface, MorphError> {
+    let kept: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(|&t| keep(t)).map(|t| mesh.triangles()[t]).collect();
+    let mut number = vec![u32::MAX; mesh.vertex_count()];
+    kept.iter().flatten().for_each(|v| number[*v as usize] = 0);
+    let old: Vec<usize> = (0..number.len()).filter(|&v| number[v] == 0).collect();
+    old.iter().enumerate().for_each(|(k, &v)| number[v] = k as u32);
+    let renamed = |v: &u32| number[*v as usize];
+    let positions = old.iter().map(|&v| mesh.positions()[v]).collect();
+    let triangles = kept.iter().map(|t| [renamed(&t[0]), renamed(&t[1]), renamed(&t[2])]).collect();
+    let cut = TriMesh::new(positions, triangles)?;
+    HalfEdges::new(&cut)?;
+    Ok(CutSurface {
+        mesh: cut,
+        seam: line.iter().map(renamed).collect(),
+        source: old.iter().map(|&v| source[v]).collect(),
+    })
+}
+
+/// The shortest ways along edges from each vertex to the next and back to the first.
+fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str) -> Result<Vec<u32>, MorphError> {
+    let count = mesh.vertex_count();
+    if let Some(&v) = vertices.iter().chain([&keep]).find(|&&v| v as usize >= count) {
+        return Err(MorphError::NoSuchVertex {
+            place: "seam".to_owned(),
+            which,
+            vertex: u64::from(v),
+            vertices: count,
+        });
+    }
+    if vertices.len() < 2 {
+        return Err(seam(which, format!("has {} vertices (expected at least 2)", vertices.len())));
+    }
+    let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for &[a, b, c] in mesh.triangles() {
+        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| {
+            neighbors[i as usize].push(j);
+            neighbors[j as usize].push(i);
+        });
+    }
+    let mut line: Vec<u32> = Vec::new();
+    for (k, &from) in vertices.iter().enumerate() {
+        let to = vertices[(k + 1) % vertices.len()];
+        // Later ways do not touch earlier ones: with two vertices the way back is another one.
+        let way = shortest(mesh, &neighbors, from, to, |v| line.contains(&v) || v == keep);
+        let way = way.ok_or_else(|| {
+            seam(
+                which,
+                format!("does not close: no way is left from vertex {from} to vertex {to} that does not cross it"),
+            )
+        })?;
+        line.extend(&way[..way.len() - 1]);
+    }
+    if line.len() < 3 || line.contains(&keep) {
+        return Err(seam(which, format!("runs through vertex {keep}, which is to be kept; name one inside")));
+    }
+    Ok(line)
+}
+
+/// The shortest way along edges, both ends included, past forbidden vertices.
+fn shortest(
+    mesh: &TriMesh,
+    neighbors: &[Vec<u32>],
+    from: u32,
+    to: u32,
+    forbidden: impl Fn(u32) -> bool,
+) -> Option<Vec<u32>> {
+    let p = mesh.positions();
+    let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, from))]);
+    // Lengths are not negative: their bits are ordered as they are.
+    let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
+    while let Some(Reverse((bits, v))) = queue.pop() {
+        let length = f64::from_bits(bits);
+        if v == to && v != from {
+            break;
+        }
+        if length > reached[&v].0 {
+            continue;
+        }
+        for &w in &neighbors[v as usize] {
+            let next = length + (p[v as usize] - p[w as usize]).norm();
+            let free = w == to || !forbidden(w);
+            // A way of one edge there and the same back encloses nothing.
+            let back = v == from && w == to && forbidden(to) && neighbors[from as usize].len() > 1 && forbidden(from);
+            if free && !back && reached.get(&w).is_none_or(|r| next < r.0) {
+                reached.insert(w, (next, v));
+                queue.push(Reverse((next.to_bits(), w)));
+            }
+        }
+    }
+    let mut way = vec![to];
+    let mut at = to;
+    while at != from {
+        at = reached.get(&at)?.1;
+        way.push(at);
+    }
+    way.reverse();
+    Some(way)
+}
+
+/// Levels whose zero line is the given one after it has shortened a little; above 0 on the side of `keep`.
+fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Result<Vec<f64>, MorphError> {
+    let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
+    let (part, _) = parts(mesh, &edges);
+    let kept = mesh.triangles().iter().position(|t| t.contains(&keep)).map(|t| part[t]);
+    let kept = kept.ok_or_else(|| seam(which, format!("is to keep vertex {keep}, which no triangle names")))?;
+    let masses = barycentric_areas(mesh);
+    let mut rhs = vec![0.0; mesh.vertex_count()];
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        let third = mesh.area_normal(t).norm() / 6.0;
+        corners.iter().for_each(|v| rhs[*v as usize] += if part[t] == kept { third } else { 0.0 });
+    }
+    let length: f64 =
+        edges.iter().map(|e| (mesh.positions()[e.0 as usize] - mesh.positions()[e.1 as usize]).norm()).sum();
+    let time = (DIFFUSION * length / edges.len() as f64).powi(2);
+    let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
+    let least = mesh.area() * 1e-12 / mesh.vertex_count() as f64;
+    let mut triplets: Vec<_> = masses.iter().enumerate().map(|(v, m)| (v, v, m.max(least))).collect();
+    for (i, j, w) in EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).iter() {
+        let w = w.max(0.0) * time;
+        triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
+    }
+    let places = mesh.positions().iter().map(|p| p.coords.into()).collect();
+    if let Some(mut factor) = factored(rhs.len(), &triplets, places)? {
+        factor.solve(&mut rhs);
+    }
+    Ok(rhs.into_iter().map(|u| u - 0.5).collect())
+}

@@ -1,0 +1,155 @@
+//! Files of seams: where two surfaces are cut, and how they are joined.
+//!
+//! ```json
+//! { "format": "plumbline.seam", "version": 1,
+//!   "base": { "plane": { "point": [0, 1, 0], "normal": [0, -1, 0] } },
+//!   "part": { "loop": { "vertices": [3, 17, 250], "keep": 12 } },
+//!   "landmarks": [[10, 4], [12, 9], [31, 2]],
+//!   "band": 6 }
+//! ```
+
+use std::path::Path;
+
+use nalgebra::{Point3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::MorphError;
+use super::super::correspondence::Place;
+use super::{ComposeOptions, Cut};
+use crate::mesh::TriMesh;
+
+const FORMAT: &str = "plumbline.seam";
+
+/// A seam as a file tells it.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SeamFile {
+    /// Always `plumbline.seam`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// Where the base is cut; everything that does not touch the cut is kept.
+    base: CutEntry,
+    /// Where the part is cut; only what touches the cut is kept.
+    part: CutEntry,
+    /// Places of base and part that belong together, three at least. Left out: the two cuts tell how the part lies.
+    #[serde(default)]
+    landmarks: Vec<(Place, Place)>,
+    /// Rings of vertices on either side of the seam that may move.
+    #[serde(default = "default_band")]
+    #[schemars(range(min = 1, max = 1000))]
+    band: u32,
+}
+
+fn default_band() -> u32 {
+    6
+}
+
+/// Where a surface is cut.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum CutEntry {
+    /// By a plane, along the closed line of it nearest to its point.
+    Plane(PlaneEntry),
+    /// Along edges, the shortest way from vertex to vertex and back to the first.
+    Lasso(LineEntry),
+    /// As a lasso, then across triangles and without its corners.
+    Loop(LineEntry),
+    /// Not at all: along the boundary that it has, nearest to a place.
+    Boundary([f64; 3]),
+}
+
+/// A plane.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PlaneEntry {
+    /// A point of the plane, near where it cuts.
+    point: [f64; 3],
+    /// Across the plane, to what is kept; its length does not count.
+    normal: [f64; 3],
+}
+
+/// A closed line through vertices.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct LineEntry {
+    /// Vertices on the line, in order.
+    vertices: Vec<Place>,
+    /// A vertex of what is kept.
+    keep: Place,
+}
+
+/// The JSON schema of files of seams.
+pub fn seam_schema() -> schemars::Schema {
+    schemars::schema_for!(SeamFile)
+}
+
+impl SeamFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`], also where it cannot be read.
+    pub fn read(path: &Path) -> Result<Self, MorphError> {
+        let text = std::fs::read_to_string(path);
+        Self::parse(&text.map_err(|e| malformed(format!("cannot be read: {e}")))?)
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`].
+    pub fn parse(text: &str) -> Result<Self, MorphError> {
+        let file: Self = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
+        if file.format != FORMAT {
+            return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", file.format)));
+        }
+        if file.version != 1 {
+            return Err(malformed(format!("version {} is not supported (expected 1)", file.version)));
+        }
+        if !(1..=1000).contains(&file.band) {
+            return Err(malformed(format!("the band is {} (expected 1 to 1000 rings)", file.band)));
+        }
+        Ok(file)
+    }
+
+    /// What it means for two meshes.
+    ///
+    /// # Errors
+    /// [`MorphError::NoSuchVertex`], [`MorphError::Value`].
+    pub fn of_meshes(&self, base: &TriMesh, part: &TriMesh) -> Result<ComposeOptions, MorphError> {
+        let pair = |(k, (a, b)): (usize, &(Place, Place))| {
+            let place = format!("landmark {k}");
+            Ok((a.vertex(base, "base", &place)?, b.vertex(part, "part", &place)?))
+        };
+        let landmarks: Result<Vec<_>, MorphError> = self.landmarks.iter().enumerate().map(pair).collect();
+        Ok(ComposeOptions {
+            base: self.base.cut(base, "base")?,
+            part: self.part.cut(part, "part")?,
+            landmarks: landmarks?,
+            band: self.band as usize,
+        })
+    }
+}
+
+impl CutEntry {
+    fn cut(&self, mesh: &TriMesh, which: &'static str) -> Result<Cut, MorphError> {
+        let line = |entry: &LineEntry| {
+            let vertex = |(k, place): (usize, &Place)| place.vertex(mesh, which, &format!("seam vertex {k}"));
+            let vertices: Result<Vec<u32>, MorphError> = entry.vertices.iter().enumerate().map(vertex).collect();
+            Ok::<_, MorphError>((vertices?, entry.keep.vertex(mesh, which, "keep")?))
+        };
+        Ok(match self {
+            Self::Plane(PlaneEntry { point, normal }) => {
+                Cut::Plane { point: Point3::from(*point), normal: Vector3::from(*normal) }
+            }
+            Self::Lasso(entry) => line(entry).map(|(vertices, keep)| Cut::Lasso { vertices, keep })?,
+            Self::Loop(entry) => line(entry).map(|(vertices, keep)| Cut::Loop { vertices, keep })?,
+            Self::Boundary(near) => Cut::Boundary { near: Point3::from(*near) },
+        })
+    }
+}
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { kind: "seams", fault }
+}

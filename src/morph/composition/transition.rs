@@ -1,0 +1,141 @@
+//! The band around a seam in which two surfaces become one.
+//!
+//! First the gap is closed: every triangle keeps the shape it had on its own surface, turned as it needs,
+//!
+//! ```text
+//! min over x, Rₜ   Σ_t Σ_{e ∈ t} h_e |e(x) − Rₜ e|²,      x fixed outside the band
+//! ```
+//!
+//! (one factor; rotations and positions in turn). Then the crease goes: the surface has the mean curvature normals `δ` that it has
+//! now, but on the seam and beside it those that continue the two sides harmonically,
+//!
+//! ```text
+//! min over x   Σᵢ |(L x)ᵢ − mᵢ δᵢ|² / mᵢ,      x fixed outside the inner band.
+//! ```
+//!
+//! # Reference
+//! Y. Yu et al., *Mesh editing with Poisson-based gradient field manipulation*, SIGGRAPH 2004 (merging); O. Sorkine et al.,
+//! *Laplacian surface editing*, SGP 2004 (transplanting).
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::super::MorphError;
+use super::super::elastic_solve::{ElasticSolve, factored};
+use super::super::trajectory::{Frame, opposite_edges};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+
+/// Rounds of rotations and positions. The gap is small against the band: more do not show.
+const ROUNDS: usize = 8;
+
+/// Rings on either side of the seam whose curvature is taken from their neighbors.
+const CREASE: usize = 1;
+
+/// A surface in parts that do not quite fit.
+pub(super) struct Transition<'a> {
+    /// The joined triangles, at positions to start from.
+    pub(super) joined: &'a TriMesh,
+    /// Edges of every triangle on its own surface.
+    pub(super) edges: Vec<[Vector3<f64>; 3]>,
+    /// Half cotangents of every triangle on its own surface.
+    pub(super) half: Vec<[f64; 3]>,
+    /// Edges from each vertex to the seam.
+    pub(super) ring: &'a [usize],
+    /// Vertices nearer to the seam than this move.
+    pub(super) band: usize,
+}
+
+impl Transition<'_> {
+    /// The positions after the first step, and after both. The second is not to be trusted where the seam has slivers.
+    pub(super) fn solve(self) -> Result<[Vec<Point3<f64>>; 2], MorphError> {
+        let mut x = self.joined.positions().to_vec();
+        let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
+        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held)?;
+        elastic.follow(|t| self.edges[t], &mut x);
+        for _ in 0..ROUNDS {
+            let turned: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.turned(t, &x)).collect();
+            elastic.follow(|t| turned[t], &mut x);
+        }
+        let smooth = self.without_crease(x.clone())?;
+        Ok([x, smooth])
+    }
+
+    /// Edges of a triangle on its own surface, turned to where it is now.
+    fn turned(&self, t: usize, x: &[Point3<f64>]) -> [Vector3<f64>; 3] {
+        let [a, b, c] = self.edges[t];
+        let rest = [Point3::origin(), Point3::from(c), Point3::from(-b)];
+        let now = self.joined.triangles()[t].map(|v| x[v as usize]);
+        let frames = Frame::new(&rest).zip(Frame::new(&now));
+        let turn = frames.map_or_else(Matrix3::identity, |(rest, now)| rest.best_rotation_to(&now, &self.half[t]));
+        debug_assert!((opposite_edges(&rest)[0] - a).norm() <= 1e-6 * (b.norm() + c.norm()));
+        [a, b, c].map(|e| turn * e)
+    }
+
+    fn without_crease(&self, x: Vec<Point3<f64>>) -> Result<Vec<Point3<f64>>, MorphError> {
+        let inner = (self.band - 1).min(CREASE + 2);
+        let n = x.len();
+        let free: Vec<usize> = (0..n).filter(|&v| self.ring[v] < inner).collect();
+        let near: Vec<bool> = self.ring.iter().map(|r| *r <= inner).collect();
+        if inner == 0 || free.is_empty() {
+            return Ok(x);
+        }
+        let now = self.joined.with_positions(x)?;
+        let weights = EdgeWeights::cotangent(n, &Cotangents::new(&now, CotangentRule::Clamped));
+        let masses = barycentric_areas(&now);
+        let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
+        for (i, j, w) in weights.iter().filter(|&(i, j, _)| near[i] || near[j]) {
+            rows[i].push((j, w));
+            rows[j].push((i, w));
+        }
+        let curvature = self.continued(&rows, &masses, now.positions(), inner);
+        let mut unknown = vec![None; n];
+        free.iter().enumerate().for_each(|(k, &v)| unknown[v] = Some(k));
+        let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
+        for i in (0..n).filter(|&i| near[i] && masses[i] > 0.0) {
+            let mut row: Vec<(usize, f64)> = rows[i].iter().map(|&(j, w)| (j, -w)).collect();
+            row.push((i, rows[i].iter().map(|r| r.1).sum()));
+            // What is missing with all where they are now: steps are solved for.
+            let l: Vector3<f64> = row.iter().map(|&(j, a)| now.positions()[j].coords * a).sum();
+            let missing = curvature[i] * masses[i] - l;
+            for (k, &(j, a)) in row.iter().enumerate() {
+                let Some(u) = unknown[j] else { continue };
+                (0..3).for_each(|c| rhs[u][c] += a * missing[c] / masses[i]);
+                let with = row[..=k].iter().filter_map(|&(h, b)| unknown[h].map(|w| (u, w, a * b / masses[i])));
+                triplets.extend(with);
+            }
+        }
+        let places = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
+        if let Some(mut factor) = factored(free.len(), &triplets, places)? {
+            factor.solve_3(&mut rhs);
+        }
+        let mut moved = now.positions().to_vec();
+        free.iter().zip(&rhs).for_each(|(&v, step)| moved[v] += Vector3::from(*step));
+        Ok(moved)
+    }
+
+    /// Mean curvature normals, those near the seam continued from both sides.
+    fn continued(
+        &self,
+        rows: &[Vec<(usize, f64)>],
+        masses: &[f64],
+        x: &[Point3<f64>],
+        inner: usize,
+    ) -> Vec<Vector3<f64>> {
+        let of = |i: usize| -> Vector3<f64> {
+            let sum: Vector3<f64> = rows[i].iter().map(|&(j, w)| (x[i] - x[j]) * w).sum();
+            if masses[i] > 0.0 { sum / masses[i] } else { Vector3::zeros() }
+        };
+        let mut curvature: Vec<Vector3<f64>> = (0..rows.len()).map(of).collect();
+        let crease: Vec<usize> = (0..rows.len()).filter(|&v| self.ring[v] <= CREASE.min(inner)).collect();
+        // A few vertices across: a hundred sweeps settle them.
+        for _ in 0..100 {
+            for &v in &crease {
+                let total: f64 = rows[v].iter().map(|r| r.1).sum();
+                if total > 0.0 {
+                    curvature[v] = rows[v].iter().map(|&(j, w)| curvature[j] * w).sum::<Vector3<f64>>() / total;
+                }
+            }
+        }
+        curvature
+    }
+}

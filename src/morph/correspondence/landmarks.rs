@@ -1,0 +1,248 @@
+//! Which places of one mesh belong to which of another.
+//!
+//! Three forms are read: `plumbline.landmarks`, and the two in which such pairs are passed around,
+//!
+//! ```text
+//! { "format": "plumbline.landmarks", "version": 1, "pairs": [[12, 430], [[0.1, 2, 0.3], 77]] }
+//! 107⏎ 750, 3386⏎ 524, 3737 …                     .cons: their number, then vertex, vertex
+//! markers:⏎  - "750:3386"⏎ …                       .yml: vertex : vertex, after `#` comments
+//! ```
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use nalgebra::Point3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::mesh::TriMesh;
+use crate::morph::MorphError;
+
+const FORMAT: &str = "plumbline.landmarks";
+const KIND: &str = "landmarks";
+
+/// Pairs of places of two meshes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Landmarks(Vec<(Place, Place)>);
+
+/// A vertex by its number, from 0 in the order of the file, or the vertex nearest to a place.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "the number of a vertex, or a place [x, y, z]")]
+pub enum Place {
+    /// The number of a vertex.
+    Vertex(u64),
+    /// The vertex nearest to a place.
+    Nearest([f64; 3]),
+}
+
+/// Pairs of places of two meshes.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    /// Always `plumbline.landmarks`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// Place of the first mesh, place of the second.
+    pairs: Vec<(Place, Place)>,
+}
+
+/// The JSON schema of files of landmarks.
+pub fn landmarks_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+impl Landmarks {
+    /// Pairs of vertices.
+    pub fn of_vertices(pairs: &[(u32, u32)]) -> Self {
+        let place = |v: u32| Place::Vertex(u64::from(v));
+        Self(pairs.iter().map(|&(a, b)| (place(a), place(b))).collect())
+    }
+
+    /// Reads a file of any of the three forms.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`], also where the file cannot be read.
+    pub fn read(path: &Path) -> Result<Self, MorphError> {
+        let text = std::fs::read_to_string(path).map_err(|e| malformed(format!("cannot be read: {e}")))?;
+        Self::parse(&text)
+    }
+
+    /// Reads one of the three forms, told apart by how they begin.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`].
+    pub fn parse(text: &str) -> Result<Self, MorphError> {
+        let pairs = if text.trim_start().starts_with('{') {
+            of_json(text)?
+        } else if text.lines().any(|line| line.trim_end() == "markers:") {
+            of_lines(text, "markers:", ':')?
+        } else {
+            of_counted(text)?
+        };
+        Ok(Self(pairs))
+    }
+
+    /// The pairs as vertices of both meshes.
+    ///
+    /// # Errors
+    /// [`MorphError::NoSuchVertex`], [`MorphError::Value`] for a place that is not finite and for a vertex named twice.
+    pub fn vertices(&self, first: &TriMesh, second: &TriMesh) -> Result<Vec<(u32, u32)>, MorphError> {
+        let mut seen = [BTreeSet::new(), BTreeSet::new()];
+        let mut pairs = Vec::with_capacity(self.0.len());
+        for (k, (a, b)) in self.0.iter().enumerate() {
+            let place = format!("landmark {k}");
+            let pair =
+                [(a, first, "first"), (b, second, "second")].map(|(p, mesh, which)| p.vertex(mesh, which, &place));
+            let [a, b] = pair;
+            let (a, b) = (a?, b?);
+            for (seen, (v, which)) in seen.iter_mut().zip([(a, "first"), (b, "second")]) {
+                if !seen.insert(v) {
+                    return Err(MorphError::Value {
+                        what: format!("{place}: the vertex of the {which} mesh"),
+                        value: format!("{v}, named before"),
+                        expected: "each vertex once".to_owned(),
+                    });
+                }
+            }
+            pairs.push((a, b));
+        }
+        Ok(pairs)
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Without pairs.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl Place {
+    /// The vertex of a mesh that is meant.
+    ///
+    /// # Errors
+    /// [`MorphError::NoSuchVertex`], [`MorphError::Value`].
+    pub(in crate::morph) fn vertex(&self, mesh: &TriMesh, which: &'static str, place: &str) -> Result<u32, MorphError> {
+        let vertices = mesh.vertex_count();
+        match *self {
+            Self::Vertex(v) if (v as usize) < vertices => Ok(v as u32),
+            Self::Vertex(vertex) => Err(MorphError::NoSuchVertex { place: place.to_owned(), which, vertex, vertices }),
+            Self::Nearest(p) if p.iter().all(|c| c.is_finite()) && vertices > 0 => Ok(nearest(mesh, &Point3::from(p))),
+            Self::Nearest(p) => Err(MorphError::Value {
+                what: format!("{place}: the place on the {which} mesh"),
+                value: format!("{p:?}"),
+                expected: "three finite numbers, and a mesh with vertices".to_owned(),
+            }),
+        }
+    }
+}
+
+fn nearest(mesh: &TriMesh, place: &Point3<f64>) -> u32 {
+    let distance = |v: &usize| (mesh.positions()[*v] - place).norm_squared();
+    (0..mesh.vertex_count()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0) as u32
+}
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { kind: KIND, fault }
+}
+
+fn of_json(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
+    let document: Document = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
+    if document.format != FORMAT {
+        return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", document.format)));
+    }
+    if document.version != 1 {
+        return Err(malformed(format!("version {} is not supported (expected 1)", document.version)));
+    }
+    Ok(document.pairs)
+}
+
+/// Pairs after a line, until one that is none.
+fn of_lines(text: &str, after: &str, between: char) -> Result<Vec<(Place, Place)>, MorphError> {
+    let lines = text.lines().enumerate().skip_while(|(_, line)| line.trim_end() != after).skip(1);
+    let mut pairs = Vec::new();
+    for (number, line) in lines {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if line.is_empty() {
+            continue;
+        }
+        let Some(entry) = line.strip_prefix('-') else { break };
+        pairs.push(pair(entry.trim().trim_matches(['"', '\'']), between, number)?);
+    }
+    Ok(pairs)
+}
+
+/// As many pairs as the first line says.
+fn of_counted(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let first = lines.next().map_or("", |(_, line)| line.trim());
+    let count: usize = first.parse().map_err(|_| {
+        let shown: String = first.chars().take(30).collect();
+        malformed(format!("line 1: {shown:?} (expected JSON, `markers:`, or the number of pairs)"))
+    })?;
+    let pairs: Vec<_> = lines.map(|(number, line)| pair(line, ',', number)).collect::<Result<_, _>>()?;
+    if pairs.len() != count {
+        return Err(malformed(format!("line 1 announces {count} pairs, but {} follow", pairs.len())));
+    }
+    Ok(pairs)
+}
+
+fn pair(text: &str, between: char, line: usize) -> Result<(Place, Place), MorphError> {
+    let number = |text: &str| text.trim().parse::<u64>().ok().map(Place::Vertex);
+    let both = text.split_once(between).and_then(|(a, b)| number(a).zip(number(b)));
+    both.ok_or_else(|| {
+        let shown: String = text.chars().take(30).collect();
+        malformed(format!("line {}: {shown:?} (expected two vertices with `{between}` between)", line + 1))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn three_ways_to_write_the_same_pairs() {
+        let expected = Landmarks::of_vertices(&[(3, 4), (17, 5)]);
+        for text in [
+            r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[3, 4], [17, 5]]}"#,
+            "2\n3, 4\n17, 5\n",
+            "source:\n  poses:\n    - a.obj\nmarkers:\n  - \"3:4\"  # foot\n\n  - \"17:5\"\nother: 3\n",
+        ] {
+            assert_eq!(Landmarks::parse(text).unwrap(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (text, part) in [
+            ("3\n1, 2\n", "announces 3 pairs, but 1"),
+            ("2\n1, 2\n3; 4\n", "line 3"),
+            ("hello", "line 1"),
+            ("", "line 1"),
+            ("markers:\n - \"3-4\"\n", "line 2"),
+            (r#"{"format": "plumbline.handles", "version": 1, "pairs": []}"#, "plumbline.landmarks"),
+            (r#"{"format": "plumbline.landmarks", "version": 2, "pairs": []}"#, "version 2"),
+            (r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[1]]}"#, "line 1"),
+        ] {
+            let told = Landmarks::parse(text).unwrap_err().to_string();
+            assert!(told.contains(part), "{told}");
+        }
+        let mesh = shapes::icosphere(0);
+        let vertices =
+            |pairs: &[(u32, u32)]| Landmarks::of_vertices(pairs).vertices(&mesh, &mesh).unwrap_err().to_string();
+        assert!(
+            vertices(&[(1, 1), (2, 12)]).contains("landmark 1: the second mesh has no vertex 12 (expected 0 to 11")
+        );
+        assert!(vertices(&[(1, 1), (1, 2)]).contains("the vertex of the first mesh is 1, named before"));
+        let nowhere = Landmarks(vec![(Place::Nearest([f64::NAN, 0.0, 0.0]), Place::Vertex(0))]);
+        assert!(nowhere.vertices(&mesh, &mesh).is_err());
+        let p = mesh.positions()[7] * 1.1;
+        let near = Landmarks(vec![(Place::Nearest(p.coords.into()), Place::Vertex(0))]);
+        assert_eq!(near.vertices(&mesh, &mesh).unwrap(), [(7, 0)]);
+    }
+}

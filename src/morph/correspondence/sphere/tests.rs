@@ -1,0 +1,78 @@
+use nalgebra::Point3;
+
+use super::super::{CorrespondenceMethod, correspond};
+use super::*;
+use crate::mesh::shapes;
+
+/// No triangle turned over, and their solid angles make one sphere.
+fn one_to_one(mesh: &TriMesh, at: &[Vector3<f64>]) {
+    let mut whole = 0.0;
+    for t in mesh.triangles() {
+        let [a, b, c] = t.map(|v| at[v as usize]);
+        let volume = a.dot(&b.cross(&c));
+        assert!(volume > 0.0, "{volume:e}");
+        // Van Oosterom and Strackee.
+        whole += 2.0 * volume.atan2(1.0 + a.dot(&b) + b.dot(&c) + c.dot(&a));
+    }
+    assert!((whole - 4.0 * std::f64::consts::PI).abs() < 1e-6, "{whole}");
+}
+
+fn shapes_of_genus_0() -> Vec<TriMesh> {
+    let stretched = shapes::icosphere(3);
+    let place = |p: &Point3<f64>| Point3::new(p.x, p.y * 0.3, 6.0 * p.z + p.x * p.x);
+    let stretched = stretched.with_positions(stretched.positions().iter().map(place).collect()).unwrap();
+    vec![shapes::icosphere(0), shapes::bar([2, 3, 9], [1.0, 1.0, 6.0]), shapes::cactus(10), stretched]
+}
+
+#[test]
+fn shapes_without_handles_lie_on_the_sphere_one_to_one() {
+    for mesh in shapes_of_genus_0() {
+        one_to_one(&mesh, &sphere_map(&mesh, "first").unwrap());
+    }
+}
+
+#[test]
+fn a_surface_laid_over_itself_by_the_sphere_lies_where_it_is() {
+    for mesh in shapes_of_genus_0() {
+        let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
+        let method = CorrespondenceMethod::Sphere(SphereOptions::default());
+        let laid = correspond(&mesh, &mesh, &landmarks, &method).unwrap();
+        for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
+            assert!((p - q).norm() < 1e-6 * mesh.diagonal());
+        }
+    }
+}
+
+#[test]
+fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
+    let (first, second) = (shapes::icosphere(3), shapes::bar([4, 5, 12], [1.0, 1.0, 3.0]));
+    // The six directions of the axes.
+    let extreme = |mesh: &TriMesh, k: usize, sign: f64| {
+        let (low, high) = mesh.bounding_box().unwrap();
+        let middle = nalgebra::center(&low, &high);
+        let along = |v: &u32| {
+            let p = mesh.positions()[*v as usize] - middle;
+            sign * p[k] - 0.1 * (p.norm() - p[k].abs())
+        };
+        (0..mesh.vertex_count() as u32).max_by(|a, b| along(a).total_cmp(&along(b))).unwrap()
+    };
+    let landmarks: Vec<(u32, u32)> = (0..3)
+        .flat_map(|k| [(k, 1.0), (k, -1.0)])
+        .map(|(k, s)| (extreme(&first, k, s), extreme(&second, k, s)))
+        .collect();
+    let laid =
+        correspond(&first, &second, &landmarks, &CorrespondenceMethod::Sphere(SphereOptions::default())).unwrap();
+    assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
+    assert_eq!(laid.quality.collapsed, 0);
+    // Every place on its triangle.
+    assert!(laid.places.iter().all(|p| p.weights.iter().all(|w| *w >= 0.0)));
+}
+
+#[test]
+fn surfaces_that_are_no_spheres_are_told_what_they_are() {
+    let told = |mesh: &TriMesh| sphere_map(mesh, "second").unwrap_err().to_string();
+    assert!(told(&shapes::plane(3)).contains("the second mesh is open: 12 edges"));
+    assert!(told(&shapes::holed_torus(1, 10)).contains("has genus 1"));
+    let two = shapes::disjoint(&[shapes::icosphere(1), shapes::icosphere(1)]);
+    assert!(told(&two).contains("in 2 pieces"));
+}

@@ -1,0 +1,78 @@
+use nalgebra::{Point3, Similarity3, Vector3};
+
+use super::*;
+use crate::mesh::shapes;
+
+/// Every so many vertices as landmarks to themselves.
+fn own(mesh: &TriMesh, every: usize) -> Vec<(u32, u32)> {
+    (0..mesh.vertex_count() as u32).step_by(every).map(|v| (v, v)).collect()
+}
+
+fn farthest(laid: &TriMesh, second: &TriMesh) -> f64 {
+    let worst = laid.positions().iter().zip(second.positions()).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
+    worst / second.diagonal()
+}
+
+#[test]
+fn a_surface_laid_over_itself_lies_where_it_is_wherever_that_is() {
+    let mesh = shapes::cactus(9);
+    let map = Similarity3::new(Vector3::new(30.0, -4.0, 7.0), Vector3::new(0.4, 2.0, -1.0), 12.0);
+    let moved = mesh.with_positions(mesh.positions().iter().map(|p| map * p).collect()).unwrap();
+    let landmarks = own(&mesh, mesh.vertex_count() / 9);
+    for second in [&mesh, &moved] {
+        let laid = correspond(&mesh, second, &landmarks, &CorrespondenceMethod::default()).unwrap();
+        assert!(farthest(&laid.laid, second) < 1e-6, "{}", farthest(&laid.laid, second));
+        assert_eq!((laid.quality.flipped, laid.quality.collapsed, laid.quality.landmark_error), (0, 0, 0.0));
+        assert!((laid.quality.stretch - 1.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
+    // A ball laid over an egg with a bump, of other triangles.
+    let ball = shapes::icosphere(3);
+    let fine = shapes::icosphere(4);
+    let bent = |p: &Point3<f64>| Point3::new(1.6 * p.x + 0.3 * p.z * p.z, 0.9 * p.y, p.z * (1.0 + 0.2 * p.x));
+    let second = fine.with_positions(fine.positions().iter().map(bent).collect()).unwrap();
+    let landmarks: Vec<(u32, u32)> = (0..12).map(|v| (v, v)).collect();
+    let laid = correspond(&ball, &second, &landmarks, &CorrespondenceMethod::default()).unwrap();
+    assert_eq!(laid.quality.landmark_error, 0.0);
+    assert_eq!((laid.quality.flipped, laid.quality.collapsed), (0, 0));
+    let target = registration::Target::new(&second).unwrap();
+    for (p, place) in laid.laid.positions().iter().zip(&laid.places) {
+        assert!(target.nearest(p).unwrap().squared < 1e-20);
+        let corners = second.corners(place.triangle as usize);
+        let point: Vector3<f64> = corners.iter().zip(place.weights).map(|(c, w)| c.coords * w).sum();
+        assert!((point - p.coords).norm() < 1e-12);
+    }
+    assert!(laid.quality.missed_worst < 0.01 && laid.quality.stretch < 1.2, "{:?}", laid.quality);
+}
+
+#[test]
+fn a_piece_without_a_landmark_goes_along() {
+    let both = shapes::disjoint(&[shapes::icosphere(2), shapes::icosphere(1)]);
+    let landmarks: Vec<(u32, u32)> = (0..10).map(|v| (v, v)).collect();
+    let laid = correspond(&both, &both, &landmarks, &CorrespondenceMethod::default()).unwrap();
+    assert!(farthest(&laid.laid, &both) < 1e-6);
+}
+
+#[test]
+fn too_few_landmarks_and_surfaces_of_nothing_are_refused() {
+    let mesh = shapes::icosphere(1);
+    let refused = |second: &TriMesh, landmarks: &[(u32, u32)]| {
+        correspond(&mesh, second, landmarks, &CorrespondenceMethod::default()).unwrap_err()
+    };
+    assert_eq!(refused(&mesh, &[(0, 0), (1, 1)]), MorphError::Landmarks { given: 2, expected: 3 });
+    let points = TriMesh::new(mesh.positions().to_vec(), Vec::new()).unwrap();
+    assert_eq!(refused(&points, &[(0, 0), (1, 1), (2, 2)]), MorphError::Empty { which: "second" });
+    let bar = shapes::bar([4, 1, 1], [4.0, 1.0, 1.0]);
+    let line: Vec<(u32, u32)> = (0..bar.vertex_count() as u32)
+        .filter(|&v| {
+            let p = bar.positions()[v as usize];
+            p.y == 0.0 && p.z == 0.0
+        })
+        .map(|v| (v, v))
+        .collect();
+    let on_line = correspond(&bar, &bar, &line, &CorrespondenceMethod::default()).unwrap_err();
+    assert!(matches!(on_line, MorphError::Landmarks { .. }), "{on_line}");
+}

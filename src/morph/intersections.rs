@@ -1,0 +1,112 @@
+//! Where a surface passes through itself.
+//!
+//! Two triangles that share no edge intersect where an edge of one passes through the other; neighbors at a vertex, where the edge
+//! opposite does. Triangles in one plane are not told to intersect. Signs are those of rounded determinants.
+
+use nalgebra::{Point3, Vector3};
+
+use super::bvh::Bvh;
+use crate::mesh::TriMesh;
+
+/// Pairs of triangles, the lower number first, that pass through each other; ascending.
+pub fn self_intersections(mesh: &TriMesh) -> Vec<[u32; 2]> {
+    let mut found = Vec::new();
+    Bvh::new(mesh).pairs(|t, u| {
+        if intersect(mesh, t as usize, u as usize) {
+            found.push([t, u]);
+        }
+    });
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// An edge that passes through a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Passage {
+    pub(super) edge: [u32; 2],
+    pub(super) triangle: u32,
+}
+
+fn intersect(mesh: &TriMesh, t: usize, u: usize) -> bool {
+    passages(mesh, t, u).next().is_some()
+}
+
+/// Edges of either triangle that pass through the other.
+pub(super) fn passages(mesh: &TriMesh, t: usize, u: usize) -> impl Iterator<Item = Passage> {
+    let (a, b) = (mesh.triangles()[t], mesh.triangles()[u]);
+    let (p, q) = (mesh.corners(t), mesh.corners(u));
+    // Copies of a vertex are one place: a seam of a texture is no intersection.
+    let same = |k: &usize| a[k / 3] == b[k % 3] || p[k / 3] == q[k % 3];
+    let mut shared = (0..9).filter(same);
+    let (first, second) = (shared.next(), shared.next());
+    // With one corner in common, the edges opposite it; with an edge, none.
+    let of = move |corner: Option<usize>| {
+        (0..3).filter(move |k| second.is_none() && corner.is_none_or(|c| (c + 1) % 3 == *k))
+    };
+    let edge = |of: &[u32; 3], k: usize| [of[k], of[(k + 1) % 3]];
+    let ours = of(first.map(|k| k / 3)).filter(move |&k| passes(&p[k], &p[(k + 1) % 3], &q));
+    let theirs = of(first.map(|k| k % 3)).filter(move |&k| passes(&q[k], &q[(k + 1) % 3], &p));
+    let ours = ours.map(move |k| Passage { edge: edge(&a, k), triangle: u as u32 });
+    ours.chain(theirs.map(move |k| Passage { edge: edge(&b, k), triangle: t as u32 }))
+}
+
+/// The segment passes through the triangle, from one side to the other.
+fn passes(from: &Point3<f64>, to: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> bool {
+    let volume = |p: &Point3<f64>, u: &Point3<f64>, v: &Point3<f64>, w: &Point3<f64>| -> f64 {
+        let (u, v, w): (Vector3<f64>, Vector3<f64>, Vector3<f64>) = (u - p, v - p, w - p);
+        u.dot(&v.cross(&w))
+    };
+    let (above, below) = (volume(from, a, b, c), volume(to, a, b, c));
+    if !(above * below < 0.0) {
+        return false;
+    }
+    let sides = [volume(from, to, a, b), volume(from, to, b, c), volume(from, to, c, a)];
+    sides.iter().all(|s| *s > 0.0) || sides.iter().all(|s| *s < 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn a_sphere_pushed_through_a_wall_meets_it_along_a_circle_only() {
+        let sphere = shapes::icosphere(2);
+        assert!(self_intersections(&sphere).is_empty());
+        let wall = shapes::plane(8);
+        let placed: Vec<_> =
+            wall.positions().iter().map(|p| Point3::new(6.0 * p.x - 3.03, 6.0 * p.y - 2.98, 0.11)).collect();
+        let first = sphere.vertex_count() as u32;
+        let positions = [sphere.positions(), &placed].concat();
+        let moved = wall.triangles().iter().map(|t| t.map(|v| v + first));
+        let both = TriMesh::new(positions, sphere.triangles().iter().copied().chain(moved).collect()).unwrap();
+        let pairs = self_intersections(&both);
+        let n = sphere.triangle_count() as u32;
+        let strays = pairs.iter().filter(|[t, u]| *t >= n || *u < n).count();
+        assert!(pairs.len() > 20 && strays == 0, "{} {strays}", pairs.len());
+        // As many as looking at all pairs finds.
+        let mut all = Vec::new();
+        for t in 0..both.triangle_count() {
+            all.extend(
+                (t + 1..both.triangle_count()).filter(|&u| intersect(&both, t, u)).map(|u| [t as u32, u as u32]),
+            );
+        }
+        assert_eq!(pairs, all);
+        for [t, _] in pairs {
+            let z: Vec<f64> = sphere.corners(t as usize).iter().map(|p| p.z).collect();
+            assert!(z.iter().any(|z| *z > 0.11) && z.iter().any(|z| *z < 0.11));
+        }
+    }
+
+    #[test]
+    fn neighbors_at_a_vertex_meet_where_one_is_pushed_through_the_other() {
+        let p = [[0.0, 0.0, 0.0], [2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [1.0, 0.1, 1.0], [1.0, 0.1, -1.0]];
+        let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [0, 3, 4]]).unwrap();
+        assert_eq!(self_intersections(&mesh), [[0, 1]]);
+        let apart = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 3, 4]]).unwrap();
+        assert_eq!(self_intersections(&apart), [[0, 1]]);
+        let neighbors = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 0, 4]]).unwrap();
+        assert!(self_intersections(&neighbors).is_empty());
+    }
+}

@@ -1,0 +1,196 @@
+//! Files of painted times.
+//!
+//! ```json
+//! { "format": "plumbline.paint", "version": 1, "elsewhere": 0,
+//!   "paint": [ { "time": 0, "vertices": [3, 17, [0.1, 2, 0]] },
+//!              { "time": 1, "sphere": { "center": [0, 2, 0.3], "radius": 0.4 } } ] }
+//! ```
+//!
+//! Later strokes paint over earlier ones. Between strokes time runs harmonically.
+
+use std::path::Path;
+
+use nalgebra::{Point3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::MorphError;
+use super::correspondence::Place;
+use crate::mesh::TriMesh;
+
+const FORMAT: &str = "plumbline.paint";
+
+/// Times painted on the first mesh.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Paint {
+    /// Always `plumbline.paint`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// Time of pieces of the surface on which nothing is painted.
+    #[serde(default)]
+    elsewhere: f64,
+    /// Strokes; later ones paint over earlier ones.
+    #[schemars(length(min = 1))]
+    paint: Vec<Stroke>,
+}
+
+/// A time, and where: one of `vertices`, `sphere`, `half_space`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Stroke {
+    /// 0: as the first mesh, 1: as the second.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    time: f64,
+    /// These vertices.
+    #[serde(default)]
+    vertices: Vec<Place>,
+    /// All vertices in a ball.
+    #[serde(default)]
+    sphere: Option<Ball>,
+    /// All vertices on one side of a plane.
+    #[serde(default)]
+    half_space: Option<HalfSpace>,
+}
+
+/// A ball.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Ball {
+    /// Its middle.
+    center: [f64; 3],
+    /// Its radius, above 0.
+    radius: f64,
+}
+
+/// One side of a plane.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct HalfSpace {
+    /// A place on the plane.
+    point: [f64; 3],
+    /// To which side, across the plane.
+    normal: [f64; 3],
+}
+
+/// The JSON schema of files of painted times.
+pub fn paint_schema() -> schemars::Schema {
+    schemars::schema_for!(Paint)
+}
+
+impl Paint {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`], also where it cannot be read.
+    pub fn read(path: &Path) -> Result<Self, MorphError> {
+        let text = std::fs::read_to_string(path);
+        Self::parse(&text.map_err(|e| malformed(format!("cannot be read: {e}")))?)
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// [`MorphError::Malformed`].
+    pub fn parse(text: &str) -> Result<Self, MorphError> {
+        let file: Self = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
+        if file.format != FORMAT {
+            return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", file.format)));
+        }
+        if file.version != 1 {
+            return Err(malformed(format!("version {} is not supported (expected 1)", file.version)));
+        }
+        let times = file.paint.iter().map(|s| s.time).chain([file.elsewhere]);
+        if let Some(time) = times.into_iter().find(|t| !(0.0..=1.0).contains(t)) {
+            return Err(malformed(format!("a time is {time} (expected 0 to 1)")));
+        }
+        Ok(file)
+    }
+
+    /// Time of pieces on which nothing is painted.
+    pub fn elsewhere(&self) -> f64 {
+        self.elsewhere
+    }
+
+    /// The time painted on each vertex of a mesh.
+    ///
+    /// # Errors
+    /// [`MorphError::NoSuchVertex`]; [`MorphError::Value`] for a stroke that means no vertex.
+    pub fn of_mesh(&self, mesh: &TriMesh) -> Result<Vec<Option<f64>>, MorphError> {
+        let mut painted = vec![None; mesh.vertex_count()];
+        if self.paint.is_empty() {
+            return Err(malformed("no stroke is given (expected at least one)".to_owned()));
+        }
+        for (k, stroke) in self.paint.iter().enumerate() {
+            let place = format!("stroke {k}");
+            let meant = stroke.vertices_of(mesh, &place)?;
+            if meant.is_empty() {
+                let expected = "vertices, a sphere or a half_space with vertices of the first mesh".to_owned();
+                return Err(MorphError::Value { what: place, value: "painting no vertex".to_owned(), expected });
+            }
+            meant.into_iter().for_each(|v| painted[v as usize] = Some(stroke.time));
+        }
+        Ok(painted)
+    }
+}
+
+impl Stroke {
+    fn vertices_of(&self, mesh: &TriMesh, place: &str) -> Result<Vec<u32>, MorphError> {
+        let named: Result<Vec<u32>, MorphError> =
+            self.vertices.iter().map(|p| p.vertex(mesh, "first", place)).collect();
+        let in_ball =
+            |p: &Point3<f64>| self.sphere.as_ref().is_some_and(|b| (p - Point3::from(b.center)).norm() <= b.radius);
+        let beyond = |p: &Point3<f64>| {
+            let on_side = |h: &HalfSpace| (p - Point3::from(h.point)).dot(&Vector3::from(h.normal)) >= 0.0;
+            self.half_space.as_ref().is_some_and(on_side)
+        };
+        let placed = mesh.positions().iter().enumerate().filter(|(_, p)| in_ball(p) || beyond(p));
+        Ok(named?.into_iter().chain(placed.map(|(v, _)| v as u32)).collect())
+    }
+}
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { kind: "painted times", fault }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    const GOOD: &str = r#"{"format": "plumbline.paint", "version": 1, "elsewhere": 0.5, "paint": [
+        {"time": 0, "half_space": {"point": [0, 0, -0.5], "normal": [0, 0, -1]}},
+        {"time": 1, "sphere": {"center": [0, 0, 1], "radius": 0.6}}, {"time": 0.25, "vertices": [0]}]}"#;
+
+    #[test]
+    fn later_strokes_paint_over_earlier_ones() {
+        let ball = shapes::icosphere(2);
+        let painted = Paint::parse(GOOD).unwrap().of_mesh(&ball).unwrap();
+        for (v, (p, time)) in ball.positions().iter().zip(&painted).enumerate() {
+            let expected = match () {
+                () if v == 0 => Some(0.25),
+                () if (p - Point3::new(0.0, 0.0, 1.0)).norm() <= 0.6 => Some(1.0),
+                () if p.z <= -0.5 => Some(0.0),
+                () => None,
+            };
+            assert_eq!(*time, expected);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_meant_is_refused() {
+        let ball = shapes::icosphere(1);
+        for (from, to, told) in [
+            ("\"time\": 1", "\"time\": 1.5", "a time is 1.5"),
+            ("[0]", "[900]", "no vertex 900"),
+            ("\"radius\": 0.6", "\"radius\": -1", "painting no vertex"),
+            ("plumbline.paint", "plumbline.lines", "plumbline.paint"),
+            ("\"version\": 1", "\"version\": 9", "version 9"),
+            ("sphere", "cube", "cube"),
+        ] {
+            let told_of = Paint::parse(&GOOD.replace(from, to)).and_then(|p| p.of_mesh(&ball)).unwrap_err().to_string();
+            assert!(told_of.contains(told), "{told_of}");
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! The similarity between two clouds of points that lies nearest, and the screw motion that leads there.
+//!
+//! ```text
+//! min over R, s, t of  Σ wᵢ |s R aᵢ + t − bᵢ|²        R = V diag(1, 1, ±1) Uᵀ  of  Σ w (a − ā)(b − b̄)ᵀ = U Σ Vᵀ
+//! ```
+//!
+//! # Reference
+//! S. Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, PAMI 1991.
+
+use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
+
+/// A singular value below this fraction of the largest shows no direction.
+const RANK: f64 = 1e-10;
+
+/// A whole turn more or less leads around an axis that may lie anywhere: below this `sin(θ/2)` its arc would be more than
+/// twice as wide as the way is long, and the way is straight instead.
+const WIDEST_ARC: f64 = 0.25;
+
+/// Mean of weighted points.
+pub(super) fn centroid(points: &[Point3<f64>], weights: &[f64]) -> Point3<f64> {
+    let Some(&first) = points.first() else { return Point3::origin() };
+    let total: f64 = weights.iter().sum();
+    let sum: Vector3<f64> = points.iter().zip(weights).map(|(p, w)| (p - first) * *w).sum();
+    if total > 0.0 { first + sum / total } else { first }
+}
+
+/// The similarity, of scale 1 unless `scaled`, that takes `from` nearest to `to`; and how many directions the points span.
+pub(super) fn nearest_similarity(
+    from: &[Point3<f64>],
+    to: &[Point3<f64>],
+    weights: &[f64],
+    scaled: bool,
+) -> (Similarity3<f64>, usize) {
+    let (from_mean, to_mean) = (centroid(from, weights), centroid(to, weights));
+    let (mut covariance, mut spread) = (Matrix3::zeros(), 0.0);
+    for ((a, b), &w) in from.iter().zip(to).zip(weights) {
+        let (a, b) = (a - from_mean, b - to_mean);
+        covariance += a * b.transpose() * w;
+        spread += w * a.norm_squared();
+    }
+    let (rotation, values) = rotation_of(&covariance);
+    let rank = values.iter().filter(|v| **v > RANK * values[0]).count();
+    let gain = (rotation.to_rotation_matrix().matrix() * covariance).trace() / spread;
+    let scale = if scaled && gain > 0.0 && gain.is_finite() { gain } else { 1.0 };
+    let translation = to_mean.coords - rotation * from_mean.coords * scale;
+    (Similarity3::from_parts(Translation3::from(translation), rotation, scale), rank)
+}
+
+/// The rotation that maximizes `tr(R S)`, and the singular values of `S`, descending.
+fn rotation_of(s: &Matrix3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
+    let largest = s.amax();
+    if !(largest > 0.0 && largest.is_finite()) {
+        return (UnitQuaternion::identity(), Vector3::zeros());
+    }
+    let svd = (s / largest).svd(true, true);
+    let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
+    let (v, mut signs) = (v_t.transpose(), Matrix3::identity());
+    signs[(2, 2)] = (v * u.transpose()).determinant().signum();
+    let rotation = Rotation3::from_matrix_unchecked(v * signs * u.transpose());
+    let mut turn = UnitQuaternion::from_rotation_matrix(&rotation);
+    turn.renormalize();
+    (turn, svd.singular_values)
+}
+
+/// A rigid motion and the way there: about an axis, and along it.
+#[derive(Clone, Debug)]
+pub(super) struct Screw {
+    /// Axis times angle, whole turns included.
+    pub(super) turn: Vector3<f64>,
+    from: Point3<f64>,
+    way: Vector3<f64>,
+}
+
+impl Screw {
+    /// The motion that takes `from` to `to` and turns by the rotation vector `turn`.
+    pub(super) fn new(turn: Vector3<f64>, from: Point3<f64>, to: Point3<f64>) -> Self {
+        Self { turn, from, way: to - from }
+    }
+
+    /// How far it has turned at a time.
+    pub(super) fn rotation(&self, time: f64) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(self.turn * time)
+    }
+
+    /// Where it has taken a point at a time.
+    pub(super) fn at(&self, time: f64, point: &Point3<f64>) -> Point3<f64> {
+        self.from + self.rotation(time) * (point - self.from) + self.along(time)
+    }
+
+    /// Whence the motion takes a point to here, at time 1.
+    pub(super) fn undone(&self, point: &Point3<f64>) -> Point3<f64> {
+        self.from + self.rotation(1.0).inverse() * (point - (self.from + self.way))
+    }
+
+    /// The way of `from`. Across the axis, `(e^{isθ} − 1)/(e^{iθ} − 1) = e^{i(s−1)θ/2} sin(sθ/2)/sin(θ/2)`.
+    fn along(&self, time: f64) -> Vector3<f64> {
+        let angle = self.turn.norm();
+        let sine = (0.5 * angle).sin();
+        let whole_turns = angle > std::f64::consts::PI * (1.0 + 1e-12);
+        if angle < 1e-12 || whole_turns && sine.abs() < WIDEST_ARC {
+            return self.way * time;
+        }
+        let axis = self.turn / angle;
+        let along = axis * axis.dot(&self.way);
+        let across = UnitQuaternion::from_scaled_axis(self.turn * (0.5 * (time - 1.0))) * (self.way - along);
+        along * time + across * ((0.5 * time * angle).sin() / sine)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud() -> Vec<Point3<f64>> {
+        (0..20).map(|k| f64::from(k)).map(|k| Point3::new(k.sin(), (2.3 * k).cos(), 0.3 * k)).collect()
+    }
+
+    #[test]
+    fn a_similarity_is_found_again_wherever_it_leads() {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -2.0, 1.1));
+        for (scale, offset) in [(1.0, 0.0), (3.5, 1e4), (0.01, -2.0)] {
+            let map = Similarity3::from_parts(Translation3::new(offset, 2.0, -offset), turn, scale);
+            let to: Vec<_> = cloud().iter().map(|p| map * p).collect();
+            let (found, rank) = nearest_similarity(&cloud(), &to, &[1.0; 20], true);
+            assert_eq!(rank, 3);
+            for (p, q) in cloud().iter().zip(&to) {
+                assert!((found * p - q).norm() < 1e-12 * (1.0 + offset.abs()) * scale.max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_mirror_image_is_met_by_a_rotation_and_points_on_a_line_are_told() {
+        let mirrored: Vec<_> = cloud().iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
+        let (found, _) = nearest_similarity(&cloud(), &mirrored, &[1.0; 20], false);
+        assert!((found.isometry.rotation.to_rotation_matrix().matrix().determinant() - 1.0).abs() < 1e-12);
+        let line: Vec<_> = (0..5).map(|k| Point3::new(f64::from(k), 2.0 * f64::from(k), 1.0)).collect();
+        assert_eq!(nearest_similarity(&line, &line, &[1.0; 5], false).1, 1);
+    }
+
+    #[test]
+    fn a_turn_about_any_axis_is_a_turn_about_it_all_the_way() {
+        for turn in [170.0, 270.0, 1e-7, 350.0_f64] {
+            let (axis, pivot) = (Vector3::new(1.0, 2.0, -0.5).normalize(), Point3::new(3.0, -4.0, 5.0));
+            let turned = |s: f64, p: &Point3<f64>| {
+                pivot + UnitQuaternion::from_scaled_axis(axis * (s * turn.to_radians())) * (p - pivot)
+            };
+            let from = Point3::new(0.2, 0.1, 0.4);
+            let screw = Screw::new(axis * turn.to_radians(), from, turned(1.0, &from));
+            for (k, p) in cloud().iter().enumerate() {
+                assert!((screw.undone(&screw.at(1.0, p)) - p).norm() < 1e-12);
+                // Close to whole turns the arc would be wide, and the way is straight.
+                if turn < 340.0 {
+                    let s = k as f64 / 19.0;
+                    assert!((screw.at(s, p) - turned(s, p)).norm() < 1e-8, "{turn}, {s}");
+                }
+            }
+        }
+    }
+}

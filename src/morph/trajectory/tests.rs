@@ -1,0 +1,205 @@
+use std::f64::consts::PI;
+
+use super::*;
+use crate::mesh::shapes;
+
+fn turned(mesh: &TriMesh, turn: Vector3<f64>, pivot: Point3<f64>) -> TriMesh {
+    let rotation = UnitQuaternion::from_scaled_axis(turn);
+    mesh.with_positions(mesh.positions().iter().map(|p| pivot + rotation * (p - pivot)).collect()).unwrap()
+}
+
+fn worst(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max)
+}
+
+/// A bar of height 4 whose slices turn by up to `angle` about its axis, and bend.
+fn twisted(angle: f64, bend: f64) -> (TriMesh, TriMesh) {
+    let bar = shapes::bar([3, 3, 24], [0.6, 0.6, 4.0]);
+    let place = |p: &Point3<f64>| {
+        let (x, y, s) = (p.x - 0.3, p.y - 0.3, p.z / 4.0);
+        let (sine, cosine) = (angle * s).sin_cos();
+        let (x, y) = (cosine * x - sine * y, sine * x + cosine * y);
+        if bend == 0.0 {
+            return Point3::new(x, y, p.z);
+        }
+        let (radius, (sine, cosine)) = (4.0 / bend, (bend * s).sin_cos());
+        Point3::new((radius + x) * cosine - radius, y, (radius + x) * sine)
+    };
+    let moved = bar.with_positions(bar.positions().iter().map(place).collect()).unwrap();
+    (bar, moved)
+}
+
+#[test]
+fn a_turn_is_made_by_turning_however_far_and_about_whatever_axis() {
+    let mesh = shapes::cactus(10);
+    let axis = Vector3::new(0.3, -1.0, 0.6).normalize();
+    for (degrees, whole_turns) in [(170.0, 0), (270.0, -1), (20.0, 0), (-170.0, 0), (400.0, 1)] {
+        for pivot in [Point3::origin(), Point3::new(3.0, -1.0, 2.0)] {
+            let turn = axis * f64::to_radians(degrees);
+            let second = turned(&mesh, turn, pivot);
+            // 270° is −90°, whose axis points the other way, and one turn against it.
+            let options = TrajectoryOptions { whole_turns, ..Default::default() };
+            let mut trajectory = Trajectory::new(&mesh, &second, &options).unwrap();
+            for time in [0.25, 0.5, 0.9] {
+                let expected = turned(&mesh, turn * time, pivot);
+                let error = worst(&trajectory.at(time), expected.positions());
+                assert!(error < 1e-9 * mesh.diagonal(), "{degrees}°, {time}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn both_ends_are_met_exactly_and_nearly_before_them() {
+    let (first, second) = twisted(2.0, 1.0);
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    assert_eq!(trajectory.at(0.0), first.positions());
+    assert_eq!(trajectory.at(1.0), second.positions());
+    assert!(worst(&trajectory.at(1e-9), first.positions()) < 1e-7);
+    assert!(worst(&trajectory.at(1.0 - 1e-9), second.positions()) < 1e-7);
+}
+
+#[test]
+fn there_and_back_are_the_same_way() {
+    for (first, second) in [twisted(2.0, 1.5), twisted(4.5, 0.0)] {
+        for rounds in [0, 10] {
+            let options = TrajectoryOptions { rounds, ..Default::default() };
+            let mut there = Trajectory::new(&first, &second, &options).unwrap();
+            let mut back = Trajectory::new(&second, &first, &options).unwrap();
+            for time in [0.1, 0.37, 0.5, 0.8] {
+                let error = worst(&there.at(time), &back.at(1.0 - time));
+                assert!(error < 1e-9 * first.diagonal(), "{rounds} rounds, {time}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bar_twisted_by_a_turn_and_a_half_is_half_as_twisted_on_half_the_way() {
+    let (first, second) = twisted(3.0 * PI, 0.0);
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions { rounds: 0, whole_turns: 0 }).unwrap();
+    let middle = trajectory.at(0.5);
+    let linear = trajectory.linear(0.5);
+    // The bar that is twisted half as much, wherever it stands.
+    let half = twisted(1.5 * PI, 0.0).1;
+    let apart = |x: &[Point3<f64>]| {
+        let (map, _) = nearest_similarity(half.positions(), x, &vec![1.0; x.len()], false);
+        let squares: f64 = half.positions().iter().zip(x).map(|(p, q)| (map * p - q).norm_squared()).sum();
+        (squares / x.len() as f64).sqrt()
+    };
+    // Not quite that bar: halfway, triangles are stretched half as much, which does not fit together exactly.
+    assert!(apart(&middle) < 0.25 * apart(&linear), "{} {}", apart(&middle), apart(&linear));
+}
+
+#[test]
+fn each_round_brings_both_ends_nearer() {
+    let (first, second) = twisted(2.5, 2.0);
+    for time in [0.3, 0.5] {
+        let mut last = f64::INFINITY;
+        for rounds in [0, 1, 2, 5, 20, 60] {
+            let mut trajectory =
+                Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }).unwrap();
+            let x = trajectory.at(time);
+            let energy = trajectory.energy(time, &x);
+            assert!(energy <= last * (1.0 + 1e-12), "{rounds}: {energy} after {last}");
+            assert!(energy < trajectory.energy(time, &trajectory.linear(time)));
+            last = energy;
+        }
+    }
+}
+
+#[test]
+fn where_all_vertices_have_one_time_a_blend_is_the_morph() {
+    let (first, second) = twisted(1.0, 2.0);
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    for time in [0.0, 0.3, 1.0] {
+        assert_eq!(trajectory.blend(&vec![time; first.vertex_count()]), trajectory.at(time));
+    }
+}
+
+#[test]
+fn pieces_and_vertices_alone_go_along_and_flat_triangles_do_no_harm() {
+    let pair = shapes::disjoint(&[shapes::icosphere(1), shapes::bar([2, 2, 2], [1.0, 1.0, 1.0])]);
+    let mut positions = pair.positions().to_vec();
+    positions.push(Point3::new(5.0, 5.0, 5.0));
+    let mut triangles = pair.triangles().to_vec();
+    triangles.push([0, 1, 1]);
+    let first = TriMesh::new(positions, triangles).unwrap();
+    let turn = Vector3::new(0.0, 0.0, 1.2);
+    let second = turned(&first, turn, Point3::new(1.0, 2.0, 3.0));
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    let middle = trajectory.at(0.5);
+    let expected = turned(&first, turn * 0.5, Point3::new(1.0, 2.0, 3.0));
+    assert!(worst(&middle, expected.positions()) < 1e-9);
+}
+
+#[test]
+fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
+    let mesh = shapes::icosphere(1);
+    let other = shapes::icosphere(2);
+    let refused = |a: &TriMesh, b: &TriMesh| Trajectory::new(a, b, &TrajectoryOptions::default()).unwrap_err();
+    assert_eq!(refused(&mesh, &other), MorphError::VertexCounts { first: 42, second: 162 });
+    let mut triangles = mesh.triangles().to_vec();
+    triangles[7].swap(0, 1);
+    let swapped = TriMesh::new(mesh.positions().to_vec(), triangles).unwrap();
+    assert!(matches!(refused(&mesh, &swapped), MorphError::Triangles { triangle: 7, .. }));
+    let mut fewer = mesh.triangles().to_vec();
+    fewer.pop();
+    let fewer = TriMesh::new(mesh.positions().to_vec(), fewer).unwrap();
+    assert!(matches!(refused(&mesh, &fewer), MorphError::Triangles { triangle: 79, second: None, .. }));
+}
+
+#[test]
+fn a_shape_is_never_pushed_deeper_into_itself() {
+    let bar = shapes::bar([30, 2, 8], [6.0, 0.3, 1.5]);
+    let bent = |angle: f64| {
+        let place = |p: &Point3<f64>| {
+            let s = p.x / 6.0;
+            let (radius, (sine, cosine)) = (6.0 / angle, (angle * (s - 0.5)).sin_cos());
+            Point3::new((radius + p.y) * sine, (radius + p.y) * cosine - radius, p.z)
+        };
+        bar.with_positions(bar.positions().iter().map(place).collect()).unwrap()
+    };
+    // Nearly closed rings, open like a spring to one side, then to the other: halfway the ends are nearest.
+    let first = bent(1.9 * PI);
+    let second = {
+        let tilted = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z + 2.4 * (p.x / 1.2).tanh()));
+        first.with_positions(tilted.collect()).unwrap()
+    };
+    let mirrored = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z - 2.4 * (p.x / 1.2).tanh())).collect();
+    let first = first.with_positions(mirrored).unwrap();
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    for time in [0.0, 0.3, 0.5, 1.0] {
+        let (x, [before, after]) = trajectory.untangled(time, 10);
+        let count = crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap()).len();
+        assert_eq!(count, after);
+        assert!(
+            after <= before && (before == 0 || time == 0.0 || time == 1.0 || after < before),
+            "{time}: {before} to {after}"
+        );
+        if before == 0 {
+            assert_eq!(x, trajectory.at(time));
+        }
+    }
+}
+
+#[test]
+fn the_center_goes_its_way_and_improvement_turns_nothing_as_a_whole() {
+    let (first, second) = twisted(2.0, 1.5);
+    let carried = second.positions().iter().map(|p| p + Vector3::new(7.0, -2.0, 1.0)).collect();
+    let second = second.with_positions(carried).unwrap();
+    let shape = |rounds: usize, time: f64| {
+        let options = TrajectoryOptions { rounds, whole_turns: 0 };
+        let mut trajectory = Trajectory::new(&first, &second, &options).unwrap();
+        let wanted = centroid(&trajectory.guess(&vec![time; first.vertex_count()]), &trajectory.weights);
+        let x = trajectory.at(time);
+        assert!((centroid(&x, &trajectory.weights) - wanted).norm() < 1e-12, "{rounds} rounds, {time}");
+        (x, trajectory.weights)
+    };
+    for time in [0.2, 0.5, 0.7] {
+        let (start, weights) = shape(0, time);
+        let (improved, _) = shape(40, time);
+        let turn = nearest_similarity(&improved, &start, &weights, false).0.isometry.rotation;
+        assert!(turn.angle() < 1e-7, "{}", turn.angle());
+    }
+}

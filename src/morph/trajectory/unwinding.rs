@@ -1,0 +1,188 @@
+//! Rotations of triangles on their way from nothing to all of it, continuous over the surface.
+//!
+//! Where no triangle turns by nearly half a turn, `Rₜ(τ) = exp(τ log Rₜ)`. Otherwise the logarithm is not unique, and beside whole
+//! turns, where every axis is as good as another, it jumps. Then a triangle turns relative to a neighbor `p`,
+//!
+//! ```text
+//! Rₜ(τ) = Rₚ(τ) exp(τ log Rₚᵀ Rₜ),
+//! ```
+//!
+//! along the tree of neighbors that differ least, from the one that turned least on: a part twisted by two turns keeps them. Both ways
+//! are symmetric: the inverse rotations from the other end give the same in between.
+//!
+//! # Reference
+//! D. Xu, H. Zhang, Q. Wang, H. Bao, *Poisson shape interpolation*, SPM 2005, for rotations relative to neighbors.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::f64::consts::PI;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Angles are compared in these units, so that rounding does not choose the tree.
+const STEP: f64 = 1e-9;
+
+/// Up to this angle logarithms are far from where they jump. Relative rotations depend a little on the tree, hence not always.
+const SAFE: f64 = 0.85 * PI;
+
+/// How every triangle turns.
+#[derive(Clone, Debug)]
+pub(super) struct Unwinding {
+    /// The neighbor to which each turns relative; itself where to none.
+    parent: Vec<u32>,
+    /// Axis times angle at time 1.
+    turn: Vec<Vector3<f64>>,
+    /// Neighbors before those that turn relative to them.
+    order: Vec<u32>,
+}
+
+impl Unwinding {
+    /// The way to these rotations; a triangle without one turns with the neighbor from which it is reached.
+    pub(super) fn new(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> Self {
+        let (tree, order) = tree(triangles, rotations);
+        let mut this = Self { turn: vec![Vector3::zeros(); tree.len()], parent: tree.clone(), order };
+        let safe = rotations.iter().flatten().all(|r| r.angle() < SAFE);
+        let mut reached: Vec<UnitQuaternion<f64>> = vec![UnitQuaternion::identity(); tree.len()];
+        for &t in &this.order {
+            let (t, p) = (t as usize, tree[t as usize] as usize);
+            reached[t] = rotations[t].unwrap_or(reached[p]);
+            if safe || p == t {
+                this.parent[t] = t as u32;
+                this.turn[t] = reached[t].scaled_axis();
+            } else {
+                this.turn[t] = (reached[p].inverse() * reached[t]).scaled_axis();
+            }
+        }
+        this
+    }
+
+    /// `Rₜ(τ)` and `Rₜ(τ) Rₜ(1)⁻¹`, each triangle at its own time.
+    pub(super) fn at(&self, times: &[f64]) -> Vec<[UnitQuaternion<f64>; 2]> {
+        let Some(&time) = times.first() else { return Vec::new() };
+        if times.iter().any(|t| *t != time) {
+            return (0..times.len()).map(|t| self.of_chain(t, times[t])).collect();
+        }
+        let mut rotations = vec![[UnitQuaternion::identity(); 2]; times.len()];
+        let mut whole = vec![UnitQuaternion::identity(); times.len()];
+        for &t in &self.order {
+            let (t, p) = (t as usize, self.parent[t as usize] as usize);
+            let before = if p == t { UnitQuaternion::identity() } else { whole[p] };
+            let ahead = if p == t { UnitQuaternion::identity() } else { rotations[p][0] };
+            rotations[t] = step(&ahead, &before, &self.turn[t], time);
+            whole[t] = before * UnitQuaternion::from_scaled_axis(self.turn[t]);
+        }
+        rotations
+    }
+
+    fn of_chain(&self, triangle: usize, time: f64) -> [UnitQuaternion<f64>; 2] {
+        let mut chain = vec![triangle];
+        while let Some(&t) = chain.last().filter(|&&t| self.parent[t] as usize != t) {
+            chain.push(self.parent[t] as usize);
+        }
+        let (mut whole, mut at) = (UnitQuaternion::identity(), [UnitQuaternion::identity(); 2]);
+        for t in chain.into_iter().rev() {
+            at = step(&at[0], &whole, &self.turn[t], time);
+            whole *= UnitQuaternion::from_scaled_axis(self.turn[t]);
+        }
+        at
+    }
+}
+
+/// `Rₚ(τ) exp(τ δ)` and `Rₚ(τ) exp((τ − 1) δ) Rₚ⁻¹`.
+fn step(
+    ahead: &UnitQuaternion<f64>,
+    before: &UnitQuaternion<f64>,
+    turn: &Vector3<f64>,
+    time: f64,
+) -> [UnitQuaternion<f64>; 2] {
+    let by = |share: f64| UnitQuaternion::from_scaled_axis(turn * share);
+    [ahead * by(time), ahead * by(time - 1.0) * before.inverse()]
+}
+
+/// For each triangle the neighbor from which it is reached, itself at the roots, and the order in which that happens.
+fn tree(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> (Vec<u32>, Vec<u32>) {
+    let neighbors = neighbors(triangles);
+    let least = |t: usize| rotations[t].as_ref().map_or(i64::MAX, |r| quantized(r.angle()));
+    let mut roots: Vec<usize> = (0..triangles.len()).collect();
+    roots.sort_by_key(|&t| least(t));
+    let (mut from, mut order) = (vec![u32::MAX; triangles.len()], Vec::with_capacity(triangles.len()));
+    let mut queue = BinaryHeap::new();
+    for root in roots {
+        queue.push(Reverse((0, root as u32, root as u32)));
+        while let Some(Reverse((_, t, before))) = queue.pop() {
+            if from[t as usize] != u32::MAX {
+                continue;
+            }
+            from[t as usize] = before;
+            order.push(t);
+            for &u in neighbors[t as usize].iter().filter(|&&u| from[u as usize] == u32::MAX) {
+                queue.push(Reverse((difference(rotations, t as usize, u as usize), u, t)));
+            }
+        }
+    }
+    (from, order)
+}
+
+/// By how much two neighbors differ; those without a rotation come last.
+fn difference(rotations: &[Option<UnitQuaternion<f64>>], t: usize, u: usize) -> i64 {
+    match (&rotations[t], &rotations[u]) {
+        (Some(a), Some(b)) => quantized(a.angle_to(b)),
+        _ => i64::MAX,
+    }
+}
+
+fn quantized(angle: f64) -> i64 {
+    (angle / STEP).round() as i64
+}
+
+/// Triangles that share an edge with each.
+pub(in crate::morph) fn neighbors(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut sides: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
+    for (t, &[a, b, c]) in triangles.iter().enumerate() {
+        sides.extend([(a, b), (b, c), (c, a)].map(|(i, j)| (i.min(j), i.max(j), t as u32)));
+    }
+    sides.sort_unstable();
+    let mut neighbors = vec![Vec::new(); triangles.len()];
+    for edge in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for pair in edge.windows(2) {
+            neighbors[pair[0].2 as usize].push(pair[1].2);
+            neighbors[pair[1].2 as usize].push(pair[0].2);
+        }
+    }
+    neighbors
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// A strip of triangles, the next one turned by a little more than the last.
+    fn strip(n: u32) -> Vec<[u32; 3]> {
+        (0..n).map(|t| if t % 2 == 0 { [t, t + 1, t + 2] } else { [t + 1, t, t + 2] }).collect()
+    }
+
+    #[test]
+    fn a_strip_twisted_by_three_turns_is_twisted_by_half_of_them_on_half_the_way() {
+        let axis = Vector3::new(1.0, -2.0, 0.5).normalize();
+        for turns in [0.2, 3.0] {
+            let angle = |t: u32| TAU * turns * (f64::from(t) - 20.0) / 99.0;
+            let turned = |t: u32, share: f64| UnitQuaternion::from_scaled_axis(axis * (share * angle(t)));
+            let rotations: Vec<_> = (0..100).map(|t| (t != 60).then(|| turned(t, 1.0))).collect();
+            let way = Unwinding::new(&strip(100), &rotations);
+            let varied: Vec<f64> = (0..100).map(|t| f64::from(t) / 99.0).collect();
+            for times in [vec![0.5; 100], varied] {
+                let found = way.at(&times);
+                for t in (0..100_u32).filter(|&t| t != 60) {
+                    let [ahead, back] = &found[t as usize];
+                    let time = times[t as usize];
+                    assert!(ahead.angle_to(&turned(t, time)) < 1e-6, "{turns} {t}");
+                    assert!(back.angle_to(&turned(t, time - 1.0)) < 1e-6, "{turns} {t}");
+                }
+                // The one without a rotation follows its neighbor.
+                assert!(found[60][0].angle_to(&turned(60, times[60])) < TAU * turns / 99.0 + 1e-6);
+            }
+        }
+    }
+}
