@@ -26,8 +26,8 @@ mod render;
 mod retarget;
 mod run;
 mod schema;
-mod skin;
 mod skeleton;
+mod skin;
 mod solve;
 mod stabilize;
 mod stages;
@@ -104,8 +104,8 @@ enum Command {
 /// Which pipeline file, and what to change in it.
 #[derive(Debug, Args)]
 struct PipelineArgs {
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, rig-and-pose
-    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh, morph
+    /// A pipeline file, or the name of a shipped one: stabilize, stabilize-3d, rectify, retarget, vertical-video, deform-mesh,
+    /// rig-and-pose, morph
     #[arg(value_name = "FILE|NAME")]
     file: String,
     /// Change a setting; NAME is a stage, or vars, batch or run
@@ -136,10 +136,7 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skin` or `render` builds from these arguments, the program's name first.
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `pose` or `render` builds from these arguments, the program's name first.
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `skeleton`, `pose` or `render` builds from these arguments, the program's name first.
-/// The pipeline that `plumbline stabilize`, `rectify`, `retarget`, `deform`, `modes`, `morph`, `blend`, `compose` or `render` builds from these arguments, the program's name first.
+/// The pipeline that a command which means one builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// What clap says of them, or why they do not fit together.

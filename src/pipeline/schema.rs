@@ -12,7 +12,6 @@ use super::stages::path_file_schema;
 use crate::camera::lens_file_schema;
 use crate::character::pose_file::pose_file_schema;
 use crate::character::skeleton_file::skeleton_file_schema;
-use crate::character::skeleton_file::skeleton_file_schema;
 use crate::character::weights_file_schema;
 use crate::morph::composition::seam_schema;
 use crate::morph::correspondence::landmarks_schema;
@@ -45,8 +44,6 @@ pub enum FileFormat {
     Skeleton,
     /// Poses of a character, for pose --pose
     Pose,
-    /// Skeletons at rest, plumbline.skeleton
-    Skeleton,
     /// Weights of a skin, plumbline.weights
     Weights,
     /// Places of two meshes that belong together, for morph and blend --landmarks

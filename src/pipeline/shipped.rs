@@ -5,7 +5,7 @@ use std::path::Path;
 use super::syntax::Source;
 
 /// `(name, text)` of every shipped file.
-pub const SHIPPED: [(&str, &str); 7] = [
+pub const SHIPPED: [(&str, &str); 8] = [
     ("stabilize", include_str!("../../pipeline/stabilize.toml")),
     ("stabilize-3d", include_str!("../../pipeline/stabilize-3d.toml")),
     ("rectify", include_str!("../../pipeline/rectify.toml")),

@@ -162,8 +162,8 @@ impl SurfaceSummary {
         self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
         self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
         self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
-        self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))
-        self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))
+        self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))?;
+        self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))?;
         self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
     }
 }

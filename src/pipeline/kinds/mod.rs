@@ -32,9 +32,9 @@ mod photo_retarget;
 mod pose;
 mod render;
 mod report;
-mod skin_weights;
 mod skeleton_extract;
 mod skeleton_load;
+mod skin_weights;
 mod smooth;
 mod stmap;
 mod track;
@@ -77,9 +77,9 @@ pub use photo_retarget::PhotoRetargetSettings;
 pub use pose::{BindingWish, PoseSettings, SkinningWish};
 pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
-pub use skin_weights::{SkinWeightsSettings, WeightWish};
 pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
+pub use skin_weights::{SkinWeightsSettings, WeightWish};
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;
@@ -90,9 +90,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 35] = [
-pub static KINDS: [StageKind; 36] = [
-pub static KINDS: [StageKind; 37] = [
+pub static KINDS: [StageKind; 41] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),

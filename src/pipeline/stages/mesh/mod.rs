@@ -12,9 +12,8 @@ mod posing;
 mod render;
 mod report;
 mod save;
-mod solvable;
-mod weights;
 pub(super) mod solvable;
+mod weights;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,9 +23,8 @@ use nalgebra::Point3;
 use super::context::Context;
 use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
-    MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, SkinWeightsSettings,
     MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
-    SkeletonExtractSettings, SkeletonLoadSettings,
+    SkeletonExtractSettings, SkeletonLoadSettings, SkinWeightsSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
