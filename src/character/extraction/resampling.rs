@@ -11,7 +11,7 @@ pub(super) fn resample(web: &Web, spacing: f64) -> Web {
     let mut pinned = Vec::new();
     let mut edges = Vec::new();
     let mut number = vec![u32::MAX; web.nodes.len()];
-    let mut keep = |v: u32, nodes: &mut Vec<_>, pinned: &mut Vec<bool>| {
+    let keep = |v: u32, nodes: &mut Vec<_>, pinned: &mut Vec<bool>| {
         nodes.push(web.nodes[v as usize]);
         pinned.push(web.pinned[v as usize]);
         nodes.len() as u32 - 1
