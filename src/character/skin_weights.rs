@@ -80,7 +80,9 @@ impl SkinWeights {
             if (sum - 1.0).abs() > report.farthest.abs() {
                 report.farthest = sum - 1.0;
             }
-            row.iter_mut().for_each(|i| i.weight /= sum);
+            for i in row.iter_mut() {
+                i.weight /= sum;
+            }
         }
         Ok((weights, report))
     }

@@ -141,8 +141,7 @@ mod tests {
 
     #[test]
     fn a_blend_is_rigid_and_sees_neither_signs_nor_order() {
-        let q: Vec<_> =
-            [0.1, 0.9, -1.4].map(|s| motion(s)).iter().map(|(r, t)| DualQuaternion::from_rigid(r, t)).collect();
+        let q: Vec<_> = [0.1, 0.9, -1.4].map(motion).iter().map(|(r, t)| DualQuaternion::from_rigid(r, t)).collect();
         let w = [0.2, 0.5, 0.3];
         let blend = |order: [usize; 3], sign: [f64; 3]| {
             DualQuaternion::blend(order.iter().map(|&i| (q[i] * sign[i], w[i]))).expect("does not vanish")

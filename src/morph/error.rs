@@ -22,7 +22,7 @@ pub enum MorphError {
     #[error(
         "the meshes differ: triangle {triangle} joins {} in the first and {} in the second; give landmarks (--landmarks) so that \
          one can be laid over the other, or take two poses of one mesh",
-        corners(.first), corners(.second)
+        corners(.first.as_ref()), corners(.second.as_ref())
     )]
     Triangles {
         /// The first triangle that differs, numbered from 0.
@@ -107,6 +107,6 @@ pub enum MorphError {
     Numerics(#[from] SparseError),
 }
 
-fn corners(triangle: &Option<[u32; 3]>) -> String {
-    triangle.as_ref().map_or_else(|| "nothing".to_owned(), |[a, b, c]| format!("vertices {a}, {b}, {c}"))
+fn corners(triangle: Option<&[u32; 3]>) -> String {
+    triangle.map_or_else(|| "nothing".to_owned(), |[a, b, c]| format!("vertices {a}, {b}, {c}"))
 }

@@ -33,7 +33,8 @@ pub struct Paint {
     elsewhere: f64,
     /// Strokes; later ones paint over earlier ones.
     #[schemars(length(min = 1))]
-    paint: Vec<Stroke>,
+    #[serde(rename = "paint")]
+    strokes: Vec<Stroke>,
 }
 
 /// A time, and where: one of `vertices`, `sphere`, `half_space`.
@@ -101,7 +102,7 @@ impl Paint {
         if file.version != 1 {
             return Err(malformed(format!("version {} is not supported (expected 1)", file.version)));
         }
-        let times = file.paint.iter().map(|s| s.time).chain([file.elsewhere]);
+        let times = file.strokes.iter().map(|s| s.time).chain([file.elsewhere]);
         if let Some(time) = times.into_iter().find(|t| !(0.0..=1.0).contains(t)) {
             return Err(malformed(format!("a time is {time} (expected 0 to 1)")));
         }
@@ -119,17 +120,19 @@ impl Paint {
     /// [`MorphError::NoSuchVertex`]; [`MorphError::Value`] for a stroke that means no vertex.
     pub fn of_mesh(&self, mesh: &TriMesh) -> Result<Vec<Option<f64>>, MorphError> {
         let mut painted = vec![None; mesh.vertex_count()];
-        if self.paint.is_empty() {
+        if self.strokes.is_empty() {
             return Err(malformed("no stroke is given (expected at least one)".to_owned()));
         }
-        for (k, stroke) in self.paint.iter().enumerate() {
+        for (k, stroke) in self.strokes.iter().enumerate() {
             let place = format!("stroke {k}");
             let meant = stroke.vertices_of(mesh, &place)?;
             if meant.is_empty() {
                 let expected = "vertices, a sphere or a half_space with vertices of the first mesh".to_owned();
                 return Err(MorphError::Value { what: place, value: "painting no vertex".to_owned(), expected });
             }
-            meant.into_iter().for_each(|v| painted[v as usize] = Some(stroke.time));
+            for v in meant.into_iter() {
+                painted[v as usize] = Some(stroke.time);
+            }
         }
         Ok(painted)
     }

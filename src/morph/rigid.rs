@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     fn cloud() -> Vec<Point3<f64>> {
-        (0..20).map(|k| f64::from(k)).map(|k| Point3::new(k.sin(), (2.3 * k).cos(), 0.3 * k)).collect()
+        (0..20).map(f64::from).map(|k| Point3::new(k.sin(), (2.3 * k).cos(), 0.3 * k)).collect()
     }
 
     #[test]

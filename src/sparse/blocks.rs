@@ -141,7 +141,9 @@ impl Groups {
             // Of the last column in the end.
             group.parent = parent[j];
         }
-        list.iter_mut().for_each(|g| g.parent = group_of.get(g.parent as usize).copied().unwrap_or(NONE));
+        for g in list.iter_mut() {
+            g.parent = group_of.get(g.parent as usize).copied().unwrap_or(NONE);
+        }
         let mut this = Self { list, order: Vec::new() };
         this.merge();
         this.put_in_order();

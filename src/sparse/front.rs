@@ -34,10 +34,10 @@ pub(super) struct Front<'a, T> {
 /// Eliminates the columns of a front; the index of the first pivot that is not positive on failure.
 pub(super) fn eliminate<T: Scalar>(front: &mut Front<'_, T>) -> Result<(), usize> {
     let (width, rows) = (front.width, front.rows);
-    if width * rows * rows > LARGE {
-        if let (Some(panel), Some(u)) = (T::reals_mut(front.panel), T::reals_mut(front.u)) {
-            return eliminate_large(panel, u, (width, rows));
-        }
+    if width * rows * rows > LARGE
+        && let (Some(panel), Some(u)) = (T::reals_mut(front.panel), T::reals_mut(front.u))
+    {
+        return eliminate_large(panel, u, (width, rows));
     }
     eliminate_strip(front.panel, 0, rows)?;
     subtract_all(front)

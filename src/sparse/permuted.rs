@@ -56,7 +56,9 @@ type Entry = (u32, u32, u32);
 /// Entries by ascending key, those of equal keys in the order given; and where each key starts.
 fn distribute(entries: &[Entry], keys: usize, key: impl Fn(&Entry) -> u32) -> (Vec<Entry>, Vec<u32>) {
     let mut starts = vec![0_u32; keys + 1];
-    entries.iter().for_each(|e| starts[key(e) as usize + 1] += 1);
+    for e in entries.iter() {
+        starts[key(e) as usize + 1] += 1;
+    }
     (0..keys).for_each(|k| starts[k + 1] += starts[k]);
     let mut next = starts.clone();
     let mut sorted = vec![(0, 0, 0); entries.len()];

@@ -66,6 +66,7 @@ impl Scalar for f64 {
     fn times(self, s: f64) -> Self {
         self * s
     }
+    #[expect(clippy::inline_always, reason = "a fused product that is not inlined calls the library's")]
     #[inline(always)]
     fn less<const FUSED: bool>(self, a: Self, s: Self) -> Self {
         if FUSED { (-a).mul_add(s, self) } else { self - a * s }
@@ -97,6 +98,7 @@ impl Scalar for Complex {
     fn times(self, s: f64) -> Self {
         Self::new(self.re * s, self.im * s)
     }
+    #[expect(clippy::inline_always, reason = "a fused product that is not inlined calls the library's")]
     #[inline(always)]
     fn less<const FUSED: bool>(self, a: Self, s: Self) -> Self {
         let (re, im) = (self.re.less::<FUSED>(a.re, s.re), self.im.less::<FUSED>(a.re, s.im));

@@ -56,7 +56,7 @@ fn a_rig_that_is_kept_stands_as_the_baked_surface_does() {
     succeed(folder, &[&pose[..], &["-o", "baked.glb", "--render", "p.png"]].concat());
     succeed(folder, &[&pose[..], &["-o", "rig.glb", "--rig"]].concat());
     let person = character_of(&model(&folder.join("rig.glb"))).expect("it keeps its skin");
-    let names: Vec<&str> = person.clips.iter().map(|c| c.name()).collect();
+    let names: Vec<&str> = person.clips.iter().map(plumbline::character::Clip::name).collect();
     assert_eq!(names, ["walk", "wave"]);
     let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
     let matrices = person.skin.joint_matrices(&person.skeleton.rest_globals()).expect("valid");

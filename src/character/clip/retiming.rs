@@ -17,7 +17,7 @@ impl Clip {
         if speed == 0.0 || !speed.is_finite() {
             return Err(ClipError::Option { name: "speed", value: speed, range: "any number but 0" });
         }
-        self.each_curve(Change { start, speed })
+        self.each_curve(&Change { start, speed })
     }
 
     /// The movement between two times, beginning at 0, with a key every `1 / rate` seconds and at both ends.
@@ -36,10 +36,10 @@ impl Clip {
         let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
         let times: Vec<f64> =
             (0..=steps as u32).map(|k| if f64::from(k) == steps { to - from } else { f64::from(k) / rate }).collect();
-        self.each_curve(Samples { from, times })
+        self.each_curve(&Samples { from, times })
     }
 
-    fn each_curve(&self, change: impl Retiming) -> Result<Self, ClipError> {
+    fn each_curve(&self, change: &impl Retiming) -> Result<Self, ClipError> {
         let track = |track: &Track| {
             let curve = match &track.curve {
                 Curve::Translation(keys) => Curve::Translation(change.keys(keys)?),

@@ -71,12 +71,11 @@ pub(super) fn apply(
         let mirrored = Joint { name, parent, rest, limits: described.limits.map(|l| other_limits(&l)) };
         let existing = rig.joints.iter().position(|k| k.name == mirrored.name).map(|k| k as u32);
         let number = existing.unwrap_or(after.len() as u32);
-        match existing {
-            Some(k) => after[k as usize] = mirrored,
-            None => {
-                edited.added.push(number);
-                after.push(mirrored);
-            }
+        if let Some(k) = existing {
+            after[k as usize] = mirrored
+        } else {
+            edited.added.push(number);
+            after.push(mirrored);
         }
         twin[j as usize] = Some(number);
         worlds[j as usize] = Some(world);

@@ -21,12 +21,11 @@ pub fn volume_center(mesh: &TriMesh, ray: &Ray) -> Option<Point3<f64>> {
     met.sort_by(|a, b| a.0.total_cmp(&b.0));
     let entry = met.iter().position(|&(_, outer)| outer);
     let exit = entry.and_then(|e| met[e..].iter().find(|&&(_, outer)| !outer));
-    let (near, far) = match (entry, exit) {
-        (Some(entry), Some(exit)) => (met[entry].0, exit.0),
-        _ => {
-            let first = met.first()?.0;
-            (first, met.iter().find(|(t, _)| *t > first)?.0)
-        }
+    let (near, far) = if let (Some(entry), Some(exit)) = (entry, exit) {
+        (met[entry].0, exit.0)
+    } else {
+        let first = met.first()?.0;
+        (first, met.iter().find(|(t, _)| *t > first)?.0)
     };
     Some(ray.from + ray.along * (0.5 * (near + far)))
 }

@@ -44,7 +44,9 @@ impl Complex {
         let n = positions.len();
         let mut fans = vec![Vec::new(); n];
         for (t, corners) in triangles.iter().enumerate() {
-            corners.iter().for_each(|v| fans[*v as usize].push(t as u32));
+            for v in corners.iter() {
+                fans[*v as usize].push(t as u32);
+            }
         }
         let mut this = Self {
             positions,

@@ -98,7 +98,9 @@ impl Contraction {
         for t in complex.faces() {
             let [a, b, c] = t.map(|v| complex.positions[v as usize]);
             let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            t.iter().for_each(|v| mass[*v as usize] += third);
+            for v in t.iter() {
+                mass[*v as usize] += third;
+            }
         }
         let area = complex.area();
         let centers = balls.iter().map(|b| b.center).collect();
@@ -179,7 +181,9 @@ impl Contraction {
         for t in self.complex.faces() {
             let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
             let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            t.iter().for_each(|v| areas[*v as usize] += third);
+            for v in t.iter() {
+                areas[*v as usize] += third;
+            }
         }
         areas
     }

@@ -66,25 +66,27 @@ fn distances(complex: &Complex, from: u32) -> Vec<f64> {
     distance
 }
 
+/// The top into whose hill that of `v` has gone.
+fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
+    let mut hill = top[v as usize];
+    while into[hill as usize] != hill {
+        hill = into[hill as usize];
+    }
+    hill
+}
+
 /// Tops of hills that stand out.
 fn tops(complex: &Complex, height: &[f64]) -> Vec<u32> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
-    fn find(top: &[u32], into: &[u32], mut v: u32) -> u32 {
-        v = top[v as usize];
-        while into[v as usize] != v {
-            v = into[v as usize];
-        }
-        v
-    }
     let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
     let mut tips: Vec<u32> = order.first().copied().into_iter().collect();
     let mut around = Vec::new();
     for &v in &order {
         complex.neighbors(v, &mut around);
         let mut hills: Vec<u32> =
-            around.iter().filter(|u| top[**u as usize] != u32::MAX).map(|u| find(&top, &into, *u)).collect();
+            around.iter().filter(|u| top[**u as usize] != u32::MAX).map(|u| hill_of(&top, &into, *u)).collect();
         hills.sort_by_key(|t| (Reverse(Cost::new(height[*t as usize])), *t));
         hills.dedup();
         let Some(highest) = hills.first().copied() else {

@@ -25,6 +25,9 @@ use nalgebra::{DMatrix, Point3, Vector3};
 
 use super::complex::{Collapse, Complex, NONE};
 
+/// `ω` at a half-edge: pairs of `k` and how often.
+type Form = Vec<(u32, i32)>;
+
 /// Above this genus linking numbers would cost more than everything else, and no character has as many handles.
 const MOST_HANDLES: usize = 24;
 /// How far loops are pushed off the surface, as a share of the mean length of edges.
@@ -222,7 +225,7 @@ impl<'c> Surface<'c> {
     }
 
     /// `ω` of every half-edge, as pairs of `k` and how often, and the loops `c_k`.
-    fn forms_and_loops(&self) -> (Vec<Vec<(u32, i32)>>, Vec<Vec<u32>>) {
+    fn forms_and_loops(&self) -> (Vec<Form>, Vec<Vec<u32>>) {
         let halves = self.twin.len();
         let mut tree = vec![false; halves];
         // The half-edge by which the tree reaches each vertex.
@@ -318,7 +321,9 @@ impl<'c> Surface<'c> {
         for t in self.complex.faces() {
             let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
             let normal = (b - a).cross(&(c - a));
-            t.iter().for_each(|v| normals[*v as usize] += normal);
+            for v in t.iter() {
+                normals[*v as usize] += normal;
+            }
             length += (b - a).norm() + (c - b).norm() + (a - c).norm();
             count += 3.0;
         }

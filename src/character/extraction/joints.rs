@@ -53,10 +53,14 @@ fn chosen(web: &Web, branches: &[Branch], radius: &dyn Fn(u32) -> f64, count: Op
     let mut spans: Vec<(Cost, usize, usize, usize, usize)> = Vec::new();
     for (b, branch) in branches.iter().enumerate() {
         let last = branch.len() - 1;
-        [0, last].into_iter().for_each(|i| chosen[branch[i] as usize] = true);
+        for i in [0, last].into_iter() {
+            chosen[branch[i] as usize] = true;
+        }
         // A loop needs three corners to be one.
         let cuts = if branch[0] == branch[last] { vec![0, last / 3, 2 * last / 3, last] } else { vec![0, last] };
-        cuts.iter().for_each(|i| chosen[branch[*i] as usize] = true);
+        for i in cuts.iter() {
+            chosen[branch[*i] as usize] = true;
+        }
         for pair in cuts.windows(2) {
             spans.extend(worst(web, branch, pair[0], pair[1], radius).map(|(c, i)| (c, b, pair[0], i, pair[1])));
         }
@@ -81,7 +85,7 @@ fn chosen(web: &Web, branches: &[Branch], radius: &dyn Fn(u32) -> f64, count: Op
 fn worst(web: &Web, branch: &[u32], from: usize, to: usize, radius: &dyn Fn(u32) -> f64) -> Option<(Cost, usize)> {
     let (a, b) = (web.nodes[branch[from] as usize], web.nodes[branch[to] as usize]);
     let along = b - a;
-    let middle = (from + to) / 2;
+    let middle = usize::midpoint(from, to);
     let off = |i: usize| {
         let p = web.nodes[branch[i] as usize];
         let t =

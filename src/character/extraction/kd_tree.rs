@@ -80,7 +80,7 @@ mod tests {
         for k in 0..200 {
             let k = f64::from(k);
             let p = Point3::new((k * 0.37).sin() * 2.0, (k * 0.73).cos(), (k * 1.31).sin() * 0.5);
-            let wanted = |i: u32| i % 3 != 0;
+            let wanted = |i: u32| !i.is_multiple_of(3);
             let slow = (0..points.len() as u32)
                 .filter(|i| wanted(*i))
                 .map(|i| nalgebra::distance_squared(&points[i as usize], &p))

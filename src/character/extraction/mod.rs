@@ -43,12 +43,14 @@ mod resampling;
 mod surgery;
 #[cfg(test)]
 mod tests;
+mod union_find;
 mod web;
 
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
 
+use self::union_find::UnionFind;
 use super::CurveSkeleton;
 use crate::mesh::TriMesh;
 pub use error::ExtractionError;
@@ -185,7 +187,9 @@ pub fn extract(
         curve.radius.extend(found.radius);
         curve.edges.extend(found.edges.iter().map(|e| e.map(|v| v + first)));
         for (sources, node) in part.sources.iter().zip(found.node_of_vertex) {
-            sources.iter().for_each(|v| curve.node_of_vertex[*v as usize] = first + node);
+            for v in sources.iter() {
+                curve.node_of_vertex[*v as usize] = first + node;
+            }
         }
     }
     adopt_the_rest(mesh, &mut curve);
@@ -205,20 +209,11 @@ fn adopt_the_rest(mesh: &TriMesh, curve: &mut CurveSkeleton) {
 
 fn count_features(curve: &CurveSkeleton, report: &mut ExtractionReport) {
     let mut degree = vec![0_usize; curve.nodes.len()];
-    let mut into: Vec<usize> = (0..curve.nodes.len()).collect();
-    fn root(into: &mut [usize], mut v: usize) -> usize {
-        while into[v] != v {
-            into[v] = into[into[v]];
-            v = into[v];
-        }
-        v
-    }
+    let mut pieces = UnionFind::new(curve.nodes.len());
     for &[a, b] in &curve.edges {
         degree[a as usize] += 1;
         degree[b as usize] += 1;
-        let (a, b) = (root(&mut into, a as usize), root(&mut into, b as usize));
-        report.loops += usize::from(a == b);
-        into[a] = b;
+        report.loops += usize::from(!pieces.join(a, b));
     }
     report.ends = degree.iter().filter(|d| **d == 1).count();
     report.junctions = degree.iter().filter(|d| **d > 2).count();

@@ -64,7 +64,9 @@ pub(super) fn extract(
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     reduction::reduce(&mut complex, MOST_VERTICES, &pinned);
     if options.keep == Keep::Extrema {
-        extremities::find(&complex).into_iter().for_each(|v| pinned[v as usize] = true);
+        for v in extremities::find(&complex).into_iter() {
+            pinned[v as usize] = true;
+        }
     }
     let mut classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
@@ -250,7 +252,9 @@ fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
     }
     let strays: Vec<u32> =
         pieces.iter().filter(|p| piece_of_vertex[p[0] as usize] == usize::MAX).flatten().copied().collect();
-    strays.iter().for_each(|v| node_of_vertex[*v as usize] = u32::MAX);
+    for v in strays.iter() {
+        node_of_vertex[*v as usize] = u32::MAX;
+    }
     let mut queue: std::collections::VecDeque<u32> =
         (0..mesh.vertex_count() as u32).filter(|v| settled(*v as usize, node_of_vertex)).collect();
     while let Some(v) = queue.pop_front() {

@@ -3,6 +3,7 @@
 //! Repair drops what is degenerate or double and orients the rest, but takes sheets apart where more than two meet. A curve should
 //! run through such places: copies of a vertex are joined again, and triangles that hang together by a vertex are one part.
 
+use super::union_find::UnionFind;
 use std::collections::HashMap;
 
 use crate::mesh::{RepairOptions, TriMesh, repair};
@@ -79,25 +80,16 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
 
 /// Number of the component of each vertex, by the order of their first vertices.
 fn components(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut into: Vec<u32> = (0..vertices as u32).collect();
-    fn root(into: &mut [u32], mut v: u32) -> u32 {
-        while into[v as usize] != v {
-            into[v as usize] = into[into[v as usize] as usize];
-            v = into[v as usize];
-        }
-        v
-    }
-    for t in triangles {
-        for k in 1..3 {
-            let (a, b) = (root(&mut into, t[0]), root(&mut into, t[k]));
-            into[a.max(b) as usize] = a.min(b);
-        }
+    let mut pieces = UnionFind::new(vertices);
+    for &[a, b, c] in triangles {
+        pieces.join(a, b);
+        pieces.join(a, c);
     }
     let mut number = HashMap::new();
     (0..vertices as u32)
         .map(|v| {
             let next = number.len() as u32;
-            *number.entry(root(&mut into, v)).or_insert(next)
+            *number.entry(pieces.root(v)).or_insert(next)
         })
         .collect()
 }

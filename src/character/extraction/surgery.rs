@@ -50,6 +50,9 @@ struct Spoke {
     class: u32,
 }
 
+/// A collapse of the first vertex into the second, at what cost, and the versions of both for which that holds.
+type Collapse = (Cost, u32, u32, u32, u32);
+
 struct Surgery<'c> {
     positions: Vec<Point3<f64>>,
     triangles: Vec<[u32; 3]>,
@@ -60,7 +63,7 @@ struct Surgery<'c> {
     into: Vec<u32>,
     pinned: &'c [bool],
     classes: &'c mut Classes,
-    heap: BinaryHeap<Reverse<(Cost, u32, u32, u32, u32)>>,
+    heap: BinaryHeap<Reverse<Collapse>>,
 }
 
 /// Collapses all triangles of a complex.

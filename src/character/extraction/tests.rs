@@ -102,24 +102,16 @@ fn every_vertex_belongs_to_one_node_and_regions_hang_together() {
     let mesh = shapes::cactus(30);
     let (curve, _) = curve_of(&mesh);
     assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count());
-    let mut into: Vec<usize> = (0..mesh.vertex_count()).collect();
-    fn root(into: &[usize], mut v: usize) -> usize {
-        while into[v] != v {
-            v = into[v];
-        }
-        v
-    }
+    let mut joined = UnionFind::new(mesh.vertex_count());
     let node = |v: usize| curve.node_of_vertex[v];
     for t in mesh.triangles() {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            let (a, b) = (a as usize, b as usize);
-            if node(a) == node(b) {
-                let (a, b) = (root(&into, a), root(&into, b));
-                into[a] = b;
+            if node(a as usize) == node(b as usize) {
+                joined.join(a, b);
             }
         }
     }
-    let mut pieces: Vec<(u32, usize)> = (0..mesh.vertex_count()).map(|v| (node(v), root(&into, v))).collect();
+    let mut pieces: Vec<(u32, u32)> = (0..mesh.vertex_count()).map(|v| (node(v), joined.root(v as u32))).collect();
     pieces.sort_unstable();
     pieces.dedup();
     let mut nodes: Vec<u32> = pieces.iter().map(|p| p.0).collect();

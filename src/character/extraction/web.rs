@@ -88,7 +88,9 @@ impl Web {
                     None => v < last,
                 };
                 if first_time {
-                    inner.iter().for_each(|v| seen[*v as usize] = true);
+                    for v in inner.iter() {
+                        seen[*v as usize] = true;
+                    }
                     branches.push(branch);
                 }
             }
@@ -96,7 +98,9 @@ impl Web {
         for v in self.alive() {
             if self.degree(v) == 2 && !seen[v as usize] {
                 let branch = self.walk(v, self.neighbors(v)[0]);
-                branch.iter().for_each(|v| seen[*v as usize] = true);
+                for v in branch.iter() {
+                    seen[*v as usize] = true;
+                }
                 branches.push(branch);
             }
         }

@@ -75,7 +75,7 @@ impl<'a> Problem<'a> {
         }
         for &j in &self.variables.joints {
             let (joint, local) = (&self.skeleton.joints()[j as usize], &pose.locals[j as usize]);
-            let (turn, _) = Coordinates::of(joint, local).from_rest(joint, local);
+            let (turn, _) = Coordinates::of(joint, local).turn_from_rest(joint, local);
             cost += 0.5 * (self.rest * turn).norm_squared();
         }
         cost
@@ -137,7 +137,7 @@ impl DampedProblem for Problem<'_> {
         }
         for (k, &j) in joints.iter().enumerate() {
             let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
-            let (turn, change) = Coordinates::of(joint, local).from_rest(joint, local);
+            let (turn, change) = Coordinates::of(joint, local).turn_from_rest(joint, local);
             let weight = self.rest * self.rest;
             let mut rows = self.gradient.fixed_rows_mut::<3>(3 * k);
             rows += change.transpose() * turn * weight;

@@ -249,10 +249,10 @@ fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), IkError> {
         if !(target.weight > 0.0 && target.weight.is_finite()) {
             return Err(IkError::Weight { target: number, weight: target.weight });
         }
-        if let Goal::Pole { root, middle, .. } = target.goal {
-            if !(above(skeleton, middle, root) && above(skeleton, target.joint, middle)) {
-                return Err(IkError::Chain { target: number });
-            }
+        if let Goal::Pole { root, middle, .. } = target.goal
+            && !(above(skeleton, middle, root) && above(skeleton, target.joint, middle))
+        {
+            return Err(IkError::Chain { target: number });
         }
     }
     Ok(())

@@ -135,7 +135,7 @@ impl<'a> Coordinates<'a> {
     }
 
     /// Turn from rest as coordinates, and how they change with ours.
-    pub(super) fn from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
+    pub(super) fn turn_from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
         match self {
             Self::Limited(_, at) => (Vector3::new(at.swing.x, at.swing.y, at.twist), Matrix3::identity()),
             Self::Free => {

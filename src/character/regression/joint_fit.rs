@@ -7,6 +7,9 @@ use super::Example;
 use crate::math::nearest_rotation;
 use crate::mesh::TriMesh;
 
+/// Where what follows a joint lies in the middle, at rest and in the example.
+type Middles = (Vector3<f64>, Vector3<f64>);
+
 /// Rounds of the active set at most, for each joint; a few are the rule.
 const ROUNDS: usize = 10;
 /// What is added to the diagonal, in parts of the trace: far below what examples tell, far above rounding.
@@ -44,7 +47,7 @@ pub fn fit_joints(
             *to += w * x.coords;
         }
     }
-    let middles: Vec<_> = sums.iter().map(|(w, p, x)| (*w > 0.0).then(|| (p / *w, x / *w))).collect();
+    let middles: Vec<Option<Middles>> = sums.iter().map(|(w, p, x)| (*w > 0.0).then(|| (p / *w, x / *w))).collect();
     let mut spread = vec![Matrix3::zeros(); weights.joint_count()];
     for ((p, x), row) in pairs() {
         for i in row {
@@ -53,7 +56,7 @@ pub fn fit_joints(
             }
         }
     }
-    let motion = |(middle, spread): (&Option<(Vector3<f64>, Vector3<f64>)>, &Matrix3<f64>)| {
+    let motion = |(middle, spread): (&Option<Middles>, &Matrix3<f64>)| {
         let Some((from, to)) = middle else { return Matrix4::identity() };
         let rotation = nearest_rotation(spread);
         let mut m = rotation.to_homogeneous();

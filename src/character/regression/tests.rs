@@ -90,7 +90,7 @@ fn examples_that_move_rigidly_come_back_exactly() {
     assert!(report.error < 1e-12, "{report:?}");
     let new = rigid(-1.7);
     assert!(rms(&model.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
-    let reduced = model.reduced(&[new.matrices.clone()], 3).expect("fits");
+    let reduced = model.reduced(std::slice::from_ref(&new.matrices), 3).expect("fits");
     assert!(rms(&reduced.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
 }
 

@@ -146,6 +146,7 @@ fn a_twist_narrows_linear_blends_by_the_cosine_of_its_half_and_the_others_not_at
 
 #[test]
 fn a_swing_is_linear_and_a_twist_dual_where_both_are_split() {
+    use SkinningMethod::{DualQuaternion, LinearBlend, TwistSwing};
     let tube = tube(2, 16, 30);
     let positions = |method, rotation| {
         let m = matrices(&tube.1, &tube.2, |p| p.locals[1].rotation = rotation);
@@ -154,7 +155,6 @@ fn a_swing_is_linear_and_a_twist_dual_where_both_are_split() {
     let farthest =
         |a: Vec<Point3<f64>>, b: Vec<Point3<f64>>| a.iter().zip(&b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     let (swing, twist) = (turn([0.0, 0.3, 1.0], 1.5), turn([1.0, 0.0, 0.0], 1.5));
-    use SkinningMethod::{DualQuaternion, LinearBlend, TwistSwing};
     assert!(farthest(positions(TwistSwing, swing), positions(LinearBlend, swing)) < 1e-12);
     assert!(farthest(positions(TwistSwing, twist), positions(DualQuaternion, twist)) < 1e-12);
     assert!(farthest(positions(LinearBlend, swing), positions(DualQuaternion, swing)) > 0.1);

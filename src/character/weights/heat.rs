@@ -73,7 +73,9 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec
     }
     for (joint, heated) in heated.iter().enumerate().filter(|(_, h)| !h.is_empty()) {
         let mut temperature = vec![0.0; unknown.len()];
-        heated.iter().for_each(|&(u, heat)| temperature[u] += heat);
+        for &(u, heat) in heated.iter() {
+            temperature[u] += heat;
+        }
         factor.solve(&mut temperature);
         for (&v, &w) in unknown.iter().zip(&temperature) {
             if w > COLD {

@@ -133,7 +133,8 @@ fn borrow(welded: &Welded, bones: &[super::Bone], rows: &mut [Row], report: &mut
     let mut pieces: Vec<u32> = Vec::new();
     for &v in &empty {
         let (nearest, _) = tree.find(&welded.positions()[v]).expect("there are full rows");
-        rows[v] = rows[full[nearest]].clone();
+        let borrowed = rows[full[nearest]].clone();
+        rows[v] = borrowed;
         pieces.push(welded.piece_of(v));
     }
     pieces.sort_unstable();

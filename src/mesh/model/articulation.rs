@@ -155,7 +155,9 @@ impl Influences {
     fn of(&self, vertices: &[u32]) -> Self {
         let mut rows = Self::default();
         if !self.joints.is_empty() {
-            vertices.iter().for_each(|&v| rows.push(self.row(v as usize)));
+            for &v in vertices.iter() {
+                rows.push(self.row(v as usize));
+            }
         }
         rows
     }
@@ -315,7 +317,9 @@ impl Articulation {
                 way.push(node);
                 at = self.nodes[node].parent.map(|p| p as usize);
             }
-            way.into_iter().for_each(|node| done[node] = true);
+            for node in way.into_iter() {
+                done[node] = true;
+            }
         }
         None
     }

@@ -96,7 +96,7 @@ pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> R
                 mesh,
                 &line,
                 &Kept::Vertex(*keep),
-                (0..mesh.vertex_count() as u32).map(Some).collect(),
+                &(0..mesh.vertex_count() as u32).map(Some).collect::<Vec<_>>(),
                 which,
                 keep_rest,
             )
@@ -159,7 +159,7 @@ fn along_level(
         };
         seam(which, format!("{told}; move the plane or the vertices"))
     })?;
-    separated(&divided, &line, &Kept::Left, source, which, keep_rest)
+    separated(&divided, &line, &Kept::Left, &source, which, keep_rest)
 }
 
 /// Vertices very near to the line are put on it.
@@ -231,7 +231,7 @@ fn separated(
     mesh: &TriMesh,
     line: &[u32],
     kept: &Kept,
-    source: Vec<Option<u32>>,
+    source: &[Option<u32>],
     which: &'static str,
     keep_rest: bool,
 ) -> Result<CutSurface, MorphError> {
@@ -254,7 +254,7 @@ fn separated(
     let removed = if wanted == left { right } else { left };
     let keep = |t: usize| if keep_rest { part[t] != removed } else { part[t] == wanted };
     let line: Vec<u32> = if wanted == left { line.to_vec() } else { line.iter().rev().copied().collect() };
-    compacted(mesh, keep, &line, &source)
+    compacted(mesh, keep, &line, source)
 }
 
 /// The part of each triangle where no part crosses the given edges, and that to the left of an edge.
@@ -325,10 +325,10 @@ fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str)
     }
     let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); count];
     for &[a, b, c] in mesh.triangles() {
-        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| {
+        for (i, j) in [(a, b), (b, c), (c, a)] {
             neighbors[i as usize].push(j);
             neighbors[j as usize].push(i);
-        });
+        }
     }
     let mut line: Vec<u32> = Vec::new();
     for (k, &from) in vertices.iter().enumerate() {
@@ -400,7 +400,9 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Re
     let mut rhs = vec![0.0; mesh.vertex_count()];
     for (t, corners) in mesh.triangles().iter().enumerate() {
         let third = mesh.area_normal(t).norm() / 6.0;
-        corners.iter().for_each(|v| rhs[*v as usize] += if part[t] == kept { third } else { 0.0 });
+        for v in corners.iter() {
+            rhs[*v as usize] += if part[t] == kept { third } else { 0.0 };
+        }
     }
     let length: f64 =
         edges.iter().map(|e| (mesh.positions()[e.0 as usize] - mesh.positions()[e.1 as usize]).norm()).sum();

@@ -191,7 +191,9 @@ fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
         }
     }
     let mut ring = vec![usize::MAX; vertices];
-    seam.iter().for_each(|v| ring[*v as usize] = 0);
+    for v in seam.iter() {
+        ring[*v as usize] = 0;
+    }
     let mut queue: VecDeque<u32> = seam.iter().copied().collect();
     while let Some(v) = queue.pop_front() {
         for &w in &neighbors[v as usize] {

@@ -94,11 +94,17 @@ fn unfold(
     places: &mut [Nearest],
 ) -> Result<(), MorphError> {
     let mut fixed = vec![false; places.len()];
-    landmarks.iter().for_each(|l| fixed[l.0 as usize] = true);
+    for l in landmarks.iter() {
+        fixed[l.0 as usize] = true;
+    }
     let mut around = vec![Vec::new(); places.len()];
     for &[a, b, c] in mesh.triangles() {
-        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[i as usize].push(j));
-        [(a, b), (b, c), (c, a)].iter().for_each(|&(i, j)| around[j as usize].push(i));
+        for &(i, j) in [(a, b), (b, c), (c, a)].iter() {
+            around[i as usize].push(j);
+        }
+        for &(i, j) in [(a, b), (b, c), (c, a)].iter() {
+            around[j as usize].push(i);
+        }
     }
     let longest =
         |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
@@ -230,7 +236,9 @@ impl System {
         let mut places = start.positions().to_vec();
         let affine: Vec<Affine> = (0..m).map(|t| Affine::new(start, t, n, &mut places)).collect();
         let mut fixed = vec![None; n + m];
-        landmarks.iter().for_each(|&(v, w)| fixed[v as usize] = Some(goal.positions()[w as usize]));
+        for &(v, w) in landmarks.iter() {
+            fixed[v as usize] = Some(goal.positions()[w as usize]);
+        }
         let mut used = vec![false; n + m];
         affine.iter().flat_map(|a| a.vertices).for_each(|v| used[v as usize] = true);
         // A vertex that no triangle names stays where it is.
@@ -355,7 +363,9 @@ impl Entries {
                 a.vertices.iter().enumerate().map(|(k, &v)| (v, a.gradients.column(k).into_owned())).collect();
             self.squares(&row, weight);
             // Coordinate c of T is wanted as the c-th unit vector.
-            row.iter().for_each(|(v, g)| self.rhs[*v as usize] += g * weight);
+            for (v, g) in row.iter() {
+                self.rhs[*v as usize] += g * weight;
+            }
             // Whatever the triangle's shape, something holds its fourth vertex.
             if a.gradients.amax() == 0.0 {
                 self.triplets.push((a.vertices[3], a.vertices[3], weight));

@@ -171,7 +171,9 @@ impl Front {
         let mut dense = vec![0.0; height * self.columns];
         let mut ends = vec![0; self.columns];
         for (k, (_, entries)) in self.rows.iter().enumerate() {
-            entries.iter().for_each(|&(j, v)| dense[j as usize * height + k] += v);
+            for &(j, v) in entries.iter() {
+                dense[j as usize * height + k] += v;
+            }
             if let Some(end) = ends.get_mut(begin(entries) as usize) {
                 *end = k + 1;
             }

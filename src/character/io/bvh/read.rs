@@ -147,7 +147,7 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
                 match each {
                     Move::Along(axis) => place[axis] += number,
                     Move::About(axis) => {
-                        turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians())
+                        turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
                     }
                 }
             }

@@ -20,30 +20,24 @@ pub(super) struct Bound {
 pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound, RigFileError> {
     let mut inverse_bind: Vec<Option<Matrix4<f64>>> = vec![None; joints.nodes.len()];
     let mut of_skin: Vec<Option<Matrix4<f64>>> = vec![None; articulation.skins.len()];
-    for skin in 0..articulation.skins.len() {
+    for (skin, map) in of_skin.iter_mut().enumerate() {
         if articulation.instances.iter().any(|i| i.skin == Some(skin as u32)) {
-            of_skin[skin] = Some(skin_map(articulation, joints, skin, &mut inverse_bind)?);
+            *map = Some(skin_map(articulation, joints, skin, &mut inverse_bind)?);
         }
     }
     let world = articulation.world_from_nodes();
     let mut world_from_instance = Vec::new();
     for instance in &articulation.instances {
-        let map = match instance.skin {
-            Some(skin) => of_skin[skin as usize].unwrap_or_else(Matrix4::identity),
-            None => {
-                let joint = joints.of_node[instance.node as usize] as usize;
-                let name = || joints.skeleton.joints()[joint].name.clone();
-                let flat = || CharacterError::FlatJoint { joint: name() };
-                let back = world[instance.node as usize].try_inverse().ok_or_else(flat)?;
-                match inverse_bind[joint] {
-                    // Vertices lie where the node stands at rest; B⁻¹ W⁻¹ takes them to where B binds them.
-                    Some(bind) => bind.try_inverse().ok_or_else(flat)? * back,
-                    None => {
-                        inverse_bind[joint] = Some(back);
-                        Matrix4::identity()
-                    }
-                }
-            }
+        let map = if let Some(skin) = instance.skin {
+            of_skin[skin as usize].unwrap_or_else(Matrix4::identity)
+        } else {
+            let joint = joints.of_node[instance.node as usize] as usize;
+            let name = || joints.skeleton.joints()[joint].name.clone();
+            let flat = || CharacterError::FlatJoint { joint: name() };
+            let back = world[instance.node as usize].try_inverse().ok_or_else(flat)?;
+            // Vertices lie where the node stands at rest; B⁻¹ W⁻¹ takes them to where B binds them.
+            let bind = *inverse_bind[joint].get_or_insert(back);
+            if bind == back { Matrix4::identity() } else { bind.try_inverse().ok_or_else(flat)? * back }
         };
         world_from_instance.push(map);
     }

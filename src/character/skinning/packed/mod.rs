@@ -176,6 +176,6 @@ fn affine_columns(a: &Affine) -> Columns {
 }
 
 fn farthest_from_identity(a: &Affine) -> f64 {
-    let identity = |k: usize| f64::from(u8::from(k < 9 && k % 4 == 0));
+    let identity = |k: usize| f64::from(u8::from(k < 9 && k.is_multiple_of(4)));
     (0..9).map(|k| (a.0[k] - identity(k)).abs()).fold(0.0, f64::max)
 }

@@ -240,7 +240,9 @@ impl Scene<'_> {
         self.skipped[2] += usize::from(primitive.attributes.contains_key("JOINTS_2"));
         let (rows, odd) = skins::influences(self.input, primitive, (skin, count), at)?;
         self.odd_weights += odd;
-        rows.into_iter().for_each(|row| self.articulation.influences.push(row));
+        for row in rows.into_iter() {
+            self.articulation.influences.push(row);
+        }
         Ok(())
     }
 

@@ -74,7 +74,9 @@ fn turn(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)]) {
 /// Draws landmarks to their places.
 fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], rounds: usize) {
     let mut held = vec![false; ball.at.len()];
-    landmarks.iter().for_each(|l| held[l.0 as usize] = true);
+    for l in landmarks.iter() {
+        held[l.0 as usize] = true;
+    }
     for _ in 0..rounds {
         let mut met = true;
         for &(v, w) in landmarks {

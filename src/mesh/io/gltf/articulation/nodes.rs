@@ -40,7 +40,9 @@ fn ends(nodes: &[Node]) -> Result<(), MeshError> {
             way.push(node);
             at = nodes[node].parent.map(|p| p as usize);
         }
-        way.into_iter().for_each(|node| done[node] = true);
+        for node in way.into_iter() {
+            done[node] = true;
+        }
     }
     Ok(())
 }

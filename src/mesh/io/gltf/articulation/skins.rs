@@ -129,6 +129,8 @@ fn normalize(row: &mut [(u32, f64)]) -> Option<f64> {
     if !(sum > 0.0) {
         return None;
     }
-    row.iter_mut().for_each(|(_, w)| *w /= sum);
+    for (_, w) in row.iter_mut() {
+        *w /= sum;
+    }
     Some(sum)
 }

@@ -34,9 +34,10 @@ impl File<'_> {
     }
 
     fn joints(&mut self, joints: &[[u16; 4]], wide: bool) -> usize {
-        let bytes: Vec<u8> = match wide {
-            true => joints.iter().flatten().flat_map(|j| j.to_le_bytes()).collect(),
-            false => joints.iter().flatten().map(|&j| j as u8).collect(),
+        let bytes: Vec<u8> = if wide {
+            joints.iter().flatten().flat_map(|j| j.to_le_bytes()).collect()
+        } else {
+            joints.iter().flatten().map(|&j| j as u8).collect()
         };
         let view = self.view(&bytes, Some(ARRAYS));
         let component = if wide { 5123 } else { 5121 };
@@ -54,7 +55,7 @@ impl File<'_> {
     }
 
     fn target(&mut self, target: &MorphTarget, part: &Part, keys: &[Key]) -> Value {
-        let linear = part.part_from_model.fixed_view::<3, 3>(0, 0).into_owned();
+        let linear = part.from_model.fixed_view::<3, 3>(0, 0).into_owned();
         let turn = |value: [f64; 3]| -> [f32; 3] { (linear * Vector3::from(value)).map(|x| x as f32).into() };
         let rows = |values: &[[f64; 3]]| -> Vec<[f32; 3]> {
             let value = |k: &Key| target.vertices.binary_search(&k[0]).ok().and_then(|at| values.get(at).copied());
@@ -119,13 +120,12 @@ impl File<'_> {
                 if channel.property == Property::Weights && at.and_then(|i| mesh_of_instance[i]).is_none() {
                     continue;
                 }
-                let input = match known.iter().find(|(times, _)| *times == channel.times) {
-                    Some(&(_, input)) => input,
-                    None => {
-                        let input = self.times(&channel.times);
-                        known.push((&channel.times, input));
-                        input
-                    }
+                let input = if let Some(&(_, input)) = known.iter().find(|(times, _)| *times == channel.times) {
+                    input
+                } else {
+                    let input = self.times(&channel.times);
+                    known.push((&channel.times, input));
+                    input
                 };
                 let (property, interpolation) = names(channel);
                 let output = self.values(channel);
@@ -191,7 +191,9 @@ fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
         return vec![(0, 1.0)];
     }
     let sum: f64 = row.iter().map(|(_, w)| w).sum();
-    row.iter_mut().for_each(|(_, w)| *w /= sum);
+    for (_, w) in row.iter_mut() {
+        *w /= sum;
+    }
     // The sum of the rounded weights is one as well.
     let rest: f64 = row[1..].iter().map(|(_, w)| f64::from(*w as f32)).sum();
     row[0].1 = 1.0 - rest;

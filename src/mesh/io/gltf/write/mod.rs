@@ -195,7 +195,7 @@ impl<'a> File<'a> {
     fn attributes(&mut self, part: &Part, keys: &[Key]) -> Value {
         let model = self.model;
         let positions = model.mesh().positions();
-        let moved = |k: &Key| part.part_from_model.transform_point(&positions[k[0] as usize]).coords;
+        let moved = |k: &Key| part.from_model.transform_point(&positions[k[0] as usize]).coords;
         let xyz: Vec<[f32; 3]> = keys.iter().map(|k| moved(k).map(|x| x as f32).into()).collect();
         let mut attributes = Map::new();
         attributes.insert("POSITION".to_owned(), json!(self.bounded(&xyz)));

@@ -23,22 +23,22 @@ pub(super) struct Part {
     /// Of the articulation.
     pub(super) instance: Option<usize>,
     /// Where the vertices lie as they are written.
-    pub(super) part_from_model: Matrix4<f64>,
+    pub(super) from_model: Matrix4<f64>,
 }
 
 impl Part {
     /// How normals turn with the part.
     pub(super) fn normal(&self, normal: &[f64; 3]) -> [f64; 3] {
-        if self.part_from_model == Matrix4::identity() {
+        if self.from_model == Matrix4::identity() {
             return *normal;
         }
-        let turned = normal_matrix(&self.part_from_model) * Vector3::from(*normal);
+        let turned = normal_matrix(&self.from_model) * Vector3::from(*normal);
         turned.try_normalize(0.0).unwrap_or_else(Vector3::z).into()
     }
 
     /// Triangles change their side.
     pub(super) fn mirrored(&self) -> bool {
-        self.part_from_model.determinant() < 0.0
+        self.from_model.determinant() < 0.0
     }
 }
 
@@ -54,12 +54,12 @@ fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
     let world = articulation.world_from_nodes();
     let part = |(k, instance): (usize, &crate::mesh::model::articulation::Instance)| {
         let inverse = || world[instance.node as usize].try_inverse().filter(|m| m.iter().all(|x| x.is_finite()));
-        let part_from_model = if instance.skin.is_some() { Some(Matrix4::identity()) } else { inverse() };
+        let from_model = if instance.skin.is_some() { Some(Matrix4::identity()) } else { inverse() };
         let mesh = instance.mesh.clone().unwrap_or_default();
         let name = articulation.nodes[instance.node as usize].name.clone().unwrap_or_else(|| mesh.clone());
         // What has no volume at rest has lost its shape; it stands flat where it stood.
-        let part_from_model = part_from_model.unwrap_or_else(Matrix4::identity);
-        Part { name, mesh, faces: Vec::new(), loose: Vec::new(), instance: Some(k), part_from_model }
+        let from_model = from_model.unwrap_or_else(Matrix4::identity);
+        Part { name, mesh, faces: Vec::new(), loose: Vec::new(), instance: Some(k), from_model }
     };
     let mut parts: Vec<Part> = articulation.instances.iter().enumerate().map(part).collect();
     for (face, vertices) in model.faces().iter().enumerate() {
@@ -84,14 +84,14 @@ fn of_objects(model: &Model) -> Vec<Part> {
             shared |= owner[vertex as usize].replace(name).is_some_and(|other| other != name);
         }
     }
-    let part_from_model = Matrix4::new_translation(&-origin(model));
+    let from_model = Matrix4::new_translation(&-origin(model));
     let part = |name: &str, faces, loose| Part {
         name: name.to_owned(),
         mesh: name.to_owned(),
         faces,
         loose,
         instance: None,
-        part_from_model,
+        from_model,
     };
     if shared || objects.len() < 2 {
         let name = objects.keys().next().filter(|_| !shared).copied().unwrap_or_default();
