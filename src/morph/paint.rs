@@ -130,7 +130,7 @@ impl Paint {
                 let expected = "vertices, a sphere or a half_space with vertices of the first mesh".to_owned();
                 return Err(MorphError::Value { what: place, value: "painting no vertex".to_owned(), expected });
             }
-            for v in meant.into_iter() {
+            for v in meant {
                 painted[v as usize] = Some(stroke.time);
             }
         }

@@ -141,7 +141,7 @@ impl Groups {
             // Of the last column in the end.
             group.parent = parent[j];
         }
-        for g in list.iter_mut() {
+        for g in &mut list {
             g.parent = group_of.get(g.parent as usize).copied().unwrap_or(NONE);
         }
         let mut this = Self { list, order: Vec::new() };

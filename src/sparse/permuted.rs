@@ -56,7 +56,7 @@ type Entry = (u32, u32, u32);
 /// Entries by ascending key, those of equal keys in the order given; and where each key starts.
 fn distribute(entries: &[Entry], keys: usize, key: impl Fn(&Entry) -> u32) -> (Vec<Entry>, Vec<u32>) {
     let mut starts = vec![0_u32; keys + 1];
-    for e in entries.iter() {
+    for e in entries {
         starts[key(e) as usize + 1] += 1;
     }
     (0..keys).for_each(|k| starts[k + 1] += starts[k]);

@@ -151,7 +151,7 @@ const SINGLE: f64 = 2e-7;
 #[test]
 fn real_characters_stand_as_their_references_do() {
     let Some(media) = std::env::var_os("PLUMBLINE_MEDIA") else {
-        println!("skipped: PLUMBLINE_MEDIA is not set");
+        eprintln!("skipped: PLUMBLINE_MEDIA is not set");
         return;
     };
     let folder = Path::new(&media).join("mesh/gltf");

@@ -68,7 +68,7 @@ fn what_cannot_be_solved_is_told_by_whose_fault_it_is_and_leaves_no_file() {
     write(folder.path(), "sum.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 2\n1 1 1e308\n1 1 1e308\n");
     write(folder.path(), "huge.mtx", "%%MatrixMarket matrix coordinate real general\n99999999999 9 1\n1 1 1\n");
     write(folder.path(), "sides.mtx", "%%MatrixMarket matrix coordinate real general\n300 1000000 1\n1 1 1\n");
-    let line: String = (1..=300).map(|i| format!("{i} {i} 1\n")).collect();
+    let line = (1..=300).map(|i| format!("{i} {i} 1\n")).collect::<Vec<_>>().concat();
     write(folder.path(), "line.mtx", &format!("%%MatrixMarket matrix coordinate real general\n300 300 300\n{line}"));
     std::fs::write(folder.path().join("bytes.mtx"), b"%%MatrixMarket \xff").expect("a writable folder");
     write(folder.path(), "bad.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 9 1\n");

@@ -72,7 +72,7 @@ pub(super) fn apply(
         let existing = rig.joints.iter().position(|k| k.name == mirrored.name).map(|k| k as u32);
         let number = existing.unwrap_or(after.len() as u32);
         if let Some(k) = existing {
-            after[k as usize] = mirrored
+            after[k as usize] = mirrored;
         } else {
             edited.added.push(number);
             after.push(mirrored);

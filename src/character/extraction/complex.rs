@@ -44,7 +44,7 @@ impl Complex {
         let n = positions.len();
         let mut fans = vec![Vec::new(); n];
         for (t, corners) in triangles.iter().enumerate() {
-            for v in corners.iter() {
+            for v in corners {
                 fans[*v as usize].push(t as u32);
             }
         }

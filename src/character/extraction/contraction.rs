@@ -98,7 +98,7 @@ impl Contraction {
         for t in complex.faces() {
             let [a, b, c] = t.map(|v| complex.positions[v as usize]);
             let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            for v in t.iter() {
+            for v in &t {
                 mass[*v as usize] += third;
             }
         }
@@ -181,7 +181,7 @@ impl Contraction {
         for t in self.complex.faces() {
             let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
             let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            for v in t.iter() {
+            for v in &t {
                 areas[*v as usize] += third;
             }
         }

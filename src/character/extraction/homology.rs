@@ -321,7 +321,7 @@ impl<'c> Surface<'c> {
         for t in self.complex.faces() {
             let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
             let normal = (b - a).cross(&(c - a));
-            for v in t.iter() {
+            for v in &t {
                 normals[*v as usize] += normal;
             }
             length += (b - a).norm() + (c - b).norm() + (a - c).norm();

@@ -53,12 +53,12 @@ fn chosen(web: &Web, branches: &[Branch], radius: &dyn Fn(u32) -> f64, count: Op
     let mut spans: Vec<(Cost, usize, usize, usize, usize)> = Vec::new();
     for (b, branch) in branches.iter().enumerate() {
         let last = branch.len() - 1;
-        for i in [0, last].into_iter() {
+        for i in [0, last] {
             chosen[branch[i] as usize] = true;
         }
         // A loop needs three corners to be one.
         let cuts = if branch[0] == branch[last] { vec![0, last / 3, 2 * last / 3, last] } else { vec![0, last] };
-        for i in cuts.iter() {
+        for i in &cuts {
             chosen[branch[*i] as usize] = true;
         }
         for pair in cuts.windows(2) {

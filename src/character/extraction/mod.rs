@@ -187,7 +187,7 @@ pub fn extract(
         curve.radius.extend(found.radius);
         curve.edges.extend(found.edges.iter().map(|e| e.map(|v| v + first)));
         for (sources, node) in part.sources.iter().zip(found.node_of_vertex) {
-            for v in sources.iter() {
+            for v in sources {
                 curve.node_of_vertex[*v as usize] = first + node;
             }
         }

@@ -64,7 +64,7 @@ pub(super) fn extract(
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     reduction::reduce(&mut complex, MOST_VERTICES, &pinned);
     if options.keep == Keep::Extrema {
-        for v in extremities::find(&complex).into_iter() {
+        for v in extremities::find(&complex) {
             pinned[v as usize] = true;
         }
     }
@@ -252,7 +252,7 @@ fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
     }
     let strays: Vec<u32> =
         pieces.iter().filter(|p| piece_of_vertex[p[0] as usize] == usize::MAX).flatten().copied().collect();
-    for v in strays.iter() {
+    for v in &strays {
         node_of_vertex[*v as usize] = u32::MAX;
     }
     let mut queue: std::collections::VecDeque<u32> =

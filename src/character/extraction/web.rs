@@ -88,7 +88,7 @@ impl Web {
                     None => v < last,
                 };
                 if first_time {
-                    for v in inner.iter() {
+                    for v in inner {
                         seen[*v as usize] = true;
                     }
                     branches.push(branch);
@@ -98,7 +98,7 @@ impl Web {
         for v in self.alive() {
             if self.degree(v) == 2 && !seen[v as usize] {
                 let branch = self.walk(v, self.neighbors(v)[0]);
-                for v in branch.iter() {
+                for v in &branch {
                     seen[*v as usize] = true;
                 }
                 branches.push(branch);

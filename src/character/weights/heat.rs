@@ -73,7 +73,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec
     }
     for (joint, heated) in heated.iter().enumerate().filter(|(_, h)| !h.is_empty()) {
         let mut temperature = vec![0.0; unknown.len()];
-        for &(u, heat) in heated.iter() {
+        for &(u, heat) in heated {
             temperature[u] += heat;
         }
         factor.solve(&mut temperature);

@@ -155,7 +155,7 @@ impl Influences {
     fn of(&self, vertices: &[u32]) -> Self {
         let mut rows = Self::default();
         if !self.joints.is_empty() {
-            for &v in vertices.iter() {
+            for &v in vertices {
                 rows.push(self.row(v as usize));
             }
         }
@@ -317,7 +317,7 @@ impl Articulation {
                 way.push(node);
                 at = self.nodes[node].parent.map(|p| p as usize);
             }
-            for node in way.into_iter() {
+            for node in way {
                 done[node] = true;
             }
         }

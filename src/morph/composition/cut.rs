@@ -400,7 +400,7 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Re
     let mut rhs = vec![0.0; mesh.vertex_count()];
     for (t, corners) in mesh.triangles().iter().enumerate() {
         let third = mesh.area_normal(t).norm() / 6.0;
-        for v in corners.iter() {
+        for v in corners {
             rhs[*v as usize] += if part[t] == kept { third } else { 0.0 };
         }
     }

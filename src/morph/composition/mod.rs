@@ -191,7 +191,7 @@ fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
         }
     }
     let mut ring = vec![usize::MAX; vertices];
-    for v in seam.iter() {
+    for v in seam {
         ring[*v as usize] = 0;
     }
     let mut queue: VecDeque<u32> = seam.iter().copied().collect();

@@ -94,15 +94,15 @@ fn unfold(
     places: &mut [Nearest],
 ) -> Result<(), MorphError> {
     let mut fixed = vec![false; places.len()];
-    for l in landmarks.iter() {
+    for l in landmarks {
         fixed[l.0 as usize] = true;
     }
     let mut around = vec![Vec::new(); places.len()];
     for &[a, b, c] in mesh.triangles() {
-        for &(i, j) in [(a, b), (b, c), (c, a)].iter() {
+        for &(i, j) in &[(a, b), (b, c), (c, a)] {
             around[i as usize].push(j);
         }
-        for &(i, j) in [(a, b), (b, c), (c, a)].iter() {
+        for &(i, j) in &[(a, b), (b, c), (c, a)] {
             around[j as usize].push(i);
         }
     }
@@ -236,7 +236,7 @@ impl System {
         let mut places = start.positions().to_vec();
         let affine: Vec<Affine> = (0..m).map(|t| Affine::new(start, t, n, &mut places)).collect();
         let mut fixed = vec![None; n + m];
-        for &(v, w) in landmarks.iter() {
+        for &(v, w) in landmarks {
             fixed[v as usize] = Some(goal.positions()[w as usize]);
         }
         let mut used = vec![false; n + m];
@@ -363,7 +363,7 @@ impl Entries {
                 a.vertices.iter().enumerate().map(|(k, &v)| (v, a.gradients.column(k).into_owned())).collect();
             self.squares(&row, weight);
             // Coordinate c of T is wanted as the c-th unit vector.
-            for (v, g) in row.iter() {
+            for (v, g) in &row {
                 self.rhs[*v as usize] += g * weight;
             }
             // Whatever the triangle's shape, something holds its fourth vertex.

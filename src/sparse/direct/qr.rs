@@ -171,7 +171,7 @@ impl Front {
         let mut dense = vec![0.0; height * self.columns];
         let mut ends = vec![0; self.columns];
         for (k, (_, entries)) in self.rows.iter().enumerate() {
-            for &(j, v) in entries.iter() {
+            for &(j, v) in entries {
                 dense[j as usize * height + k] += v;
             }
             if let Some(end) = ends.get_mut(begin(entries) as usize) {

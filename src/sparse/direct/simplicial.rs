@@ -96,7 +96,7 @@ impl Simplicial {
 /// The entries of a lower triangle row by row: where each row starts, and `(column, place)`.
 fn rows_of(n: usize, rows: &[u32], starts: &[u32]) -> (Vec<usize>, Vec<(u32, u32)>) {
     let mut at = vec![0_usize; n + 1];
-    for &i in rows.iter() {
+    for &i in rows {
         at[i as usize + 1] += 1;
     }
     (0..n).for_each(|i| at[i + 1] += at[i]);

@@ -240,7 +240,7 @@ impl Scene<'_> {
         self.skipped[2] += usize::from(primitive.attributes.contains_key("JOINTS_2"));
         let (rows, odd) = skins::influences(self.input, primitive, (skin, count), at)?;
         self.odd_weights += odd;
-        for row in rows.into_iter() {
+        for row in rows {
             self.articulation.influences.push(row);
         }
         Ok(())

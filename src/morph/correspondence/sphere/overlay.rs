@@ -74,7 +74,7 @@ fn turn(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)]) {
 /// Draws landmarks to their places.
 fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], rounds: usize) {
     let mut held = vec![false; ball.at.len()];
-    for l in landmarks.iter() {
+    for l in landmarks {
         held[l.0 as usize] = true;
     }
     for _ in 0..rounds {

@@ -40,7 +40,7 @@ fn ends(nodes: &[Node]) -> Result<(), MeshError> {
             way.push(node);
             at = nodes[node].parent.map(|p| p as usize);
         }
-        for node in way.into_iter() {
+        for node in way {
             done[node] = true;
         }
     }

@@ -191,7 +191,7 @@ fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
         return vec![(0, 1.0)];
     }
     let sum: f64 = row.iter().map(|(_, w)| w).sum();
-    for (_, w) in row.iter_mut() {
+    for (_, w) in &mut row {
         *w /= sum;
     }
     // The sum of the rounded weights is one as well.
