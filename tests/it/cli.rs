@@ -70,7 +70,7 @@ fn a_bad_command_line_exits_2_tells_what_is_allowed_and_prints_no_result() {
             "`crf` = 60 is out of range for `h264` (expected 0 to 51)",
         ),
         ("both", &["stabilize", "a.mp4", "-o", "b.mp4", "--crf", "20", "--bitrate", "6M"], "cannot be used with"),
-        ("many", &["stabilize", "a.mp4", "b.mp4", "-o", "c.mp4"], "there are 2 inputs; use --out-dir"),
+        ("many", &["stabilize", "a.mp4", "b.mp4", "-o", "c.mp4"], "there are 2 clips; use --out-dir"),
         ("glob", &["stabilize", "*.mp4", "-o", "c.mp4"], "may be many clips"),
         ("compare", &["stabilize", "a.mp4", "-o", "-", "--compare"], "--compare needs a file name with an extension"),
         ("no file", &["run", "stabilise"], "there is no pipeline file `stabilise` (shipped ones: `stabilize`"),

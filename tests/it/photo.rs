@@ -265,7 +265,7 @@ fn options_mean_a_pipeline_that_reads_back_as_the_same() {
         (&["rectify", "a.jpg", "-o", "b.jpg", "--rectangle", "--crop", "none"], "does not go with --rectangle"),
         (&["rectify", "a.jpg", "-o", "b.jpg", "--lines", "off", "--save-lines", "l.json"], "nothing to write"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--save-lines", "l.json"], "--save-lines is for one picture"),
-        (&["retarget", "a.jpg", "b.jpg", "-o", "c.jpg", "--size", "1:1"], "there are 2 inputs"),
+        (&["retarget", "a.jpg", "b.jpg", "-o", "c.jpg", "--size", "1:1"], "there are 2 pictures"),
         (&["rectify", "*.jpg", "-o", "c.jpg"], "may be many pictures"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--report", "r.json"], "--report is for one picture"),
         (&["rectify", "a.jpg", "--out-dir", "d", "--lines", "l.json"], "is for one picture"),

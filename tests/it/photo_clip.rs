@@ -156,7 +156,7 @@ fn options_of_the_other_kind_of_input_are_refused_with_the_reason() {
         (&["rectify", "a.mp4", "-o", "b.mp4", "--rectangle"], "--rectangle is for stitched pictures"),
         (&["rectify", "a.mp4", "-o", "b.mp4", "--crop", "none", "--border", "fill"], "neither transparent nor filled"),
         (&["rectify", "a.mp4", "-o", "b.mp4", "--save-lines", "l.json"], "--save-lines"),
-        (&["retarget", "a.mp4", "b.mp4", "-o", "c.mp4", "--size", "1:1"], "there are 2 inputs"),
+        (&["retarget", "a.mp4", "b.mp4", "-o", "c.mp4", "--size", "1:1"], "there are 2 clips"),
     ] {
         let refused = pipeline_of(["plumbline"].iter().chain(options)).expect_err(message);
         assert!(refused.contains(message), "{refused}");

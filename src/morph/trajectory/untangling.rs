@@ -9,7 +9,9 @@
 //! ```
 //!
 //! `d` are the pushes and `W` the weights of each vertex's edges. The best of all rounds is kept, so that there is never more
-//! intersection than before; what the poses themselves do is theirs.
+//! intersection than before. Pairs of triangles that intersect in one of the two poses are theirs, and left alone and not counted.
+
+use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
@@ -30,7 +32,8 @@ impl Trajectory {
         let (mut x, mut best, mut counts) = (start.clone(), start.clone(), None);
         for round in 0..=rounds {
             let Ok(mesh) = TriMesh::new(x.clone(), self.triangles.clone()) else { break };
-            let pairs = self_intersections(&mesh);
+            let mut pairs = self_intersections(&mesh);
+            pairs.retain(|pair| !self.own_intersections().contains(pair));
             let [before, least] = counts.unwrap_or([pairs.len(); 2]);
             if pairs.len() < least {
                 best.clone_from(&x);
@@ -47,6 +50,17 @@ impl Trajectory {
             self.settle(&mut x, &start);
         }
         (best, counts.unwrap_or_default())
+    }
+}
+
+impl Trajectory {
+    /// Pairs of triangles that intersect in one of the poses.
+    fn own_intersections(&mut self) -> &BTreeSet<[u32; 2]> {
+        let (poses, triangles) = ([&self.first, &self.second], &self.triangles);
+        self.intersecting.get_or_insert_with(|| {
+            let meshes = poses.into_iter().filter_map(|x| TriMesh::new(x.clone(), triangles.clone()).ok());
+            meshes.flat_map(|mesh| self_intersections(&mesh)).collect()
+        })
     }
 }
 

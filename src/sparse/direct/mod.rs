@@ -108,14 +108,16 @@ impl GeneralMatrix {
     }
 
     fn indefinite(&self, a: &SparseMatrix, ordering: &Ordering) -> Result<Kind, SparseError> {
-        let Ok(ldlt) = Ldlt::new(a, ordering) else { return self.lu(ordering) };
-        let mut factor = Factor { rows: a.n(), columns: a.n(), kind: Kind::Ldlt(Box::new(ldlt)) };
-        if factor.probe(self).is_ok() {
-            return Ok(factor.kind);
+        let factor = |kind| Factor { rows: a.n(), columns: a.n(), kind };
+        if let Ok(ldlt) = Ldlt::new(a, ordering) {
+            let mut ldlt = factor(Kind::Ldlt(Box::new(ldlt)));
+            if ldlt.probe(self).is_ok() {
+                return Ok(ldlt.kind);
+            }
         }
-        let mut factor = Factor { kind: self.lu(ordering)?, ..factor };
-        factor.probe(self)?;
-        Ok(factor.kind)
+        let mut lu = factor(self.lu(ordering)?);
+        lu.probe(self)?;
+        Ok(lu.kind)
     }
 
     fn lu(&self, ordering: &Ordering) -> Result<Kind, SparseError> {
