@@ -147,7 +147,8 @@ fn results_move_and_grow_with_the_mesh() {
     let (handles, pose) = bend(&mesh, 1.2);
     let solve = |mesh: &TriMesh, pose: &HandlePose| {
         let mut arap = bind(Method::Arap, mesh, &handles, &DeformOptions::default()).unwrap();
-        arap.deform(pose, Start::Spread, &tight(40)).unwrap()
+        // As many rounds for all: near the end rounding decides when to stop.
+        arap.deform(pose, Start::Spread, &tight(20)).unwrap()
     };
     let plain = solve(&mesh, &pose);
     for (scale, offset, digits) in [(1e-3, 0.0, 1e-11), (1e3, 0.0, 1e-11), (1.0, 1e6, 1e-7)] {
