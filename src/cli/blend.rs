@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{BlendSettings, MeshLoadSettings, MeshSaveSettings};
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline blend`.
@@ -23,9 +23,6 @@ pub(super) struct BlendArgs {
     /// The file to write; its extension chooses the format
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// Times painted on the first mesh (`plumbline schema paint` describes the file)
     #[arg(long, value_name = "FILE.json")]
@@ -44,20 +41,13 @@ pub(super) struct BlendArgs {
     /// Also write how it went, as JSON, with the self-intersections of every shape
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl BlendArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -77,12 +67,6 @@ impl BlendArgs {
             StageEntry::built("blend", &blend).input("mesh", "first").input("other", "second"),
             StageEntry::built("out", &save).input("mesh", "blend"),
         ];
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        PipelineFile {
-            name: Some("blend".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        }
+        PipelineFile { name: Some("blend".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
     }
 }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline compose`.
@@ -23,9 +23,6 @@ pub(super) struct ComposeArgs {
     /// The file to write; its extension chooses the format
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// Where both are cut and how they are joined (`plumbline schema seam` describes the file)
     #[arg(long, value_name = "FILE.json")]
@@ -34,20 +31,13 @@ pub(super) struct ComposeArgs {
     /// Also write how it went, as JSON
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl ComposeArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -64,12 +54,6 @@ impl ComposeArgs {
             StageEntry::built("composed", &compose).input("base", "base").input("part", "part"),
             StageEntry::built("out", &save).input("mesh", "composed"),
         ];
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        PipelineFile {
-            name: Some("compose".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        }
+        PipelineFile { name: Some("compose".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
     }
 }

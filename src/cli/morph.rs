@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
 use crate::mesh::MeshFormat;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings, OverWish};
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline morph`.
@@ -24,9 +24,6 @@ pub(super) struct MorphArgs {
     /// A folder, for morph_0000.EXT and so on; or a file, for NAME_0000.EXT
     #[arg(short, long, value_name = "FOLDER|FILE")]
     output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// Shapes, both meshes among them
     #[arg(long, default_value_t = MorphSettings::default().frames, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=9999))]
@@ -57,20 +54,13 @@ pub(super) struct MorphArgs {
     /// Also write how it went, as JSON, with the self-intersections of every shape
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl MorphArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -94,13 +84,7 @@ impl MorphArgs {
             StageEntry::built("shapes", &morph).input("mesh", "first").input("other", "second"),
             StageEntry::built("out", &save).input("mesh", "shapes"),
         ];
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        PipelineFile {
-            name: Some("morph".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        }
+        PipelineFile { name: Some("morph".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
     }
 }
 

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     BindingWish, ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
     SkeletonLoadSettings, SkinningWish,
 };
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::surfaces::ViewWish;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
@@ -39,9 +39,6 @@ pub(super) struct PoseArgs {
     /// The file to write, its extension chooses the format; or a folder (`frames/`) for a sequence of OBJ files
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
 
     /// How the surface follows the joints
     #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Posing")]
@@ -77,20 +74,13 @@ pub(super) struct PoseArgs {
     )]
     view: ViewWish,
 
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl PoseArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.print_pipeline, backend)
+        run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -129,13 +119,7 @@ impl PoseArgs {
             stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
             stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));
         }
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        Ok(PipelineFile {
-            name: Some("pose".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
-            stages,
-            ..PipelineFile::default()
-        })
+        Ok(PipelineFile { name: Some("pose".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() })
     }
 
     /// The file to write and how many poses: a folder is meant by a name that ends with a separator, or by none with an

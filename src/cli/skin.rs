@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::failure::Failure;
+use super::job::JobArgs;
 use super::run::run_or_print;
-use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, SkinWeightsSettings, WeightWish};
-use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline skin`.
@@ -47,24 +47,14 @@ struct WeightsArgs {
     #[arg(long, default_value_t = SkinWeightsSettings::default().smooth, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(0..=1000))]
     smooth: u32,
-    /// Replace existing files
-    #[arg(long)]
-    overwrite: bool,
-    /// Print the pipeline that these options mean, and do nothing
-    #[arg(long)]
-    print_pipeline: bool,
-    /// Threads; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
-    threads: u32,
-    /// How progress is told
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    progress: ProgressMode,
+    #[command(flatten)]
+    job: JobArgs,
 }
 
 impl SkinArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
         let SkinCommand::Weights(args) = &self.command;
-        run_or_print(args.pipeline(), args.print_pipeline, backend)
+        run_or_print(args.pipeline(), args.job.print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
@@ -84,10 +74,9 @@ impl WeightsArgs {
             smooth: self.smooth,
             path: literal_path(&self.output),
         };
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         PipelineFile {
             name: Some("skin".to_owned()),
-            run: entries_of(&run, &RunSettings::default()),
+            run: self.job.run(),
             stages: vec![
                 StageEntry::built("mesh", &load),
                 StageEntry::built("weights", &weights).input("mesh", "mesh"),

@@ -11,6 +11,7 @@ mod quad;
 pub mod repair;
 pub mod shapes;
 mod tri_mesh;
+mod union_find;
 
 pub use error::{MeshError, Position};
 pub use grid::{CellPoint, Grid, GridMesh};
@@ -20,3 +21,4 @@ pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, M
 pub use quad::Quad;
 pub use repair::{MeshFacts, RepairOptions, RepairReport, Repaired, Weld, repair};
 pub use tri_mesh::TriMesh;
+pub use union_find::{UnionFind, components, numbered_components};

@@ -10,6 +10,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::MorphError;
+use crate::mesh::numbered_components;
 use crate::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
 
 const PINNED: u32 = u32::MAX;
@@ -29,7 +30,7 @@ pub(super) struct ElasticSolve {
 impl ElasticSolve {
     /// All pieces free.
     pub(super) fn free(triangles: &[[u32; 3]], half: Vec<[f64; 3]>, at: &[Point3<f64>]) -> Result<Self, MorphError> {
-        let (piece, pieces) = pieces(triangles, at.len());
+        let (piece, pieces) = numbered_components(at.len(), triangles);
         let mut met = vec![false; pieces];
         let held: Vec<bool> = piece.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
         Self::new(triangles, half, at, &held, piece, pieces)
@@ -42,7 +43,7 @@ impl ElasticSolve {
         at: &[Point3<f64>],
         held: &[bool],
     ) -> Result<Self, MorphError> {
-        let (piece, pieces) = pieces(triangles, at.len());
+        let (piece, pieces) = numbered_components(at.len(), triangles);
         Self::new(triangles, half, at, held, piece, pieces)
     }
 
@@ -158,33 +159,4 @@ pub(super) fn factored(
     let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::NestedDissection(places))?;
     cholesky.factor(&matrix)?;
     Ok(Some(CompactFactor::new(&cholesky)))
-}
-
-/// Piece of each vertex, numbered by their first vertices, and their number.
-pub(super) fn pieces(triangles: &[[u32; 3]], vertices: usize) -> (Vec<u32>, usize) {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
-    let find = |parent: &mut [u32], mut v: u32| {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    };
-    for &[a, b, c] in triangles {
-        for (i, j) in [(a, b), (b, c)] {
-            let (i, j) = (find(&mut parent, i), find(&mut parent, j));
-            parent[i.max(j) as usize] = i.min(j);
-        }
-    }
-    let mut number = vec![u32::MAX; vertices];
-    let mut count = 0;
-    let piece = (0..vertices as u32).map(|v| {
-        let root = find(&mut parent, v) as usize;
-        if number[root] == u32::MAX {
-            number[root] = count;
-            count += 1;
-        }
-        number[root]
-    });
-    (piece.collect(), count as usize)
 }

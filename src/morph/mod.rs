@@ -16,6 +16,7 @@ pub mod paint;
 mod rigid;
 mod time_field;
 mod trajectory;
+mod versioned;
 
 pub use bvh::{Bvh, Nearest};
 pub use error::MorphError;

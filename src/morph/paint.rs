@@ -17,8 +17,7 @@ use serde::Deserialize;
 use super::MorphError;
 use super::correspondence::Place;
 use crate::mesh::TriMesh;
-
-const FORMAT: &str = "plumbline.paint";
+use crate::morph::versioned::Versioned;
 
 /// Times painted on the first mesh.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -75,6 +74,15 @@ struct HalfSpace {
     normal: [f64; 3],
 }
 
+impl Versioned for Paint {
+    const KIND: &'static str = "painted times";
+    const FORMAT: &'static str = "plumbline.paint";
+
+    fn header(&self) -> (&str, u32) {
+        (&self.format, self.version)
+    }
+}
+
 /// The JSON schema of files of painted times.
 pub fn paint_schema() -> schemars::Schema {
     schemars::schema_for!(Paint)
@@ -86,8 +94,7 @@ impl Paint {
     /// # Errors
     /// [`MorphError::Malformed`], also where it cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        let text = std::fs::read_to_string(path);
-        Self::parse(&text.map_err(|e| malformed(format!("cannot be read: {e}")))?)
+        Self::parse(&Self::text_of(path)?)
     }
 
     /// Reads the text of a file.
@@ -95,16 +102,10 @@ impl Paint {
     /// # Errors
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
-        let file: Self = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
-        if file.format != FORMAT {
-            return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", file.format)));
-        }
-        if file.version != 1 {
-            return Err(malformed(format!("version {} is not supported (expected 1)", file.version)));
-        }
+        let file = Self::of_text(text)?;
         let times = file.strokes.iter().map(|s| s.time).chain([file.elsewhere]);
         if let Some(time) = times.into_iter().find(|t| !(0.0..=1.0).contains(t)) {
-            return Err(malformed(format!("a time is {time} (expected 0 to 1)")));
+            return Err(Self::malformed(format!("a time is {time} (expected 0 to 1)")));
         }
         Ok(file)
     }
@@ -121,7 +122,7 @@ impl Paint {
     pub fn of_mesh(&self, mesh: &TriMesh) -> Result<Vec<Option<f64>>, MorphError> {
         let mut painted = vec![None; mesh.vertex_count()];
         if self.strokes.is_empty() {
-            return Err(malformed("no stroke is given (expected at least one)".to_owned()));
+            return Err(Self::malformed("no stroke is given (expected at least one)".to_owned()));
         }
         for (k, stroke) in self.strokes.iter().enumerate() {
             let place = format!("stroke {k}");
@@ -151,10 +152,6 @@ impl Stroke {
         let placed = mesh.positions().iter().enumerate().filter(|(_, p)| in_ball(p) || beyond(p));
         Ok(named?.into_iter().chain(placed.map(|(v, _)| v as u32)).collect())
     }
-}
-
-fn malformed(fault: String) -> MorphError {
-    MorphError::Malformed { kind: "painted times", fault }
 }
 
 #[cfg(test)]

@@ -10,9 +10,8 @@
 use nalgebra::Point3;
 
 use super::MorphError;
-use super::elastic_solve::pieces;
-use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use crate::mesh::{TriMesh, numbered_components};
 use crate::sparse::{Eliminated, Ordering};
 
 /// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
@@ -27,7 +26,7 @@ const LEAST: f64 = 1e-6;
 /// Unless there is one entry per vertex.
 pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64) -> Result<Vec<f64>, MorphError> {
     assert_eq!(painted.len(), mesh.vertex_count(), "one entry per vertex");
-    let (piece, count) = pieces(mesh.triangles(), mesh.vertex_count());
+    let (piece, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
     let mut reached = vec![false; count];
     painted.iter().zip(&piece).filter(|(p, _)| p.is_some()).for_each(|(_, piece)| reached[*piece as usize] = true);
     let given: Vec<Option<f64>> =

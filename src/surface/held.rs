@@ -1,7 +1,7 @@
 //! What of a surface is free to move: vertices joined to a handle that are not held exactly themselves.
 
 use super::{Handles, Hold, SurfaceError};
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, components};
 
 /// What happens to a part of the surface that no handle is on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl Held {
         if handles.is_empty() {
             return Err(SurfaceError::NoHandle);
         }
-        let part = parts(vertices, mesh.triangles());
+        let part = components(vertices, mesh.triangles());
         let still = still_parts(mesh, handles, &part);
         if let (Unheld::Refused, Some(p)) = (unheld, still.first()) {
             return Err(SurfaceError::Unheld { vertex: p.vertex, vertices: p.vertices });
@@ -71,26 +71,6 @@ impl Held {
         });
         Ok(Self { soft: soft.collect(), handles: handles.clone(), free, unknown, still, part })
     }
-}
-
-/// Lowest vertex of the connected part of each vertex.
-pub(super) fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
-    for &[a, b, c] in triangles {
-        for (v, w) in [(a, b), (b, c)] {
-            let (v, w) = (root(&mut parent, v), root(&mut parent, w));
-            parent[v.max(w) as usize] = v.min(w);
-        }
-    }
-    (0..vertices as u32).map(|v| root(&mut parent, v)).collect()
-}
-
-fn root(parent: &mut [u32], mut v: u32) -> u32 {
-    while parent[v as usize] != v {
-        parent[v as usize] = parent[parent[v as usize] as usize];
-        v = parent[v as usize];
-    }
-    v
 }
 
 fn still_parts(mesh: &TriMesh, handles: &Handles, part: &[u32]) -> Vec<Part> {

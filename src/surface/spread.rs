@@ -19,6 +19,7 @@ use super::bound::Bound;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
 use super::rotation_fit::best_rotation;
+use crate::mesh::UnionFind;
 
 /// Connected patches of handles: computed once per set.
 #[derive(Debug)]
@@ -34,30 +35,29 @@ pub(super) struct Patches {
 impl Patches {
     pub(super) fn new(bound: &Bound) -> Self {
         let handles = bound.held.handles.vertices();
-        let mut parent: Vec<usize> = (0..handles.len()).collect();
+        let mut sets = UnionFind::new(handles.len());
         let mut number = vec![usize::MAX; bound.rest.len()];
         handles.iter().enumerate().for_each(|(k, &v)| number[v as usize] = k);
         for &[a, b, c] in bound.gauge.rest().triangles() {
             for (v, w) in [(a, b), (b, c), (c, a)] {
                 let (v, w) = (number[v as usize], number[w as usize]);
                 if v != usize::MAX && w != usize::MAX {
-                    let (v, w) = (root(&mut parent, v), root(&mut parent, w));
-                    parent[v.max(w)] = v.min(w);
+                    sets.join(v as u32, w as u32);
                 }
             }
         }
-        let roots: Vec<usize> = (0..handles.len()).map(|k| root(&mut parent, k)).collect();
+        let roots = sets.roots();
         let mut name = vec![usize::MAX; handles.len()];
         let (mut part, mut size) = (Vec::new(), Vec::new());
         for (k, &r) in roots.iter().enumerate() {
-            if r == k {
+            if r as usize == k {
                 name[k] = part.len();
                 part.push(bound.held.part[handles[k] as usize]);
                 size.push(0);
             }
-            size[name[r]] += 1;
+            size[name[r as usize]] += 1;
         }
-        Self { patch: roots.iter().map(|&r| name[r]).collect(), part, size }
+        Self { patch: roots.iter().map(|&r| name[r as usize]).collect(), part, size }
     }
 
     /// Rotation of every vertex for a pose: those given, or fitted, spread over the surface.
@@ -172,12 +172,4 @@ fn procrustes(
         covariances[group] += (p - sum_p / count) * (x - sum_x / count).transpose();
     }
     covariances.iter().enumerate().map(|(g, s)| best_rotation(s, &last(g))).collect()
-}
-
-fn root(parent: &mut [usize], mut k: usize) -> usize {
-    while parent[k] != k {
-        parent[k] = parent[parent[k]];
-        k = parent[k];
-    }
-    k
 }

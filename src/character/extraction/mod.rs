@@ -43,16 +43,14 @@ mod resampling;
 mod surgery;
 #[cfg(test)]
 mod tests;
-mod union_find;
 mod web;
 
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
 
-use self::union_find::UnionFind;
 use super::CurveSkeleton;
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, UnionFind};
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
 use kd_tree::KdTree;

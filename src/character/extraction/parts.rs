@@ -3,10 +3,9 @@
 //! Repair drops what is degenerate or double and orients the rest, but takes sheets apart where more than two meet. A curve should
 //! run through such places: copies of a vertex are joined again, and triangles that hang together by a vertex are one part.
 
-use super::union_find::UnionFind;
 use std::collections::HashMap;
 
-use crate::mesh::{RepairOptions, TriMesh, repair};
+use crate::mesh::{RepairOptions, TriMesh, numbered_components, repair};
 
 /// A part of the surface.
 pub(super) struct Part {
@@ -58,8 +57,7 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
             sources[joined[*v as usize] as usize].push(source as u32);
         }
     }
-    let component = components(positions.len(), &triangles);
-    let count = component.iter().max().map_or(0, |c| *c as usize + 1);
+    let (component, count) = numbered_components(positions.len(), &triangles);
     let mut own = vec![0_u32; positions.len()];
     let mut parts = vec![(Vec::new(), Vec::new(), Vec::new()); count];
     for (v, &c) in component.iter().enumerate() {
@@ -76,20 +74,4 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
         Part { mesh, sources }
     };
     (parts.into_iter().map(made).collect(), repaired.report.changes().collect())
-}
-
-/// Number of the component of each vertex, by the order of their first vertices.
-fn components(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut pieces = UnionFind::new(vertices);
-    for &[a, b, c] in triangles {
-        pieces.join(a, b);
-        pieces.join(a, c);
-    }
-    let mut number = HashMap::new();
-    (0..vertices as u32)
-        .map(|v| {
-            let next = number.len() as u32;
-            *number.entry(pieces.root(v)).or_insert(next)
-        })
-        .collect()
 }

@@ -10,8 +10,8 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::CharacterError;
-use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::{TriMesh, UnionFind};
 use crate::sparse::{Cholesky, CompactFactor, Ordering};
 
 /// The factored Laplacian.
@@ -108,19 +108,11 @@ const LARGEST: f64 = 1e3;
 
 /// Lowest vertex of each vertex's piece.
 fn pieces(edges: &EdgeWeights) -> Vec<u32> {
-    let mut root: Vec<u32> = (0..edges.vertex_count() as u32).collect();
-    let find = |root: &mut Vec<u32>, mut v: u32| {
-        while root[v as usize] != v {
-            root[v as usize] = root[root[v as usize] as usize];
-            v = root[v as usize];
-        }
-        v
-    };
+    let mut sets = UnionFind::new(edges.vertex_count());
     for &[i, j] in edges.edges() {
-        let (a, b) = (find(&mut root, i), find(&mut root, j));
-        root[a.max(b) as usize] = a.min(b);
+        sets.join(i, j);
     }
-    (0..edges.vertex_count() as u32).map(|v| find(&mut root, v)).collect()
+    sets.roots()
 }
 
 /// Areas over those of the pieces; the same for all vertices of a piece without area.

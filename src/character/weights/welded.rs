@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Point3;
 
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, components};
 
 /// The surface with every place once.
 #[derive(Debug)]
@@ -62,28 +62,15 @@ impl Welded {
 
 /// Piece of each vertex, numbered by lowest vertex, lone vertices last; number of pieces with triangles.
 fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
-    let mut root: Vec<u32> = (0..vertices as u32).collect();
-    let find = |root: &mut Vec<u32>, mut v: u32| {
-        while root[v as usize] != v {
-            root[v as usize] = root[root[v as usize] as usize];
-            v = root[v as usize];
-        }
-        v
-    };
+    let root = components(vertices, triangles);
     let mut used = vec![false; vertices];
-    for t in triangles {
-        for &v in t {
-            used[v as usize] = true;
-            let (a, b) = (find(&mut root, t[0]), find(&mut root, v));
-            root[a.max(b) as usize] = a.min(b);
-        }
-    }
+    triangles.iter().flatten().for_each(|v| used[*v as usize] = true);
     let mut piece = vec![u32::MAX; vertices];
     let mut next = 0;
     let mut with_triangles = 0;
     for lone in [false, true] {
         for v in 0..vertices {
-            let r = find(&mut root, v as u32) as usize;
+            let r = root[v] as usize;
             if used[r] == lone {
                 continue;
             }

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion, Vector3}
 use serde_json::Value;
 
 use super::{Faces, NO_VALUE};
-use crate::mesh::MeshError;
+use crate::mesh::{MeshError, UnionFind};
 
 /// How the parts of a model hang together and move.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -349,20 +349,14 @@ impl Articulation {
 
     /// Makes one of instances that faces join; whether they move alike.
     fn joined_by(&mut self, faces: &Faces) -> bool {
-        let mut leader: Vec<u32> = (0..self.instances.len() as u32).collect();
-        let find = |leader: &[u32], mut i: u32| {
-            while leader[i as usize] != i {
-                i = leader[i as usize];
-            }
-            i
-        };
+        let mut sets = UnionFind::new(self.instances.len());
         for face in faces.iter() {
             for pair in face.windows(2) {
-                let [a, b] = [pair[0], pair[1]].map(|v| find(&leader, self.instance_of_vertex[v as usize]));
-                leader[a.max(b) as usize] = a.min(b);
+                let [a, b] = [pair[0], pair[1]].map(|v| self.instance_of_vertex[v as usize]);
+                sets.join(a, b);
             }
         }
-        let leader: Vec<u32> = (0..leader.len() as u32).map(|i| find(&leader, i)).collect();
+        let leader = sets.roots();
         let alike = |i: usize| {
             let (a, b) = (&self.instances[i], &self.instances[leader[i] as usize]);
             i == leader[i] as usize

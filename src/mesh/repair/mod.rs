@@ -16,7 +16,7 @@ mod weld;
 
 use nalgebra::Point3;
 
-use super::TriMesh;
+use super::{TriMesh, UnionFind};
 
 pub use report::{BoundaryLoop, Component, RepairReport};
 pub use survey::MeshFacts;
@@ -82,7 +82,7 @@ impl Repaired {
 struct Soup<'a> {
     mesh: &'a TriMesh,
     /// The vertex of the input that stands for each vertex of the input: the lowest that was joined with it.
-    joined: weld::Joined,
+    joined: UnionFind,
     /// Three corners `3t + k` of the input per triangle.
     corners: Vec<[u32; 3]>,
 }
@@ -150,7 +150,7 @@ pub fn repair(mesh: &TriMesh, options: &RepairOptions) -> Repaired {
     };
     report.unreferenced = unreferenced(mesh);
     let joined = weld::join(mesh, options.weld, &report.unreferenced);
-    report.welded = joined.count();
+    report.welded = joined.joined();
     let corners = (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let mut soup = Soup { mesh, joined, corners };
     report.collapsed = soup.drop_collapsed();

@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::Point3;
 use serde::Serialize;
 
-use super::weld::Joined;
+use crate::mesh::UnionFind;
 use crate::mesh::{HalfEdges, TriMesh};
 
 /// What was done to a mesh, and what the result is. Numbers of vertices and triangles are those of the input unless said
@@ -162,7 +162,7 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
 
 /// The component of each vertex, numbered as they are first met, and their sizes. Each vertex belongs to a triangle.
 pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
-    let mut joined = Joined::apart(mesh.vertex_count());
+    let mut joined = UnionFind::new(mesh.vertex_count());
     for &[a, b, c] in mesh.triangles() {
         joined.join(a, b);
         joined.join(b, c);

@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 use nalgebra::{Point3, Vector3};
 
 use super::report::describe;
-use super::weld::Joined;
 use super::{RepairReport, Repaired, Soup};
+use crate::mesh::UnionFind;
 use crate::mesh::half_edges::edge_groups;
 use crate::mesh::{HalfEdges, TriMesh};
 
@@ -172,7 +172,7 @@ impl Sheets<'_> {
     }
 
     /// Closed parts face outward. One that came oriented alike stays inside out where it lies within another: it is a cavity.
-    fn face_outward(&mut self, classes: &Joined) {
+    fn face_outward(&mut self, classes: &UnionFind) {
         let shells = self.shells(classes);
         for shell in &shells {
             if !(shell.closed && shell.volume < 0.0) {
@@ -188,9 +188,9 @@ impl Sheets<'_> {
     }
 
     /// Parts that hang together by edges, once vertices are split.
-    fn shells(&self, classes: &Joined) -> Vec<Shell> {
+    fn shells(&self, classes: &UnionFind) -> Vec<Shell> {
         let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
-        let mut joined = Joined::apart(self.flipped.len());
+        let mut joined = UnionFind::new(self.flipped.len());
         let mut open = vec![false; self.flipped.len()];
         for edge in edge_groups(&origins).iter() {
             match *edge {
@@ -218,9 +218,9 @@ impl Sheets<'_> {
     }
 
     /// For each corner `3t + k` of the soup the set of corners that become one vertex.
-    fn split(&mut self) -> Joined {
+    fn split(&mut self) -> UnionFind {
         loop {
-            let mut classes = Joined::apart(self.across.len());
+            let mut classes = UnionFind::new(self.across.len());
             for h in 0..self.across.len() as u32 {
                 let other = self.across[h as usize];
                 if other == NONE || other < h {
@@ -246,7 +246,7 @@ impl Sheets<'_> {
     }
 
     /// Triangles at edges that are crowded still, because the sheets there meet elsewhere too: all but one pair.
-    fn crowded(&self, classes: &Joined) -> Vec<u32> {
+    fn crowded(&self, classes: &UnionFind) -> Vec<u32> {
         let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
         let mut found = Vec::new();
         for edge in edge_groups(&origins).iter() {
@@ -263,7 +263,7 @@ impl Sheets<'_> {
         found
     }
 
-    fn build(mut self, classes: &Joined) -> Repaired {
+    fn build(mut self, classes: &UnionFind) -> Repaired {
         let soup = self.soup;
         let corner_at = |h: usize| soup.corners[h / 3][h % 3];
         // Each set of corners is named by its lowest source, then by its first corner, so that the order of the input stays.

@@ -5,49 +5,11 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Vector3};
 
 use super::{TriMesh, Weld};
-
-/// Sets of vertices; each is named by its lowest.
-pub(super) struct Joined {
-    parents: Vec<u32>,
-}
-
-impl Joined {
-    pub(super) fn apart(vertices: usize) -> Self {
-        Self { parents: (0..vertices as u32).collect() }
-    }
-
-    /// The lowest vertex of a vertex's set.
-    pub(super) fn root(&self, mut vertex: u32) -> u32 {
-        while self.parents[vertex as usize] != vertex {
-            vertex = self.parents[vertex as usize];
-        }
-        vertex
-    }
-
-    pub(super) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.shortened(a), self.shortened(b));
-        self.parents[a.max(b) as usize] = a.min(b);
-    }
-
-    /// [`Self::root`], with the way there halved for the next time.
-    fn shortened(&mut self, mut vertex: u32) -> u32 {
-        while self.parents[vertex as usize] != vertex {
-            let up = self.parents[self.parents[vertex as usize] as usize];
-            self.parents[vertex as usize] = up;
-            vertex = up;
-        }
-        vertex
-    }
-
-    /// Number of vertices that are another one's.
-    pub(super) fn count(&self) -> usize {
-        self.parents.iter().enumerate().filter(|&(v, &p)| v as u32 != p).count()
-    }
-}
+use crate::mesh::UnionFind;
 
 /// Joins the vertices of a mesh.
-pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32]) -> Joined {
-    let mut joined = Joined::apart(mesh.vertex_count());
+pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32]) -> UnionFind {
+    let mut joined = UnionFind::new(mesh.vertex_count());
     match weld {
         Weld::Never => {}
         Weld::Exact => join_equal(mesh.positions(), &mut joined),
@@ -71,7 +33,7 @@ fn diagonal(mesh: &TriMesh, unreferenced: &[u32]) -> f64 {
     (high - low).norm()
 }
 
-fn join_equal(positions: &[Point3<f64>], joined: &mut Joined) {
+fn join_equal(positions: &[Point3<f64>], joined: &mut UnionFind) {
     let mut first = HashMap::with_capacity(positions.len());
     for (vertex, p) in positions.iter().enumerate() {
         // Zero has two signs.
@@ -82,7 +44,7 @@ fn join_equal(positions: &[Point3<f64>], joined: &mut Joined) {
 }
 
 /// Cubes whose diagonal is the distance: all in one belong together, and none reaches further than two cubes.
-fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut Joined) {
+fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind) {
     let side = distance / 3.0_f64.sqrt();
     let origin = positions.iter().fold(Point3::from([f64::INFINITY; 3]), |low, p| low.inf(p));
     let cube = |p: &Point3<f64>| -> [i64; 3] { ((p - origin) / side).map(|x| x.floor() as i64).into() };

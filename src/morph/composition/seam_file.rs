@@ -18,8 +18,7 @@ use super::super::MorphError;
 use super::super::correspondence::Place;
 use super::{ComposeOptions, Cut};
 use crate::mesh::TriMesh;
-
-const FORMAT: &str = "plumbline.seam";
+use crate::morph::versioned::Versioned;
 
 /// A seam as a file tells it.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -80,6 +79,15 @@ struct LineEntry {
     keep: Place,
 }
 
+impl Versioned for SeamFile {
+    const KIND: &'static str = "seams";
+    const FORMAT: &'static str = "plumbline.seam";
+
+    fn header(&self) -> (&str, u32) {
+        (&self.format, self.version)
+    }
+}
+
 /// The JSON schema of files of seams.
 pub fn seam_schema() -> schemars::Schema {
     schemars::schema_for!(SeamFile)
@@ -91,8 +99,7 @@ impl SeamFile {
     /// # Errors
     /// [`MorphError::Malformed`], also where it cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        let text = std::fs::read_to_string(path);
-        Self::parse(&text.map_err(|e| malformed(format!("cannot be read: {e}")))?)
+        Self::parse(&Self::text_of(path)?)
     }
 
     /// Reads the text of a file.
@@ -100,15 +107,9 @@ impl SeamFile {
     /// # Errors
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
-        let file: Self = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
-        if file.format != FORMAT {
-            return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", file.format)));
-        }
-        if file.version != 1 {
-            return Err(malformed(format!("version {} is not supported (expected 1)", file.version)));
-        }
+        let file = Self::of_text(text)?;
         if !(1..=1000).contains(&file.band) {
-            return Err(malformed(format!("the band is {} (expected 1 to 1000 rings)", file.band)));
+            return Err(Self::malformed(format!("the band is {} (expected 1 to 1000 rings)", file.band)));
         }
         Ok(file)
     }
@@ -148,8 +149,4 @@ impl CutEntry {
             Self::Boundary(near) => Cut::Boundary { near: Point3::from(*near) },
         })
     }
-}
-
-fn malformed(fault: String) -> MorphError {
-    MorphError::Malformed { kind: "seams", fault }
 }

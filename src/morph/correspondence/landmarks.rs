@@ -17,9 +17,7 @@ use serde::Deserialize;
 
 use crate::mesh::TriMesh;
 use crate::morph::MorphError;
-
-const FORMAT: &str = "plumbline.landmarks";
-const KIND: &str = "landmarks";
+use crate::morph::versioned::Versioned;
 
 /// Pairs of places of two meshes.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +45,15 @@ struct Document {
     pairs: Vec<(Place, Place)>,
 }
 
+impl Versioned for Document {
+    const KIND: &'static str = "landmarks";
+    const FORMAT: &'static str = "plumbline.landmarks";
+
+    fn header(&self) -> (&str, u32) {
+        (&self.format, self.version)
+    }
+}
+
 /// The JSON schema of files of landmarks.
 pub fn landmarks_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
@@ -64,8 +71,7 @@ impl Landmarks {
     /// # Errors
     /// [`MorphError::Malformed`], also where the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        let text = std::fs::read_to_string(path).map_err(|e| malformed(format!("cannot be read: {e}")))?;
-        Self::parse(&text)
+        Self::parse(&Document::text_of(path)?)
     }
 
     /// Reads one of the three forms, told apart by how they begin.
@@ -74,7 +80,7 @@ impl Landmarks {
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
         let pairs = if text.trim_start().starts_with('{') {
-            of_json(text)?
+            Document::of_text(text)?.pairs
         } else if text.lines().any(|line| line.trim_end() == "markers:") {
             of_lines(text, "markers:", ':')?
         } else {
@@ -146,21 +152,6 @@ fn nearest(mesh: &TriMesh, place: &Point3<f64>) -> u32 {
     (0..mesh.vertex_count()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0) as u32
 }
 
-fn malformed(fault: String) -> MorphError {
-    MorphError::Malformed { kind: KIND, fault }
-}
-
-fn of_json(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
-    let document: Document = serde_json::from_str(text).map_err(|e| malformed(e.to_string()))?;
-    if document.format != FORMAT {
-        return Err(malformed(format!("the format is {:?} (expected {FORMAT:?})", document.format)));
-    }
-    if document.version != 1 {
-        return Err(malformed(format!("version {} is not supported (expected 1)", document.version)));
-    }
-    Ok(document.pairs)
-}
-
 /// Pairs after a line, until one that is none.
 fn of_lines(text: &str, after: &str, between: char) -> Result<Vec<(Place, Place)>, MorphError> {
     let lines = text.lines().enumerate().skip_while(|(_, line)| line.trim_end() != after).skip(1);
@@ -182,11 +173,11 @@ fn of_counted(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
     let first = lines.next().map_or("", |(_, line)| line.trim());
     let count: usize = first.parse().map_err(|_| {
         let shown: String = first.chars().take(30).collect();
-        malformed(format!("line 1: {shown:?} (expected JSON, `markers:`, or the number of pairs)"))
+        Document::malformed(format!("line 1: {shown:?} (expected JSON, `markers:`, or the number of pairs)"))
     })?;
     let pairs: Vec<_> = lines.map(|(number, line)| pair(line, ',', number)).collect::<Result<_, _>>()?;
     if pairs.len() != count {
-        return Err(malformed(format!("line 1 announces {count} pairs, but {} follow", pairs.len())));
+        return Err(Document::malformed(format!("line 1 announces {count} pairs, but {} follow", pairs.len())));
     }
     Ok(pairs)
 }
@@ -196,7 +187,7 @@ fn pair(text: &str, between: char, line: usize) -> Result<(Place, Place), MorphE
     let both = text.split_once(between).and_then(|(a, b)| number(a).zip(number(b)));
     both.ok_or_else(|| {
         let shown: String = text.chars().take(30).collect();
-        malformed(format!("line {}: {shown:?} (expected two vertices with `{between}` between)", line + 1))
+        Document::malformed(format!("line {}: {shown:?} (expected two vertices with `{between}` between)", line + 1))
     })
 }
 

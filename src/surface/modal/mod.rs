@@ -19,8 +19,8 @@ mod tests;
 use nalgebra::Vector3;
 
 use super::SurfaceError;
-use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
+use crate::mesh::{TriMesh, components};
 use crate::optim::lanczos::{LanczosOptions, ShiftedPencil};
 use crate::sparse::{Cholesky, Ordering};
 
@@ -89,7 +89,7 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions) -> Result<Mod
     let places = used.positions().iter().flat_map(|p| [p.coords.into(); 3]).collect();
     let mut factor = Cholesky::analyze(h.pattern(), &Ordering::NestedDissection(places))?;
     factor.factor(&shifted)?;
-    let known = hessian::rigid_motions(&used, &super::held::parts(used.vertex_count(), used.triangles()));
+    let known = hessian::rigid_motions(&used, &components(used.vertex_count(), used.triangles()));
     let mut pencil = ShiftedPencil { matrix: &h, mass: &mass, shift, factor: &mut factor, known: &known };
     let found = pencil.lowest(count, &LanczosOptions { tolerance, ..LanczosOptions::default() });
     let spread = |x: &Vec<f64>| {

@@ -19,9 +19,8 @@ use std::collections::BinaryHeap;
 use nalgebra::{Matrix3, Vector3};
 
 use super::Modes;
-use crate::mesh::TriMesh;
 use crate::mesh::operators::barycentric_areas;
-use crate::surface::held::parts as connected_parts;
+use crate::mesh::{TriMesh, components};
 
 /// Rounds of Lloyd's alternation after each part that is added: the others have little to give.
 const ROUNDS: usize = 4;
@@ -117,7 +116,7 @@ pub fn parts(mesh: &TriMesh, modes: &Modes, options: &PartsOptions) -> Parts {
 
 /// Connected pieces, numbered.
 fn pieces(mesh: &TriMesh) -> Vec<u32> {
-    let lowest = connected_parts(mesh.vertex_count(), mesh.triangles());
+    let lowest = components(mesh.vertex_count(), mesh.triangles());
     let mut names = lowest.clone();
     names.sort_unstable();
     names.dedup();

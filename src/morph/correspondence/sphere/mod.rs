@@ -24,7 +24,7 @@ mod tests;
 use nalgebra::Vector3;
 
 use super::super::MorphError;
-use crate::mesh::{HalfEdges, TriMesh};
+use crate::mesh::{HalfEdges, TriMesh, numbered_components};
 use collapse::{Removed, removals};
 use kernel::deepest;
 pub use overlay::over_spheres;
@@ -82,7 +82,7 @@ fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
         return Err(topology(which, format!("is open: {open} edges have one triangle")));
     }
     let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
-    let (_, pieces) = super::super::elastic_solve::pieces(mesh.triangles(), mesh.vertex_count());
+    let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
     if pieces != 1 {
         return Err(topology(which, format!("is in {pieces} pieces, vertices that no triangle names among them")));
     }
