@@ -16,7 +16,7 @@ use plumbline::sparse::{Method, Ordering, read_matrix_market, write_matrix_marke
 use plumbline::surface::handle_file::HandleFile;
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
-pub(crate) fn motion_file(bytes: &[u8]) {
+pub fn motion_file(bytes: &[u8]) {
     if let Ok(clip) = ClipMotion::from_json(bytes) {
         let mut text = Vec::new();
         if clip.write_json(&mut text).is_ok() {
@@ -26,7 +26,7 @@ pub(crate) fn motion_file(bytes: &[u8]) {
 }
 
 /// Any bytes as a pipeline file: checked without a panic, every fault renderable, and what is accepted prints to itself.
-pub(crate) fn pipeline_file(bytes: &[u8]) {
+pub fn pipeline_file(bytes: &[u8]) {
     let source = |text: String| Source { name: "fuzz.toml".into(), text, base: None };
     match read(source(String::from_utf8_lossy(bytes).into_owned()), &[]) {
         Err(problems) => {
@@ -41,7 +41,7 @@ pub(crate) fn pipeline_file(bytes: &[u8]) {
 }
 
 /// A lens file of any bytes is refused or read, never a panic; the lens that was read can be used, written and read again.
-pub(crate) fn lens_file(bytes: &[u8]) {
+pub fn lens_file(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let zoom = ExifFacts {
         size: Some((640.0, 480.0)),
@@ -62,7 +62,7 @@ pub(crate) fn lens_file(bytes: &[u8]) {
 }
 
 /// Any bytes as a picture, and as an EXIF block: read or refused without a panic; what was read can be written and read again.
-pub(crate) fn still_file(bytes: &[u8]) {
+pub fn still_file(bytes: &[u8]) {
     let _ = ExifTags::of(bytes);
     let options = LoadOptions { max_pixels: 1 << 18 };
     if let Ok(photo) = decode(Cursor::new(bytes), options) {
@@ -105,27 +105,27 @@ fn write_and_read(model: &plumbline::mesh::Model) {
 }
 
 /// [`mesh_file`] as OBJ.
-pub(crate) fn obj_file(bytes: &[u8]) {
+pub fn obj_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Obj);
 }
 
 /// [`mesh_file`] as PLY.
-pub(crate) fn ply_file(bytes: &[u8]) {
+pub fn ply_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Ply);
 }
 
 /// [`mesh_file`] as OFF.
-pub(crate) fn off_file(bytes: &[u8]) {
+pub fn off_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Off);
 }
 
 /// [`mesh_file`] as STL.
-pub(crate) fn stl_file(bytes: &[u8]) {
+pub fn stl_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Stl);
 }
 
 /// [`mesh_file`] as glTF, in JSON or binary as the bytes begin; as a character too, which is posed and written.
-pub(crate) fn gltf_file(bytes: &[u8]) {
+pub fn gltf_file(bytes: &[u8]) {
     let format = if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf };
     mesh_file(bytes, format);
     let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
@@ -141,7 +141,7 @@ pub(crate) fn gltf_file(bytes: &[u8]) {
 
 /// Any bytes as a skeleton or a movement of any text format: read or refused without a panic; what was read can be written and
 /// read again.
-pub(crate) fn rig_file(bytes: &[u8]) {
+pub fn rig_file(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let one = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
     let _ = parse_anim(&text, "x", &one);
@@ -155,13 +155,13 @@ pub(crate) fn rig_file(bytes: &[u8]) {
 }
 
 /// [`mesh_file`] as Medit.
-pub(crate) fn medit_file(bytes: &[u8]) {
+pub fn medit_file(bytes: &[u8]) {
     mesh_file(bytes, MeshFormat::Medit);
 }
 
 /// Any bytes as a Matrix Market file: read or refused without a panic, no larger than the file. What was read can be written and
 /// read again, and every method solves it or says why not.
-pub(crate) fn matrix_file(bytes: &[u8]) {
+pub fn matrix_file(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let Ok(a) = read_matrix_market(&text) else { return };
     assert!(a.nnz() <= 2 * text.lines().count() && a.entries().all(|(_, _, v)| v.is_finite()));
@@ -184,7 +184,7 @@ pub(crate) fn matrix_file(bytes: &[u8]) {
 
 /// A file of handles of any bytes, for a small mesh: refused or understood, never a panic. What is understood names vertices
 /// of the mesh, each once, and has a place for each at any time.
-pub(crate) fn handle_file(bytes: &[u8]) {
+pub fn handle_file(bytes: &[u8]) {
     let Ok(file) = HandleFile::parse(&String::from_utf8_lossy(bytes)) else { return };
     let mesh = shapes::plane(3);
     let Ok(understood) = file.of_mesh(mesh.positions()) else { return };

@@ -1,6 +1,7 @@
 //! The fuzz targets' bodies on mutated examples: flipped, cut, doubled, moved and spliced bytes, and words of the formats.
 
 #[path = "../../fuzz/bodies.rs"]
+#[expect(unreachable_pub, reason = "elsewhere it is a library")]
 mod bodies;
 
 use std::io::Cursor;
