@@ -194,7 +194,9 @@ impl Sheets<'_> {
         let mut open = vec![false; self.flipped.len()];
         for edge in edge_groups(&origins).iter() {
             match *edge {
-                [(_, g), (_, h)] => joined.join(g / 3, h / 3),
+                [(_, g), (_, h)] => {
+                    joined.join(g / 3, h / 3);
+                }
                 _ => edge.iter().for_each(|&(_, h)| open[h as usize / 3] = true),
             }
         }
