@@ -234,6 +234,16 @@ fn bounded_weights_converge_and_are_smoother_than_heat_at_the_same_bounds() {
 }
 
 #[test]
+fn bounded_weights_of_bones_far_shorter_than_the_model_converge_too() {
+    let (mesh, _, _) = tube(3, 8, 600);
+    let thin = mesh.positions().iter().map(|p| Point3::new(p.x, 0.02 * p.y, 0.02 * p.z)).collect();
+    let joints: Vec<[f64; 3]> = (0..90).map(|k| [0.1 * f64::from(k), 0.0, 0.0]).collect();
+    let all = WeightOptions { influences: 8, least: 0.0, ..options(WeightMethod::BoundedBiharmonic) };
+    let (_, report) = bone_weights(&mesh.with_positions(thin).expect("finite"), &chain(&joints), &all).expect("found");
+    assert!(report.residual < 1e-4, "{report:?}");
+}
+
+#[test]
 fn the_simplex_projection_is_the_nearest_point() {
     for (point, nearest) in [
         ([0.2, 0.3, 0.5], [0.2, 0.3, 0.5]),

@@ -288,3 +288,41 @@ fn shape(a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>) -> (Vector3<f64>, f6
     let edges = (b - a).norm_squared() + (c - b).norm_squared() + (a - c).norm_squared();
     (normal, if edges > 0.0 { normal.norm() / edges } else { 0.0 })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh(positions: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> TriMesh {
+        TriMesh::new(positions.into_iter().map(Point3::from).collect(), triangles).expect("a sound case")
+    }
+
+    #[test]
+    fn a_waist_of_three_edges_is_not_pinched() {
+        let corners = [[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]];
+        let positions = (0..15).map(|i| [i as f64 / 3.0 * 0.5, corners[i % 3][0], corners[i % 3][1]]).collect();
+        let at = |ring: u32, k: u32| 3 * ring + k % 3;
+        let quads = (0..12).map(|i| (i / 3, i % 3));
+        let triangles = quads.flat_map(|(r, k)| {
+            [[at(r, k), at(r, k + 1), at(r + 1, k)], [at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)]]
+        });
+        let mesh = mesh(positions, triangles.collect());
+        let mut collapser = Collapser::new(&mesh, &[]);
+        assert!(
+            !collapser.allowed(6, 7) && !collapser.allowed(7, 8),
+            "their third is a neighbor of both, without a triangle"
+        );
+        assert!(collapser.allowed(6, 3), "along the tube");
+    }
+
+    #[test]
+    fn no_triangle_turns_over() {
+        // A star with a notch at its second tip: seen from the first, the triangle behind the notch lies upside down.
+        let tips = [[2.0, 0.0], [0.2, 0.2], [0.0, 2.0], [-2.0, 0.0], [0.0, -2.0]];
+        let positions = std::iter::once([0.0; 3]).chain(tips.map(|[x, y]| [x, y, 0.0])).collect();
+        let mesh = mesh(positions, (0..5).map(|k| [0, 1 + k, 1 + (k + 1) % 5]).collect());
+        let mut collapser = Collapser::new(&mesh, &[]);
+        assert!(!collapser.allowed(0, 1) && !collapser.allowed(0, 3), "beside the notch");
+        assert!(collapser.allowed(0, 4), "across from it");
+    }
+}
