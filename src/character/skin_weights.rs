@@ -152,10 +152,14 @@ impl SkinWeights {
         if !(0.0..1.0).contains(&least) {
             return Err(CharacterError::Option { name: "least weight", value: least, range: "0 or more, below 1" });
         }
-        Ok(self.kept(|k, influence| k == 0 || influence.weight >= least))
+        let stays = |&(k, i): &(usize, &Influence)| k == 0 || i.weight >= least;
+        Ok(self.kept(|row| row.iter().enumerate().filter(stays).map(|(_, i)| *i).collect()))
     }
 
-    /// The `most` strongest of each vertex, which sum to 1 again.
+    /// At most `most` of each vertex, the strongest, which sum to 1 again.
+    ///
+    /// What is kept fades with its lead over the strongest that is left out, `w ← w min(1, w / w_out − 1)`, so that weights stay
+    /// continuous along a surface where one influence takes the last place of another.
     ///
     /// # Errors
     /// [`CharacterError::Option`] where `most` is 0.
@@ -163,19 +167,25 @@ impl SkinWeights {
         if most == 0 {
             return Err(CharacterError::Option { name: "influences", value: 0.0, range: "1 or more" });
         }
-        Ok(self.kept(|k, _| k < most))
+        Ok(self.kept(|row| {
+            let Some(out) = row.get(most) else { return row.to_vec() };
+            let fade = |i: &Influence| Influence { weight: i.weight * (i.weight / out.weight - 1.0).min(1.0), ..*i };
+            let faded: Vec<Influence> = row[..most].iter().map(fade).filter(|i| i.weight > 0.0).collect();
+            // All alike: none leads.
+            if faded.is_empty() { row[..most].to_vec() } else { faded }
+        }))
     }
 
-    /// The influences that `keep` says (by place in the row, strongest first), which sum to 1 again where some were dropped.
-    fn kept(&self, keep: impl Fn(usize, &Influence) -> bool) -> Self {
+    /// What `keep` makes of each row (strongest first), to sum to 1 again where it changed it.
+    fn kept(&self, keep: impl Fn(&[Influence]) -> Vec<Influence>) -> Self {
         let (mut starts, mut influences) = (vec![0], Vec::with_capacity(self.influences.len()));
         for row in self.rows() {
-            let first = influences.len();
-            influences.extend(row.iter().enumerate().filter(|(k, i)| keep(*k, i)).map(|(_, i)| *i));
-            if influences.len() - first < row.len() {
-                let sum: f64 = influences[first..].iter().map(|i| i.weight).sum();
-                influences[first..].iter_mut().for_each(|i| i.weight /= sum);
+            let mut left = keep(row);
+            if left.len() < row.len() {
+                let sum: f64 = left.iter().map(|i| i.weight).sum();
+                left.iter_mut().for_each(|i| i.weight /= sum);
             }
+            influences.append(&mut left);
             starts.push(influences.len() as u32);
         }
         Self { joint_count: self.joint_count, starts, influences }

@@ -135,12 +135,29 @@ fn weights_that_are_no_partition_are_refused_or_made_one() {
 }
 
 #[test]
+fn a_limit_is_continuous_where_influences_change_places() {
+    let limited = |second: f64| {
+        let row = vec![(0, 0.5), (1, second), (2, 0.5 - second)];
+        SkinWeights::new(3, [row]).and_then(|w| w.limited(2)).expect("sums are 1")
+    };
+    let steps: Vec<SkinWeights> = (0..=1000).map(|k| limited(0.15 + 1e-4 * f64::from(k))).collect();
+    for joint in 0..3 {
+        let jump = |pair: &[SkinWeights]| (pair[0].weight(0, joint) - pair[1].weight(0, joint)).abs();
+        assert!(steps.windows(2).map(jump).fold(0.0, f64::max) < 1e-3, "joint {joint}");
+    }
+    let even =
+        SkinWeights::new(3, [[0, 1, 2].map(|j| (j, 1.0 / 3.0)).to_vec()]).and_then(|w| w.limited(2)).expect("two");
+    assert_eq!(even.row(0).len(), 2, "where none leads, as many as there may be");
+}
+
+#[test]
 fn pruning_and_limits_keep_the_strongest_and_the_sum() {
     let row = vec![(0, 0.5), (1, 0.3), (2, 0.1504), (3, 0.0496)];
     let weights = SkinWeights::new(5, [row, vec![(4, 1.0)]]).expect("sums are 1");
     let limited = weights.limited(2).expect("two");
     assert_eq!(limited.row(0).iter().map(|i| i.joint).collect::<Vec<_>>(), [0, 1]);
-    assert!((limited.weight(0, 0) - 0.625).abs() < 1e-15);
+    let second = 0.3 * (0.3 / 0.1504 - 1.0);
+    assert!((limited.weight(0, 0) - 0.5 / (0.5 + second)).abs() < 1e-15);
     let pruned = weights.pruned(0.05).expect("in range");
     assert_eq!((pruned.row(0).len(), pruned.row(1).len()), (3, 1));
     assert!(pruned.sums().all(|s| (s - 1.0).abs() < 1e-15));
