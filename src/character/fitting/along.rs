@@ -80,13 +80,20 @@ pub(super) fn bent(path: &Path, shares: &[f64]) -> Vec<f64> {
                 let bone = to - from;
                 let possible = before.is_finite() && bone >= SHORTEST * wanted && bone > 0.0 && to <= 1.0;
                 let strain = STIFFNESS * (bone - wanted).powi(2) / wanted.max(STEP);
-                let cost = if possible { before + strain + deviation(path, &samples, from, to) / squared } else { f64::INFINITY };
+                let cost = if possible {
+                    before + strain + deviation(path, &samples, from, to) / squared
+                } else {
+                    f64::INFINITY
+                };
                 (cost, a)
             };
             grid(i).enumerate().map(cost).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0))
         };
         let (costs, from): (Vec<f64>, Vec<usize>) = grid(i + 1).map(best).unzip();
-        (least, back) = (costs, { back.push(from); back });
+        (least, back) = (costs, {
+            back.push(from);
+            back
+        });
     }
     if !least[0].is_finite() {
         return shares.to_vec();
@@ -142,7 +149,12 @@ mod tests {
 
     #[test]
     fn shares_rise_however_the_path_turns() {
-        let knot = Path::new((0..200).map(|i| f64::from(i) * 0.1).map(|t| Vector3::new((3.1 * t).sin(), t.cos(), (0.7 * t).sin())).collect());
+        let knot = Path::new(
+            (0..200)
+                .map(|i| f64::from(i) * 0.1)
+                .map(|t| Vector3::new((3.1 * t).sin(), t.cos(), (0.7 * t).sin()))
+                .collect(),
+        );
         let shares = [0.0, 0.02, 0.04, 0.5, 0.52, 1.0];
         let found = bent(&knot, &shares);
         assert!(found.windows(2).all(|w| w[0] < w[1]), "{found:?}");

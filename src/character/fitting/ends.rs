@@ -4,6 +4,7 @@
 //! the tree of the ends before it (exact on trees).
 
 use super::graph::{Graph, Paths};
+use crate::character::Skeleton;
 
 /// What adds less than this share of all length is no end of its own.
 const LEAST: f64 = 1e-6;
@@ -12,6 +13,10 @@ const MOST_OF_CURVE: usize = 40;
 /// Ends of a template that are matched at most; what else it has goes with what it hangs on.
 const MOST_OF_TEMPLATE: usize = 64;
 
+/// What a root at the end of a limb counts where it has no image: many rigs hang on one on the ground, outside of any surface, while that
+/// of an arm is its shoulder.
+const ROOT: f64 = 0.2;
+
 /// Ends of a graph.
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
@@ -19,6 +24,8 @@ pub(super) struct Ends {
     pub(super) nodes: Vec<u32>,
     /// What each adds, as a share of the graph's length; of the first two the way between them.
     pub(super) reach: Vec<f64>,
+    /// What it costs to leave each out.
+    pub(super) need: Vec<f64>,
     /// Shortest ways from each.
     pub(super) paths: Vec<Paths>,
 }
@@ -31,8 +38,12 @@ impl Ends {
 }
 
 /// The ends of a template.
-pub(super) fn of_template(bones: &Graph) -> Ends {
-    far_first(bones, bones.ends(), MOST_OF_TEMPLATE)
+pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
+    let mut ends = far_first(bones, bones.ends(), MOST_OF_TEMPLATE);
+    for (need, node) in ends.need.iter_mut().zip(&ends.nodes) {
+        *need *= if template.joints()[*node as usize].parent.is_none() { ROOT } else { 1.0 };
+    }
+    ends
 }
 
 /// The ends of a curve; of one that is all loops the nodes that are farthest apart.
@@ -46,7 +57,7 @@ pub(super) fn of_curve(branches: &Graph) -> Ends {
 }
 
 fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
-    let mut ends = Ends { nodes: Vec::new(), reach: Vec::new(), paths: Vec::new() };
+    let mut ends = Ends { nodes: Vec::new(), reach: Vec::new(), need: Vec::new(), paths: Vec::new() };
     let Some(&start) = candidates.first() else { return ends };
     let mut added = graph.paths(start).length;
     while let Some((at, reach)) = farthest(&candidates, &added).filter(|_| ends.nodes.len() < most) {
@@ -73,6 +84,8 @@ fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
     if let [first, second, ..] = ends.reach.as_mut_slice() {
         *first = *second;
     }
+    // The way between the first two counts once.
+    ends.need = ends.reach.iter().enumerate().map(|(k, reach)| if k < 2 { 0.5 * reach } else { *reach }).collect();
     ends
 }
 

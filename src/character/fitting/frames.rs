@@ -6,7 +6,8 @@
 //!
 //! with bones `a` of the template and `b` of the result: a joint with one child turns the shortest way. World frames of the template are
 //! turned by `Q` and keep their scales, so that limits mean the same about the bones. What the curve has nothing for goes with the joint
-//! it hangs on: `p = p_h + s_h Q_h (x − x_h)`, with `s_h` the stretch of the limbs there.
+//! it hangs on: `p = p_h + s_h Q_h (x − x_h)`, with `s_h` the stretch of the limbs there; what hangs on nothing, a root outside, with the
+//! whole.
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, Unit, Vector3};
 
@@ -18,6 +19,9 @@ use crate::math::{Trs, nearest_rotation};
 
 /// Weight of the parent's turn beside that of the children's directions: enough to choose among equals.
 const PARENT: f64 = 1e-6;
+
+/// Directions of a bone in the template and in the result.
+type Directions = (Unit<Vector3<f64>>, Unit<Vector3<f64>>);
 
 /// A joint in its place.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +42,8 @@ pub(super) fn posed(
     let mut placed = on_the_curve(template, bones, layout, places);
     let limbs = limbs(bones, layout, &placed);
     let mut queue: Vec<u32> = (0..placed.len() as u32).filter(|j| placed[*j as usize].is_some()).collect();
+    let is_above = |j: u32, at: u32| template.joints()[at as usize].parent == Some(j);
+    let whole = (layout.alignment.rotation, layout.scale());
     let mut next = 0;
     while let Some(at) = queue.get(next).copied() {
         next += 1;
@@ -45,7 +51,8 @@ pub(super) fn posed(
         for &j in bones.neighbors(at) {
             if placed[j as usize].is_none() {
                 let way = bones.points[j as usize] - bones.points[at as usize];
-                placed[j as usize] = Some(Placed { place: held.place + held.turn * way * held.scale, ..held });
+                let (turn, scale) = if is_above(j, at) { whole } else { (held.turn, held.scale) };
+                placed[j as usize] = Some(Placed { place: held.place + turn * way * scale, turn, scale });
                 queue.push(j);
             }
         }
@@ -78,7 +85,7 @@ fn on_the_curve(
             let (old, new) = (bones.points[*c as usize] - bones.points[j as usize], places[*c as usize]? - place);
             Some((Unit::try_new(old, 1e-12)?, Unit::try_new(new, 1e-12)?))
         };
-        let directions: Vec<_> = template.children(j).iter().filter_map(bone).collect();
+        let directions: Vec<Directions> = template.children(j).iter().filter_map(bone).collect();
         let [old, new] = lengths[j as usize];
         placed[j as usize] = Some(Placed { place, turn: turn(&base, &directions), scale: new / old });
     }
@@ -86,7 +93,7 @@ fn on_the_curve(
 }
 
 /// The turn that carries the first of each pair best to the second.
-fn turn(base: &Matrix3<f64>, directions: &[(Unit<Vector3<f64>>, Unit<Vector3<f64>>)]) -> Matrix3<f64> {
+fn turn(base: &Matrix3<f64>, directions: &[Directions]) -> Matrix3<f64> {
     match directions {
         [] => *base,
         [(old, new)] => shortest(&(base * old.into_inner()), new) * base,
@@ -125,10 +132,11 @@ fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<S
 
 /// All limbs: those on the curve, and those that are not.
 fn limbs(bones: &Graph, layout: &Layout, placed: &[Option<Placed>]) -> Vec<FittedLimb> {
+    let scale = layout.scale();
     let stretch = |l: &super::limbs::Limb| FittedLimb {
         from: l.joints[0],
         to: l.joints[l.joints.len() - 1],
-        stretch: Some(l.path.length() / (l.length * layout.alignment.scale)),
+        stretch: Some(l.path.length() / (l.length * scale)),
     };
     let mut limbs: Vec<FittedLimb> = layout.limbs.iter().map(stretch).collect();
     let is_placed = |v: u32| placed[v as usize].is_some();

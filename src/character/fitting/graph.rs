@@ -107,8 +107,7 @@ impl Graph {
 
     /// Shortest ways from a node to all (E. W. Dijkstra, 1959).
     pub(super) fn paths(&self, from: u32) -> Paths {
-        let mut paths =
-            Paths { length: vec![f64::INFINITY; self.points.len()], before: vec![NONE; self.points.len()] };
+        let mut paths = Paths { length: vec![f64::INFINITY; self.points.len()], before: vec![NONE; self.points.len()] };
         paths.length[from as usize] = 0.0;
         // Lengths are not negative: their bits are in the order of their values.
         let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);

@@ -28,7 +28,7 @@ const APART: f64 = 0.3;
 const TOO_NEAR: f64 = 4.0;
 /// What the part of the curve without a limb counts: less than how well limbs fit, or an ear would be taken for the top of the head for
 /// being longer.
-const SPARE: f64 = 0.05;
+const SPARE: f64 = 0.1;
 /// Limbs shorter than this share of their length cost no more.
 const LEAST_RATIO: f64 = 0.05;
 
@@ -81,10 +81,14 @@ impl Layout {
             matched: images.iter().flatten().count(),
         };
         layout.alignment = layout.aligned(bones);
-        let fitted: f64 = layout.limbs.iter().map(|l| l.length).sum();
-        layout.cost =
-            layout.distortion() + PLACE * layout.alignment.residual + (1.0 - fitted) + SPARE * (1.0 - covered);
+        let missing: f64 = ours.need.iter().zip(images).filter_map(|(need, i)| i.is_none().then_some(need)).sum();
+        layout.cost = layout.distortion() + PLACE * layout.alignment.residual + missing + SPARE * (1.0 - covered);
         Some(layout)
+    }
+
+    /// Length of all limbs on the curve by that in the template: a pose does not change it.
+    pub(super) fn scale(&self) -> f64 {
+        self.limbs.iter().map(|l| l.path.length()).sum::<f64>() / self.limbs.iter().map(|l| l.length).sum::<f64>()
     }
 
     /// Ends of the template that have an image.
@@ -94,8 +98,12 @@ impl Layout {
 
     /// Whether joints are elsewhere by more than a share of the curve's length on average.
     pub(super) fn differs(&self, other: &Self, share: f64) -> bool {
-        let both: Vec<f64> =
-            self.places.iter().zip(&other.places).filter_map(|(a, b)| Some((a.as_ref()? - b.as_ref()?).norm())).collect();
+        let both: Vec<f64> = self
+            .places
+            .iter()
+            .zip(&other.places)
+            .filter_map(|(a, b)| Some((a.as_ref()? - b.as_ref()?).norm()))
+            .collect();
         both.iter().sum::<f64>() > share * both.len() as f64
     }
 

@@ -50,8 +50,7 @@ pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &
         for partial in &beam {
             let without = |mut p: Partial| {
                 p.images.push(None);
-                // The way between the first two counts once.
-                p.missing += if k < 2 { 0.5 * reach } else { *reach };
+                p.missing += ours.need[k];
                 p.cost += p.missing - partial.missing;
                 p
             };

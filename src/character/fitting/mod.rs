@@ -62,7 +62,7 @@ pub struct TemplateFit {
     pub skeleton: Skeleton,
     /// Every limb of the template.
     pub limbs: Vec<FittedLimb>,
-    /// Size of the result by that of the template, a factor.
+    /// Length of the limbs on the curve by that in the template, a factor.
     pub scale: f64,
     /// How far joints are from where the best similarity puts those of the template: root of the mean square, as a share of their spread.
     pub residual: f64,
@@ -82,7 +82,7 @@ pub struct TemplateFit {
 pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton) -> Result<TemplateFit, FitError> {
     let bones = Graph::of_skeleton(template).ok_or(FitError::Template { joints: template.joint_count() })?;
     let branches = Graph::of_curve(curve)?;
-    let (ours, theirs) = (ends::of_template(&bones), ends::of_curve(&branches));
+    let (ours, theirs) = (ends::of_template(template, &bones), ends::of_curve(&branches));
     let mut layouts: Vec<Layout> = matching::candidates(&bones, &ours, &branches, &theirs)
         .iter()
         .filter_map(|images| Layout::new(&bones, &ours, &branches, &theirs, images))
@@ -98,7 +98,7 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton) -> Result<Templa
     Ok(TemplateFit {
         skeleton,
         limbs,
-        scale: chosen.alignment.scale * branches.size / bones.size,
+        scale: chosen.scale() * branches.size / bones.size,
         residual: chosen.alignment.residual.sqrt(),
         spare_ends: branches.ends().len().saturating_sub(chosen.matched_ends()),
         ambiguous: !rivals.is_empty(),

@@ -25,11 +25,9 @@ pub(super) struct Moments {
     bb: f64,
 }
 
-/// `s` and `R` of `b ≈ s R a + t`.
+/// What is left of `b ≈ s R a + t`, and its `R`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Alignment {
-    /// `s`.
-    pub(super) scale: f64,
     /// `R`.
     pub(super) rotation: Matrix3<f64>,
     /// The least sum of squares as a share of `B`, 0 to 1.
@@ -61,12 +59,11 @@ impl Moments {
         let h = self.ba - b * self.a.transpose();
         let (aa, bb) = (self.aa - self.a.dot(&a), self.bb - self.b.dot(&b));
         if !(aa > 0.0 && bb > 0.0) {
-            return Alignment { scale: 1.0, rotation: Matrix3::identity(), residual: 0.0 };
+            return Alignment { rotation: Matrix3::identity(), residual: 0.0 };
         }
         let rotation = nearest_rotation(&h);
         let along = rotation.dot(&h);
-        let scale = along / aa;
         let residual = (1.0 - along * along / (aa * bb)).clamp(0.0, 1.0);
-        Alignment { scale, rotation, residual }
+        Alignment { rotation, residual }
     }
 }

@@ -23,7 +23,9 @@ fn curve_along(skeleton: &Skeleton, pose: &Pose, without: &[&str]) -> CurveSkele
             curve.nodes.push(at[j as usize]);
             continue;
         };
-        let Some(mut last) = node[parent as usize].filter(|_| !without.contains(&joint.name.as_str())) else { continue };
+        let Some(mut last) = node[parent as usize].filter(|_| !without.contains(&joint.name.as_str())) else {
+            continue;
+        };
         let (from, to) = (at[parent as usize], at[j as usize]);
         let steps = ((to - from).norm() / 0.01).ceil().max(1.0) as u32;
         for k in 1..=steps {
@@ -53,7 +55,8 @@ fn posed(skeleton: &Skeleton) -> Pose {
         ("neck", [0.0, 0.0, 0.3]),
     ];
     for (name, turn) in turns {
-        pose.locals[skeleton.named(name).expect("there") as usize].rotation = UnitQuaternion::from_scaled_axis(turn.into());
+        pose.locals[skeleton.named(name).expect("there") as usize].rotation =
+            UnitQuaternion::from_scaled_axis(turn.into());
     }
     pose
 }
@@ -169,7 +172,9 @@ fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
 #[test]
 fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
     let skeleton = person();
-    for (missing, ends) in [("arm.R", ["chest", "hand end.R"]), ("neck", ["chest", "head end"]), ("hand end.L", ["", ""])] {
+    for (missing, ends) in
+        [("arm.R", ["chest", "hand end.R"]), ("neck", ["chest", "head end"]), ("hand end.L", ["", ""])]
+    {
         let fit = fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[missing])).expect("fits");
         let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
         let without: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
@@ -185,10 +190,25 @@ fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
 }
 
 #[test]
+fn a_root_on_the_ground_is_no_limb() {
+    let skeleton = person();
+    let mut joints = skeleton.joints().to_vec();
+    joints[0].parent = Some(joints.len() as u32);
+    let ground = Trs::identity();
+    joints.push(Joint { name: "ground".into(), parent: None, rest: ground, limits: None });
+    let grounded = Skeleton::new(joints).expect("valid");
+    let fit = fit_template(&grounded, &curve_along(&skeleton, &posed(&skeleton), &[])).expect("fits");
+    let without = fit_template(&skeleton, &curve_along(&skeleton, &posed(&skeleton), &[])).expect("fits");
+    let (is, was) = (fit.skeleton.rest_positions(), without.skeleton.rest_positions());
+    assert!(apart(&is, &was) < 1e-9, "{}", apart(&is, &was));
+    assert!(is[22].y.abs() < 0.1, "below the hips as in the template: {}", is[22]);
+}
+
+#[test]
 fn a_template_fits_the_curve_that_is_extracted_from_its_surface() {
     let person = humanoid(0.05).expect("made");
-    let (curve, _) =
-        extract(person.model.mesh(), &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(())).expect("a curve");
+    let (curve, _) = extract(person.model.mesh(), &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()))
+        .expect("a curve");
     let fit = fit_template(&person.skeleton, &curve).expect("fits");
     let (is, was) = (fit.skeleton.rest_positions(), person.skeleton.rest_positions());
     let off = apart(&is, &was);

@@ -56,15 +56,7 @@ pub(super) fn run(
     let (curve, report) = found.map_err(|e| refused(&e))?;
     context.job.check_cancel()?;
     context.summary.outputs.extend(frames);
-    let skeleton = match settings.template.as_deref().map(Path::new) {
-        Some(template) => fitted(context, template, &curve, &report)?,
-        None => {
-            let wanted = settings.joints.map(|n| n as usize);
-            let skeleton = skeleton_of(&curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
-            tell(context, &skeleton, &report, settings);
-            skeleton
-        }
-    };
+    let skeleton = skeleton(context, &curve, &report, settings)?;
     if let Some(path) = settings.path.as_deref().map(Path::new) {
         let bytes = encoded(path, &posed.model, &skeleton, &curve)?;
         let unfinished = begin(path)?;
@@ -75,6 +67,22 @@ pub(super) fn run(
     let rig = Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
     context.values.put(stage, "skeleton", Arc::new(rig));
     Ok(())
+}
+
+/// The joints on the curve: as it bends, or those of a template.
+fn skeleton(
+    context: &mut Context<'_, '_>,
+    curve: &CurveSkeleton,
+    report: &ExtractionReport,
+    settings: &SkeletonExtractSettings,
+) -> Result<Skeleton, RunError> {
+    if let Some(template) = settings.template.as_deref().map(Path::new) {
+        return fitted(context, template, curve, report);
+    }
+    let wanted = settings.joints.map(|n| n as usize);
+    let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
+    tell(context, &skeleton, report, settings);
+    Ok(skeleton)
 }
 
 /// The joints of a template on the curve.
@@ -108,7 +116,8 @@ fn fitted(
     }
     for limb in loose {
         let (from, to) = (name(limb.from), name(limb.to));
-        context.warn(format!("the curve has no limb from {from:?} to {to:?}; its joints went with the one it hangs on"));
+        context
+            .warn(format!("the curve has no limb from {from:?} to {to:?}; its joints went with the one it hangs on"));
     }
     if fit.ambiguous {
         let what = "the shape fits the template in two ways, as where left and right look alike";
