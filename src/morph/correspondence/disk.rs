@@ -238,7 +238,9 @@ impl<'m> Disk<'m> {
         let mut held = vec![false; self.at.len()];
         let inside: Vec<(usize, usize)> = landmarks.iter().map(|l| (l.0 as usize, l.1 as usize)).collect();
         let inside: Vec<_> = inside.into_iter().filter(|l| !self.rings[l.0].is_empty()).collect();
-        inside.iter().for_each(|l| held[l.0] = true);
+        for l in &inside {
+            held[l.0] = true;
+        }
         for _ in 0..rounds {
             let mut met = true;
             for &(v, w) in &inside {

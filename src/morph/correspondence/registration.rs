@@ -75,7 +75,9 @@ pub fn register(
         places[v as usize] = target.vertex(w);
     }
     let mut held = vec![false; places.len()];
-    landmarks.iter().for_each(|l| held[l.0 as usize] = true);
+    for l in landmarks {
+        held[l.0 as usize] = true;
+    }
     unfold(&start, &target, &held, &mut places)?;
     let in_units = |p: Nearest| {
         let corners = second.corners(p.triangle as usize);

@@ -15,7 +15,7 @@ use super::quality::{is_collapsed, lies_against};
 use super::registration::Target;
 use crate::mesh::TriMesh;
 
-/// Rounds at most. Most folds go in the first dozen; of a horse on a camel 56 of 16 843 triangles are left after 17 of 349 before, in the
+/// Rounds at most. Most folds go in the first dozen; of a horse on a camel 56 of 16 843 triangles are left after 17, of 349 after the first, in the
 /// ears and between the legs, and later rounds make more than they take.
 const ROUNDS: usize = 30;
 /// Rounds after which a fold that stays draws in another ring, and how many rings at most: wider patches of thin parts reach around them.
@@ -88,9 +88,11 @@ impl Neighborhood {
 
 /// Triangles that are folded, and for how many rounds they have been.
 struct Folds {
-    /// Triangles without area on the first surface are never folded.
+    /// Triangles with area on the first surface; others are never folded.
     counts: Vec<bool>,
+    /// Rounds for which each has been folded; 0 where it is not.
     age: Vec<u32>,
+    /// Area of the first surface.
     size: f64,
 }
 
@@ -160,8 +162,8 @@ impl Folds {
         for t in moved.iter().flat_map(|v| &around.triangles[*v as usize]) {
             touched[*t as usize] = true;
         }
-        for t in 0..touched.len() {
-            if touched[t] {
+        for (t, touched) in touched.into_iter().enumerate() {
+            if touched {
                 let folded = self.is_folded(t, mesh, target, places);
                 self.age[t] = if folded { self.age[t] + 1 } else { 0 };
             } else if self.age[t] > 0 {
@@ -200,7 +202,9 @@ mod tests {
             let before = Folds::new(&ball, &target, &places).count();
             let mut held = vec![false; ball.vertex_count()];
             let far = (0..held.len()).filter(|v| ball.positions()[*v].z < 0.6);
-            far.for_each(|v| held[v] = true);
+            for v in far {
+                held[v] = true;
+            }
             unfold(&ball, &target, &held, &mut places).unwrap();
             assert!(before > 10 && Folds::new(&ball, &target, &places).count() == 0, "{reach}: of {before}");
             for (v, place) in places.iter().enumerate() {
