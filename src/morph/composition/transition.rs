@@ -31,6 +31,9 @@ const ROUNDS: usize = 8;
 /// Rings on either side of the seam whose curvature is taken from their neighbors.
 const CREASE: usize = 1;
 
+/// Where all vertices are.
+type Positions = Vec<Point3<f64>>;
+
 /// A surface in parts that do not quite fit.
 pub(super) struct Transition<'a> {
     /// The joined triangles, at positions to start from.
@@ -48,7 +51,7 @@ pub(super) struct Transition<'a> {
 impl Transition<'_> {
     /// The positions after the first step, and after both for every width of the inner band. The second is not to be trusted where the seam
     /// has slivers, and of which width is best they decide too.
-    pub(super) fn solve(self) -> Result<(Vec<Point3<f64>>, Vec<Vec<Point3<f64>>>), MorphError> {
+    pub(super) fn solve(self) -> Result<(Positions, Vec<Positions>), MorphError> {
         let mut x = self.joined.positions().to_vec();
         let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
         let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held)?;
