@@ -17,6 +17,7 @@ mod curve;
 pub mod edit;
 mod error;
 pub mod extraction;
+pub mod fitting;
 pub mod humanoid;
 pub mod ik;
 pub mod io;

@@ -21,13 +21,18 @@ pub(super) struct MorphArgs {
     /// The mesh at the end: another pose of the first, or any mesh with --landmarks
     #[arg(value_name = "SECOND")]
     second: PathBuf,
-    /// A folder, for morph_0000.EXT and so on; or a file, for NAME_0000.EXT
+    /// A folder, for morph_0000.EXT and so on; a .glb or .gltf file, which moves through all shapes; or another file, for
+    /// NAME_0000.EXT
     #[arg(short, long, value_name = "FOLDER|FILE")]
     output: PathBuf,
 
     /// Shapes, both meshes among them
     #[arg(long, default_value_t = MorphSettings::default().frames, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=9999))]
     frames: u32,
+    /// How long a .glb or .gltf file moves, in seconds
+    #[arg(long, default_value_t = 2.0, value_name = "S")]
+    #[arg(value_parser = |text: &str| number_for::<MeshSaveSettings>("seconds", text))]
+    seconds: f64,
     /// Places of both meshes that belong together (`plumbline schema landmarks`, .cons or .yml)
     #[arg(long, value_name = "FILE", help_heading = "Method")]
     landmarks: Option<PathBuf>,
@@ -76,8 +81,12 @@ impl MorphArgs {
             refine: self.refine,
             report: self.report.as_ref().map(|path| literal_path(path)),
         };
-        let path = literal_path(&in_folder(&self.output, &self.first, "morph"));
-        let save = MeshSaveSettings { path, frames: self.frames, ..Default::default() };
+        let path = in_folder(&self.output, &self.first, "morph");
+        // In a folder every shape is a file, of whatever format.
+        let moves =
+            path == self.output && matches!(MeshFormat::of_name(&path), Some(MeshFormat::Glb | MeshFormat::Gltf));
+        let seconds = moves.then_some(self.seconds);
+        let save = MeshSaveSettings { path: literal_path(&path), frames: self.frames, seconds, ..Default::default() };
         let stages = vec![
             StageEntry::built("first", &load(&self.first)),
             StageEntry::built("second", &load(&self.second)),

@@ -51,6 +51,9 @@ pub(super) struct SkeletonArgs {
     /// Ends that stay: auto, the tips of the surface, or a file with numbers of vertices, from 0
     #[arg(long, value_name = "FILE|auto", help_heading = "Skeleton")]
     keep: Option<String>,
+    /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay
+    #[arg(long, value_name = "FILE", conflicts_with = "joints", help_heading = "Skeleton")]
+    template: Option<PathBuf>,
     /// A folder for the surface after each round of contraction, as .obj
     #[arg(long, value_name = "DIR", requires = "output", help_heading = "Skeleton")]
     contraction_frames: Option<PathBuf>,
@@ -75,6 +78,7 @@ impl SkeletonArgs {
             joints: self.joints,
             prune: self.prune,
             keep: self.keep.as_ref().map(|s| escape(s)),
+            template: self.template.as_ref().map(|path| literal_path(path)),
             contraction_frames: self.contraction_frames.as_ref().map(|path| literal_path(path)),
         };
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };

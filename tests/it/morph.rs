@@ -252,3 +252,49 @@ fn the_command_builds_the_shipped_graph_and_prints_what_it_builds() {
         assert_eq!(loaded, built, "{printed}");
     }
 }
+
+#[test]
+fn a_glb_moves_through_the_shapes_that_files_hold_one_by_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let mesh = shapes::cactus(10);
+    save(folder, "a.off", &mesh);
+    save(folder, "b.off", &turned(&mesh, 120.0));
+    let morph = ["morph", "a.off", "b.off", "--frames", "4"];
+    succeed(folder, &[&morph[..], &["-o", "files/"]].concat());
+    succeed(folder, &[&morph[..], &["-o", "moving.glb", "--seconds", "6"]].concat());
+    assert_eq!(names(folder), ["a.off", "b.off", "files", "moving.glb"]);
+    let model = read_model(&folder.join("moving.glb"), &ReadLimits::default()).expect("a mesh file");
+    let moving = model.articulation().expect("it moves");
+    let channel = &moving.animations[0].channels[0];
+    assert_eq!(channel.times, [0.0, 2.0, 4.0, 6.0]);
+    let targets = &moving.instances[0].targets;
+    assert_eq!((targets.len(), channel.values.len()), (3, 12));
+    for k in 0..4 {
+        let file = load(&folder.join("files"), &format!("morph_{k:04}.off"));
+        let mut positions = model.mesh().positions().to_vec();
+        for (target, weight) in targets.iter().zip(&channel.values[3 * k..]) {
+            for (v, offset) in target.vertices.iter().zip(&target.offsets) {
+                positions[*v as usize] += Vector3::from(*offset) * *weight;
+            }
+        }
+        let shape = model.mesh().with_positions(positions).expect("finite");
+        assert!(farthest(&shape, &file) < 1e-6, "{k}: {}", farthest(&shape, &file));
+    }
+}
+
+#[test]
+fn meshes_without_faces_are_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    fs::write(folder.join("nothing.off"), "OFF\n0 0 0\n").expect("writable");
+    fs::write(folder.join("points.off"), "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n").expect("writable");
+    save(folder, "ball.off", &shapes::icosphere(1));
+    for (first, second) in [("nothing.off", "nothing.off"), ("points.off", "points.off"), ("ball.off", "points.off")] {
+        let ran = plumbline_in(folder, &["morph", first, second, "-o", "out/"]);
+        assert_eq!(ran.status.code(), Some(65), "{first} {second}: {}", err(&ran));
+        assert!(!folder.join("out").exists());
+    }
+    let ran = plumbline_in(folder, &["morph", "points.off", "points.off", "-o", "out/"]);
+    assert!(err(&ran).contains("the first mesh has no triangle of positive area"), "{}", err(&ran));
+}

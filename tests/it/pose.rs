@@ -177,3 +177,42 @@ fn real_characters_stand_as_their_references_do() {
         }
     }
 }
+
+#[test]
+fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let person = character_of(&model(Path::new(&humanoid()))).expect("a character");
+    let rest = person.model.mesh();
+    let larger: Vec<Point3<f64>> = rest.positions().iter().map(|p| Point3::from(p.coords * 40.0)).collect();
+    let mesh = Model::of_mesh(rest.with_positions(larger).expect("finite"));
+    plumbline::mesh::write_model(&folder.join("giant.off"), &mesh).expect("written");
+    let told = succeed(folder, &["skeleton", "giant.off", "--template", &humanoid(), "-o", "rig.glb"]);
+    let told = String::from_utf8_lossy(&told.stderr).into_owned() + &String::from_utf8_lossy(&told.stdout);
+    assert!(told.contains("6 of 6 limbs on the curve"), "{told}");
+    let rigged = character_of(&model(&folder.join("rig.glb"))).expect("a character");
+    let names = |c: &plumbline::character::Character| -> Vec<String> {
+        c.skeleton.joints().iter().map(|j| j.name.clone()).collect()
+    };
+    assert_eq!(names(&rigged), names(&person));
+    // A tenth of a forearm's 0.24, and of the head what the curve ends before the surface does.
+    for (name, allowed) in [("hand.L", 0.03), ("forearm.R", 0.03), ("shin.L", 0.03), ("foot.R", 0.03), ("head", 0.1)] {
+        let at = |c: &plumbline::character::Character| {
+            c.skeleton.rest_positions()[c.skeleton.named(name).expect("there") as usize]
+        };
+        let off = (at(&rigged).coords / 40.0 - at(&person).coords).norm();
+        assert!(off < allowed, "{name}: {off}");
+    }
+
+    fs::write(folder.join("point.tgf"), "1 0 0 0\n#\n").expect("writable");
+    for (args, rc, expected) in [
+        (&["--template", "point.tgf"][..], 65, "point.tgf: the template has 1 joints in one place"),
+        (&["--template", "none.json"][..], 65, "none.json"),
+        (&["--template", "point.tgf", "--joints", "9"][..], 2, "cannot be used with"),
+    ] {
+        let out = plumbline_in(folder, &[&["skeleton", "giant.off", "-o", "no.glb"], args].concat());
+        assert_eq!(out.status.code(), Some(rc), "{args:?}: {}", err(&out));
+        assert!(err(&out).contains(expected), "{}", err(&out));
+    }
+    assert!(!folder.join("no.glb").exists());
+}

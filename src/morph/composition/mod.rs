@@ -92,12 +92,8 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions) -> Resu
     let ring = rings(joined.mesh.triangles(), joined.mesh.vertex_count(), &seams[0]);
     let band = usable_band(&ring, options.band, which_part(&joined))?;
     let transition = Transition { joined: &joined.mesh, edges: joined.edges, half: joined.half, ring: &ring, band };
-    let [closed, smooth] = transition.solve()?;
-    let closed = joined.mesh.with_positions(closed)?;
-    // Slivers at the seam can spoil the second step: it counts only where it made the seam less steep.
-    let smooth = joined.mesh.with_positions(smooth).ok();
-    let better = smooth.filter(|mesh| crease(mesh, &seams[0]) <= crease(&closed, &seams[0]));
-    let mesh = better.unwrap_or(closed);
+    let (closed, smooth) = transition.solve()?;
+    let mesh = smoothest(joined.mesh.with_positions(closed)?, smooth, &seams[0], &ring);
     HalfEdges::new(&mesh)?;
     Ok(Composition {
         crease: crease(&mesh, &seams[0]),
@@ -219,6 +215,32 @@ fn usable_band(ring: &[usize], wanted: usize, of_base: impl Fn(usize) -> bool) -
         return Err(MorphError::Value { what, value, expected });
     }
     Ok(band)
+}
+
+/// Of a surface and smoother ones the one that bends least about the seam. Slivers at the seam can spoil the smoothing, and differently
+/// for each width: only those count that made the seam itself less steep.
+fn smoothest(closed: TriMesh, smooth: Vec<Vec<Point3<f64>>>, seam: &[u32], ring: &[usize]) -> TriMesh {
+    let steepest = crease(&closed, seam);
+    let better = smooth.into_iter().filter_map(|x| closed.with_positions(x).ok());
+    let better = better.filter(|mesh| crease(mesh, seam) <= steepest);
+    let least = better.min_by(|a, b| bending(a, ring).total_cmp(&bending(b, ring)));
+    least.unwrap_or(closed)
+}
+
+/// Rings about the seam whose bending is compared: those that the smoothing moves, and where they meet what stays.
+const COMPARED: usize = 4;
+
+/// `Σ θ² |e|` over the edges about the seam, `θ` the angle between the triangles on both sides.
+fn bending(mesh: &TriMesh, ring: &[usize]) -> f64 {
+    let Ok(half_edges) = HalfEdges::new(mesh) else { return f64::INFINITY };
+    let of_edge = |h: u32| {
+        let [a, b] = [half_edges.origin(h), half_edges.destination(h)];
+        let near = ring[a as usize].min(ring[b as usize]) <= COMPARED;
+        let pair = [h, half_edges.twin(h).filter(|_| near)?].map(|h| mesh.area_normal(HalfEdges::triangle(h) as usize));
+        let length = (mesh.positions()[a as usize] - mesh.positions()[b as usize]).norm();
+        Some(pair[0].angle(&pair[1]).powi(2) * length)
+    };
+    half_edges.edges().filter_map(of_edge).sum()
 }
 
 /// The steepest angle between the triangles on both sides of an edge of the seam.

@@ -31,6 +31,9 @@ const ROUNDS: usize = 8;
 /// Rings on either side of the seam whose curvature is taken from their neighbors.
 const CREASE: usize = 1;
 
+/// Where all vertices are.
+type Positions = Vec<Point3<f64>>;
+
 /// A surface in parts that do not quite fit.
 pub(super) struct Transition<'a> {
     /// The joined triangles, at positions to start from.
@@ -46,8 +49,9 @@ pub(super) struct Transition<'a> {
 }
 
 impl Transition<'_> {
-    /// The positions after the first step, and after both. The second is not to be trusted where the seam has slivers.
-    pub(super) fn solve(self) -> Result<[Vec<Point3<f64>>; 2], MorphError> {
+    /// The positions after the first step, and after both for every width of the inner band. The second is not to be trusted where the seam
+    /// has slivers, and of which width is best they decide too.
+    pub(super) fn solve(self) -> Result<(Positions, Vec<Positions>), MorphError> {
         let mut x = self.joined.positions().to_vec();
         let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
         let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held)?;
@@ -56,8 +60,9 @@ impl Transition<'_> {
             let turned: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.turned(t, &x)).collect();
             elastic.follow(|t| turned[t], &mut x);
         }
-        let smooth = self.without_crease(x.clone())?;
-        Ok([x, smooth])
+        let widths = 1..=(self.band - 1).min(CREASE + 2);
+        let smooth = widths.map(|inner| self.without_crease(x.clone(), inner)).collect::<Result<_, _>>()?;
+        Ok((x, smooth))
     }
 
     /// Edges of a triangle on its own surface, turned to where it is now.
@@ -71,12 +76,11 @@ impl Transition<'_> {
         [a, b, c].map(|e| turn * e)
     }
 
-    fn without_crease(&self, x: Vec<Point3<f64>>) -> Result<Vec<Point3<f64>>, MorphError> {
-        let inner = (self.band - 1).min(CREASE + 2);
+    fn without_crease(&self, x: Vec<Point3<f64>>, inner: usize) -> Result<Vec<Point3<f64>>, MorphError> {
         let n = x.len();
         let free: Vec<usize> = (0..n).filter(|&v| self.ring[v] < inner).collect();
         let near: Vec<bool> = self.ring.iter().map(|r| *r <= inner).collect();
-        if inner == 0 || free.is_empty() {
+        if free.is_empty() {
             return Ok(x);
         }
         let now = self.joined.with_positions(x)?;

@@ -3,6 +3,7 @@
 //! [`correspond`] gives every vertex of the first a place on the second, and says how good that is; with [`refine`] the first gains
 //! vertices where features of the second would be lost. The result and the first are then two poses of one mesh.
 
+mod disk;
 mod landmarks;
 mod quality;
 mod refinement;
@@ -10,9 +11,11 @@ mod registration;
 mod sphere;
 #[cfg(test)]
 mod tests;
+mod unfolding;
 
 use nalgebra::Point3;
 
+pub use disk::{DiskOptions, disk_map, over_disks};
 pub use landmarks::{Landmarks, Place, landmarks_schema};
 pub use quality::{MapQuality, measure};
 pub(in crate::morph) use refinement::divided;
@@ -31,6 +34,8 @@ pub enum CorrespondenceMethod {
     Registration(RegistrationOptions),
     /// Over the sphere: closed surfaces without handles; one to one.
     Sphere(SphereOptions),
+    /// Over the disk: surfaces with one boundary, without handles; one to one.
+    Disk(DiskOptions),
 }
 
 impl Default for CorrespondenceMethod {
@@ -63,6 +68,7 @@ pub fn correspond(
     let places = match method {
         CorrespondenceMethod::Registration(options) => register(first, second, landmarks, options)?,
         CorrespondenceMethod::Sphere(options) => over_spheres(first, second, landmarks, options)?,
+        CorrespondenceMethod::Disk(options) => over_disks(first, second, landmarks, options)?,
     };
     let positions: Vec<Point3<f64>> = places.iter().map(|p| p.point).collect();
     let laid = first.with_positions(positions)?;

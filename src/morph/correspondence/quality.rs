@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Point3, center};
+use nalgebra::{Point3, Vector3, center};
 
 use super::super::MorphError;
 use super::registration::Target;
@@ -51,11 +51,11 @@ pub fn measure(
         .map(|place| place.squared)
         .collect();
     let landmark = |&(v, w): &(u32, u32)| (laid.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;
-    let collapsed = |t: &usize| {
-        let area = laid.area_normal(*t).norm();
-        !(area > LOST * second.area() / first.area() * first.area_normal(*t).norm())
-    };
-    let flipped = (0..laid.triangle_count()).filter(|t| !collapsed(t)).filter(|&t| faces_away(laid, t, &target));
+    let sizes = [first.area(), second.area()];
+    let collapsed =
+        |t: &usize| is_collapsed(laid.area_normal(*t).norm() / sizes[1], first.area_normal(*t).norm() / sizes[0]);
+    let against = |t: &usize| lies_against(&laid.corners(*t), &laid.area_normal(*t), &target);
+    let flipped = (0..laid.triangle_count()).filter(|t| !collapsed(t)).filter(against);
     Ok(MapQuality {
         flipped: flipped.count(),
         collapsed: (0..laid.triangle_count()).filter(collapsed).count(),
@@ -67,14 +67,18 @@ pub fn measure(
     })
 }
 
+/// A triangle is laid to nothing; its shares of the areas of what it is laid on and of its own surface.
+pub(super) fn is_collapsed(laid: f64, first: f64) -> bool {
+    !(laid > LOST * first)
+}
+
 /// Most of the places around the middle of a triangle have normals that point away from its own.
-fn faces_away(laid: &TriMesh, t: usize, target: &Target<'_>) -> bool {
-    let [a, b, c] = laid.corners(t);
+pub(super) fn lies_against(corners: &[Point3<f64>; 3], normal: &Vector3<f64>, target: &Target<'_>) -> bool {
+    let [a, b, c] = corners;
     let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
-    let samples = [middle, center(&middle, &a), center(&middle, &b), center(&middle, &c)];
-    let normal = laid.area_normal(t);
+    let samples = [middle, center(&middle, a), center(&middle, b), center(&middle, c)];
     let against =
-        samples.iter().filter_map(|p| target.nearest(p)).filter(|p| target.normal(p.triangle).dot(&normal) < 0.0);
+        samples.iter().filter_map(|p| target.nearest(p)).filter(|p| target.normal(p.triangle).dot(normal) < 0.0);
     against.count() > samples.len() / 2
 }
 

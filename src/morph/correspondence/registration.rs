@@ -23,11 +23,9 @@ use super::super::MorphError;
 use super::super::bvh::{Bvh, Nearest};
 use super::super::rigid::nearest_similarity;
 use super::super::trajectory::neighbors;
+use super::unfolding::unfold;
 use crate::mesh::TriMesh;
 use crate::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
-
-/// Rounds in which folds are smoothed out. Most go in the first five; what is left after thirty is held by landmarks that cross.
-const UNFOLDING: usize = 30;
 
 /// Every vertex is drawn this faintly to where the similarity of the landmarks put it: pieces without a landmark stay there while
 /// nothing else holds them. Far above rounding (pivots of 10⁻¹³ against the 10⁴ of short edges), far below all weights.
@@ -76,67 +74,17 @@ pub fn register(
     for &(v, w) in landmarks {
         places[v as usize] = target.vertex(w);
     }
-    unfold(&start, &target, landmarks, &mut places)?;
+    let mut held = vec![false; places.len()];
+    for l in landmarks {
+        held[l.0 as usize] = true;
+    }
+    unfold(&start, &target, &held, &mut places)?;
     let in_units = |p: Nearest| {
         let corners = second.corners(p.triangle as usize);
         let point = corners.iter().zip(p.weights).map(|(c, w)| c.coords * w).sum::<Vector3<f64>>();
         Nearest { point: Point3::from(point), squared: p.squared * unit * unit, ..p }
     };
     Ok(places.into_iter().map(in_units).collect())
-}
-
-/// Takes out folds that putting vertices on their nearest places made: vertices of triangles that face away from the surface
-/// under them go to the middle of their neighbors, and to the surface again.
-fn unfold(
-    mesh: &TriMesh,
-    target: &Target<'_>,
-    landmarks: &[(u32, u32)],
-    places: &mut [Nearest],
-) -> Result<(), MorphError> {
-    let mut fixed = vec![false; places.len()];
-    for l in landmarks {
-        fixed[l.0 as usize] = true;
-    }
-    let mut around = vec![Vec::new(); places.len()];
-    for &[a, b, c] in mesh.triangles() {
-        for &(i, j) in &[(a, b), (b, c), (c, a)] {
-            around[i as usize].push(j);
-        }
-        for &(i, j) in &[(a, b), (b, c), (c, a)] {
-            around[j as usize].push(i);
-        }
-    }
-    let longest =
-        |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
-    let has_area = |t: &usize| mesh.area_normal(*t).norm() > 1e-9 * longest(*t);
-    let solid: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(has_area).map(|t| mesh.triangles()[t]).collect();
-    for _ in 0..UNFOLDING {
-        let normal = |v: u32| target.normal(places[v as usize].triangle).try_normalize(0.0).unwrap_or_default();
-        let folded = |t: &&[u32; 3]| {
-            let [p, q, r] = t.map(|v| places[v as usize].point);
-            let faces = (q - p).cross(&(r - p));
-            let under: Vector3<f64> = t.iter().map(|v| normal(*v)).sum();
-            // At an edge of the surface corners lie on triangles that face anywhere: what lies under the middle decides.
-            let middle = || target.nearest(&Point3::from((p.coords + q.coords + r.coords) / 3.0));
-            !(faces.dot(&under) > 0.0) && middle().is_none_or(|m| !(faces.dot(&target.normal(m.triangle)) > 0.0))
-        };
-        let mut moved: Vec<u32> = solid.iter().filter(folded).flatten().copied().collect();
-        moved.sort_unstable();
-        moved.dedup();
-        moved.retain(|v| !fixed[*v as usize]);
-        let middle = |v: &u32| {
-            let ring = &around[*v as usize];
-            let sum: Vector3<f64> = ring.iter().map(|w| places[*w as usize].point.coords).sum();
-            let facing: Vector3<f64> = ring.iter().map(|w| normal(*w)).sum();
-            target.place(&Point3::from(sum / ring.len() as f64), &facing)
-        };
-        let there: Vec<Nearest> = moved.iter().map(middle).collect::<Result<_, _>>()?;
-        if moved.is_empty() {
-            break;
-        }
-        moved.iter().zip(there).for_each(|(&v, place)| places[v as usize] = place);
-    }
-    Ok(())
 }
 
 /// The first mesh after the similarity of the landmarks.
@@ -160,11 +108,13 @@ pub(super) struct Target<'m> {
     bvh: Bvh,
     normals: Vec<Vector3<f64>>,
     triangle_of_vertex: Vec<Option<(u32, usize)>>,
+    area: f64,
 }
 
 impl<'m> Target<'m> {
     pub(super) fn new(mesh: &'m TriMesh) -> Result<Self, MorphError> {
-        if !(mesh.area() > 0.0) {
+        let area = mesh.area();
+        if !(area > 0.0) {
             return Err(MorphError::Empty { which: "second" });
         }
         let mut triangle_of_vertex = vec![None; mesh.vertex_count()];
@@ -172,7 +122,7 @@ impl<'m> Target<'m> {
             corners.iter().enumerate().for_each(|(k, v)| triangle_of_vertex[*v as usize] = Some((t as u32, k)));
         }
         let normals = (0..mesh.triangle_count()).map(|t| mesh.area_normal(t)).collect();
-        Ok(Self { mesh, bvh: Bvh::new(mesh), normals, triangle_of_vertex })
+        Ok(Self { mesh, bvh: Bvh::new(mesh), normals, triangle_of_vertex, area })
     }
 
     /// The place nearest to a point whose normal does not point away from `normal`; any where none does.
@@ -184,6 +134,11 @@ impl<'m> Target<'m> {
     /// The place nearest to a point.
     pub(super) fn nearest(&self, point: &Point3<f64>) -> Option<Nearest> {
         self.bvh.nearest(point, |_| true)
+    }
+
+    /// Area of the surface.
+    pub(super) fn area(&self) -> f64 {
+        self.area
     }
 
     /// Normal of a triangle, as long as twice its area.

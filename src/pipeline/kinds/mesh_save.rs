@@ -18,20 +18,23 @@ pub struct MeshSaveSettings {
     /// Poses to write, as many as the mesh has; of more than one, NAME_0000.EXT and so on
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
+    /// Poses as morph targets of one .glb or .gltf, with an animation through them of so many seconds; if left out each is a file
+    #[schemars(range(min = 0.001, max = 86_400.0))]
+    pub seconds: Option<f64>,
     /// PLY and STL as text; binary if left out
     pub ascii: bool,
 }
 
 impl Default for MeshSaveSettings {
     fn default() -> Self {
-        Self { path: String::new(), frames: 1, ascii: false }
+        Self { path: String::new(), frames: 1, seconds: None, ascii: false }
     }
 }
 
 impl MeshSaveSettings {
-    /// The file of each pose.
+    /// The file of each pose; one where it moves through all of them.
     pub fn files(&self) -> Vec<String> {
-        if self.frames <= 1 {
+        if self.frames <= 1 || self.seconds.is_some() {
             return vec![self.path.clone()];
         }
         let path = Path::new(&self.path);
@@ -64,8 +67,10 @@ mod tests {
 
     #[test]
     fn several_poses_are_numbered_before_the_extension() {
-        let files = |path: &str, frames| MeshSaveSettings { path: path.into(), frames, ascii: false }.files();
+        let files = |path: &str, frames| MeshSaveSettings { path: path.into(), frames, ..Default::default() }.files();
         assert_eq!(files("out/a.b.obj", 1), ["out/a.b.obj"]);
         assert_eq!(files("out/a.b.obj", 2), ["out/a.b_0000.obj", "out/a.b_0001.obj"]);
+        let moving = MeshSaveSettings { path: "a.glb".into(), frames: 7, seconds: Some(2.0), ascii: false };
+        assert_eq!(moving.files(), ["a.glb"]);
     }
 }

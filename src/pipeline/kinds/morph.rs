@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::morph::correspondence::{CorrespondenceMethod, RegistrationOptions, SphereOptions};
+use crate::morph::correspondence::{CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions};
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 
@@ -17,6 +17,8 @@ pub enum OverWish {
     Registration,
     /// Through the sphere: closed meshes without handles, one to one
     Sphere,
+    /// Through the disk: meshes with one boundary and without handles, one to one
+    Disk,
 }
 
 impl OverWish {
@@ -25,6 +27,7 @@ impl OverWish {
         match self {
             Self::Registration => CorrespondenceMethod::Registration(RegistrationOptions::default()),
             Self::Sphere => CorrespondenceMethod::Sphere(SphereOptions::default()),
+            Self::Disk => CorrespondenceMethod::Disk(DiskOptions::default()),
         }
     }
 }
@@ -46,7 +49,8 @@ pub struct MorphSettings {
     /// Rounds at most in which a shape that passes through itself is pushed out of itself
     #[schemars(range(min = 0, max = 1000))]
     pub untangle: u32,
-    /// How the first mesh is laid over the second: by deforming it, or over the sphere (closed meshes without handles, one to one)
+    /// How the first mesh is laid over the second: by deforming it, over the sphere (closed meshes without handles, one to
+    /// one), or over the disk (meshes with one boundary and without handles, one to one)
     pub over: OverWish,
     /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
     #[schemars(range(min = -100, max = 100))]

@@ -1,4 +1,4 @@
-//! `skeleton.extract`: the curve in the middle of a surface, and joints on it.
+//! `skeleton.extract`: the curve in the middle of a surface, and joints on it, its own or those of a template.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,10 @@ pub struct SkeletonExtractSettings {
     pub prune: f64,
     /// Ends that stay: "auto", the tips of the surface, or a file with numbers of vertices, from 0
     pub keep: Option<String>,
+    /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay, and `joints` does
+    /// not count
+    #[schemars(extend("format" = "path"))]
+    pub template: Option<String>,
     /// A folder for the surface after each round of contraction, as .obj
     #[schemars(extend("format" = "path"))]
     pub contraction_frames: Option<String>,
@@ -28,7 +32,7 @@ pub struct SkeletonExtractSettings {
 
 impl Default for SkeletonExtractSettings {
     fn default() -> Self {
-        Self { path: None, joints: None, prune: 0.1, keep: None, contraction_frames: None }
+        Self { path: None, joints: None, prune: 0.1, keep: None, template: None, contraction_frames: None }
     }
 }
 
@@ -53,7 +57,7 @@ impl StageSettings for SkeletonExtractSettings {
     }
 
     fn reads(&self) -> Vec<&str> {
-        self.keep_file().into_iter().collect()
+        self.keep_file().into_iter().chain(self.template.as_deref()).collect()
     }
 
     fn writes(&self) -> Vec<String> {

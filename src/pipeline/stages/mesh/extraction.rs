@@ -8,7 +8,8 @@ use super::mesh_at;
 use crate::character::extraction::{
     ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
 };
-use crate::character::io::{Rig, rig_text};
+use crate::character::fitting::fit_template;
+use crate::character::io::{Rig, read_rig, rig_text};
 use crate::character::skeleton_file::SkeletonFile;
 use crate::character::weights::{WeightOptions, bone_weights};
 use crate::character::{Character, CurveSkeleton, Skeleton, Skin};
@@ -55,9 +56,7 @@ pub(super) fn run(
     let (curve, report) = found.map_err(|e| refused(&e))?;
     context.job.check_cancel()?;
     context.summary.outputs.extend(frames);
-    let skeleton =
-        skeleton_of(&curve, settings.joints.map(|n| n as usize)).map_err(|e| RunError::Input(e.to_string()))?;
-    tell(context, &skeleton, &report, settings);
+    let skeleton = skeleton(context, &curve, &report, settings)?;
     if let Some(path) = settings.path.as_deref().map(Path::new) {
         let bytes = encoded(path, &posed.model, &skeleton, &curve)?;
         let unfinished = begin(path)?;
@@ -68,6 +67,63 @@ pub(super) fn run(
     let rig = Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
     context.values.put(stage, "skeleton", Arc::new(rig));
     Ok(())
+}
+
+/// The joints on the curve: as it bends, or those of a template.
+fn skeleton(
+    context: &mut Context<'_, '_>,
+    curve: &CurveSkeleton,
+    report: &ExtractionReport,
+    settings: &SkeletonExtractSettings,
+) -> Result<Skeleton, RunError> {
+    if let Some(template) = settings.template.as_deref().map(Path::new) {
+        return fitted(context, template, curve, report);
+    }
+    let wanted = settings.joints.map(|n| n as usize);
+    let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
+    tell(context, &skeleton, report, settings);
+    Ok(skeleton)
+}
+
+/// The joints of a template on the curve.
+fn fitted(
+    context: &mut Context<'_, '_>,
+    path: &Path,
+    curve: &CurveSkeleton,
+    report: &ExtractionReport,
+) -> Result<Skeleton, RunError> {
+    let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+    rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
+    let input = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
+    let fit = fit_template(&rig.skeleton, curve).map_err(|e| input(&e))?;
+    let name = |j: u32| fit.skeleton.joints()[j as usize].name.as_str();
+    let loose: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
+    let line = format!(
+        "{} joints of {}, {:.4} times as large; {} of {} limbs on the curve, joints {:.1} % off the template's shape; a curve of {} ends, \
+         {} of them without a limb",
+        fit.skeleton.joint_count(),
+        path.display(),
+        fit.scale,
+        fit.limbs.len() - loose.len(),
+        fit.limbs.len(),
+        100.0 * fit.residual,
+        report.ends,
+        fit.spare_ends
+    );
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs.clone_from(&report.repairs);
+        surface.skeleton = Some(line);
+    }
+    for limb in loose {
+        let (from, to) = (name(limb.from), name(limb.to));
+        context
+            .warn(format!("the curve has no limb from {from:?} to {to:?}; its joints went with the one it hangs on"));
+    }
+    if fit.ambiguous {
+        let what = "the shape fits the template in two ways, as where left and right look alike";
+        context.warn(format!("{what}; the one that turns it least was taken: look whether the sides are right"));
+    }
+    Ok(fit.skeleton)
 }
 
 fn refused(error: &ExtractionError) -> RunError {

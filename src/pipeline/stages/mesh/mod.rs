@@ -3,6 +3,7 @@
 //! What flows is the model as it was read, by reference count, and beside it the poses that a deformation gave it: files are
 //! written from the model, so that polygons, texture coordinates, groups and materials are those that were read.
 
+mod animated;
 mod deform;
 mod extraction;
 mod handles;

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use super::{mesh_at, mesh_error};
-use crate::mesh::MeshFormat;
+use super::animated::animated;
+use super::{Posed, mesh_at, mesh_error};
 use crate::mesh::io::{WriteOptions, encode_model, losses};
+use crate::mesh::{MeshError, MeshFormat, Model};
 use crate::pipeline::batch::Instance;
 use crate::pipeline::kinds::MeshSaveSettings;
 use crate::pipeline::run_error::RunError;
@@ -15,7 +16,11 @@ use crate::pipeline::stages::photo::{begin, cannot};
 pub(in crate::pipeline::stages) fn rehearse(instance: &Instance) -> Result<(), RunError> {
     for stage in &instance.graph.stages {
         if let Some(settings) = stage.settings.get::<MeshSaveSettings>() {
-            format_of(Path::new(&settings.path))?;
+            let format = format_of(Path::new(&settings.path))?;
+            if settings.seconds.is_some() && !matches!(format, MeshFormat::Gltf | MeshFormat::Glb) {
+                let name = &settings.path;
+                return Err(RunError::Usage(format!("`{name}` holds no movement (`seconds` needs .glb or .gltf)")));
+            }
             begin(Path::new(&settings.files()[0]))?;
         }
     }
@@ -27,9 +32,10 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshSa
     let posed = mesh_at(context, stage)?;
     let format = format_of(Path::new(&settings.path))?;
     let (files, poses) = (settings.files(), posed.poses.len().max(1));
-    if files.len() != poses {
+    let wanted = settings.frames.max(1) as usize;
+    if wanted != poses {
         let name = &context.stage(stage).name;
-        let message = format!("`{name}` is to write {} poses, but the mesh has {poses}", files.len());
+        let message = format!("`{name}` is to write {wanted} poses, but the mesh has {poses}");
         return Err(RunError::Usage(format!("{message}; set `frames` of both stages alike")));
     }
     let options = WriteOptions { ascii: settings.ascii };
@@ -39,8 +45,11 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshSa
     for (i, file) in files.iter().enumerate() {
         context.job.check_cancel()?;
         let path = Path::new(file);
-        let moved = posed.poses.get(i).map(|pose| posed.model.with_positions(pose.clone())).transpose();
-        let moved = moved.map_err(|e| RunError::Internal(e.to_string()))?;
+        let moved = match settings.seconds {
+            Some(seconds) => Some(moving(context, &posed, seconds, path)),
+            None => posed.poses.get(i).map(|pose| posed.model.with_positions(pose.clone())),
+        };
+        let moved = moved.transpose().map_err(|e| RunError::Internal(e.to_string()))?;
         let model = moved.as_ref().unwrap_or(&posed.model);
         let bytes = encode_model(model, format, &options).map_err(|e| mesh_error(path, &e))?;
         let unfinished = begin(path)?;
@@ -49,6 +58,15 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshSa
         context.summary.outputs.push(path.to_owned());
     }
     Ok(())
+}
+
+/// All poses as one model that goes through them.
+fn moving(context: &mut Context<'_, '_>, posed: &Posed, seconds: f64, path: &Path) -> Result<Model, MeshError> {
+    if posed.model.articulation().is_some() {
+        context.warn(format!("{}: the movements that the mesh had give way to this one", path.display()));
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    animated(&posed.model, &posed.poses, seconds, &name)
 }
 
 fn format_of(path: &Path) -> Result<MeshFormat, RunError> {

@@ -20,8 +20,14 @@ pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &Morp
     let pair = Pair::new(context, stage, settings.landmarks.as_ref(), settings.over, settings.refine)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: settings.whole_turns };
     let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
-    let mut shapes =
-        Shapes { pair: &pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], count: settings.report.is_some() };
+    let mut shapes = Shapes {
+        pair: &pair,
+        poses: Vec::new(),
+        told: Vec::new(),
+        most: [0, 0],
+        worse: 0,
+        count: settings.report.is_some(),
+    };
     for k in 0..settings.frames {
         context.job.check_cancel()?;
         let time = f64::from(k) / f64::from((settings.frames - 1).max(1));
@@ -31,6 +37,9 @@ pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &Morp
         };
         let linear = trajectory.linear(time);
         shapes.add(Some(time), time, &x, &linear)?;
+    }
+    if let Some(worse) = shapes.worse_than_linear() {
+        context.warn(worse);
     }
     let turn = trajectory.turn_of_whole().norm().to_degrees();
     tell(context, format!("{} shapes, turning by {turn:.1}° as a whole{}", settings.frames, shapes.intersections()));
@@ -54,8 +63,14 @@ pub(super) fn blend(context: &mut Context<'_, '_>, stage: usize, settings: &Blen
     let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere()).map_err(morph_error)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: 0 };
     let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
-    let mut shapes =
-        Shapes { pair: &pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], count: settings.report.is_some() };
+    let mut shapes = Shapes {
+        pair: &pair,
+        poses: Vec::new(),
+        told: Vec::new(),
+        most: [0, 0],
+        worse: 0,
+        count: settings.report.is_some(),
+    };
     for k in 1..=settings.frames {
         context.job.check_cancel()?;
         // Several shapes start at the first mesh.
@@ -86,6 +101,8 @@ struct Shapes<'p> {
     told: Vec<Json>,
     /// Most intersections of a shape, and of one on straight ways.
     most: [usize; 2],
+    /// Shapes that pass through themselves more often than those on straight ways.
+    worse: usize,
     /// Intersections are counted, which takes as long as a shape.
     count: bool,
 }
@@ -99,10 +116,17 @@ impl Shapes<'_> {
             };
             let counts = [count(x)?, count(linear)?];
             self.most = [self.most[0].max(counts[0]), self.most[1].max(counts[1])];
+            self.worse += usize::from(counts[0] > counts[1]);
             self.told.push(json!({"time": time, "self_intersections": counts[0], "of_linear_blending": counts[1]}));
         }
         self.poses.push(self.pair.written(end, x));
         Ok(())
+    }
+
+    fn worse_than_linear(&self) -> Option<String> {
+        let more =
+            "shapes pass through themselves in more places than on straight ways; more rounds of `untangle` may help";
+        (self.worse > 0).then(|| format!("{} of {} {more}", self.worse, self.poses.len()))
     }
 
     fn intersections(&self) -> String {

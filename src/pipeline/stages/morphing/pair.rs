@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::{mesh_at, morph_error, of_file, tell};
 use crate::mesh::{Model, TriMesh};
 use crate::morph::correspondence::{Landmarks, MapQuality, correspond, measure, refine};
-use crate::morph::same_connectivity;
+use crate::morph::{MorphError, same_connectivity};
 use crate::pipeline::kinds::OverWish;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
@@ -45,6 +45,11 @@ impl Pair {
         let [first, second] = ["mesh", "other"].map(|port| mesh_at(context, stage, port));
         let (first, second) = (first?, second?);
         let [a, b] = [pose_of(&first)?, pose_of(&second)?];
+        for (which, mesh) in [("first", &a), ("second", &b)] {
+            if !(mesh.area() > 0.0) {
+                return Err(morph_error(MorphError::Empty { which }));
+            }
+        }
         let solvable = Solvable::new(&a)?;
         if let Some(surface) = &mut context.summary.surface {
             surface.repairs = solvable.report.changes().collect();

@@ -1,0 +1,102 @@
+//! Ends in the order of what they add to the tree that those before them span.
+//!
+//! The first two are far from each other. An end `x` then adds `min_{i,j} (d(x,i) + d(x,j) − d(i,j)) / 2`, the length of its own way to
+//! the tree of the ends before it (exact on trees).
+
+use super::graph::{Graph, Paths};
+use crate::character::Skeleton;
+
+/// What adds less than this share of all length is no end of its own.
+const LEAST: f64 = 1e-6;
+/// Ends of a curve that are tried at most: those of a hand each on four limbs, and as many beside them.
+const MOST_OF_CURVE: usize = 40;
+/// Ends of a template that are matched at most; what else it has goes with what it hangs on.
+const MOST_OF_TEMPLATE: usize = 64;
+
+/// What a root at the end of a limb counts where it has no image: many rigs hang on one on the ground, outside of any surface, while that
+/// of an arm is its shoulder.
+const ROOT: f64 = 0.2;
+
+/// Ends of a graph.
+#[derive(Clone, Debug)]
+pub(super) struct Ends {
+    /// Their nodes.
+    pub(super) nodes: Vec<u32>,
+    /// What each adds, as a share of the graph's length; of the first two the way between them.
+    pub(super) reach: Vec<f64>,
+    /// What it costs to leave each out.
+    pub(super) need: Vec<f64>,
+    /// Shortest ways from each.
+    pub(super) paths: Vec<Paths>,
+}
+
+impl Ends {
+    /// Length of the way between two ends.
+    pub(super) fn between(&self, i: usize, j: usize) -> f64 {
+        self.paths[i].length[self.nodes[j] as usize]
+    }
+}
+
+/// The ends of a template.
+pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
+    let mut ends = far_first(bones, bones.ends(), MOST_OF_TEMPLATE);
+    for (need, node) in ends.need.iter_mut().zip(&ends.nodes) {
+        *need *= if template.joints()[*node as usize].parent.is_none() { ROOT } else { 1.0 };
+    }
+    ends
+}
+
+/// The ends of a curve; of one that is all loops the nodes that are farthest apart.
+pub(super) fn of_curve(branches: &Graph) -> Ends {
+    let ends = branches.ends();
+    if ends.len() >= 2 {
+        return far_first(branches, ends, MOST_OF_CURVE);
+    }
+    let all = (0..branches.points.len() as u32).collect();
+    far_first(branches, all, 4)
+}
+
+fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
+    let mut ends = Ends { nodes: Vec::new(), reach: Vec::new(), need: Vec::new(), paths: Vec::new() };
+    let Some(&start) = candidates.first() else { return ends };
+    let mut added = graph.paths(start).length;
+    while let Some((at, reach)) = farthest(&candidates, &added).filter(|_| ends.nodes.len() < most) {
+        if reach <= LEAST {
+            break;
+        }
+        let node = candidates.remove(at);
+        let paths = graph.paths(node);
+        match ends.nodes.len() {
+            0 => added.clone_from(&paths.length),
+            1 => added.fill(f64::INFINITY),
+            _ => (),
+        }
+        for (other, before) in ends.nodes.iter().zip(&ends.paths) {
+            let between = paths.length[*other as usize];
+            for (x, a) in added.iter_mut().enumerate() {
+                *a = a.min(0.5 * (paths.length[x] + before.length[x] - between));
+            }
+        }
+        ends.reach.push(reach);
+        ends.nodes.push(node);
+        ends.paths.push(paths);
+    }
+    if let [first, second, ..] = ends.reach.as_mut_slice() {
+        *first = *second;
+    }
+    // The way between the first two counts once.
+    ends.need = ends.reach.iter().enumerate().map(|(k, reach)| if k < 2 { 0.5 * reach } else { *reach }).collect();
+    ends
+}
+
+/// Place and value of the largest; of equal ones, but for rounding, the first.
+fn farthest(candidates: &[u32], added: &[f64]) -> Option<(usize, f64)> {
+    let mut best: Option<(usize, f64)> = None;
+    for (at, node) in candidates.iter().enumerate() {
+        let value = added[*node as usize];
+        if best.is_none_or(|(_, b)| value > b + 1e-9) {
+            best = Some((at, value));
+        }
+    }
+    best
+}
