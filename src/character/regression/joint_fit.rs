@@ -1,8 +1,9 @@
 //! Joints and weights fitted to poses of a surface, where only its vertices are known.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Point3, Vector3};
+use rayon::prelude::*;
 
-use super::super::{CharacterError, SkinWeights};
+use super::super::{CharacterError, Skeleton, SkinWeights};
 use super::Example;
 use crate::math::nearest_rotation;
 use crate::mesh::TriMesh;
@@ -21,16 +22,22 @@ const RIDGE: f64 = 1e-12;
 /// min Σᵢ w_ij² |Rⱼ pᵢ + tⱼ − xᵢ|²
 /// ```
 ///
-/// The identity for a joint that no vertex follows.
+/// A joint that no vertex follows, such as the tip of a chain, goes with its parent; where there is no vertex above it either,
+/// with the first joint below it that vertices follow.
 ///
 /// # Errors
-/// [`CharacterError::PerVertex`] for weights or positions of another mesh.
+/// [`CharacterError::PerVertex`] for weights or positions of another mesh, [`CharacterError::Matrices`] for weights of another
+/// skeleton.
 pub fn fit_joints(
     mesh: &TriMesh,
+    skeleton: &Skeleton,
     weights: &SkinWeights,
     positions: &[Point3<f64>],
 ) -> Result<Vec<Matrix4<f64>>, CharacterError> {
-    let vertices = mesh.vertex_count();
+    let (vertices, joints) = (mesh.vertex_count(), skeleton.joint_count());
+    if weights.joint_count() != joints {
+        return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
+    }
     for (what, given) in [("rows of weights", weights.vertex_count()), ("positions", positions.len())] {
         if given != vertices {
             return Err(CharacterError::PerVertex { what, given, vertices });
@@ -57,13 +64,35 @@ pub fn fit_joints(
         }
     }
     let motion = |(middle, spread): (&Option<Middles>, &Matrix3<f64>)| {
-        let Some((from, to)) = middle else { return Matrix4::identity() };
+        let (from, to) = (*middle)?;
         let rotation = nearest_rotation(spread);
         let mut m = rotation.to_homogeneous();
         m.fixed_view_mut::<3, 1>(0, 3).copy_from(&(to - rotation * from));
-        m
+        Some(m)
     };
-    Ok(middles.iter().zip(&spread).map(motion).collect())
+    Ok(with_idle(skeleton, middles.iter().zip(&spread).map(motion).collect()))
+}
+
+/// Motions of all joints, where those that nothing tells go with their neighbors in the skeleton.
+fn with_idle(skeleton: &Skeleton, mut motions: Vec<Option<Matrix4<f64>>>) -> Vec<Matrix4<f64>> {
+    let order = skeleton.parents_first();
+    let parent = |j: u32| skeleton.joints()[j as usize].parent.map(|p| p as usize);
+    // From the tips up, the lowest-numbered child last: it is the one that stays.
+    let known = motions.clone();
+    let mut below = known.clone();
+    for &j in order.iter().rev() {
+        if let (Some(p), Some(motion)) = (parent(j), below[j as usize])
+            && known[p].is_none()
+        {
+            below[p] = Some(motion);
+        }
+    }
+    for &j in order {
+        let above = parent(j).and_then(|p| motions[p]);
+        let j = j as usize;
+        motions[j] = motions[j].or(above).or(below[j]);
+    }
+    motions.into_iter().map(|m| m.unwrap_or_else(Matrix4::identity)).collect()
 }
 
 /// The weights whose linear blend comes closest to the examples, over all joints: per vertex
@@ -93,7 +122,7 @@ pub fn fit_weights(mesh: &TriMesh, examples: &[Example]) -> Result<SkinWeights, 
         let w = on_simplex(&moved.tr_mul(&moved));
         (0..).zip(w.iter().copied().collect::<Vec<_>>()).collect::<Vec<(u32, f64)>>()
     };
-    let rows: Vec<_> = mesh.positions().iter().enumerate().map(row).collect();
+    let rows: Vec<_> = mesh.positions().par_iter().enumerate().map(row).collect();
     Ok(SkinWeights::normalized(joints, rows, None)?.0)
 }
 
