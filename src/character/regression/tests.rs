@@ -1,8 +1,9 @@
 use nalgebra::{Point3, Vector3};
 
+use super::super::humanoid::humanoid;
 use super::super::skinning::tests::{matrices, tube, turn};
 use super::super::skinning::{Skinner, SkinningMethod};
-use super::super::{Skin, SkinWeights};
+use super::super::{Outside, Skin, SkinWeights};
 use super::*;
 use crate::math::Trs;
 
@@ -227,4 +228,36 @@ fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
     for (ridge, hold) in [(1.0, found.hold), (found.ridge, 1e5), (1.0, 1e5)] {
         assert!(best < 0.8 * error(&RegressionOptions { ridge, hold }), "{found:?} {ridge} {hold}");
     }
+}
+
+#[test]
+fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_vertices_alone() {
+    let person = humanoid(0.07).expect("its own data");
+    let (mesh, skeleton, skin) = (person.model.mesh(), &person.skeleton, &person.skin);
+    let curved = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion).expect("its own");
+    let mut shown = Vec::new();
+    for clip in &person.clips {
+        let (first, last) = clip.span().expect("keys");
+        for k in 0..6 {
+            let time = first + (last - first) * f64::from(k) / 6.0;
+            let pose = clip.pose(skeleton, time, Outside::Hold).expect("valid");
+            let m = skin.joint_matrices(&skeleton.globals(&pose).expect("valid")).expect("valid");
+            let positions = curved.positions(&m).expect("fits");
+            // Nothing but the vertices is known of a pose.
+            let matrices = fit_joints(mesh, skeleton, skin.weights(), &positions).expect("fits");
+            shown.push(Example { matrices, positions });
+        }
+    }
+    let (held, train): (Vec<_>, Vec<_>) = shown.into_iter().enumerate().partition(|(k, _)| k % 4 == 1);
+    let [held, train] = [held, train].map(|set| set.into_iter().map(|e| e.1).collect::<Vec<_>>());
+    let options = tuned(mesh, skeleton, skin.weights(), &train).expect("tuned");
+    let (mut model, report) =
+        RegressionModel::train(mesh, skeleton, skin.weights(), &train, &options).expect("trained");
+    assert!(report.error < 0.8 * report.linear_error, "{report:?}");
+    let (mut mine, mut linear) = (0.0, 0.0);
+    for e in &held {
+        mine += rms(&model.positions(&e.matrices).expect("fits"), &e.positions);
+        linear += rms(&model.linear_positions(&e.matrices).expect("fits"), &e.positions);
+    }
+    assert!(mine < linear, "{mine} {linear}");
 }

@@ -27,7 +27,7 @@ use nalgebra::{Matrix4, Point3};
 
 pub use error::ModelFileError;
 
-use super::super::{CharacterError, Skeleton, SkinWeights};
+use super::super::{CharacterError, Skeleton, SkinWeights, WeightsFile};
 use super::reduced::{Parts, Prototype, Reduced};
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::Regressor;
@@ -135,9 +135,9 @@ impl SkinModel {
         &self.joints
     }
 
-    /// The weights that fit the examples best.
-    pub fn weights(&self) -> &SkinWeights {
-        &self.weights
+    /// The weights that fit the examples best, by the names of the joints.
+    pub fn weights(&self) -> WeightsFile {
+        WeightsFile { joints: self.joints.clone(), weights: self.weights.clone() }
     }
 
     /// Reads a file.
@@ -219,9 +219,7 @@ impl SkinModel {
     /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than it was trained on;
     /// [`CharacterError::UnknownJoint`], [`ModelFileError::Parent`] for another skeleton; [`CharacterError::Solve`].
     pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<TrainedSkin, ModelFileError> {
-        self.check_mesh(mesh)?;
-        let joints = self.joints.iter().map(|n| skeleton.named(n)).collect::<Result<Vec<u32>, _>>()?;
-        self.check_parents(skeleton, &joints)?;
+        let joints = self.check(mesh, skeleton)?;
         let (weights, parents, hold) = (self.weights.clone(), self.parents.clone(), self.hold);
         let model = match &self.form {
             Form::Full(regressors) => Bound::Full(Box::new(RegressionModel {
@@ -237,6 +235,17 @@ impl SkinModel {
             }
         };
         Ok(TrainedSkin { joints, model })
+    }
+
+    /// Refuses other meshes and skeletons than those it was trained with; the numbers of its joints in the skeleton.
+    ///
+    /// # Errors
+    /// As [`Self::bound`].
+    pub fn check(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<Vec<u32>, ModelFileError> {
+        self.check_mesh(mesh)?;
+        let joints = self.joints.iter().map(|n| skeleton.named(n)).collect::<Result<Vec<u32>, _>>()?;
+        self.check_parents(skeleton, &joints)?;
+        Ok(joints)
     }
 
     fn check_mesh(&self, mesh: &TriMesh) -> Result<(), ModelFileError> {

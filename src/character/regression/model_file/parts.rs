@@ -139,6 +139,8 @@ pub(super) fn write_reduced(w: &mut Writer, prototypes: &[Prototype], made_of: &
     for shares in made_of {
         w.u32(shares.first().map_or(0, |s| s.0));
         w.u32(shares.len() as u32);
-        shares.iter().for_each(|s| w.f64(s.1));
+        for (_, share) in shares {
+            w.f64(*share);
+        }
     }
 }

@@ -3,6 +3,7 @@
 //! What flows is the model as it was read, by reference count, and beside it the poses that a deformation gave it: files are
 //! written from the model, so that polygons, texture coordinates, groups and materials are those that were read.
 
+mod binding;
 mod deform;
 mod extraction;
 mod handles;
@@ -13,6 +14,7 @@ mod render;
 mod report;
 mod save;
 pub(super) mod solvable;
+mod training;
 mod weights;
 
 use std::path::Path;
@@ -24,7 +26,7 @@ use super::context::Context;
 use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
     MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
-    SkeletonExtractSettings, SkeletonLoadSettings, SkinWeightsSettings,
+    SkeletonExtractSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
@@ -66,6 +68,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         posing::load(context, stage, settings)
     } else if let Some(settings) = settings.get::<SkeletonExtractSettings>() {
         extraction::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SkinTrainSettings>() {
+        training::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<PoseSettings>() {
         posing::pose(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshRenderSettings>() {
