@@ -92,7 +92,7 @@ struct TrainArgs {
     #[arg(value_parser = |text: &str| number_for::<SkinTrainSettings>("hold", text))]
     hold: Option<f64>,
     /// Keep N prototypes for each joint in place of all triangles: a smaller file, and poses without a solve
-    #[arg(long, value_name = "N", help_heading = "Learning", value_parser = clap::value_parser!(u32).range(1..=256))]
+    #[arg(long, value_name = "N", help_heading = "Learning", value_parser = clap::value_parser!(u32).range(1..=32))]
     prototypes: Option<u32>,
 
     /// Also write how it went, as JSON

@@ -161,7 +161,7 @@ fn what_nothing_can_be_learnt_from_is_refused_file_by_file() {
     let cases: [(&[&str], &[&str]); 5] = [
         (&["poses/a.off"], &["1 examples are too few to learn from (at least 2)"]),
         (&["poses", "--held-out", "poses/*.off"], &["0 examples are too few", "5 held out"]),
-        (&["poses", "plane.off", "other.off"], &["plane.off: 16 vertices", "other.off: triangle 3 has the vertices"]),
+        (&["poses", "plane.off", "other.off"], &["plane.off: 16 vertices", "other.off: face 3 has the vertices"]),
         (&["none-*.off"], &["no mesh matches"]),
         (&["poses", "--poses", "p/*.json"], &["no pose file is called `a`"]),
     ];
@@ -215,5 +215,36 @@ fn weights_of_a_file_bind_a_mesh_that_is_posed() {
         let run = plumbline_in(folder, &[&pose[..], &[file, "--overwrite"]].concat());
         assert_eq!(run.status.code(), Some(65), "{file}: {}", err(&run));
         assert!(err(&run).contains(expected), "{file}: {}", err(&run));
+    }
+}
+
+#[test]
+fn real_poses_that_were_held_out_are_met_better_than_by_the_best_linear_blend() {
+    let Some(media) = std::env::var_os("PLUMBLINE_MEDIA") else {
+        eprintln!("skipped: PLUMBLINE_MEDIA is not set");
+        return;
+    };
+    let poses = Path::new(&media).join("mesh/seq");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let horse = (1..=10).map(|k| format!("horse/horse-{k:02}.obj")).collect::<Vec<_>>();
+    let cat = (2..=9).map(|k| format!("catlow/cat_{k:06}.obj")).collect::<Vec<_>>();
+    for (rest, all) in [("horse/horse_ref.obj", horse), ("catlow/cat_000001.obj", cat)] {
+        let path = |name: &str| poses.join(name).display().to_string();
+        let (rest, all) = (path(rest), all.iter().map(|name| path(name)).collect::<Vec<_>>());
+        let held: Vec<&str> = all.iter().skip(1).step_by(3).map(String::as_str).collect();
+        succeed(folder, &["skeleton", &rest, "-o", "bones.json", "--overwrite"]);
+        let mut args = vec!["skin", "train", &rest, "--skeleton", "bones.json", "-o", "m.skin", "--report", "r.json"];
+        args.extend(["--overwrite", "--examples"]);
+        args.extend(all.iter().map(String::as_str));
+        args.push("--held-out");
+        args.extend(held);
+        succeed(folder, &args);
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.join("r.json")).expect("written")).expect("JSON");
+        for set in 0..2 {
+            let rms = |key: &str| report[key][set].as_f64().expect("a number");
+            assert!(rms("rms") < 0.98 * rms("linear_rms"), "{rest}: {report:#}");
+        }
     }
 }

@@ -144,7 +144,7 @@ impl RegressionModel {
         check(mesh, skeleton, weights, examples)?;
         let parents = parents_of(skeleton);
         let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge);
-        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, examples)? };
+        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples)? };
         let surface = SurfaceOfGradients::new(mesh, options.hold)?;
         let mut model = Self { regressors, surface, places, parents, hold: options.hold };
         let report = training::report(&mut model, mesh, examples)?;

@@ -19,6 +19,9 @@ use super::training::Regressor;
 use super::{JointTurns, RegressionModel, check_pose};
 use crate::mesh::TriMesh;
 
+/// Prototypes of a joint at most: each costs three numbers for every vertex, and with more of them the solve is cheaper.
+pub(super) const MOST_PROTOTYPES: usize = 32;
+
 /// A gradient that others are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prototype {
@@ -52,9 +55,12 @@ impl RegressionModel {
     /// identity.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for samples of another skeleton.
+    /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 prototypes.
     pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
+        if most > MOST_PROTOTYPES {
+            return Err(CharacterError::Option { name: "prototypes", value: most as f64, range: "0 to 32" });
+        }
         if let Some(sample) = samples.iter().find(|s| s.len() != joints) {
             return Err(CharacterError::Matrices { joints, matrices: sample.len() });
         }

@@ -45,7 +45,7 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
     let (mut model, report) =
         RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options).expect("trained");
     // The best that linear blending can do with these joints.
-    let fitted = Skin::bound(fit_weights(&mesh, &train).expect("fitted"), &skeleton).expect("not flat");
+    let fitted = Skin::bound(fit_weights(&mesh, skin.weights(), &train).expect("fitted"), &skeleton).expect("not flat");
     let linear = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
     let errors = |examples: &[Example], model: &mut RegressionModel| {
         let mine =
@@ -142,7 +142,7 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
             Example { matrices, positions }
         })
         .collect();
-    let found = fit_weights(&mesh, &examples).expect("fitted");
+    let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
     // Where the examples do not tell joints apart the weights may be others, but they do the same.
     let fitted = Skin::bound(found, &skeleton).expect("not flat");
     let again = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
@@ -260,4 +260,23 @@ fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_
         linear += rms(&model.linear_positions(&e.matrices).expect("fits"), &e.positions);
     }
     assert!(mine < linear, "{mine} {linear}");
+}
+
+#[test]
+fn weights_that_examples_do_not_tell_are_those_that_were_given() {
+    let (mesh, skeleton, skin) = tube(3, 10, 30);
+    // The last two joints go together in all examples, and at rest all do.
+    let posed = |a: f64| matrices(&skeleton, &skin, |p| p.locals[1].rotation = turn([0.0, 0.3, 1.0], a));
+    let linear = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
+    for angles in [&[0.0][..], &[0.0, 0.7, -1.2]] {
+        let example = |&a: &f64| Example { positions: linear.positions(&posed(a)).expect("fits"), matrices: posed(a) };
+        let examples: Vec<Example> = angles.iter().map(example).collect();
+        let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
+        for v in 0..mesh.vertex_count() {
+            for j in 0..3 {
+                let (found, given) = (found.weight(v, j), skin.weights().weight(v, j));
+                assert!((found - given).abs() < 1e-6, "{angles:?}, vertex {v}, joint {j}: {found} {given}");
+            }
+        }
+    }
 }

@@ -9,7 +9,7 @@
 
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::{regressors, square};
-use super::{Example, Places, RegressionModel, RegressionOptions, check, fit_weights, parents_of};
+use super::{Example, JointTurns, Places, RegressionOptions, check, fit_weights, parents_of};
 use crate::character::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
 
@@ -23,7 +23,7 @@ const FOLDS: usize = 4;
 /// The ridge and the hold that predict examples best which were left out; the default ones for fewer than two examples.
 ///
 /// # Errors
-/// As [`RegressionModel::train`].
+/// As [`super::RegressionModel::train`].
 pub fn tuned(
     mesh: &TriMesh,
     skeleton: &Skeleton,
@@ -36,25 +36,22 @@ pub fn tuned(
     }
     let mut surfaces: Vec<SurfaceOfGradients> =
         HOLDS.iter().map(|&hold| SurfaceOfGradients::new(mesh, hold)).collect::<Result<_, _>>()?;
+    let parents = parents_of(skeleton);
     let folds = FOLDS.min(examples.len());
     let mut errors = [[0.0; HOLDS.len()]; RIDGES.len()];
     for fold in 0..folds {
         // Neighbors in a movement are alike: they are left out together no more than chance has it.
         let (held, kept): (Vec<_>, Vec<_>) = examples.iter().enumerate().partition(|(k, _)| k % folds == fold);
         let kept: Vec<Example> = kept.into_iter().map(|(_, e)| e.clone()).collect();
-        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, &kept)? };
+        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, &kept)? };
         for (errors, &ridge) in errors.iter_mut().zip(&RIDGES) {
             let regressors = regressors(mesh, skeleton, weights, &kept, ridge);
-            for ((error, &hold), surface) in errors.iter_mut().zip(&HOLDS).zip(&mut surfaces) {
-                let mut model = RegressionModel {
-                    regressors: regressors.clone(),
-                    surface: surface.clone(),
-                    places: places.clone(),
-                    parents: parents_of(skeleton),
-                    hold,
-                };
-                for (_, example) in &held {
-                    *error += square(&model.positions(&example.matrices)?, &example.positions);
+            for (_, Example { matrices, positions }) in &held {
+                let turns = JointTurns::new(matrices, &parents);
+                let gradients: Vec<_> = regressors.iter().map(|r| r.gradient(&turns)).collect();
+                let blended = places.all(matrices);
+                for (error, surface) in errors.iter_mut().zip(&mut surfaces) {
+                    *error += square(&surface.solve(|t| gradients[t], |v| blended[v].coords), positions);
                 }
             }
         }

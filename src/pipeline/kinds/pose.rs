@@ -148,12 +148,11 @@ impl StageSettings for PoseSettings {
             ));
         }
         if (self.skinning == SkinningWish::Regression) != self.model.is_some() {
-            let message = "a trained model and `skinning = \"regression\"` belong together, and one is missing";
-            found.push(conflict("model", message, "give both, or neither"));
+            let help = "give `skinning = \"regression\"` and `model`, or neither";
+            found.push(conflict("model", "regression and a trained model belong together", help));
         }
         if self.rig && self.model.is_some() {
-            let message = "a rig follows its joints by linear blend, and a trained model is given";
-            found.push(conflict("rig", message, "leave out `rig` or `model`"));
+            found.push(conflict("rig", "a rig follows its joints by linear blend", "leave out `rig` or `model`"));
         }
         if let (Some(start), Some(end)) = (self.start, self.end)
             && !(start <= end)

@@ -35,7 +35,7 @@ pub struct SkinTrainSettings {
     #[schemars(range(min = 1e-3, max = 1e9))]
     pub hold: Option<f64>,
     /// Keep so many prototypes for each joint in place of all triangles: a smaller file, and poses without a solve
-    #[schemars(range(min = 1, max = 256))]
+    #[schemars(range(min = 1, max = 32))]
     pub prototypes: Option<u32>,
     /// The file of the model to write, .skin
     #[schemars(extend("format" = "path"))]

@@ -1,7 +1,7 @@
 //! What a file of a trained skin is made of.
 
 use super::super::super::SkinWeights;
-use super::super::reduced::Prototype;
+use super::super::reduced::{MOST_PROTOTYPES, Prototype};
 use super::super::training::Regressor;
 use super::bytes::{Reader, Writer};
 use super::{ModelFileError, NONE};
@@ -100,6 +100,11 @@ type Reducing = (Vec<Prototype>, Vec<Vec<(u32, f64)>>);
 
 pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) -> Result<Reducing, ModelFileError> {
     let count = r.count(8, &|| "the prototypes".to_owned())?;
+    let most = joints.saturating_mul(MOST_PROTOTYPES + 1);
+    if count > most {
+        let place = "the number of prototypes".to_owned();
+        return Err(ModelFileError::Value { place, value: count.to_string(), expected: format!("0 to {most}") });
+    }
     let prototype = |p: usize| {
         let place = &|| format!("prototype {p}");
         let (bone, joint) = (r.index(joints, place)?, r.u32(place)?);

@@ -64,18 +64,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTr
     context.job.check_cancel()?;
     let (full, _) = RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options).map_err(refused)?;
     let linear = full.clone();
-    let (mut model, file) = match settings.prototypes {
-        None => {
-            let file = SkinModel::of(mesh, skeleton, &full).map_err(internal)?;
-            (Trained::Full(Box::new(full)), file)
-        }
-        Some(most) => {
-            let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
-            let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
-            let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
-            (Trained::Reduced(reduced), file)
-        }
-    };
+    let (mut model, file) = form(&subject, full, &examples, settings.prototypes)?;
     let (kept, held) = (errors(&mut model, &linear, kept)?, errors(&mut model, &linear, held)?);
     if let Some(surface) = &mut context.summary.surface {
         surface.training = Some(told(&kept, &held, mesh.diagonal()));
@@ -97,6 +86,24 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTr
         "linear_rms": [mean(&kept, |e| e.linear), mean(&held, |e| e.linear)],
     });
     write(context, path, format!("{report:#}\n").as_bytes())
+}
+
+/// The model in the form that is wanted, and for a file.
+fn form(
+    subject: &Subject,
+    full: RegressionModel,
+    examples: &[Example],
+    prototypes: Option<u32>,
+) -> Result<(Trained, SkinModel), RunError> {
+    let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
+    let Some(most) = prototypes else {
+        let file = SkinModel::of(mesh, skeleton, &full).map_err(internal)?;
+        return Ok((Trained::Full(Box::new(full)), file));
+    };
+    let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
+    let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
+    let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
+    Ok((Trained::Reduced(reduced), file))
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
@@ -143,7 +150,7 @@ fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) 
     let (mut read, mut faults) = (Vec::with_capacity(files.len()), Vec::new());
     for file in files {
         let model = read_model(file, &ReadLimits::default()).map_err(|e| mesh_error(file, &e))?;
-        match other(subject.model.mesh(), model.mesh()) {
+        match other(&subject.model, &model) {
             Some(fault) => faults.push(format!("{}: {fault}", file.display())),
             None => read.push((file, model.mesh().positions().to_vec())),
         }
@@ -165,19 +172,21 @@ fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) 
     read.into_iter().map(named).collect()
 }
 
-/// How a mesh is no other pose of the one at rest.
-fn other(rest: &TriMesh, mesh: &TriMesh) -> Option<String> {
-    let (vertices, triangles) = (mesh.vertex_count(), mesh.triangle_count());
-    if (vertices, triangles) != (rest.vertex_count(), rest.triangle_count()) {
-        let expected = format!("{} and {}", rest.vertex_count(), rest.triangle_count());
-        return Some(format!("{vertices} vertices and {triangles} triangles (expected {expected})"));
+/// How a mesh is no other pose of the one at rest. Polygons are compared as they stand in the files: how they are cut into
+/// triangles depends on the pose.
+fn other(rest: &Model, model: &Model) -> Option<String> {
+    let counts = |m: &Model| (m.mesh().vertex_count(), m.faces().len());
+    let ((vertices, faces), (expected_vertices, expected_faces)) = (counts(model), counts(rest));
+    if rest.mesh().triangles() == model.mesh().triangles() && vertices == expected_vertices {
+        return None;
     }
-    let first = rest.triangles().iter().zip(mesh.triangles()).position(|(a, b)| a != b)?;
-    Some(format!(
-        "triangle {first} has the vertices {:?} (expected {:?})",
-        mesh.triangles()[first],
-        rest.triangles()[first]
-    ))
+    if (vertices, faces) != (expected_vertices, expected_faces) {
+        let expected = format!("expected {expected_vertices} and {expected_faces}");
+        return Some(format!("{vertices} vertices and {faces} faces ({expected})"));
+    }
+    let first = (0..faces).find(|&f| rest.faces().get(f) != model.faces().get(f))?;
+    let (found, expected) = (model.faces().get(first), rest.faces().get(first));
+    Some(format!("face {first} has the vertices {found:?} (expected {expected:?})"))
 }
 
 /// Pose files that say how the joints stand in examples, where there are any.
