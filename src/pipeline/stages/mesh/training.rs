@@ -14,7 +14,7 @@ use crate::character::regression::{
     Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
 };
 use crate::character::{Character, CharacterError, Skeleton, Skin, SkinWeights};
-use crate::mesh::{Model, ReadLimits, TriMesh, read_model};
+use crate::mesh::{Model, ReadLimits, read_model};
 use crate::pipeline::items::{MESH_EXTENSIONS, expand};
 use crate::pipeline::kinds::{PoseSettings, SkinTrainSettings};
 use crate::pipeline::run_error::RunError;
