@@ -144,7 +144,8 @@ pub fn fit_weights(mesh: &TriMesh, weights: &SkinWeights, examples: &[Example]) 
 }
 
 /// `min wᵀ G w + λ |w − u|²` over the simplex, by active sets: on a set of free weights the minimum is `H w = λ u + ν 1`,
-/// `H = G + λ`, `λ` no less than `least`; a weight that would fall below 0 leaves the set, one whose slope is below the others' enters it.
+/// `H = G + λ`, `λ` no less than `least`; a weight that would fall below 0 leaves the set, one whose slope is below the others'
+/// enters it.
 fn on_simplex(gram: &DMatrix<f64>, prior: &DVector<f64>, least: f64) -> DVector<f64> {
     let n = gram.nrows();
     let lambda = (RIDGE * gram.trace()).max(least);
