@@ -6,6 +6,7 @@ use std::io::Cursor;
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::character::Outside;
 use plumbline::character::io::{Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text};
+use plumbline::character::regression::SkinModel;
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::math::Point2;
 use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
@@ -151,6 +152,18 @@ pub fn rig_file(bytes: &[u8]) {
         if let Ok((text, _)) = bvh_text(&rig.skeleton, rig.clips.first()) {
             parse_bvh(&text).expect("own files are read");
         }
+    }
+}
+
+/// Any bytes as a trained skin: refused or read without a panic; what was read is written, read back as the same, and puts a mesh of
+/// its own into a pose.
+pub fn skin_model(bytes: &[u8]) {
+    let Ok(model) = SkinModel::from_bytes(bytes) else { return };
+    assert!(SkinModel::from_bytes(&model.to_bytes()).is_ok_and(|again| again == model), "own files are read back");
+    let one = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
+    if let Ok(mut bound) = model.bound(&shapes::plane(2), &one) {
+        let still = bound.positions(&one.rest_globals()).expect("of two joints");
+        assert_eq!(still.len(), shapes::plane(2).vertex_count());
     }
 }
 

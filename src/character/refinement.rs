@@ -18,15 +18,14 @@
 
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion};
 
-use super::skinning::{Skinner, joint_rotations};
+use super::skinning::joint_rotations;
 use super::{CharacterError, SkinWeights};
 use crate::mesh::TriMesh;
 use crate::surface::{DeformOptions, DetailPreserving, HandlePose, Handles, Hold};
 
-/// A skinned surface and the factor that refines it.
+/// The factor that refines a skinned surface, by whichever method it is skinned.
 #[derive(Debug)]
 pub struct DetailRefiner {
-    skinner: Skinner,
     weights: SkinWeights,
     solver: DetailPreserving,
 }
@@ -38,25 +37,33 @@ impl DetailRefiner {
     /// # Errors
     /// [`CharacterError::PerVertex`] for weights of another mesh; [`CharacterError::Surface`] where the surface cannot be bound or
     /// `hold` is not above 0.
-    pub fn new(mesh: &TriMesh, weights: &SkinWeights, skinner: Skinner, hold: f64) -> Result<Self, CharacterError> {
-        let vertices = mesh.vertex_count();
-        for (what, given) in [("rows of weights", weights.vertex_count()), ("skinned vertices", skinner.vertex_count())]
-        {
-            if given != vertices {
-                return Err(CharacterError::PerVertex { what, given, vertices });
-            }
+    pub fn new(mesh: &TriMesh, weights: &SkinWeights, hold: f64) -> Result<Self, CharacterError> {
+        let (vertices, given) = (mesh.vertex_count(), weights.vertex_count());
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
         }
         let handles = Handles::new((0..vertices as u32).map(|v| (v, Hold::Soft(hold))))?;
         let solver = DetailPreserving::new(mesh, &handles, &DeformOptions::default())?;
-        Ok(Self { skinner, weights: weights.clone(), solver })
+        Ok(Self { weights: weights.clone(), solver })
     }
 
-    /// The refined surface in a pose.
+    /// The refined surface: `skinned` is where a method has the vertices in the pose of `matrices`.
     ///
     /// # Errors
-    /// As [`Skinner::positions`].
-    pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
-        let skinned = self.skinner.positions(matrices)?;
+    /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Matrices`] for another number of joints.
+    pub fn refined(
+        &mut self,
+        skinned: Vec<Point3<f64>>,
+        matrices: &[Matrix4<f64>],
+    ) -> Result<Vec<Point3<f64>>, CharacterError> {
+        let (vertices, given) = (self.weights.vertex_count(), skinned.len());
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what: "skinned positions", given, vertices });
+        }
+        let joints = self.weights.joint_count();
+        if matrices.len() != joints {
+            return Err(CharacterError::Matrices { joints, matrices: matrices.len() });
+        }
         let rotations = joint_rotations(matrices);
         let turns: Vec<Matrix3<f64>> = self.weights.rows().map(|row| blended(&rotations, row)).collect();
         Ok(self.solver.solve(&turns, &HandlePose::new(skinned))?.positions)
@@ -79,24 +86,37 @@ fn blended(rotations: &[UnitQuaternion<f64>], row: &[super::Influence]) -> Matri
 mod tests {
     use nalgebra::Vector3;
 
-    use super::super::skinning::SkinningMethod;
     use super::super::skinning::tests::{matrices, tube, turn};
+    use super::super::skinning::{Skinner, SkinningMethod};
+    use super::super::{Skeleton, Skin};
     use super::*;
     use crate::math::Trs;
 
-    fn refiner(hold: f64) -> (TriMesh, super::super::Skeleton, super::super::Skin, DetailRefiner) {
+    /// Linear blending, refined.
+    struct Refined {
+        skinner: Skinner,
+        refiner: DetailRefiner,
+    }
+
+    impl Refined {
+        fn at(&mut self, m: &[Matrix4<f64>]) -> Vec<Point3<f64>> {
+            self.refiner.refined(self.skinner.positions(m).expect("fits"), m).expect("of its mesh")
+        }
+    }
+
+    fn refiner(hold: f64) -> (TriMesh, Skeleton, Skin, Refined) {
         let (mesh, skeleton, skin) = tube(2, 16, 40);
         let skinner = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
-        let refiner = DetailRefiner::new(&mesh, skin.weights(), skinner, hold).expect("bound");
-        (mesh, skeleton, skin, refiner)
+        let refiner = DetailRefiner::new(&mesh, skin.weights(), hold).expect("bound");
+        (mesh, skeleton, skin, Refined { skinner, refiner })
     }
 
     #[test]
     fn what_moves_rigidly_is_left_as_it_is() {
-        let (mesh, skeleton, skin, mut refiner) = refiner(0.01);
+        let (mesh, skeleton, skin, mut refined) = refiner(0.01);
         let motion = Trs::rigid(turn([1.0, 0.4, 2.0], 2.0), Vector3::new(3.0, -5.0, 1.0));
         let m: Vec<_> = matrices(&skeleton, &skin, |_| ()).iter().map(|m| motion.matrix() * m).collect();
-        for (x, p) in refiner.positions(&m).expect("fits").iter().zip(mesh.positions()) {
+        for (x, p) in refined.at(&m).iter().zip(mesh.positions()) {
             assert!((x - motion.transform(p)).norm() < 1e-9);
         }
     }
@@ -105,9 +125,9 @@ mod tests {
     fn a_twist_that_collapsed_opens_as_the_hold_loosens_and_a_firm_hold_gives_the_skinned_surface() {
         // Radius of the ring at the joint: linear blending leaves cos 75°.
         let waist = |hold: f64| {
-            let (mesh, skeleton, skin, mut refiner) = refiner(hold);
+            let (mesh, skeleton, skin, mut refined) = refiner(hold);
             let m = matrices(&skeleton, &skin, |p| p.locals[1].rotation = turn([1.0, 0.0, 0.0], 150_f64.to_radians()));
-            let x = refiner.positions(&m).expect("fits");
+            let x = refined.at(&m);
             let ring = mesh.positions().iter().zip(&x).filter(|(p, _)| (p.x - 3.0).abs() < 1e-9);
             ring.map(|(_, x)| x.y.hypot(x.z)).fold(f64::INFINITY, f64::min)
         };
@@ -120,11 +140,14 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_of_nothing_is_refused() {
+    fn a_hold_of_nothing_and_what_is_of_another_mesh_are_refused() {
         let (mesh, skeleton, skin) = tube(2, 6, 4);
-        let skinner = || Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
-        let message = DetailRefiner::new(&mesh, skin.weights(), skinner(), 0.0).expect_err("0").to_string();
+        let message = DetailRefiner::new(&mesh, skin.weights(), 0.0).expect_err("0").to_string();
         assert!(message.contains("weight 0 of vertex 0"), "{message}");
-        assert!(DetailRefiner::new(&TriMesh::default(), skin.weights(), skinner(), 1.0).is_err());
+        assert!(DetailRefiner::new(&TriMesh::default(), skin.weights(), 1.0).is_err());
+        let mut refiner = DetailRefiner::new(&mesh, skin.weights(), 1.0).expect("bound");
+        let m = matrices(&skeleton, &skin, |_| ());
+        assert!(refiner.refined(Vec::new(), &m).is_err());
+        assert!(refiner.refined(mesh.positions().to_vec(), &m[1..]).is_err());
     }
 }

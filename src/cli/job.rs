@@ -1,12 +1,16 @@
 //! What commands share whose options mean a pipeline: how the job goes, and which files it is for.
 
-use std::path::Path;
+use std::convert::Infallible;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
-use crate::pipeline::file::entries_of;
+use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
+use crate::pipeline::kinds::BindingWish;
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::syntax::Entry;
@@ -33,6 +37,50 @@ impl JobArgs {
     pub(super) fn run(&self) -> Vec<Entry> {
         let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
         entries_of(&run, &RunSettings::default())
+    }
+}
+
+/// How a mesh is bound to a skeleton.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum WeightsArg {
+    /// By a method.
+    How(BindingWish),
+    /// By the weights of a file.
+    File(PathBuf),
+}
+
+impl Default for WeightsArg {
+    fn default() -> Self {
+        Self::How(BindingWish::default())
+    }
+}
+
+impl FromStr for WeightsArg {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(<BindingWish as ValueEnum>::from_str(text, false).map_or_else(|_| Self::File(text.into()), Self::How))
+    }
+}
+
+impl fmt::Display for WeightsArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::How(how) => f.write_str(how.to_possible_value().expect("none is hidden").get_name()),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl WeightsArg {
+    /// The method, or the one that a file stands in for.
+    pub(super) fn binding(&self) -> BindingWish {
+        if let Self::How(how) = self { *how } else { BindingWish::default() }
+    }
+
+    /// The file as a setting.
+    pub(super) fn file(&self) -> Option<String> {
+        if let Self::File(path) = self { Some(literal_path(path)) } else { None }
     }
 }
 

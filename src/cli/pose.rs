@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
-use super::job::JobArgs;
+use super::job::{JobArgs, WeightsArg};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    BindingWish, ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
-    SkeletonLoadSettings, SkinningWish,
+    ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
+    SkinningWish,
 };
 use crate::pipeline::surfaces::ViewWish;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Frames of a folder where no number is given.
 const FRAMES: u32 = 24;
@@ -27,9 +27,9 @@ pub(super) struct PoseArgs {
     /// The skeleton: our own JSON, glTF, GLB, BVH, .tgf or .skel; the mesh is bound to it
     #[arg(long, value_name = "FILE")]
     skeleton: Option<PathBuf>,
-    /// How a mesh is bound to --skeleton
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", requires = "skeleton")]
-    weights: BindingWish,
+    /// How a mesh is bound to --skeleton: heat, biharmonic, distance, or a file of weights
+    #[arg(long, default_value_t, value_name = "HOW|FILE", requires = "skeleton")]
+    weights: WeightsArg,
     /// The pose: turns of joints, and places that they seek (`plumbline schema pose` describes the file)
     #[arg(long, value_name = "FILE.json", conflicts_with = "clip")]
     pose: Option<PathBuf>,
@@ -43,6 +43,13 @@ pub(super) struct PoseArgs {
     /// How the surface follows the joints
     #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Posing")]
     skinning: SkinningWish,
+    /// The model that `plumbline skin train` has learnt of this mesh and skeleton, for --skinning regression
+    #[arg(long, value_name = "FILE.skin", help_heading = "Posing", conflicts_with = "weights")]
+    model: Option<PathBuf>,
+    /// Keep the details of the surface at rest; the number holds it to the skinned surface: 1 firmly, 0.01 loosely
+    #[arg(long, value_name = "HOLD", help_heading = "Posing")]
+    #[arg(value_parser = |text: &str| number_for::<PoseSettings>("details", text))]
+    details: Option<f64>,
     /// Steps toward the targets of the pose file, at most
     #[arg(long, default_value_t = PoseSettings::default().iterations, value_name = "N", help_heading = "Posing")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -96,7 +103,10 @@ impl PoseArgs {
             pose: self.pose.as_ref().map(|path| literal_path(path)),
             clip: self.clip.clone(),
             skinning: self.skinning,
-            binding: self.weights,
+            model: self.model.as_ref().map(|path| literal_path(path)),
+            binding: self.weights.binding(),
+            weights: self.weights.file(),
+            details: self.details,
             frames,
             start: self.start,
             end: self.end,

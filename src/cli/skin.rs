@@ -5,11 +5,14 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::failure::Failure;
-use super::job::JobArgs;
+use super::job::{JobArgs, WeightsArg};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{MeshLoadSettings, SkinWeightsSettings, WeightWish};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::kinds::{
+    MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings, WeightWish,
+};
+use crate::pipeline::reference::escape;
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline skin`.
 #[derive(Debug, Args)]
@@ -22,6 +25,8 @@ pub(super) struct SkinArgs {
 enum SkinCommand {
     /// Find how much each vertex of a mesh follows each joint of a skeleton
     Weights(WeightsArgs),
+    /// Learn from poses of a mesh how it follows a skeleton
+    Train(Box<TrainArgs>),
 }
 
 /// Options of `plumbline skin weights`.
@@ -51,16 +56,100 @@ struct WeightsArgs {
     job: JobArgs,
 }
 
+/// Options of `plumbline skin train`.
+#[derive(Debug, Args)]
+struct TrainArgs {
+    /// The mesh at rest: OBJ, PLY, OFF, STL, glTF or GLB
+    #[arg(value_name = "REST")]
+    input: PathBuf,
+    /// Meshes of the same vertices and faces in other poses: files, globs or folders
+    #[arg(long, required = true, num_args = 1.., value_name = "FILES")]
+    examples: Vec<String>,
+    /// The skeleton in the mesh: our own JSON, glTF, GLB, BVH, .tgf or .skel
+    #[arg(long, value_name = "FILE")]
+    skeleton: PathBuf,
+    /// The file of the model to write, for `plumbline pose --skinning regression --model`
+    #[arg(short, long, value_name = "FILE.skin")]
+    output: PathBuf,
+
+    /// Meshes that are not learnt from, also where they are among the examples, but tell how well the model does
+    #[arg(long, num_args = 1.., value_name = "FILES", help_heading = "Examples")]
+    held_out: Vec<String>,
+    /// Pose files called as the meshes, that say how the joints stand; from the meshes themselves if left out
+    #[arg(long, num_args = 1.., value_name = "FILES", help_heading = "Examples")]
+    poses: Vec<String>,
+    /// How the mesh is bound to the skeleton: heat, biharmonic, distance, or a file of weights
+    #[arg(long, default_value_t, value_name = "HOW|FILE", help_heading = "Examples")]
+    weights: WeightsArg,
+
+    /// Ridge on what is learnt of the joints' turns, rad²: larger trusts the examples less; found by leaving examples out if left
+    /// out
+    #[arg(long, value_name = "NUMBER", help_heading = "Learning")]
+    #[arg(value_parser = |text: &str| number_for::<SkinTrainSettings>("ridge", text))]
+    ridge: Option<f64>,
+    /// How much linear blending is believed beside what triangles have learnt; found by leaving examples out if left out
+    #[arg(long, value_name = "NUMBER", help_heading = "Learning")]
+    #[arg(value_parser = |text: &str| number_for::<SkinTrainSettings>("hold", text))]
+    hold: Option<f64>,
+    /// Keep N prototypes for each joint in place of all triangles: a smaller file, and poses without a solve
+    #[arg(long, value_name = "N", help_heading = "Learning", value_parser = clap::value_parser!(u32).range(1..=32))]
+    prototypes: Option<u32>,
+
+    /// Also write how it went, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    job: JobArgs,
+}
+
 impl SkinArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
-        let SkinCommand::Weights(args) = &self.command;
-        run_or_print(args.pipeline(), args.job.print_pipeline, backend)
+        run_or_print(self.pipeline(), self.job().print_pipeline, backend)
     }
 
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> PipelineFile {
-        let SkinCommand::Weights(args) = &self.command;
-        args.pipeline()
+        match &self.command {
+            SkinCommand::Weights(args) => args.pipeline(),
+            SkinCommand::Train(args) => args.pipeline(),
+        }
+    }
+
+    fn job(&self) -> &JobArgs {
+        match &self.command {
+            SkinCommand::Weights(args) => &args.job,
+            SkinCommand::Train(args) => &args.job,
+        }
+    }
+}
+
+impl TrainArgs {
+    fn pipeline(&self) -> PipelineFile {
+        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
+        let patterns = |list: &[String]| list.iter().map(|pattern| escape(pattern)).collect();
+        let train = SkinTrainSettings {
+            examples: patterns(&self.examples),
+            held_out: patterns(&self.held_out),
+            poses: patterns(&self.poses),
+            binding: self.weights.binding(),
+            weights: self.weights.file(),
+            ridge: self.ridge,
+            hold: self.hold,
+            prototypes: self.prototypes,
+            path: literal_path(&self.output),
+            report: self.report.as_ref().map(|path| literal_path(path)),
+        };
+        let skeleton = SkeletonLoadSettings { path: literal_path(&self.skeleton) };
+        PipelineFile {
+            name: Some("skin".to_owned()),
+            run: self.job.run(),
+            stages: vec![
+                StageEntry::built("mesh", &load),
+                StageEntry::built("skeleton", &skeleton),
+                StageEntry::built("model", &train).input("mesh", "mesh").input("skeleton", "skeleton"),
+            ],
+            ..PipelineFile::default()
+        }
     }
 }
 

@@ -183,11 +183,14 @@ pub(super) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
 /// Relative paths start from the folder of the text that holds them.
 fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources) -> Json {
     let folder = base.and_then(|id| sources.get(id)).and_then(|s| s.base.as_ref());
-    match (folder, &json) {
+    match (folder, json) {
         (Some(folder), Json::String(path)) if property["format"] == "path" && !path.is_empty() && path != "-" => {
             folder.join(path).to_string_lossy().into_owned().into()
         }
-        _ => json,
+        (Some(_), Json::Array(list)) if property["format"] == "path" => {
+            list.into_iter().map(|path| rebase(path, property, base, sources)).collect()
+        }
+        (_, json) => json,
     }
 }
 

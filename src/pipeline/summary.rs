@@ -146,6 +146,8 @@ pub struct SurfaceSummary {
     pub modes: Option<String>,
     /// How it follows a skeleton.
     pub weights: Option<String>,
+    /// What was learnt of how it follows a skeleton.
+    pub training: Option<String>,
     /// Its skeleton.
     pub skeleton: Option<String>,
     /// What became of it and another.
@@ -163,6 +165,7 @@ impl SurfaceSummary {
         self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
         self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
         self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))?;
+        self.training.iter().try_for_each(|told| writeln!(f, "  train     {told}"))?;
         self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))?;
         self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
     }

@@ -6,6 +6,9 @@ mod bodies;
 
 use std::io::Cursor;
 
+use plumbline::character::SkinWeights;
+use plumbline::character::io::parse_skel;
+use plumbline::character::regression::{Example, RegressionModel, RegressionOptions, SkinModel};
 use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::mesh::{MeshFormat, Model, ReadLimits, shapes};
@@ -241,6 +244,30 @@ fn no_file_of_a_skeleton_makes_a_reader_panic() {
         "2 2\n0\n1 0 0\n1 0 0\n0 0\n1\n0 0 1\n0 1 0\n0.5 0.7\n",
     ];
     hammer(&examples.map(|e| e.as_bytes().to_vec()), bodies::rig_file, 23);
+}
+
+#[test]
+fn no_trained_skin_makes_the_reader_panic() {
+    let skeleton = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
+    let mesh = shapes::plane(2);
+    let halves: Vec<u32> = mesh.positions().iter().map(|p| u32::from(p.x > 0.5)).collect();
+    let weights = SkinWeights::rigid(2, &halves).expect("two joints");
+    let example = |angle: f64| {
+        let turn = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::y_axis(), angle);
+        let place = |p: &nalgebra::Point3<f64>| if p.x > 0.5 { turn * p } else { *p };
+        let matrices = vec![nalgebra::Matrix4::identity(), turn.to_homogeneous()];
+        Example { matrices, positions: mesh.positions().iter().map(place).collect() }
+    };
+    let examples = [example(0.0), example(0.5), example(1.0)];
+    let options = RegressionOptions::default();
+    let (model, _) = RegressionModel::train(&mesh, &skeleton, &weights, &examples, &options).expect("trained");
+    let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
+    let reduced = model.reduced(&samples, 2).expect("of the same joints");
+    let files = [
+        SkinModel::of(&mesh, &skeleton, &model).expect("its own"),
+        SkinModel::of_reduced(&mesh, &skeleton, &reduced).expect("its own"),
+    ];
+    hammer(&files.map(|f| f.to_bytes()), bodies::skin_model, 24);
 }
 
 #[test]

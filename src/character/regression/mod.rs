@@ -10,33 +10,39 @@
 //! ridge regression. In a new pose the gradients `D_t = R_b exp(A q + a) (C q + c)` are joined to a surface by
 //!
 //! ```text
-//! x = argmin Σ_t area_t |∇x − D_t|²        one factor of the Laplacian for all poses
+//! x = argmin Σ_t area_t |∇x − D_t|² + μ Σ_i s_i |x_i − y_i|²        one factor for all poses
 //! ```
 //!
-//! whose pieces are then set where linear blending has their middle. [`Reduced`] replaces the regressors and the solve by few
+//! where `y` is the linear blend by the weights that fit the examples best. Gradients know bends and folds, and add up small
+//! errors along a limb; blended places know where the limb is. `μ` ([`RegressionOptions::hold`]) says how far each is believed,
+//! and [`tuned`] finds it, and the ridge, by leaving examples out. [`Reduced`] replaces the regressors and the solve by few
 //! prototypes.
 //!
 //! # Reference
 //! R. Y. Wang, K. Pulli, J. Popović, *Real-time enveloping with rotational regression*, ACM TOG 26 (2007). Departures: a full
 //! 3 × 3 matrix and an offset in place of a scaled rotation; only rotations between neighboring joints, so that results go rigidly
-//! with the character; prototypes are chosen greedily among the triangles of a joint.
+//! with the character; blended places for all vertices in place of a few near-rigid ones that are fixed; prototypes are chosen
+//! greedily among the triangles of a joint.
 
 mod gradients;
 mod joint_fit;
+mod model_file;
 mod reduced;
 mod surface_of_gradients;
 #[cfg(test)]
 mod tests;
 mod training;
+mod tuning;
 
-use nalgebra::{Matrix3, Matrix4, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 pub use joint_fit::{fit_joints, fit_weights};
+pub use model_file::{ModelFileError, SkinModel, TrainedSkin};
 pub use reduced::Reduced;
 pub use training::TrainingReport;
+pub use tuning::tuned;
 
-use super::skinning::{Skinner, SkinningMethod};
-use super::{CharacterError, Skeleton, Skin};
+use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
 use surface_of_gradients::SurfaceOfGradients;
 use training::Regressor;
@@ -55,12 +61,16 @@ pub struct Example {
 pub struct RegressionOptions {
     /// Ridge on the slopes, rad², above 0: larger trusts the examples less. The offsets are free.
     pub ridge: f64,
+    /// How much blended places are believed beside gradients, above 0, dimensionless: what is longer than `√(area / hold)` is where
+    /// they are.
+    pub hold: f64,
 }
 
 impl Default for RegressionOptions {
     fn default() -> Self {
-        // A joint that turned by 2° in all examples together is hardly believed, one that turned by 20° is.
-        Self { ridge: 1e-2 }
+        // A joint that turned by 2° in all examples together is hardly believed, one that turned by 20° is. Places say where limbs
+        // are, a thirtieth of the character wide; below it gradients say what the surface does. Both are what is found most.
+        Self { ridge: 1e-2, hold: 1e3 }
     }
 }
 
@@ -69,9 +79,28 @@ impl Default for RegressionOptions {
 pub struct RegressionModel {
     regressors: Vec<Regressor>,
     surface: SurfaceOfGradients,
-    /// Linear blending, which says where pieces are.
-    linear: Skinner,
+    places: Places,
     parents: Vec<Option<u32>>,
+    hold: f64,
+}
+
+/// Linear blending, which says about where vertices are.
+#[derive(Clone, Debug)]
+struct Places {
+    rest: Vec<Point3<f64>>,
+    weights: SkinWeights,
+}
+
+impl Places {
+    fn at(&self, vertex: usize, matrices: &[Matrix4<f64>]) -> Point3<f64> {
+        let p = &self.rest[vertex];
+        let part = |i: &super::Influence| matrices[i.joint as usize].transform_point(p).coords * i.weight;
+        self.weights.row(vertex).iter().map(part).sum::<Vector3<f64>>().into()
+    }
+
+    fn all(&self, matrices: &[Matrix4<f64>]) -> Vec<Point3<f64>> {
+        (0..self.rest.len()).map(|v| self.at(v, matrices)).collect()
+    }
 }
 
 /// What regressors see of a pose.
@@ -95,26 +124,29 @@ impl JointTurns {
 }
 
 impl RegressionModel {
-    /// Learns from examples. The skin says which joint each triangle belongs to, and where pieces are.
+    /// Learns from examples. `weights` say which joint each triangle belongs to.
     ///
     /// # Errors
-    /// [`CharacterError::NoExamples`]; [`CharacterError::PerVertex`], [`CharacterError::Matrices`] for examples of other meshes or
-    /// skeletons; [`CharacterError::Option`]; [`CharacterError::Solve`].
+    /// [`CharacterError::NoExamples`]; [`CharacterError::PerVertex`], [`CharacterError::Matrices`] for examples or weights of other
+    /// meshes or skeletons; [`CharacterError::Option`]; [`CharacterError::Solve`].
     pub fn train(
         mesh: &TriMesh,
         skeleton: &Skeleton,
-        skin: &Skin,
+        weights: &SkinWeights,
         examples: &[Example],
         options: &RegressionOptions,
     ) -> Result<(Self, TrainingReport), CharacterError> {
-        if !(options.ridge > 0.0 && options.ridge.is_finite()) {
-            return Err(CharacterError::Option { name: "ridge", value: options.ridge, range: "above 0, finite" });
+        for (name, value) in [("ridge", options.ridge), ("hold", options.hold)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(CharacterError::Option { name, value, range: "above 0, finite" });
+            }
         }
-        check(mesh, skeleton, examples)?;
-        let linear = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::LinearBlend)?;
-        let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
-        let regressors = training::regressors(mesh, skeleton, skin.weights(), examples, options.ridge);
-        let mut model = Self { regressors, surface: SurfaceOfGradients::new(mesh)?, linear, parents };
+        check(mesh, skeleton, weights, examples)?;
+        let parents = parents_of(skeleton);
+        let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge);
+        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples)? };
+        let surface = SurfaceOfGradients::new(mesh, options.hold)?;
+        let mut model = Self { regressors, surface, places, parents, hold: options.hold };
         let report = training::report(&mut model, mesh, examples)?;
         Ok((model, report))
     }
@@ -122,27 +154,58 @@ impl RegressionModel {
     /// The surface in a pose.
     ///
     /// # Errors
-    /// As [`Skinner::positions`].
+    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
     pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
-        let places = self.linear.positions(matrices)?;
+        check_pose(&self.parents, matrices)?;
         let turns = JointTurns::new(matrices, &self.parents);
-        let gradients: Vec<Matrix3<f64>> = self.regressors.iter().map(|r| r.gradient(&turns)).collect();
-        Ok(self.surface.solve(&gradients, &places))
+        let (regressors, places) = (&self.regressors, &self.places);
+        Ok(self.surface.solve(|t| regressors[t].gradient(&turns), |v| places.at(v, matrices).coords))
+    }
+
+    /// The linear blend by the weights that fit the examples best, in a pose.
+    ///
+    /// # Errors
+    /// As [`Self::positions`].
+    pub fn linear_positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
+        check_pose(&self.parents, matrices)?;
+        Ok(self.places.all(matrices))
     }
 }
 
-fn check(mesh: &TriMesh, skeleton: &Skeleton, examples: &[Example]) -> Result<(), CharacterError> {
+fn parents_of(skeleton: &Skeleton) -> Vec<Option<u32>> {
+    skeleton.joints().iter().map(|j| j.parent).collect()
+}
+
+fn check_pose(parents: &[Option<u32>], matrices: &[Matrix4<f64>]) -> Result<(), CharacterError> {
+    if parents.len() != matrices.len() {
+        return Err(CharacterError::Matrices { joints: parents.len(), matrices: matrices.len() });
+    }
+    super::skin::check_affine(matrices)
+}
+
+fn check(
+    mesh: &TriMesh,
+    skeleton: &Skeleton,
+    weights: &SkinWeights,
+    examples: &[Example],
+) -> Result<(), CharacterError> {
     if examples.is_empty() {
         return Err(CharacterError::NoExamples);
     }
+    let (joints, vertices) = (skeleton.joint_count(), mesh.vertex_count());
+    if weights.joint_count() != joints {
+        return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
+    }
+    if weights.vertex_count() != vertices {
+        return Err(CharacterError::PerVertex { what: "rows of weights", given: weights.vertex_count(), vertices });
+    }
     for example in examples {
-        let (given, vertices) = (example.positions.len(), mesh.vertex_count());
+        let given = example.positions.len();
         if given != vertices {
             return Err(CharacterError::PerVertex { what: "positions of an example", given, vertices });
         }
-        let (joints, matrices) = (skeleton.joint_count(), example.matrices.len());
-        if joints != matrices {
-            return Err(CharacterError::Matrices { joints, matrices });
+        if joints != example.matrices.len() {
+            return Err(CharacterError::Matrices { joints, matrices: example.matrices.len() });
         }
         super::skin::check_affine(&example.matrices)?;
     }

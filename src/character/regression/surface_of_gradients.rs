@@ -1,11 +1,11 @@
-//! The surface whose triangles are mapped as given, as nearly as they can be joined:
+//! The surface whose triangles are mapped as given and whose vertices are where they are wanted, as nearly as both can be:
 //!
 //! ```text
-//! x = argmin Σ_t Σ_{edges of t} ½ cot · |(x_a − x_b) − D_t (p_a − p_b)|²
+//! x = argmin Σ_t Σ_{edges of t} ½ cot · |(x_a − x_b) − D_t (p_a − p_b)|²  +  μ Σ_i s_i |x_i − y_i|²
 //! ```
 //!
-//! The Laplacian leaves each piece of the surface free to move; it is set so that its middle is that of given places. One vertex
-//! of each piece gets a weight of its own in the factor, which changes no shape: the right-hand sides sum to zero.
+//! `s_i` is the share of vertex `i` in the area of its piece, so that `μ` has no unit: what is longer than `√(area / μ)` has the
+//! places, what is shorter the gradients. The middle of each piece is that of its places, whatever `μ` is.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -20,55 +20,46 @@ pub(super) struct SurfaceOfGradients {
     rest: Vec<Point3<f64>>,
     triangles: Vec<[u32; 3]>,
     half: Vec<[f64; 3]>,
-    piece: Vec<u32>,
-    /// Share of each vertex in the middle of its piece.
-    share: Vec<f64>,
+    /// `μ s_i`, above 0.
+    hold: Vec<f64>,
     factor: CompactFactor,
     right: Vec<[f64; 3]>,
 }
 
 impl SurfaceOfGradients {
-    pub(super) fn new(mesh: &TriMesh) -> Result<Self, CharacterError> {
+    /// Factors the matrix. `hold` is `μ`, above 0.
+    pub(super) fn new(mesh: &TriMesh, hold: f64) -> Result<Self, CharacterError> {
         let cotangents = Cotangents::new(mesh, CotangentRule::Raw).limited(LARGEST);
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
-        let mut laplacian = edges.laplacian()?;
-        let piece = pieces(&edges);
-        let starts = laplacian.pattern().column_starts().to_vec();
-        let mut seen = vec![false; piece.len()];
-        for (v, &p) in piece.iter().enumerate() {
-            if !std::mem::replace(&mut seen[p as usize], true) {
-                laplacian.values_mut()[starts[v] as usize] += 1.0;
-            }
+        let shares = shares(&barycentric_areas(mesh), &pieces(&edges));
+        let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(LEAST)).collect();
+        let mut matrix = edges.laplacian()?;
+        let starts = matrix.pattern().column_starts().to_vec();
+        for (start, hold) in starts.iter().zip(&hold) {
+            // The diagonal is the first of a column.
+            matrix.values_mut()[*start as usize] += hold;
         }
-        let mut cholesky = Cholesky::analyze(laplacian.pattern(), &Ordering::Amd)?;
-        cholesky.factor(&laplacian)?;
+        let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
+        cholesky.factor(&matrix)?;
         Ok(Self {
             rest: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),
             half: cotangents.half().to_vec(),
-            share: shares(&barycentric_areas(mesh), &piece),
-            right: vec![[0.0; 3]; piece.len()],
-            piece,
+            right: vec![[0.0; 3]; hold.len()],
+            hold,
             factor: CompactFactor::new(&cholesky),
         })
     }
 
-    /// The positions for a map per triangle, each piece about the middle that it has in `places`.
-    pub(super) fn solve(&mut self, gradients: &[Matrix3<f64>], places: &[Point3<f64>]) -> Vec<Point3<f64>> {
-        let mut x = self.shape(|t| gradients[t]);
-        let mut shift = vec![Vector3::zeros(); x.len()];
-        for (v, (x, place)) in x.iter().zip(places).enumerate() {
-            shift[self.piece[v] as usize] += self.share[v] * (place - x);
+    /// The positions for a map per triangle and a place per vertex.
+    pub(super) fn solve(
+        &mut self,
+        gradient: impl Fn(usize) -> Matrix3<f64>,
+        place: impl Fn(usize) -> Vector3<f64>,
+    ) -> Vec<Point3<f64>> {
+        for (v, (right, hold)) in self.right.iter_mut().zip(&self.hold).enumerate() {
+            *right = (place(v) * *hold).into();
         }
-        for (x, p) in x.iter_mut().zip(&self.piece) {
-            *x += shift[*p as usize];
-        }
-        x
-    }
-
-    /// The positions up to where the pieces are.
-    pub(super) fn shape(&mut self, gradient: impl Fn(usize) -> Matrix3<f64>) -> Vec<Point3<f64>> {
-        self.right.fill([0.0; 3]);
         for (t, (corners, half)) in self.triangles.iter().zip(&self.half).enumerate() {
             let map = gradient(t);
             for (k, h) in half.iter().enumerate() {
@@ -83,25 +74,10 @@ impl SurfaceOfGradients {
         self.factor.solve_3(&mut self.right);
         self.right.iter().map(|x| Point3::from(*x)).collect()
     }
-
-    /// Places less the middles of their pieces.
-    pub(super) fn centered(&self, x: &[Point3<f64>]) -> Vec<Vector3<f64>> {
-        let mut middle = vec![Vector3::zeros(); x.len()];
-        for (v, x) in x.iter().enumerate() {
-            middle[self.piece[v] as usize] += self.share[v] * x.coords;
-        }
-        x.iter().zip(&self.piece).map(|(x, &p)| x.coords - middle[p as usize]).collect()
-    }
-
-    /// Adds the middles of pieces in `places`.
-    pub(super) fn placed(&self, x: &mut [Point3<f64>], places: &[Point3<f64>]) {
-        let mut middle = vec![Vector3::zeros(); x.len()];
-        for (v, place) in places.iter().enumerate() {
-            middle[self.piece[v] as usize] += self.share[v] * place.coords;
-        }
-        x.iter_mut().zip(&self.piece).for_each(|(x, &p)| *x += middle[p as usize]);
-    }
 }
+
+/// The least hold of a vertex, for those of no area: far below any cotangent that counts, far above nothing.
+const LEAST: f64 = 1e-9;
 
 /// Half cotangents at most: needles of 1:2000 keep theirs.
 const LARGEST: f64 = 1e3;

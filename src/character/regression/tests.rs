@@ -1,13 +1,15 @@
 use nalgebra::{Point3, Vector3};
 
-use super::super::SkinWeights;
+use super::super::humanoid::humanoid;
 use super::super::skinning::tests::{matrices, tube, turn};
+use super::super::skinning::{Skinner, SkinningMethod};
+use super::super::{Outside, Skin, SkinWeights};
 use super::*;
 use crate::math::Trs;
 
 /// An elbow that bends with a muscle: twist spreads evenly over the forearm, the upper arm swells with the bend. No blend of
 /// two matrices does either.
-fn arm(around: usize, along: usize) -> (TriMesh, Skeleton, Skin, impl Fn(f64, f64) -> Example) {
+pub(super) fn arm(around: usize, along: usize) -> (TriMesh, Skeleton, Skin, impl Fn(f64, f64) -> Example) {
     let (mesh, skeleton, skin) = tube(2, around, along);
     let (rest, bones, weights) = (mesh.clone(), skeleton.clone(), skin.clone());
     let example = move |bend: f64, twist: f64| {
@@ -39,10 +41,11 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
     let (train, held): (Vec<_>, Vec<_>) = all.into_iter().enumerate().partition(|(k, _)| k % 2 == 0);
     let (train, held): (Vec<_>, Vec<_>) =
         (train.into_iter().map(|e| e.1).collect(), held.into_iter().map(|e| e.1).collect());
+    let options = tuned(&mesh, &skeleton, skin.weights(), &train).expect("tuned");
     let (mut model, report) =
-        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options).expect("trained");
     // The best that linear blending can do with these joints.
-    let fitted = Skin::bound(fit_weights(&mesh, &train).expect("fitted"), &skeleton).expect("not flat");
+    let fitted = Skin::bound(fit_weights(&mesh, skin.weights(), &train).expect("fitted"), &skeleton).expect("not flat");
     let linear = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
     let errors = |examples: &[Example], model: &mut RegressionModel| {
         let mine =
@@ -62,7 +65,8 @@ fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
     let (mesh, skeleton, skin, example) = arm(12, 24);
     let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
     let (mut model, _) =
-        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
+            .expect("trained");
     let pose = example(0.8, 0.3).matrices;
     let motion = Trs::rigid(turn([1.0, 2.0, -0.5], 2.5), Vector3::new(100.0, -3.0, 7.0));
     let there: Vec<_> = pose.iter().map(|m| motion.matrix() * m).collect();
@@ -86,7 +90,8 @@ fn examples_that_move_rigidly_come_back_exactly() {
     };
     let train = [rigid(0.0), rigid(1.0), rigid(2.5)];
     let (mut model, report) =
-        RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
+            .expect("trained");
     assert!(report.error < 1e-12, "{report:?}");
     let new = rigid(-1.7);
     assert!(rms(&model.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
@@ -101,7 +106,8 @@ fn few_prototypes_do_what_all_triangles_do_whatever_the_surface() {
         let (mesh, skeleton, skin, example) = arm(around, along);
         let train: Vec<Example> = (0..10).map(|k| example(0.15 * k as f64, 0.1 * ((3 * k) % 10) as f64)).collect();
         let (mut model, _) =
-            RegressionModel::train(&mesh, &skeleton, &skin, &train, &RegressionOptions::default()).expect("trained");
+            RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
+                .expect("trained");
         let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
         let new = example(0.7, 0.5).matrices;
         let full = model.positions(&new).expect("fits");
@@ -136,7 +142,7 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
             Example { matrices, positions }
         })
         .collect();
-    let found = fit_weights(&mesh, &examples).expect("fitted");
+    let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
     // Where the examples do not tell joints apart the weights may be others, but they do the same.
     let fitted = Skin::bound(found, &skeleton).expect("not flat");
     let again = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
@@ -155,7 +161,8 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
         SkinningMethod::LinearBlend,
     );
     let m = posed(0.6);
-    let fitted = fit_joints(&mesh, &rigid, &moved.expect("fits").positions(&m).expect("fits")).expect("fits");
+    let fitted =
+        fit_joints(&mesh, &skeleton, &rigid, &moved.expect("fits").positions(&m).expect("fits")).expect("fits");
     for (a, b) in m.iter().zip(&fitted) {
         assert!((a - b).amax() < 1e-10);
     }
@@ -165,9 +172,15 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
 fn what_cannot_be_learnt_from_is_refused() {
     let (mesh, skeleton, skin, example) = arm(6, 6);
     let train = |e: &[Example], ridge| {
-        RegressionModel::train(&mesh, &skeleton, &skin, e, &RegressionOptions { ridge })
-            .expect_err("refused")
-            .to_string()
+        RegressionModel::train(
+            &mesh,
+            &skeleton,
+            skin.weights(),
+            e,
+            &RegressionOptions { ridge, ..RegressionOptions::default() },
+        )
+        .expect_err("refused")
+        .to_string()
     };
     assert!(train(&[], 1e-2).contains("no example"));
     assert!(train(&[example(0.1, 0.0)], 0.0).contains("ridge 0"));
@@ -177,4 +190,93 @@ fn what_cannot_be_learnt_from_is_refused() {
     let mut other = example(0.1, 0.0);
     other.matrices.pop();
     assert!(train(&[other], 1e-2).contains("2 joints but 1 matrices"));
+}
+
+#[test]
+fn a_joint_that_nothing_follows_goes_with_its_parent_or_with_what_hangs_on_it() {
+    let (mesh, skeleton, _) = tube(4, 10, 30);
+    // Nothing follows the root and the tip.
+    let weights = SkinWeights::rigid(4, &mesh.positions().iter().map(|p| 1 + u32::from(p.x > 3.0)).collect::<Vec<_>>());
+    let weights = weights.expect("joints");
+    let motion = |j: usize| Trs::rigid(turn([0.3, 1.0, 0.2], 0.5 * j as f64), Vector3::new(j as f64, 0.0, 2.0));
+    let place = |p: &Point3<f64>| motion(1 + usize::from(p.x > 3.0)).transform(p);
+    let positions: Vec<_> = mesh.positions().iter().map(place).collect();
+    let found = fit_joints(&mesh, &skeleton, &weights, &positions).expect("fits");
+    for (found, expected) in found.iter().zip([1, 1, 2, 2]) {
+        assert!((found - motion(expected).matrix()).amax() < 1e-9, "{found} {expected}");
+    }
+}
+
+#[test]
+fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
+    let (mesh, skeleton, skin, example) = arm(10, 24);
+    let angle = |k: usize| (1.5 * k as f64 / 19.0, 1.2 * ((k * 7) % 20) as f64 / 19.0);
+    let all: Vec<Example> = (0..20).map(|k| example(angle(k).0, angle(k).1)).collect();
+    let (train, held): (Vec<_>, Vec<_>) = all.into_iter().enumerate().partition(|(k, _)| k % 3 != 0);
+    let (train, held): (Vec<_>, Vec<_>) =
+        (train.into_iter().map(|e| e.1).collect(), held.into_iter().map(|e| e.1).collect());
+    let error = |options: &RegressionOptions| {
+        let trained = RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, options);
+        let mut model = trained.expect("trained").0;
+        let errors = held.iter().map(|e| rms(&model.positions(&e.matrices).expect("fits"), &e.positions));
+        errors.sum::<f64>()
+    };
+    let found = tuned(&mesh, &skeleton, skin.weights(), &train).expect("tuned");
+    // These poses are what gradients explain and blends do not: little ridge, little hold.
+    assert!(found.hold <= 100.0 && found.ridge <= 1e-2, "{found:?}");
+    let best = error(&found);
+    for (ridge, hold) in [(1.0, found.hold), (found.ridge, 1e5), (1.0, 1e5)] {
+        assert!(best < 0.8 * error(&RegressionOptions { ridge, hold }), "{found:?} {ridge} {hold}");
+    }
+}
+
+#[test]
+fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_vertices_alone() {
+    let person = humanoid(0.07).expect("its own data");
+    let (mesh, skeleton, skin) = (person.model.mesh(), &person.skeleton, &person.skin);
+    let curved = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion).expect("its own");
+    let mut shown = Vec::new();
+    for clip in &person.clips {
+        let (first, last) = clip.span().expect("keys");
+        for k in 0..6 {
+            let time = first + (last - first) * f64::from(k) / 6.0;
+            let pose = clip.pose(skeleton, time, Outside::Hold).expect("valid");
+            let m = skin.joint_matrices(&skeleton.globals(&pose).expect("valid")).expect("valid");
+            let positions = curved.positions(&m).expect("fits");
+            // Nothing but the vertices is known of a pose.
+            let matrices = fit_joints(mesh, skeleton, skin.weights(), &positions).expect("fits");
+            shown.push(Example { matrices, positions });
+        }
+    }
+    let (held, train): (Vec<_>, Vec<_>) = shown.into_iter().enumerate().partition(|(k, _)| k % 4 == 1);
+    let [held, train] = [held, train].map(|set| set.into_iter().map(|e| e.1).collect::<Vec<_>>());
+    let options = tuned(mesh, skeleton, skin.weights(), &train).expect("tuned");
+    let (mut model, report) =
+        RegressionModel::train(mesh, skeleton, skin.weights(), &train, &options).expect("trained");
+    assert!(report.error < 0.8 * report.linear_error, "{report:?}");
+    let (mut mine, mut linear) = (0.0, 0.0);
+    for e in &held {
+        mine += rms(&model.positions(&e.matrices).expect("fits"), &e.positions);
+        linear += rms(&model.linear_positions(&e.matrices).expect("fits"), &e.positions);
+    }
+    assert!(mine < linear, "{mine} {linear}");
+}
+
+#[test]
+fn weights_that_examples_do_not_tell_are_those_that_were_given() {
+    let (mesh, skeleton, skin) = tube(3, 10, 30);
+    // The last two joints go together in all examples, and at rest all do.
+    let posed = |a: f64| matrices(&skeleton, &skin, |p| p.locals[1].rotation = turn([0.0, 0.3, 1.0], a));
+    let linear = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
+    for angles in [&[0.0][..], &[0.0, 0.7, -1.2]] {
+        let example = |&a: &f64| Example { positions: linear.positions(&posed(a)).expect("fits"), matrices: posed(a) };
+        let examples: Vec<Example> = angles.iter().map(example).collect();
+        let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
+        for v in 0..mesh.vertex_count() {
+            for j in 0..3 {
+                let (found, given) = (found.weight(v, j), skin.weights().weight(v, j));
+                assert!((found - given).abs() < 1e-6, "{angles:?}, vertex {v}, joint {j}: {found} {given}");
+            }
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Regressors of triangles, by ridge regression on the examples.
 
-use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, Point3, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use rayon::prelude::*;
 
 use super::super::{CharacterError, Skeleton, SkinWeights};
 use super::gradients::{gradient, polar};
@@ -8,7 +9,7 @@ use super::{Example, JointTurns, RegressionModel};
 use crate::mesh::TriMesh;
 
 /// Three numbers of the turn, six of the stretch.
-const OUTPUTS: usize = 9;
+pub(super) const OUTPUTS: usize = 9;
 /// Upper triangle of a symmetric matrix.
 const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
@@ -17,19 +18,19 @@ const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), 
 pub struct TrainingReport {
     /// Of the model.
     pub error: f64,
-    /// Of linear blending with the skin's weights.
+    /// Of linear blending with the weights that fit the examples best.
     pub linear_error: f64,
 }
 
 /// How one triangle turns and stretches.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Regressor {
     /// The joint it goes with.
     pub(super) bone: u32,
     /// The joint whose turn it is explained by.
     pub(super) joint: u32,
     /// `[A a; C c]`.
-    map: SMatrix<f64, OUTPUTS, 4>,
+    pub(super) map: SMatrix<f64, OUTPUTS, 4>,
 }
 
 impl Regressor {
@@ -77,7 +78,7 @@ pub(super) fn regressors(
         let best = candidates(skeleton, bone).map(|j| fitted(j, bone, &turns, &outputs, &inverses[j as usize]));
         best.min_by(|a, b| a.1.total_cmp(&b.1)).expect("its own joint at least").0
     };
-    (0..mesh.triangle_count()).map(regressor).collect()
+    (0..mesh.triangle_count()).into_par_iter().map(regressor).collect()
 }
 
 /// The joint that a triangle follows most.
@@ -133,14 +134,16 @@ pub(super) fn report(
     examples: &[Example],
 ) -> Result<TrainingReport, CharacterError> {
     let (mut error, mut linear) = (0.0, 0.0);
-    let square = |a: &[nalgebra::Point3<f64>], b: &[nalgebra::Point3<f64>]| {
-        a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>()
-    };
     for example in examples {
         error += square(&model.positions(&example.matrices)?, &example.positions);
-        linear += square(&model.linear.positions(&example.matrices)?, &example.positions);
+        linear += square(&model.linear_positions(&example.matrices)?, &example.positions);
     }
     let count = (mesh.vertex_count() * examples.len()).max(1) as f64;
     let root = |sum: f64| (sum / count).sqrt() / mesh.diagonal().max(f64::MIN_POSITIVE);
     Ok(TrainingReport { error: root(error), linear_error: root(linear) })
+}
+
+/// Sum of squared distances.
+pub(super) fn square(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum()
 }

@@ -34,6 +34,7 @@ mod render;
 mod report;
 mod skeleton_extract;
 mod skeleton_load;
+mod skin_train;
 mod skin_weights;
 mod smooth;
 mod stmap;
@@ -79,6 +80,7 @@ pub use render::{Border, Interpolation, RenderSettings};
 pub use report::ReportSettings;
 pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
+pub use skin_train::SkinTrainSettings;
 pub use skin_weights::{SkinWeightsSettings, WeightWish};
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
@@ -90,7 +92,7 @@ pub use warp::{WarpMode, WarpSettings};
 use super::kind::StageKind;
 
 /// Every stage kind, in the order of the data's way.
-pub static KINDS: [StageKind; 41] = [
+pub static KINDS: [StageKind; 42] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
     StageKind::of::<TrackSettings>(),
@@ -126,6 +128,7 @@ pub static KINDS: [StageKind; 41] = [
     StageKind::of::<SkinWeightsSettings>(),
     StageKind::of::<SkeletonLoadSettings>(),
     StageKind::of::<SkeletonExtractSettings>(),
+    StageKind::of::<SkinTrainSettings>(),
     StageKind::of::<PoseSettings>(),
     StageKind::of::<MorphSettings>(),
     StageKind::of::<BlendSettings>(),

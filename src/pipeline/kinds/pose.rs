@@ -22,16 +22,19 @@ pub enum SkinningWish {
     Cor,
     /// Dual quaternions where joints twist, linear where they swing
     Mixed,
+    /// As a model has learnt from examples
+    Regression,
 }
 
 impl SkinningWish {
-    /// The method.
-    pub fn method(self) -> SkinningMethod {
+    /// The method; none of its own for what a model has learnt.
+    pub fn method(self) -> Option<SkinningMethod> {
         match self {
-            Self::Lbs => SkinningMethod::LinearBlend,
-            Self::Dqs => SkinningMethod::DualQuaternion,
-            Self::Cor => SkinningMethod::CentersOfRotation,
-            Self::Mixed => SkinningMethod::TwistSwing,
+            Self::Lbs => Some(SkinningMethod::LinearBlend),
+            Self::Dqs => Some(SkinningMethod::DualQuaternion),
+            Self::Cor => Some(SkinningMethod::CentersOfRotation),
+            Self::Mixed => Some(SkinningMethod::TwistSwing),
+            Self::Regression => None,
         }
     }
 }
@@ -71,8 +74,18 @@ pub struct PoseSettings {
     pub clip: Option<String>,
     /// How the surface follows the joints
     pub skinning: SkinningWish,
+    /// The trained model (.skin) for regression, of this mesh and skeleton
+    #[schemars(extend("format" = "path"))]
+    pub model: Option<String>,
     /// How a surface without a skin is bound to the skeleton
     pub binding: BindingWish,
+    /// A file of weights in place of `binding` (JSON; `plumbline schema weights` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub weights: Option<String>,
+    /// Keep the details that the surface has at rest, as they turn with the joints; the number holds it to the skinned surface: 1
+    /// as strongly as neighbors hold each other, less lets it leave further
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub details: Option<f64>,
     /// Poses: of a movement from its start to its end, of a pose file from rest to the pose; 1: the last alone
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
@@ -94,7 +107,10 @@ impl Default for PoseSettings {
             pose: None,
             clip: None,
             skinning: SkinningWish::default(),
+            model: None,
             binding: BindingWish::default(),
+            weights: None,
+            details: None,
             frames: 1,
             start: None,
             end: None,
@@ -131,6 +147,13 @@ impl StageSettings for PoseSettings {
                 "leave out `frames` or `rig`",
             ));
         }
+        if (self.skinning == SkinningWish::Regression) != self.model.is_some() {
+            let help = "give `skinning = \"regression\"` and `model`, or neither";
+            found.push(conflict("model", "regression and a trained model belong together", help));
+        }
+        if self.rig && self.model.is_some() {
+            found.push(conflict("rig", "a rig follows its joints by linear blend", "leave out `rig` or `model`"));
+        }
         if let (Some(start), Some(end)) = (self.start, self.end)
             && !(start <= end)
         {
@@ -140,6 +163,6 @@ impl StageSettings for PoseSettings {
     }
 
     fn reads(&self) -> Vec<&str> {
-        self.pose.iter().map(String::as_str).collect()
+        self.pose.iter().chain(&self.model).chain(&self.weights).map(String::as_str).collect()
     }
 }

@@ -4,6 +4,7 @@
 //! written from the model, so that polygons, texture coordinates, groups and materials are those that were read.
 
 mod animated;
+mod binding;
 mod deform;
 mod extraction;
 mod handles;
@@ -14,6 +15,7 @@ mod render;
 mod report;
 mod save;
 pub(super) mod solvable;
+mod training;
 mod weights;
 
 use std::path::Path;
@@ -25,7 +27,7 @@ use super::context::Context;
 use crate::mesh::{MeshError, Model};
 use crate::pipeline::kinds::{
     MeshDeformSettings, MeshLoadSettings, MeshModesSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings,
-    SkeletonExtractSettings, SkeletonLoadSettings, SkinWeightsSettings,
+    SkeletonExtractSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings,
 };
 use crate::pipeline::run_error::RunError;
 pub(super) use save::rehearse;
@@ -67,6 +69,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Option<Result<
         posing::load(context, stage, settings)
     } else if let Some(settings) = settings.get::<SkeletonExtractSettings>() {
         extraction::run(context, stage, settings)
+    } else if let Some(settings) = settings.get::<SkinTrainSettings>() {
+        training::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<PoseSettings>() {
         posing::pose(context, stage, settings)
     } else if let Some(settings) = settings.get::<MeshRenderSettings>() {

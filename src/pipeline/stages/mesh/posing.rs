@@ -3,16 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::Point3;
+use nalgebra::{Matrix4, Point3};
 
-use super::{Posed, mesh_at};
+use super::{Posed, binding, mesh_at};
 use crate::character::ik::between;
 use crate::character::io::{Rig, RigFileError, character_of, read_rig};
 use crate::character::pose_file::WantedPose;
-use crate::character::skinning::Skinner;
-use crate::character::weights::{WeightOptions, bone_weights};
-use crate::character::{Character, Outside, Pose, Skin};
-use crate::mesh::Model;
+use crate::character::regression::{SkinModel, TrainedSkin};
+use crate::character::skinning::{Skinner, SkinningMethod};
+use crate::character::{Character, CharacterError, DetailRefiner, Outside, Pose, Skeleton, Skin, SkinWeights};
+use crate::mesh::{Model, TriMesh};
 use crate::pipeline::kinds::{PoseSettings, SkeletonLoadSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
@@ -40,7 +40,8 @@ pub(super) fn pose(context: &mut Context<'_, '_>, stage: usize, settings: &PoseS
         Some(edge) => Some(context.values.get::<Arc<Rig>>(edge)?.clone()),
         None => None,
     };
-    let character = character(context, &surface.model, rig.as_deref(), settings)?;
+    let trained = settings.model.as_deref().map(|file| Trained::read(Path::new(file))).transpose()?;
+    let character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), settings)?;
     let wanted = poses(context, &character, settings)?;
     let posed = if settings.rig {
         let last = wanted.last().map(|(pose, _)| pose);
@@ -51,7 +52,7 @@ pub(super) fn pose(context: &mut Context<'_, '_>, stage: usize, settings: &PoseS
         let model = kept.to_model(stand).map_err(|e| RunError::Internal(e.to_string()))?;
         Posed::at_rest(model)
     } else {
-        let positions = skinned(context, &character, &wanted, settings)?;
+        let positions = skinned(context, &character, &wanted, trained.as_ref(), settings)?;
         Posed { model: Arc::new(character.model), poses: Arc::new(positions), handles: Arc::default() }
     };
     context.values.put(stage, "mesh", posed);
@@ -63,6 +64,7 @@ fn character(
     context: &mut Context<'_, '_>,
     model: &Model,
     rig: Option<&Rig>,
+    trained: Option<&Trained<'_>>,
     settings: &PoseSettings,
 ) -> Result<Character, RunError> {
     let Some(rig) = rig else {
@@ -74,13 +76,10 @@ fn character(
         character.warnings.iter().filter(|w| !known.contains(w)).for_each(|w| context.warn(w.clone()));
         return Ok(character);
     };
-    let options = WeightOptions { method: settings.binding.method(), ..WeightOptions::default() };
-    let refused = |e: crate::character::CharacterError| RunError::Input(e.to_string());
-    let (weights, report) = bone_weights(model.mesh(), &rig.skeleton, &options).map_err(refused)?;
-    if report.borrowed_vertices > 0 {
-        let (vertices, pieces) = (report.borrowed_vertices, report.borrowed_components);
-        context.warn(format!("{vertices} vertices in {pieces} pieces see no bone; they follow the nearest that do"));
-    }
+    let weights = match trained {
+        Some(trained) => trained.weights(model.mesh(), &rig.skeleton)?,
+        None => binding::weights(context, model.mesh(), &rig.skeleton, settings.binding, settings.weights.as_ref())?,
+    };
     let skin = Skin::bound(weights, &rig.skeleton).map_err(refused)?;
     let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
     let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin)).map_err(refused)?;
@@ -133,28 +132,102 @@ fn poses(
     (0..settings.frames).map(pose).collect()
 }
 
+/// A model of a file.
+struct Trained<'a> {
+    path: &'a Path,
+    model: SkinModel,
+}
+
+impl<'a> Trained<'a> {
+    fn read(path: &'a Path) -> Result<Self, RunError> {
+        let model = SkinModel::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+        Ok(Self { path, model })
+    }
+
+    fn refused(&self, error: &dyn std::fmt::Display) -> RunError {
+        RunError::Input(format!("{}: {error}", self.path.display()))
+    }
+
+    /// The weights that fitted its examples best.
+    fn weights(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<SkinWeights, RunError> {
+        self.model.check(mesh, skeleton).map_err(|e| self.refused(&e))?;
+        self.model.weights().for_skeleton(skeleton).map_err(|e| self.refused(&e))
+    }
+}
+
+/// What puts the surface into a pose.
+enum Follower {
+    Blend(Box<Skinner>, SkinningMethod),
+    Trained(Box<TrainedSkin>),
+}
+
+impl Follower {
+    fn new(character: &Character, trained: Option<&Trained<'_>>, settings: &PoseSettings) -> Result<Self, RunError> {
+        let mesh = character.model.mesh();
+        match (settings.skinning.method(), trained) {
+            (Some(method), _) => Ok(Self::Blend(Box::new(blend(character, mesh, method)?), method)),
+            (None, None) => Err(RunError::Usage("regression needs a trained skin (`model`)".to_owned())),
+            (None, Some(file)) => {
+                let bound = file.model.bound(mesh, &character.skeleton).map_err(|e| file.refused(&e))?;
+                Ok(Self::Trained(Box::new(bound)))
+            }
+        }
+    }
+
+    /// Positions in a pose, with weights of the morph targets.
+    fn positions(
+        &mut self,
+        character: &Character,
+        matrices: &[Matrix4<f64>],
+        morphs: &[f64],
+    ) -> Result<Vec<Point3<f64>>, RunError> {
+        let morphed = morphs.iter().any(|w| *w != 0.0);
+        match self {
+            Self::Trained(_) if morphed => {
+                let message =
+                    "a trained skin knows no morph targets: leave out their weights, or take another `skinning`";
+                Err(RunError::Input(message.to_owned()))
+            }
+            Self::Trained(trained) => trained.positions(matrices).map_err(refused),
+            Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
+            Self::Blend(_, method) => {
+                let places = character.morphed(morphs).map_err(refused)?;
+                let mesh = character.model.mesh().with_positions(places).map_err(|e| RunError::Input(e.to_string()))?;
+                blend(character, &mesh, *method)?.positions(matrices).map_err(refused)
+            }
+        }
+    }
+}
+
+fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod) -> Result<Skinner, RunError> {
+    Skinner::new(mesh, None, &character.skeleton, &character.skin, method).map_err(refused)
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+fn refused(error: CharacterError) -> RunError {
+    RunError::Input(error.to_string())
+}
+
 /// Positions of the surface in each pose.
 fn skinned(
     context: &Context<'_, '_>,
     character: &Character,
     wanted: &[Wanted],
+    trained: Option<&Trained<'_>>,
     settings: &PoseSettings,
 ) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
-    let refused = |e: crate::character::CharacterError| RunError::Input(e.to_string());
-    let (skin, method) = (&character.skin, settings.skinning.method());
-    let bound =
-        |mesh: &crate::mesh::TriMesh| Skinner::new(mesh, None, &character.skeleton, skin, method).map_err(refused);
-    let rest = bound(character.model.mesh())?;
+    let skin = &character.skin;
+    let mut follower = Follower::new(character, trained, settings)?;
+    let refiner = |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold).map_err(refused);
+    let mut refiner = settings.details.map(refiner).transpose()?;
     let mut positions = Vec::with_capacity(wanted.len());
-    for (pose, weights) in wanted {
+    for (pose, morphs) in wanted {
         context.job.check_cancel()?;
         let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
-        positions.push(if weights.iter().all(|w| *w == 0.0) {
-            rest.positions(&matrices).map_err(refused)?
-        } else {
-            let morphed = character.morphed(weights).map_err(refused)?;
-            let mesh = character.model.mesh().with_positions(morphed).map_err(|e| RunError::Input(e.to_string()))?;
-            bound(&mesh)?.positions(&matrices).map_err(refused)?
+        let skinned = follower.positions(character, &matrices, morphs)?;
+        positions.push(match &mut refiner {
+            Some(refiner) => refiner.refined(skinned, &matrices).map_err(refused)?,
+            None => skinned,
         });
     }
     Ok(positions)

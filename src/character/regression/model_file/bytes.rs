@@ -1,0 +1,115 @@
+//! Numbers as bytes, little-endian. Nothing is allocated for what the rest of the file cannot hold.
+
+use nalgebra::SMatrix;
+
+use super::ModelFileError;
+
+/// What is left of a file.
+pub(super) struct Reader<'a> {
+    left: &'a [u8],
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { left: bytes }
+    }
+
+    pub(super) fn take(&mut self, count: usize, place: &dyn Fn() -> String) -> Result<&'a [u8], ModelFileError> {
+        let Some((taken, left)) = self.left.split_at_checked(count) else {
+            return Err(ModelFileError::Truncated { place: place(), needed: (count - self.left.len()) as u64 });
+        };
+        self.left = left;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self, place: &dyn Fn() -> String) -> Result<[u8; N], ModelFileError> {
+        Ok(self.take(N, place)?.try_into().expect("as many as asked for"))
+    }
+
+    pub(super) fn u32(&mut self, place: &dyn Fn() -> String) -> Result<u32, ModelFileError> {
+        Ok(u32::from_le_bytes(self.array(place)?))
+    }
+
+    pub(super) fn u64(&mut self, place: &dyn Fn() -> String) -> Result<u64, ModelFileError> {
+        Ok(u64::from_le_bytes(self.array(place)?))
+    }
+
+    /// A number of things of `each` bytes at least, all of which the rest of the file can hold.
+    pub(super) fn count(&mut self, each: usize, place: &dyn Fn() -> String) -> Result<usize, ModelFileError> {
+        let count = self.u64(place)?;
+        self.fits(count, each, place)?;
+        Ok(count as usize)
+    }
+
+    /// Refuses a number of things that the rest of the file cannot hold.
+    pub(super) fn fits(&self, count: u64, each: usize, place: &dyn Fn() -> String) -> Result<(), ModelFileError> {
+        let (wanted, left) = (count.saturating_mul(each as u64), self.left.len() as u64);
+        if wanted > left {
+            return Err(ModelFileError::Truncated { place: place(), needed: wanted - left });
+        }
+        Ok(())
+    }
+
+    /// A number below `end`.
+    pub(super) fn index(&mut self, end: usize, place: &dyn Fn() -> String) -> Result<u32, ModelFileError> {
+        let value = self.u32(place)?;
+        if (value as usize) < end {
+            return Ok(value);
+        }
+        let expected = format!("0 to {}", end.saturating_sub(1));
+        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected })
+    }
+
+    /// A finite number.
+    pub(super) fn f64(&mut self, place: &dyn Fn() -> String) -> Result<f64, ModelFileError> {
+        let value = f64::from_le_bytes(self.array(place)?);
+        if value.is_finite() {
+            return Ok(value);
+        }
+        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
+    }
+
+    /// A matrix of finite numbers, column by column.
+    pub(super) fn matrix<const R: usize, const C: usize>(
+        &mut self,
+        place: &dyn Fn() -> String,
+    ) -> Result<SMatrix<f64, R, C>, ModelFileError> {
+        let mut matrix = SMatrix::<f64, R, C>::zeros();
+        for x in matrix.iter_mut() {
+            *x = self.f64(place)?;
+        }
+        Ok(matrix)
+    }
+
+    /// Refuses what follows the end.
+    pub(super) fn end(self) -> Result<(), ModelFileError> {
+        match self.left.len() {
+            0 => Ok(()),
+            bytes => Err(ModelFileError::Trailing { bytes }),
+        }
+    }
+}
+
+/// A file in the making.
+#[derive(Default)]
+pub(super) struct Writer {
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Writer {
+    pub(super) fn u32(&mut self, value: u32) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn u64(&mut self, value: u64) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn f64(&mut self, value: f64) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn matrix<const R: usize, const C: usize>(&mut self, matrix: &SMatrix<f64, R, C>) {
+        matrix.iter().for_each(|x| self.f64(*x));
+    }
+}

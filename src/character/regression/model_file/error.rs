@@ -1,0 +1,88 @@
+//! What a model file can be refused for.
+
+use super::super::super::CharacterError;
+
+/// A trained model that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelFileError {
+    /// Input: other bytes.
+    #[error("not a trained skin (expected a file that `plumbline skin train` wrote)")]
+    Foreign,
+    /// Input: made by a program of another version.
+    #[error("version {found} of a trained skin is not supported (expected 1)")]
+    Version {
+        /// What the file says.
+        found: u32,
+    },
+    /// Input: the file ends before what it announces.
+    #[error("the file ends within {place}: {needed} bytes are missing or more; was it copied whole?")]
+    Truncated {
+        /// Where.
+        place: String,
+        /// Bytes that are missing at least.
+        needed: u64,
+    },
+    /// Input: the file goes on after its end.
+    #[error("{bytes} bytes follow the end of the model; is this the right file?")]
+    Trailing {
+        /// How many.
+        bytes: usize,
+    },
+    /// Input: a number that is none, or of something that is not there.
+    #[error("{place} is {value} (expected {expected})")]
+    Value {
+        /// Which number.
+        place: String,
+        /// Its value.
+        value: String,
+        /// What it may be.
+        expected: String,
+    },
+    /// Input: weights or joints that are none.
+    #[error(transparent)]
+    Character(#[from] CharacterError),
+    /// Input: another mesh than the model was trained on.
+    #[error(
+        "the model is of {expected_vertices} vertices and {expected_triangles} triangles, the mesh has {vertices} and {triangles}; \
+         give the mesh at rest that it was trained on"
+    )]
+    Mesh {
+        /// Vertices that it was trained on.
+        expected_vertices: usize,
+        /// Triangles that it was trained on.
+        expected_triangles: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+        /// Triangles of the mesh.
+        triangles: usize,
+    },
+    /// Input: a mesh of as many, differently joined.
+    #[error(
+        "the triangles of the mesh are not those that the model was trained on; give the mesh at rest that it was trained on"
+    )]
+    Connectivity,
+    /// Input: joints that hang together in another way.
+    #[error(
+        "joint {joint:?} hangs on {expected} in the model, on {found} in the skeleton; give the skeleton that it was trained with"
+    )]
+    Parent {
+        /// The joint.
+        joint: String,
+        /// Its parent in the model.
+        expected: String,
+        /// Its parent in the skeleton.
+        found: String,
+    },
+    /// Input: larger than any model.
+    #[error("{bytes} bytes are too many for a trained skin (at most {most}): is this the right file?")]
+    TooLarge {
+        /// Its size.
+        bytes: u64,
+        /// The largest that is read.
+        most: u64,
+    },
+    /// Environment: reading failed.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+}

@@ -1,0 +1,297 @@
+//! Files of trained skins, little-endian:
+//!
+//! ```text
+//! "plumbline.skin\r\n"  version u32 = 1  form u32: 0 full, 1 reduced
+//! vertices u64  triangles u64  fingerprint u64 of the triangles  hold f64
+//! joints u64    each: length u32, name in UTF-8, parent u32 (all ones: none)
+//! weights       per vertex: count u32, each: joint u32, weight f64
+//! full          per triangle: joint it goes with u32, joint that explains it u32, [A a; C c] 36 f64 by columns
+//! reduced       prototypes u64  each: joint u32, explaining joint u32 (all ones: the identity, no numbers follow), 36 f64
+//!               per triangle: first prototype u32, count u32, shares f64
+//! ```
+//!
+//! It is neither a mesh nor a skeleton: it belongs to the mesh at rest and the skeleton that it was trained with, and is refused
+//! beside others. Joints are matched by name.
+
+mod bytes;
+mod error;
+mod parts;
+#[cfg(test)]
+mod tests;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use nalgebra::{Matrix4, Point3};
+
+pub use error::ModelFileError;
+
+use super::super::{CharacterError, Skeleton, SkinWeights, WeightsFile};
+use super::reduced::{Parts, Prototype, Reduced};
+use super::surface_of_gradients::SurfaceOfGradients;
+use super::training::Regressor;
+use super::{Places, RegressionModel};
+use crate::mesh::TriMesh;
+use bytes::{Reader, Writer};
+use parts::{read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights};
+
+/// The first bytes. A transfer that changes line ends changes them.
+const MAGIC: &[u8; 16] = b"plumbline.skin\r\n";
+/// Largest file, bytes: the full model of seven million triangles.
+const LARGEST_FILE: u64 = 1 << 31;
+/// Where a number is that may be missing.
+const NONE: u32 = u32::MAX;
+
+/// A trained model as a file holds it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkinModel {
+    joints: Vec<String>,
+    parents: Vec<Option<u32>>,
+    vertices: usize,
+    triangles: usize,
+    fingerprint: u64,
+    hold: f64,
+    weights: SkinWeights,
+    form: Form,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Form {
+    /// A regressor for every triangle.
+    Full(Vec<Regressor>),
+    /// Prototypes, and which of them every triangle is made of.
+    Reduced(Vec<Prototype>, Vec<Vec<(u32, f64)>>),
+}
+
+/// A model bound to the mesh and the skeleton that it was trained with.
+#[derive(Clone, Debug)]
+pub struct TrainedSkin {
+    /// Number in the skeleton of each joint of the model.
+    joints: Vec<u32>,
+    model: Bound,
+}
+
+#[derive(Clone, Debug)]
+enum Bound {
+    Full(Box<RegressionModel>),
+    Reduced(Reduced),
+}
+
+impl SkinModel {
+    /// The model for a file, with what it was trained on.
+    ///
+    /// # Errors
+    /// [`CharacterError::Matrices`] for another skeleton, [`CharacterError::PerVertex`] for another mesh.
+    pub fn of(mesh: &TriMesh, skeleton: &Skeleton, model: &RegressionModel) -> Result<Self, CharacterError> {
+        let form = Form::Full(model.regressors.clone());
+        Self::new(mesh, skeleton, &model.places.weights, model.hold, form)
+    }
+
+    /// The reduced model for a file, with what it was trained on.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn of_reduced(mesh: &TriMesh, skeleton: &Skeleton, model: &Reduced) -> Result<Self, CharacterError> {
+        let parts = &model.parts;
+        let form = Form::Reduced(parts.prototypes.clone(), parts.made_of.clone());
+        Self::new(mesh, skeleton, &parts.weights, parts.hold, form)
+    }
+
+    fn new(
+        mesh: &TriMesh,
+        skeleton: &Skeleton,
+        weights: &SkinWeights,
+        hold: f64,
+        form: Form,
+    ) -> Result<Self, CharacterError> {
+        let (joints, vertices) = (skeleton.joint_count(), mesh.vertex_count());
+        if weights.joint_count() != joints {
+            return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
+        }
+        let given = weights.vertex_count();
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
+        }
+        Ok(Self {
+            joints: skeleton.joints().iter().map(|j| j.name.clone()).collect(),
+            parents: super::parents_of(skeleton),
+            vertices,
+            triangles: mesh.triangle_count(),
+            fingerprint: fingerprint(mesh),
+            hold,
+            weights: weights.clone(),
+            form,
+        })
+    }
+
+    /// Whether it is of prototypes.
+    pub fn is_reduced(&self) -> bool {
+        matches!(self.form, Form::Reduced(..))
+    }
+
+    /// Names of the joints.
+    pub fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    /// The weights that fit the examples best, by the names of the joints.
+    pub fn weights(&self) -> WeightsFile {
+        WeightsFile { joints: self.joints.clone(), weights: self.weights.clone() }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// What [`Self::from_bytes`] refuses; [`ModelFileError::TooLarge`], [`ModelFileError::Io`].
+    pub fn read(path: &Path) -> Result<Self, ModelFileError> {
+        let file = File::open(path)?;
+        let bytes = file.metadata()?.len();
+        if bytes > LARGEST_FILE {
+            return Err(ModelFileError::TooLarge { bytes, most: LARGEST_FILE });
+        }
+        let mut content = Vec::new();
+        file.take(LARGEST_FILE).read_to_end(&mut content)?;
+        Self::from_bytes(&content)
+    }
+
+    /// Reads the content of a file.
+    ///
+    /// # Errors
+    /// [`ModelFileError`]: other bytes, another version, an end too early or too late, numbers that are none or name what is not
+    /// there, weights that do not sum to one.
+    pub fn from_bytes(content: &[u8]) -> Result<Self, ModelFileError> {
+        let Some(rest) = content.strip_prefix(MAGIC) else { return Err(ModelFileError::Foreign) };
+        let mut r = Reader::new(rest);
+        let head = &|| "the head".to_owned();
+        let version = r.u32(head)?;
+        if version != 1 {
+            return Err(ModelFileError::Version { found: version });
+        }
+        let form = r.index(2, &|| "the form".to_owned())?;
+        // A vertex has a count of weights at least, a triangle two numbers.
+        let vertices = r.count(4, &|| "the weights".to_owned())?;
+        let triangles = r.count(8, &|| "the triangles".to_owned())?;
+        let fingerprint = r.u64(head)?;
+        let hold = r.f64(&|| "the hold".to_owned())?;
+        if !(hold > 0.0) {
+            let expected = "above 0".to_owned();
+            return Err(ModelFileError::Value { place: "the hold".to_owned(), value: hold.to_string(), expected });
+        }
+        let (joints, parents) = read_joints(&mut r)?;
+        let weights = read_weights(&mut r, vertices, joints.len())?;
+        let form = if form == 0 {
+            Form::Full(read_regressors(&mut r, triangles, joints.len())?)
+        } else {
+            let (prototypes, made_of) = read_reduced(&mut r, triangles, joints.len())?;
+            Form::Reduced(prototypes, made_of)
+        };
+        r.end()?;
+        Ok(Self { joints, parents, vertices, triangles, fingerprint, hold, weights, form })
+    }
+
+    /// As the content of a file, which [`Self::from_bytes`] reads back to the same bits.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut w = Writer { bytes: MAGIC.to_vec() };
+        w.u32(1);
+        w.u32(u32::from(self.is_reduced()));
+        w.u64(self.vertices as u64);
+        w.u64(self.triangles as u64);
+        w.u64(self.fingerprint);
+        w.f64(self.hold);
+        w.u64(self.joints.len() as u64);
+        for (name, parent) in self.joints.iter().zip(&self.parents) {
+            w.u32(name.len() as u32);
+            w.bytes.extend(name.as_bytes());
+            w.u32(parent.unwrap_or(NONE));
+        }
+        write_weights(&mut w, &self.weights);
+        match &self.form {
+            Form::Full(regressors) => write_regressors(&mut w, regressors),
+            Form::Reduced(prototypes, made_of) => write_reduced(&mut w, prototypes, made_of),
+        }
+        w.bytes
+    }
+
+    /// The model, ready for poses of a skeleton, whose joints may come in another order and be more.
+    ///
+    /// # Errors
+    /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than it was trained on;
+    /// [`CharacterError::UnknownJoint`], [`ModelFileError::Parent`] for another skeleton; [`CharacterError::Solve`].
+    pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<TrainedSkin, ModelFileError> {
+        let joints = self.check(mesh, skeleton)?;
+        let (weights, parents, hold) = (self.weights.clone(), self.parents.clone(), self.hold);
+        let model = match &self.form {
+            Form::Full(regressors) => Bound::Full(Box::new(RegressionModel {
+                regressors: regressors.clone(),
+                surface: SurfaceOfGradients::new(mesh, hold)?,
+                places: Places { rest: mesh.positions().to_vec(), weights },
+                parents,
+                hold,
+            })),
+            Form::Reduced(prototypes, made_of) => {
+                let (prototypes, made_of) = (prototypes.clone(), made_of.clone());
+                Bound::Reduced(Reduced::of_parts(mesh, Parts { prototypes, made_of, weights, parents, hold })?)
+            }
+        };
+        Ok(TrainedSkin { joints, model })
+    }
+
+    /// Refuses other meshes and skeletons than those it was trained with; the numbers of its joints in the skeleton.
+    ///
+    /// # Errors
+    /// As [`Self::bound`].
+    pub fn check(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<Vec<u32>, ModelFileError> {
+        self.check_mesh(mesh)?;
+        let joints = self.joints.iter().map(|n| skeleton.named(n)).collect::<Result<Vec<u32>, _>>()?;
+        self.check_parents(skeleton, &joints)?;
+        Ok(joints)
+    }
+
+    fn check_mesh(&self, mesh: &TriMesh) -> Result<(), ModelFileError> {
+        let (vertices, triangles) = (mesh.vertex_count(), mesh.triangle_count());
+        if (vertices, triangles) != (self.vertices, self.triangles) {
+            let (expected_vertices, expected_triangles) = (self.vertices, self.triangles);
+            return Err(ModelFileError::Mesh { expected_vertices, expected_triangles, vertices, triangles });
+        }
+        if fingerprint(mesh) != self.fingerprint {
+            return Err(ModelFileError::Connectivity);
+        }
+        Ok(())
+    }
+
+    fn check_parents(&self, skeleton: &Skeleton, joints: &[u32]) -> Result<(), ModelFileError> {
+        let quoted = |name: Option<&str>| name.map_or_else(|| "none".to_owned(), |n| format!("{n:?}"));
+        for (j, &number) in joints.iter().enumerate() {
+            let expected = self.parents[j].map(|p| self.joints[p as usize].as_str());
+            let found = skeleton.joints()[number as usize].parent.map(|p| skeleton.joints()[p as usize].name.as_str());
+            if expected != found {
+                let (expected, found) = (quoted(expected), quoted(found));
+                return Err(ModelFileError::Parent { joint: self.joints[j].clone(), expected, found });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl TrainedSkin {
+    /// The surface in a pose of the skeleton: how space moves with each of its joints.
+    ///
+    /// # Errors
+    /// [`CharacterError::Matrices`] for fewer matrices than the skeleton has joints, [`CharacterError::Matrix`].
+    pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
+        let mine = self.joints.iter().map(|&j| matrices.get(j as usize).copied()).collect::<Option<Vec<_>>>();
+        let needed = self.joints.iter().max().map_or(0, |j| *j as usize + 1);
+        let mine = mine.ok_or(CharacterError::Matrices { joints: needed, matrices: matrices.len() })?;
+        match &mut self.model {
+            Bound::Full(model) => model.positions(&mine),
+            Bound::Reduced(model) => model.positions(&mine),
+        }
+    }
+}
+
+/// FNV-1a of the triangles, 64 bit: tells a mesh of other faces from that of a model, against accidents only.
+fn fingerprint(mesh: &TriMesh) -> u64 {
+    let bytes = mesh.triangles().iter().flatten().flat_map(|v| v.to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+}
