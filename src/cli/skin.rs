@@ -9,7 +9,7 @@ use super::job::{JobArgs, WeightsArg};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings, WeightWish,
+    BindingWish, MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings,
 };
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
@@ -35,15 +35,15 @@ struct WeightsArgs {
     /// The mesh at rest: OBJ, PLY, OFF, STL, glTF or GLB
     #[arg(value_name = "MESH")]
     input: PathBuf,
-    /// The skeleton in it (`plumbline schema skeleton` describes the file)
-    #[arg(long, value_name = "FILE.json")]
+    /// The skeleton in it: our own JSON, glTF, GLB, BVH, .tgf or .skel
+    #[arg(long, value_name = "FILE")]
     skeleton: PathBuf,
     /// The file of weights to write (`plumbline schema weights` describes it)
     #[arg(short, long, value_name = "FILE.json")]
     output: PathBuf,
     /// How weights are found
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-    method: WeightWish,
+    method: BindingWish,
     /// Joints per vertex at most: 4 for most programs, 8 where two sets are read
     #[arg(long, default_value_t = SkinWeightsSettings::default().influences, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=64))]
@@ -156,8 +156,8 @@ impl TrainArgs {
 impl WeightsArgs {
     fn pipeline(&self) -> PipelineFile {
         let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
+        let skeleton = SkeletonLoadSettings { path: literal_path(&self.skeleton) };
         let weights = SkinWeightsSettings {
-            skeleton: literal_path(&self.skeleton),
             method: self.method,
             influences: self.influences,
             smooth: self.smooth,
@@ -168,7 +168,8 @@ impl WeightsArgs {
             run: self.job.run(),
             stages: vec![
                 StageEntry::built("mesh", &load),
-                StageEntry::built("weights", &weights).input("mesh", "mesh"),
+                StageEntry::built("skeleton", &skeleton),
+                StageEntry::built("weights", &weights).input("mesh", "mesh").input("skeleton", "skeleton"),
             ],
             ..PipelineFile::default()
         }

@@ -36,7 +36,7 @@ fn weights_are_written_by_the_vertices_of_the_file_and_the_names_of_the_joints()
     bar_and_bones(folder);
     let mesh = shapes::bar([4, 4, 16], [1.0, 1.0, 4.0]);
     let (low, high) = mesh.bounding_box().expect("vertices");
-    for method in ["heat", "bbw", "distance"] {
+    for method in ["heat", "biharmonic", "distance"] {
         let args = ["skin", "weights", "bar.off", "--skeleton", "bones.json", "-o", "w.json", "--method", method];
         let run = succeed(folder, &[&args[..], &["--overwrite"]].concat());
         assert!(err(&run).contains("weights   3 joints, 2 at most"), "{}", err(&run));

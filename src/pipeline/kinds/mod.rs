@@ -81,7 +81,7 @@ pub use report::ReportSettings;
 pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
 pub use skin_train::SkinTrainSettings;
-pub use skin_weights::{SkinWeightsSettings, WeightWish};
+pub use skin_weights::SkinWeightsSettings;
 pub use smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use stmap::StMapSettings;
 pub use track::TrackSettings;

@@ -39,16 +39,18 @@ impl SkinningWish {
     }
 }
 
-/// How a surface without a skin is bound to the skeleton.
+/// How a surface is bound to a skeleton.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum BindingWish {
-    /// Bone heat
+    /// As heat that comes from the nearest bones in sight and spreads along the surface
     #[default]
     Heat,
-    /// Bounded biharmonic weights, on the surface
+    /// As smoothly as bounds of 0 and 1 allow, rigid about the middles of bones
+    #[serde(alias = "bbw")]
+    #[value(alias = "bbw")]
     Biharmonic,
-    /// By distance to the bones alone
+    /// By distance to the bones alone, through the surface
     Distance,
 }
 

@@ -1,46 +1,19 @@
 //! `skin.weights`: how much each vertex of a mesh follows each joint of a skeleton.
 
-use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::character::weights::{WeightMethod, WeightOptions};
+use super::BindingWish;
+use crate::character::weights::WeightOptions;
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
-
-/// How weights are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum WeightWish {
-    /// As heat that comes from the nearest visible bones and spreads along the surface
-    #[default]
-    Heat,
-    /// As smoothly as bounds of 0 and 1 allow, rigid about the middles of bones
-    Bbw,
-    /// By distance alone, through the surface
-    Distance,
-}
-
-impl WeightWish {
-    /// The method it means.
-    pub fn method(self) -> WeightMethod {
-        match self {
-            Self::Heat => WeightMethod::Heat,
-            Self::Bbw => WeightMethod::BoundedBiharmonic,
-            Self::Distance => WeightMethod::Distance,
-        }
-    }
-}
 
 /// Settings of `skin.weights`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SkinWeightsSettings {
-    /// The skeleton in the mesh (JSON; `plumbline schema skeleton` describes it)
-    #[schemars(extend("format" = "path"))]
-    pub skeleton: String,
     /// How weights are found
-    pub method: WeightWish,
+    pub method: BindingWish,
     /// Joints per vertex at most
     #[schemars(range(min = 1, max = 64))]
     pub influences: u32,
@@ -55,8 +28,7 @@ pub struct SkinWeightsSettings {
 impl Default for SkinWeightsSettings {
     fn default() -> Self {
         Self {
-            skeleton: String::new(),
-            method: WeightWish::default(),
+            method: BindingWish::default(),
             influences: WeightOptions::default().influences as u32,
             smooth: WeightOptions::default().smooth as u32,
             path: String::new(),
@@ -67,16 +39,15 @@ impl Default for SkinWeightsSettings {
 impl StageSettings for SkinWeightsSettings {
     const KIND: &'static str = "skin.weights";
     const SUMMARY: &'static str = "finds how much each vertex of a mesh follows each joint of a skeleton";
-    const INPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh at rest")];
+    const INPUTS: &'static [Port] = &[
+        Port::one("mesh", PortType::Mesh, "the mesh at rest"),
+        Port::one("skeleton", PortType::Skeleton, "the skeleton in it"),
+    ];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
-    const REQUIRED: &'static [&'static str] = &["skeleton", "path"];
+    const REQUIRED: &'static [&'static str] = &["path"];
 
     fn over_time(&self) -> OverTime {
         OverTime::Once
-    }
-
-    fn reads(&self) -> Vec<&str> {
-        vec![&self.skeleton]
     }
 
     fn writes(&self) -> Vec<String> {

@@ -1,10 +1,11 @@
 //! `skin.weights`: weights of the vertices of the file, written by the names of the joints.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::mesh_at;
 use crate::character::WeightsFile;
-use crate::character::skeleton_file::SkeletonFile;
+use crate::character::io::Rig;
 use crate::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
 use crate::pipeline::kinds::SkinWeightsSettings;
 use crate::pipeline::run_error::RunError;
@@ -13,9 +14,7 @@ use crate::pipeline::stages::photo::{begin, cannot};
 
 /// Finds and writes them.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinWeightsSettings) -> Result<(), RunError> {
-    let from = Path::new(&settings.skeleton);
-    let of_skeleton = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", from.display()));
-    let skeleton = SkeletonFile::read(from).map_err(|e| of_skeleton(&e))?.skeleton;
+    let skeleton = context.values.get::<Arc<Rig>>(context.required(stage, "skeleton")?)?.skeleton.clone();
     let posed = mesh_at(context, stage)?;
     let rest = posed.last().to_vec();
     let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
