@@ -183,7 +183,9 @@ impl SkinWeights {
             let mut left = keep(row);
             if left.len() < row.len() {
                 let sum: f64 = left.iter().map(|i| i.weight).sum();
-                left.iter_mut().for_each(|i| i.weight /= sum);
+                for influence in &mut left {
+                    influence.weight /= sum;
+                }
             }
             influences.append(&mut left);
             starts.push(influences.len() as u32);
