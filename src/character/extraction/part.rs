@@ -93,8 +93,18 @@ pub(super) fn extract(
     let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
     let balls = balls_of(&complex, &normals);
-    let job =
-        Job { options, which, frame, tree, closed, fine: &fine, normals: &normals, balls: &balls, pinned: &pinned };
+    let job = Job {
+        options,
+        which,
+        frame,
+        tree,
+        closed,
+        solid,
+        fine: &fine,
+        normals: &normals,
+        balls: &balls,
+        pinned: &pinned,
+    };
     let tips = if options.keep == Keep::Nothing { extremities::find(&complex, TIP) } else { Vec::new() };
     let (web, rounds) = job.curve(&complex, &classes, &tips, observer)?;
     let Job { tree, frame, .. } = job;
@@ -115,6 +125,7 @@ struct Job<'a> {
     frame: Frame,
     tree: AabbTree,
     closed: bool,
+    solid: bool,
     fine: &'a TriMesh,
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
@@ -165,7 +176,40 @@ impl Job<'_> {
             };
         }
         let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
-        Ok((finished(&web, &self.tree, self.closed, options.prune, &places)?, rounds))
+        Ok((self.finished(&web, &places)?, rounds))
+    }
+
+    /// Evened out, pruned, in the middle, in sight of `places`.
+    fn finished(&self, web: &Web, places: &[Point3<f64>]) -> Result<Web, ExtractionError> {
+        let (tree, closed) = (&self.tree, self.closed);
+        let mut web = resampling::resample(web, SPACING);
+        centering::center(&mut web, tree, closed, PASSES[0])?;
+        tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        if closed {
+            tips::extend(&mut web, tree);
+        }
+        web = resampling::resample(&web, SPACING);
+        pruning::prune(&mut web, tree, self.options.prune);
+        let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
+        pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
+        web = resampling::resample(&web, SPACING);
+        centering::center(&mut web, tree, closed, PASSES[1])?;
+        tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        web = resampling::resample(&web, SPACING);
+        sight::draw(&mut web, tree, places)?;
+        if closed {
+            centering::keep_inside(&mut web, tree);
+        }
+        Ok(web)
+    }
+
+    /// Where a surface has no inside, everything counts as inside.
+    fn is_inside(&self, p: &Point3<f64>) -> bool {
+        match (self.closed, self.solid) {
+            (true, _) => self.tree.encloses(p),
+            (false, true) => sheet::winding_number(self.fine, p) > 0.5,
+            (false, false) => true,
+        }
     }
 }
 
@@ -251,35 +295,6 @@ fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     }
     let triangles = complex.faces().map(|t| t.map(|v| number[v as usize])).collect();
     TriMesh::new(positions, triangles).expect("a contraction keeps finite positions")
-}
-
-/// Evened out, pruned, in the middle.
-fn finished(
-    web: &Web,
-    tree: &AabbTree,
-    closed: bool,
-    prune: f64,
-    places: &[Point3<f64>],
-) -> Result<Web, ExtractionError> {
-    let mut web = resampling::resample(web, SPACING);
-    centering::center(&mut web, tree, closed, PASSES[0])?;
-    tips::trim(&mut web, tree);
-    if closed {
-        tips::extend(&mut web, tree);
-    }
-    web = resampling::resample(&web, SPACING);
-    pruning::prune(&mut web, tree, prune);
-    let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
-    pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
-    web = resampling::resample(&web, SPACING);
-    centering::center(&mut web, tree, closed, PASSES[1])?;
-    tips::trim(&mut web, tree);
-    web = resampling::resample(&web, SPACING);
-    sight::draw(&mut web, tree, places)?;
-    if closed {
-        centering::keep_inside(&mut web, tree);
-    }
-    Ok(web)
 }
 
 fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usize) -> Found {

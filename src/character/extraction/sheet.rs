@@ -36,7 +36,7 @@ pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>]) -> bool {
 }
 
 /// How often the surface goes round a point: its signed solid angle over `4π`.
-fn winding_number(surface: &TriMesh, p: &Point3<f64>) -> f64 {
+pub(super) fn winding_number(surface: &TriMesh, p: &Point3<f64>) -> f64 {
     let half_angle = |t: usize| {
         let [a, b, c] = surface.corners(t).map(|q| q - p);
         let (la, lb, lc) = (a.norm(), b.norm(), c.norm());

@@ -5,7 +5,8 @@
 //! ball can roll on. After each step the node is brought to the middle across `d`, and `d` follows the way that it took. Where it ends is
 //! the center of the cap of a capsule, and the tip of a cone.
 //!
-//! The other way round, end nodes whose balls lie inside the ball of the node before say nothing and are taken away.
+//! The other way round, end nodes whose balls lie inside the ball of the node before say nothing and are taken away, and so are those
+//! that have come outside.
 
 use nalgebra::{Point3, Vector3};
 
@@ -32,13 +33,14 @@ const WITHIN: f64 = 1.1;
 /// The way ahead must be longer than this many radii: bumps do not count.
 const ROOM: f64 = 1.1;
 
-/// Takes end nodes away whose balls lie inside the one before.
-pub(super) fn trim(web: &mut Web, tree: &AabbTree) {
+/// Takes end nodes away whose balls lie inside the one before, and those that are not `inside`.
+pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
     let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
     for mut end in ends {
         while let [before] = *web.neighbors(end) {
             let [r, s] = [before, end].map(|v| radius(tree, &web.nodes[v as usize]));
-            if web.degree(before) != 2 || !(web.length(before, end) + s <= WITHIN * r) {
+            let covered = web.length(before, end) + s <= WITHIN * r;
+            if web.degree(before) != 2 || !(covered || !inside(&web.nodes[end as usize])) {
                 break;
             }
             web.merge(end, before);
