@@ -153,7 +153,9 @@ impl Job<'_> {
             still: 1e-4,
         };
         let mut pinned = self.pinned.to_vec();
-        tips.iter().for_each(|v| pinned[*v as usize] = true);
+        for v in tips {
+            pinned[*v as usize] = true;
+        }
         let mut classes = classes.clone();
         let mut contraction = Contraction::new(complex.clone(), self.balls, pinned.clone(), weights);
         let rounds = contract(&mut contraction, self.which, options, &self.frame, observer)?;

@@ -266,10 +266,10 @@ fn a_ball_has_one_short_bone() {
     assert!(skeleton_of(&curve, None).unwrap().joint_count() <= 4);
 }
 
-/// A row of nodes along the axis of a capsule, and a side branch of one node from its middle.
+/// A row of nodes beside the axis of a capsule, and a side branch of one node from its middle.
 fn comb(from: f64, to: f64, side: f64) -> web::Web {
     let along = |k: usize| from + (to - from) * k as f64 / 20.0;
-    let mut nodes: Vec<_> = (0..=20).map(|k| Point3::new(along(k), 0.0, 0.0)).collect();
+    let mut nodes: Vec<_> = (0..=20).map(|k| Point3::new(along(k), 0.02, 0.01)).collect();
     let mut edges: Vec<[u32; 2]> = (0..20).map(|k| [k, k + 1]).collect();
     nodes.push(Point3::new(along(10), side, 0.0));
     edges.push([10, 21]);

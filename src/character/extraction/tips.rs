@@ -82,7 +82,7 @@ fn direction(web: &Web, tree: &AabbTree, end: u32) -> Option<Vector3<f64>> {
 fn step(tree: &AabbTree, at: &Point3<f64>, direction: &Vector3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
     let r = radius(tree, at);
     let ahead = tree.first_hit(at, direction)?;
-    if !(r > POINT && ahead > ROOM * r) || !tree.encloses(at) {
+    if !(r > POINT && ahead > ROOM * r && tree.encloses(at)) {
         return None;
     }
     let length = (STEP * r).max(POINT).min(0.5 * ahead);

@@ -27,6 +27,7 @@ const PLAIN: Style = Style {
     crease_deg: 45.0,
     wireframe: None,
     back: None,
+    opacity: 1.0,
     samples: 2,
     legend: false,
 };
@@ -201,11 +202,11 @@ fn squares(depths: &[f64]) -> TriMesh {
 fn layers_of_glass_let_through_what_each_of_them_lets_through() {
     let linear = |[r, _, _]: Rgb| f64::from(super::super::srgb::LINEAR[usize::from(r)]);
     let style = Style { flat: true, opacity: 0.3, background: [[255; 3]; 2], ..PLAIN };
-    let black = |m| Surface { paint: Paint::Plain([0; 3]), ..Surface::new(m) };
     let glass = squares(&[0.0]);
     let camera = camera(&glass, "front", (101, 101));
     let middle = |m: &TriMesh, opacity: f64| {
-        linear(draw(&black(m), &camera, &Style { opacity, ..style }).pixels()[50 * 101 + 50])
+        let black = Surface { paint: Paint::Plain([0; 3]), ..Surface::new(m) };
+        linear(draw(&black, &camera, &Style { opacity, ..style }).pixels()[50 * 101 + 50])
     };
     let gloss = middle(&glass, 1.0);
     let one = 0.3 * gloss + 0.7;
