@@ -40,7 +40,7 @@ pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>)
         while let [before] = *web.neighbors(end) {
             let [r, s] = [before, end].map(|v| radius(tree, &web.nodes[v as usize]));
             let covered = web.length(before, end) + s <= WITHIN * r;
-            if web.degree(before) != 2 || !(covered || !inside(&web.nodes[end as usize])) {
+            if web.degree(before) != 2 || !covered && inside(&web.nodes[end as usize]) {
                 break;
             }
             web.merge(end, before);
