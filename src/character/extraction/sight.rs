@@ -33,8 +33,13 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
     let alive: Vec<u32> = web.alive().collect();
     let middle = web.nodes.clone();
     let radii: Vec<f64> = middle.iter().map(|p| radius(tree, p)).collect();
-    for _ in 0..PASSES {
-        let Some(mut steps) = steps(web, tree, &alive, places) else { break };
+    let mut hidden = places.to_vec();
+    for pass in 0..PASSES {
+        if pass == PASSES / 2 {
+            // What has moved may have hidden others.
+            hidden = places.to_vec();
+        }
+        let Some(mut steps) = steps(web, tree, &alive, &mut hidden) else { break };
         Fairing::new(web, &alive, &radii, AGREE, |_| false)?.apply(&mut steps);
         let free = |v: &u32| !web.pinned[*v as usize] && web.degree(*v) > 1;
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
@@ -54,17 +59,16 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
     Ok(())
 }
 
-/// The longest step that is wanted of each node; `None` where all is seen.
-fn steps(web: &Web, tree: &AabbTree, alive: &[u32], places: &[Point3<f64>]) -> Option<Vec<Vector3<f64>>> {
+/// The longest step that is wanted of each node, and the places for which; `None` where all is seen.
+fn steps(web: &Web, tree: &AabbTree, alive: &[u32], places: &mut Vec<Point3<f64>>) -> Option<Vec<Vector3<f64>>> {
     let nodes: Vec<Point3<f64>> = alive.iter().map(|v| web.nodes[*v as usize]).collect();
     let near = KdTree::new(&nodes);
     let mut steps = vec![Vector3::zeros(); web.nodes.len()];
     let mut any = false;
-    for p in places {
-        let Some((s, square)) = near.nearest(p, |_| true) else { continue };
-        if sees(tree, p, &nodes[s as usize]) {
-            continue;
-        }
+    let hidden = |p: &Point3<f64>| near.nearest(p, |_| true).is_some_and(|(s, _)| !sees(tree, p, &nodes[s as usize]));
+    places.retain(hidden);
+    for p in places.iter() {
+        let Some((_, square)) = near.nearest(p, |_| true) else { continue };
         let Some(u) = in_sight(tree, p, &nodes, square.sqrt()) else { continue };
         let (to, far) = (p - nodes[u], nalgebra::distance(p, &nodes[u]));
         let step = to * (1.0 - (1.0 - MARGIN) * square.sqrt() / far);
