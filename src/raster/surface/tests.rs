@@ -227,17 +227,17 @@ fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
     let glass = squares(&[0.0, -1.0, -2.0]);
     let camera = camera(&glass, "front", (101, 101));
     let style = Style { flat: true, opacity: 0.4, ..PLAIN };
-    let blue = |z: f64| {
-        let mark = Mark { shape: Shape::Point(Point3::new(0.0, 0.0, z)), color: [0, 0, 255], width_px: 9.0 };
-        let drawn = draw(&Surface { marks: &[mark], ..Surface::new(&glass) }, &camera, &style);
-        let [r, _, b] = drawn.pixels()[50 * 101 + 50];
-        i32::from(b) - i32::from(r)
+    let red = |marks: &[Mark]| {
+        let drawn = draw(&Surface { marks, ..Surface::new(&glass) }, &camera, &style);
+        f64::from(drawn.pixels()[50 * 101 + 50][0])
     };
-    let seen = [0.5, -0.5, -1.5, -2.5].map(blue);
-    assert_eq!(seen[0], 255);
-    for (pair, veil) in seen.windows(2).zip(["first", "second", "third"]) {
-        let through = f64::from(pair[1]) / f64::from(pair[0]);
-        assert!((through - 0.6).abs() < 0.03, "the {veil} layer lets {through} through");
+    // A blue mark takes as much of the red as it is seen.
+    let seen = |z: f64| {
+        let mark = Mark { shape: Shape::Point(Point3::new(0.0, 0.0, z)), color: [0, 0, 255], width_px: 9.0 };
+        1.0 - red(&[mark]) / red(&[])
+    };
+    for (z, wanted) in [(0.5, 1.0), (-0.5, 0.6), (-1.5, 0.36), (-2.5, 0.216)] {
+        assert!((seen(z) - wanted).abs() < 0.02, "at {z} a share of {} is seen, not {wanted}", seen(z));
     }
 }
 
