@@ -233,7 +233,8 @@ fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
     };
     // A blue mark takes as much of the red as it is seen.
     let seen = |z: f64| {
-        let mark = Mark { shape: Shape::Point(Point3::new(0.0, 0.0, z)), color: [0, 0, 255], width_px: 9.0 };
+        let shape = Shape::Segment(Point3::new(-0.1, 0.0, z), Point3::new(0.1, 0.0, z));
+        let mark = Mark { shape, color: [0, 0, 255], width_px: 9.0 };
         1.0 - red(&[mark]) / red(&[])
     };
     for (z, wanted) in [(0.5, 1.0), (-0.5, 0.6), (-1.5, 0.36), (-2.5, 0.216)] {
