@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Curve skeletons beside CGAL's mean-curvature flow: quality by one judge, CPU seconds of one process each.
 
+Ends are compared with those counted on pictures (skeleton_ends.json beside this file): the number that must be found, and how many more may.
+
     skeleton.py --plumbline target/release/plumbline --judge ./skeleton --media DIR [--rounds 3] [MESH...]
 
 `skeleton` is built from skeleton.cpp beside this file, which holds CGAL's extraction and the judge. Ours is timed as the whole command
@@ -16,7 +18,16 @@ import tempfile
 
 os.environ["RAYON_NUM_THREADS"] = "1"
 MESHES = ["igl/hand.mesh", "rig/armadillo_LR3.off", "igl/elephant.obj", "igl/3holes.off", "rig/male_LR20.off", "igl/arm.obj",
-          "arapbench/cactus_jacobson.obj", "common/spot.obj", "igl/armadillo.obj", "common/horse.off"]
+          "arapbench/cactus_jacobson.obj", "common/spot.obj", "igl/cow.off", "igl/armadillo.obj", "common/horse.off"]
+
+
+def counted_ends(name):
+    """How many ends the eye counts: those that must be found, and those that may be."""
+    known = json.loads((pathlib.Path(__file__).parent / "skeleton_ends.json").read_text()).get(name)
+    if known is None:
+        return None
+    number = lambda words: sum(int(w.split()[0]) if w.split()[0].isdigit() else 1 for w in words)
+    return number(known["ends"]), number(known["may"])
 
 
 def vertices_and_faces(path):
@@ -59,7 +70,7 @@ def main():
     p.add_argument("--rounds", type=int, default=3)
     p.add_argument("meshes", nargs="*")
     a = p.parse_args()
-    print("mesh, ours / CGAL      cpu s        ratio  ends   loops  inside        centredness   visible")
+    print("mesh, ours / CGAL      cpu s        ratio  ends   (counted)  loops  inside        centredness   visible")
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         mesh, ours, theirs, curve = (folder / n for n in ["mesh.off", "ours.txt", "theirs.txt", "curve.json"])
@@ -78,7 +89,9 @@ def main():
             u, c = (json.loads(run(a.judge, "judge", mesh, f)[0].stdout) for f in (ours, theirs))
             su, sc = map(min, seconds)
             pair = lambda key, form: f"{u[key]:{form}}/{c[key]:{form}}"
-            print(f"{pathlib.Path(name).stem:18} {su:6.2f}/{sc:6.2f}  {su / sc:5.2f}  {pair('ends', '2d')}  {pair('loops', 'd')}  "
+            counted = counted_ends(name)
+            eye = "?" if counted is None else f"{counted[0]}+{counted[1]}" if counted[1] else f"{counted[0]}"
+            print(f"{pathlib.Path(name).stem:18} {su:6.2f}/{sc:6.2f}  {su / sc:5.2f}  {pair('ends', '2d')}  {eye:>6}  {pair('loops', 'd')}  "
                   f"{pair('inside', '.3f')}  {pair('central', '.3f')}  {pair('visible', '.4f')}", flush=True)
 
 

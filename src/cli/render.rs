@@ -12,7 +12,7 @@ use crate::pipeline::kinds::{ImageSaveSettings, MeshLoadSettings, MeshRenderSett
 use crate::pipeline::reference::escape;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::{BackgroundColor, ViewWish};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline render`.
 #[derive(Debug, Args)]
@@ -54,6 +54,13 @@ pub(super) struct RenderArgs {
     /// Faces seen from behind in another color
     #[arg(long, help_heading = "Look")]
     mark_back: bool,
+    /// A skeleton inside the mesh: json (its curve is drawn too), glb, gltf, bvh, tgf or skel
+    #[arg(long, value_name = "FILE", help_heading = "Look")]
+    skeleton: Option<PathBuf>,
+    /// How opaque the mesh is, 0 to 1; what lies behind shows through. 0.2 with `--skeleton`, else 1, if left out
+    #[arg(long, value_name = "SHARE", help_heading = "Look")]
+    #[arg(value_parser = |text: &str| number_for::<MeshRenderSettings>("opacity", text))]
+    opacity: Option<f64>,
     /// One color behind the mesh: white, black, gray or #RRGGBB; a light gradient if left out
     #[arg(long, value_name = "COLOR", help_heading = "Look")]
     background: Option<BackgroundColor>,
@@ -82,6 +89,8 @@ impl RenderArgs {
             colors: self.colors,
             scalar: self.scalar.as_ref().map(|s| escape(s)),
             mark_back: self.mark_back,
+            skeleton: self.skeleton.as_ref().map(|path| literal_path(path)),
+            opacity: self.opacity,
             background: self.background,
             ..MeshRenderSettings::default()
         };

@@ -44,7 +44,7 @@ pub(super) struct SkeletonArgs {
     /// About how many joints; as many as bends, ends and junctions need if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = "Skeleton")]
     joints: Option<u32>,
-    /// Branches that reach less than this share of the radius at their junction beyond it are taken away
+    /// Branches whose end sticks out of the rest of the shape by less than this share of its own half-width are taken away
     #[arg(long, default_value_t = SkeletonExtractSettings::default().prune, value_name = "SHARE", help_heading = "Skeleton")]
     #[arg(value_parser = |text: &str| number_for::<SkeletonExtractSettings>("prune", text))]
     prune: f64,

@@ -284,6 +284,32 @@ fn pictures_show_the_mesh_from_the_side_asked_for_in_the_colors_asked_for() {
 }
 
 #[test]
+fn a_skeleton_is_seen_through_the_mesh_around_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    save(folder, "bar.obj", bar());
+    fs::write(folder.join("two.tgf"), "1 0 0 0\n2 0 0 1\n#\n1 2 1\n").expect("a small file");
+    succeed(folder, &["skeleton", "bar.obj", "-o", "own.json"]);
+    let red = |args: &[&str]| {
+        let all = [&["render", "bar.obj", "-o", "p.png", "--overwrite", "--size", "300x200", "--view", "left"], args];
+        succeed(folder, &all.concat());
+        let frame = load(&folder.join("p.png"), LoadOptions::default()).expect("a picture").frame;
+        let pixels = rgb_of_frame(&frame).expect("RGB");
+        pixels.iter().filter(|[r, g, b]| *r > 150 && *g < 120 && *b < 120).count()
+    };
+    assert_eq!(red(&[]), 0, "clay is not red");
+    for file in ["own.json", "two.tgf"] {
+        let (glass, clay) = (red(&["--skeleton", file]), red(&["--skeleton", file, "--opacity", "1"]));
+        assert!(glass > 20 && clay == 0, "{file}: ends are seen through glass alone: {glass} {clay}");
+    }
+    let bad = plumbline_in(folder, &["render", "bar.obj", "-o", "q.png", "--skeleton", "none.json"]);
+    assert!(bad.status.code().is_some_and(|code| code != 0) && err(&bad).contains("none.json"), "{}", err(&bad));
+    let bad = plumbline_in(folder, &["render", "bar.obj", "-o", "q.png", "--opacity", "2"]);
+    assert_eq!(bad.status.code(), Some(64), "{}", err(&bad));
+    assert!(!folder.join("q.png").exists());
+}
+
+#[test]
 fn what_is_wrong_is_told_with_its_file_and_leaves_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

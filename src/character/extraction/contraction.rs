@@ -51,6 +51,8 @@ pub(super) struct Weights {
     pub(super) growth: f64,
     /// Edges shorter than this collapse.
     pub(super) short: f64,
+    /// And shorter than this share of the radius of the shape.
+    pub(super) short_of_radius: f64,
     pub(super) rounds: usize,
     /// It ends when a round takes less than this share of the first area away.
     pub(super) still: f64,
@@ -199,7 +201,7 @@ impl Contraction {
             for (_, a, b) in edges {
                 let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
                 if !alive
-                    || self.length(a, b) > self.weights.short
+                    || self.length(a, b) > self.short(a, b)
                     || (self.pinned[a as usize] && self.pinned[b as usize])
                 {
                     continue;
@@ -217,6 +219,12 @@ impl Contraction {
         }
     }
 
+    /// Length below which an edge collapses.
+    fn short(&self, a: u32, b: u32) -> f64 {
+        let radius = self.radii[a as usize].min(self.radii[b as usize]);
+        self.weights.short.min(self.weights.short_of_radius * radius)
+    }
+
     fn length(&self, a: u32, b: u32) -> f64 {
         nalgebra::distance(&self.complex.positions[a as usize], &self.complex.positions[b as usize])
     }
@@ -226,7 +234,7 @@ impl Contraction {
         for [a, b, c] in self.complex.faces() {
             for (a, b) in [(a, b), (b, c), (c, a)] {
                 let length = self.length(a, b);
-                if length < self.weights.short {
+                if length < self.short(a, b) {
                     edges.push((Cost::new(length), a.min(b), a.max(b)));
                 }
             }

@@ -15,13 +15,11 @@ use std::collections::BinaryHeap;
 use super::complex::Complex;
 use super::order::Cost;
 
-/// How far a tip stands out, in radii of the sphere of equal area.
-const STANDS_OUT: f64 = 0.25;
 /// Vertices by which the middle is found.
 const FAR_APART: usize = 8;
 
-/// Tips, the farthest first.
-pub(super) fn find(complex: &Complex) -> Vec<u32> {
+/// Tips that stand out so far, the farthest first.
+pub(super) fn find(complex: &Complex, stands_out: f64) -> Vec<u32> {
     let Some(first) = complex.vertices().next() else { return Vec::new() };
     let mut sum = vec![0.0; complex.positions.len()];
     let mut nearest = distances(complex, first);
@@ -34,7 +32,7 @@ pub(super) fn find(complex: &Complex) -> Vec<u32> {
         }
     }
     let middle = complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first);
-    tops(complex, &distances(complex, middle))
+    tops(complex, &distances(complex, middle), stands_out)
 }
 
 fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
@@ -76,7 +74,7 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
 }
 
 /// Tops of hills that stand out.
-fn tops(complex: &Complex, height: &[f64]) -> Vec<u32> {
+fn tops(complex: &Complex, height: &[f64], stands_out: f64) -> Vec<u32> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
@@ -95,7 +93,7 @@ fn tops(complex: &Complex, height: &[f64]) -> Vec<u32> {
         };
         top[v as usize] = highest;
         for &lower in &hills[1..] {
-            if height[lower as usize] - height[v as usize] >= STANDS_OUT {
+            if height[lower as usize] - height[v as usize] >= stands_out {
                 tips.push(lower);
             }
             into[lower as usize] = highest;

@@ -34,6 +34,7 @@ const MOST_HANDLES: usize = 24;
 const PUSH: f64 = 1e-3;
 
 /// Classes of edges, each known by a number.
+#[derive(Clone)]
 pub(super) struct Classes {
     rank: usize,
     vectors: Vec<Vec<i32>>,

@@ -7,14 +7,17 @@
 //! | step | file |
 //! | --- | --- |
 //! | parts; vertices in one place are one | `parts.rs` |
+//! | a surface without an inside becomes a thin solid | `sheet.rs` |
 //! | about as many vertices as the curve needs | `reduction.rs` |
-//! | ends that must stay: geodesic extrema | `extremities.rs` |
+//! | tips, which keep their ends while the surface contracts: geodesic extrema | `extremities.rs` |
 //! | the ball of each vertex | `medial.rs` |
 //! | contraction, one sparse solve a round | `contraction.rs` |
 //! | collapse to a graph | `surgery.rs`, which loops may close: `homology.rs` |
 //! | even nodes | `resampling.rs` |
+//! | ends to the tips | `tips.rs` |
 //! | branches that say nothing | `pruning.rs` |
-//! | to the middle | `centering.rs` |
+//! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
+//! | to where the surface sees it | `sight.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface keeps the node that it became part of.
@@ -30,6 +33,7 @@ mod complex;
 mod contraction;
 mod error;
 mod extremities;
+mod fairing;
 mod homology;
 mod joints;
 mod kd_tree;
@@ -40,9 +44,12 @@ mod parts;
 mod pruning;
 mod reduction;
 mod resampling;
+mod sheet;
+mod sight;
 mod surgery;
 #[cfg(test)]
 mod tests;
+mod tips;
 mod web;
 
 use std::ops::ControlFlow;
@@ -76,7 +83,8 @@ pub struct ExtractionOptions {
     pub hold: f64,
     /// Strength of the pull toward medial centers.
     pub medial: f64,
-    /// Branches that reach less than this share of the radius at their junction beyond its ball are taken away.
+    /// Branches whose end sticks out of the balls about the rest of the curve by less than this share of its own half-width are
+    /// taken away.
     pub prune: f64,
     /// Rounds of contraction at most.
     pub rounds: usize,
@@ -86,7 +94,7 @@ pub struct ExtractionOptions {
 
 impl Default for ExtractionOptions {
     fn default() -> Self {
-        Self { contraction: 0.7, hold: 0.1, medial: 0.3, prune: 0.1, rounds: 12, keep: Keep::default() }
+        Self { contraction: 0.7, hold: 0.1, medial: 0.3, prune: 1.0, rounds: 12, keep: Keep::default() }
     }
 }
 
@@ -143,7 +151,7 @@ pub struct ExtractionReport {
     pub parts: usize,
     /// Rounds of contraction over all parts.
     pub rounds: usize,
-    /// Handles of the closed parts: loops that the curve must have.
+    /// Handles of the closed parts, and of sheets that are laid double: loops that the curve must have.
     pub handles: usize,
     /// Loops that it has.
     pub loops: usize,
@@ -179,7 +187,7 @@ pub fn extract(
     for (i, part) in parts.into_iter().enumerate() {
         let found = part::extract(&part, (i, count), options, observer)?;
         report.rounds += found.rounds;
-        report.handles += part.handles().unwrap_or(0);
+        report.handles += found.handles;
         let first = curve.nodes.len() as u32;
         curve.nodes.extend(found.nodes);
         curve.radius.extend(found.radius);

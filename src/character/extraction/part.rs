@@ -1,16 +1,16 @@
 //! The curve of one part of a surface: all steps in their order.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
 use super::complex::Complex;
 use super::contraction::{Contraction, Weights};
 use super::homology::Classes;
 use super::medial::{Ball, balls};
-use super::parts::Part;
+use super::parts::{self, Part};
 use super::web::Web;
 use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
-use super::{centering, extremities, pruning, reduction, resampling, surgery};
+use super::{centering, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips};
 use crate::mesh::TriMesh;
 
 /// Vertices that are contracted at most. At 3000 fingers of a figure lose their ends, above 6000 nothing is gained but time.
@@ -21,6 +21,14 @@ const LEAST_VERTICES: usize = 1500;
 const LEAST_TRIANGLES: usize = 4;
 /// Edges shorter than this collapse in the contraction.
 const SHORT: f64 = 0.03;
+/// Edges shorter than this share of the radius of the shape about them collapse in the contraction.
+const SHORT_OF_RADIUS: f64 = 0.3;
+/// How far the tips stand out that stay where this is asked for, in radii of the sphere of equal area.
+const STANDS_OUT: f64 = 0.25;
+/// And those that get a branch if they have none.
+const TIP: f64 = 0.15;
+/// How far inside the surface a branch to a tip ends at first.
+const INSIDE: f64 = 0.01;
 /// Growth of the contraction per round.
 const GROWTH: f64 = 1.2;
 /// Distance of nodes.
@@ -39,6 +47,8 @@ pub(super) struct Found {
     pub(super) radius: Vec<f64>,
     pub(super) node_of_vertex: Vec<u32>,
     pub(super) rounds: usize,
+    /// Handles of the closed surface that was contracted.
+    pub(super) handles: usize,
 }
 
 /// Extracts the curve of part `which.0` of `which.1`.
@@ -52,49 +62,157 @@ pub(super) fn extract(
         return Ok(point(part));
     };
     let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
-    let surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
-    let tree = AabbTree::new(surface.positions(), surface.triangles());
+    let mut surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
+    let mut tree = AabbTree::new(surface.positions(), surface.triangles());
+    let mut handles = parts::handles(&surface);
+    let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
+    let solid = handles.is_some() || sheet::is_solid(&surface, &surface.vertex_normals());
+    if !solid && let Some((thick, sources)) = sheet::thickened(&surface) {
+        tree = AabbTree::new(thick.positions(), thick.triangles());
+        handles = parts::handles(&thick);
+        (surface, over) = (thick, sources);
+    }
+    let closed = handles.is_some();
     let fine = divided(&surface);
     let normals = fine.vertex_normals();
     let mut pinned = vec![false; fine.vertex_count()];
     if let Keep::Vertices(all) = &options.keep {
         let wanted = |sources: &Vec<u32>| sources.iter().any(|v| all.contains(v));
-        part.sources.iter().enumerate().filter(|(_, s)| wanted(s)).for_each(|(v, _)| pinned[v] = true);
+        over.iter()
+            .enumerate()
+            .filter(|(_, v)| wanted(&part.sources[**v as usize]))
+            .for_each(|(v, _)| pinned[v] = true);
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     reduction::reduce(&mut complex, MOST_VERTICES, &pinned);
     if options.keep == Keep::Extrema {
-        for v in extremities::find(&complex) {
+        for v in extremities::find(&complex, STANDS_OUT) {
             pinned[v as usize] = true;
         }
     }
-    let mut classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
+    let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
     let balls = balls_of(&complex, &normals);
-    let weights = Weights {
-        contraction: options.contraction,
-        hold: options.hold,
-        medial: options.medial,
-        growth: GROWTH,
-        short: SHORT,
-        rounds: options.rounds,
-        still: 1e-4,
+    let job = Job {
+        options,
+        which,
+        frame,
+        tree,
+        closed,
+        solid,
+        fine: &fine,
+        normals: &normals,
+        balls: &balls,
+        pinned: &pinned,
     };
-    let mut contraction = Contraction::new(complex, &balls, pinned.clone(), weights);
-    let rounds = contract(&mut contraction, which, options, &frame, observer)?;
-    classes.follow(&contraction.complex.collapses);
-    let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes);
-    let mut web = Web::new(graph.nodes, &graph.edges, graph.node_of_vertex);
-    for v in (0..pinned.len()).filter(|v| pinned[*v]) {
-        let node = web.node_of(v) as usize;
-        web.pinned[node] = true;
-        web.nodes[node] = fine.positions()[v];
-    }
-    let closed = part.handles().is_some();
-    let web = finished(&web, &tree, closed, options.prune);
-    let mut found = found(&web, &tree, &frame, part.mesh.vertex_count(), rounds);
+    let tips = if options.keep == Keep::Nothing { extremities::find(&complex, TIP) } else { Vec::new() };
+    let (web, rounds) = job.curve(&complex, &classes, &tips, observer)?;
+    let Job { tree, frame, .. } = job;
+    let mut found = found(&web, &tree, &frame, surface.vertex_count(), rounds);
+    found.handles = handles.unwrap_or(0);
+    // Of the two sides of a sheet the first counts.
+    let mut node_of_vertex = vec![0; part.mesh.vertex_count()];
+    over.iter().zip(&found.node_of_vertex).rev().for_each(|(v, node)| node_of_vertex[*v as usize] = *node);
+    found.node_of_vertex = node_of_vertex;
     whole_regions(&part.mesh, &mut found.node_of_vertex);
     Ok(found)
+}
+
+/// What stays the same when a part is contracted again.
+struct Job<'a> {
+    options: &'a ExtractionOptions,
+    which: (usize, usize),
+    frame: Frame,
+    tree: AabbTree,
+    closed: bool,
+    solid: bool,
+    fine: &'a TriMesh,
+    normals: &'a [Vector3<f64>],
+    balls: &'a [Ball],
+    pinned: &'a [bool],
+}
+
+impl Job<'_> {
+    /// The curve of the surface, with branches to the `tips`; and rounds that it took.
+    fn curve(
+        &self,
+        complex: &Complex,
+        classes: &Classes,
+        tips: &[u32],
+        observer: &mut Observer<'_>,
+    ) -> Result<(Web, usize), ExtractionError> {
+        let options = self.options;
+        let weights = Weights {
+            contraction: options.contraction,
+            hold: options.hold,
+            medial: options.medial,
+            growth: GROWTH,
+            short: SHORT,
+            short_of_radius: SHORT_OF_RADIUS,
+            rounds: options.rounds,
+            still: 1e-4,
+        };
+        let mut pinned = self.pinned.to_vec();
+        for v in tips {
+            pinned[*v as usize] = true;
+        }
+        let mut classes = classes.clone();
+        let mut contraction = Contraction::new(complex.clone(), self.balls, pinned.clone(), weights);
+        let rounds = contract(&mut contraction, self.which, options, &self.frame, observer)?;
+        classes.follow(&contraction.complex.collapses);
+        let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes);
+        let mut web = Web::new(graph.nodes, &graph.edges, graph.node_of_vertex);
+        for v in (0..pinned.len()).filter(|v| self.pinned[*v]) {
+            let node = web.node_of(v) as usize;
+            web.pinned[node] = true;
+            web.nodes[node] = self.fine.positions()[v];
+        }
+        for &v in tips {
+            let node = web.node_of(v as usize);
+            let around = web.neighbors(node);
+            web.nodes[node as usize] = if around.len() > 1 {
+                let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
+                Point3::from(sum / around.len() as f64)
+            } else {
+                self.fine.positions()[v as usize] - self.normals[v as usize] * INSIDE
+            };
+        }
+        let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
+        Ok((self.finished(&web, &places)?, rounds))
+    }
+
+    /// Evened out, pruned, in the middle, in sight of `places`.
+    fn finished(&self, web: &Web, places: &[Point3<f64>]) -> Result<Web, ExtractionError> {
+        let (tree, closed) = (&self.tree, self.closed);
+        let mut web = resampling::resample(web, SPACING);
+        centering::center(&mut web, tree, closed, PASSES[0])?;
+        tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        if closed {
+            tips::extend(&mut web, tree);
+        }
+        web = resampling::resample(&web, SPACING);
+        pruning::prune(&mut web, tree, self.options.prune);
+        let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
+        pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
+        web = resampling::resample(&web, SPACING);
+        centering::center(&mut web, tree, closed, PASSES[1])?;
+        tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        web = resampling::resample(&web, SPACING);
+        sight::draw(&mut web, tree, places)?;
+        if closed {
+            centering::keep_inside(&mut web, tree);
+        }
+        Ok(web)
+    }
+
+    /// Where a surface has no inside, everything counts as inside.
+    fn is_inside(&self, p: &Point3<f64>) -> bool {
+        match (self.closed, self.solid) {
+            (true, _) => self.tree.encloses(p),
+            (false, true) => sheet::winding_number(self.fine, p) > 0.5,
+            (false, false) => true,
+        }
+    }
 }
 
 /// A part too small for a curve.
@@ -109,6 +227,7 @@ fn point(part: &Part) -> Found {
         radius: vec![radius],
         node_of_vertex: vec![0; all.len()],
         rounds: 0,
+        handles: 0,
     }
 }
 
@@ -134,7 +253,7 @@ fn divided(surface: &TriMesh) -> TriMesh {
 }
 
 /// Balls of the vertices that are left; the others have none.
-fn balls_of(complex: &Complex, normals: &[nalgebra::Vector3<f64>]) -> Vec<Ball> {
+fn balls_of(complex: &Complex, normals: &[Vector3<f64>]) -> Vec<Ball> {
     let alive: Vec<u32> = complex.vertices().collect();
     let points: Vec<_> = alive.iter().map(|v| complex.positions[*v as usize]).collect();
     let normals: Vec<_> = alive.iter().map(|v| normals[*v as usize]).collect();
@@ -180,18 +299,6 @@ fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     TriMesh::new(positions, triangles).expect("a contraction keeps finite positions")
 }
 
-/// Evened out, pruned, in the middle.
-fn finished(web: &Web, tree: &AabbTree, closed: bool, prune: f64) -> Web {
-    let mut web = resampling::resample(web, SPACING);
-    centering::center(&mut web, tree, closed, PASSES[0]);
-    let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
-    pruning::prune(&mut web, &mut radius, prune);
-    pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
-    web = resampling::resample(&web, SPACING);
-    centering::center(&mut web, tree, closed, PASSES[1]);
-    resampling::resample(&web, SPACING)
-}
-
 fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usize) -> Found {
     let alive: Vec<u32> = web.alive().collect();
     let mut number = vec![0_u32; web.nodes.len()];
@@ -203,6 +310,7 @@ fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usi
         radius: alive.iter().map(|v| centering::radius(tree, &web.nodes[*v as usize]) * frame.scale).collect(),
         node_of_vertex: (0..vertices).map(|v| number[web.node_of(v) as usize]).collect(),
         rounds,
+        handles: 0,
     }
 }
 

@@ -14,21 +14,19 @@ pub(super) struct Part {
     pub(super) sources: Vec<Vec<u32>>,
 }
 
-impl Part {
-    /// Number of handles; `None` where the part is not a closed manifold.
-    pub(super) fn handles(&self) -> Option<usize> {
-        let mut halves = std::collections::HashSet::new();
-        for &[a, b, c] in self.mesh.triangles() {
-            if ![(a, b), (b, c), (c, a)].into_iter().all(|half| halves.insert(half)) {
-                return None;
-            }
-        }
-        if !halves.iter().all(|(a, b)| halves.contains(&(*b, *a))) {
+/// Number of handles; `None` where the surface is not a closed manifold.
+pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
+    let mut halves = std::collections::HashSet::new();
+    for &[a, b, c] in mesh.triangles() {
+        if ![(a, b), (b, c), (c, a)].into_iter().all(|half| halves.insert(half)) {
             return None;
         }
-        let euler = self.mesh.vertex_count() as i64 - halves.len() as i64 / 2 + self.mesh.triangle_count() as i64;
-        usize::try_from(2 - euler).ok().map(|twice| twice / 2)
     }
+    if !halves.iter().all(|(a, b)| halves.contains(&(*b, *a))) {
+        return None;
+    }
+    let euler = mesh.vertex_count() as i64 - halves.len() as i64 / 2 + mesh.triangle_count() as i64;
+    usize::try_from(2 - euler).ok().map(|twice| twice / 2)
 }
 
 /// Parts in the order of their first vertex, and what repair did.

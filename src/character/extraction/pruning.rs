@@ -1,17 +1,37 @@
 //! Takes branches away that say nothing of the shape, and brings junctions together that are one.
 //!
-//! Bumps of a surface leave short branches. A branch from a junction of radius `r` to an end of radius `s`, `l` long, is covered by the
-//! ball at the junction but for `l + s − r`: it is taken away where this is less than `prune · r`. The ratio needs no unit and is the same for
-//! fingers and trunks. The shortest goes first, since the next may be longer by then. Vertices of the branch go to the junction.
-//! Ends that are pinned stay.
+//! Bumps of a surface leave short branches, and so do the edges of thick sheets. With `c` and `s` the place and radius of an end, the ball
+//! there sticks out of the balls about the rest of the curve, of centers `u` and radii `r_u`, by
+//!
+//! `b = s + min_u (‖c − u‖ − r_u)`.
+//!
+//! A branch is no limb where `b < prune · w`, with `w` half its width at the end: half the longest chord across it. Of a round limb `w = s`, and
+//! with `prune = 1` this says that the end lies inside a ball of the rest; the edge of a slab is as wide as the slab, and a branch that
+//! reaches for it sticks out by less. The ratio needs no unit and is the same for fingers and trunks. The branch that sticks out least
+//! goes first, since others may be covered less by then. Vertices of the branch go to the junction. Ends that are pinned stay.
 //!
 //! Two junctions nearer to each other than a share of the larger radius are one, unless a loop would vanish.
 
+use nalgebra::Vector3;
+
+use super::aabb::AabbTree;
+use super::centering::radius;
 use super::order::Cost;
 use super::web::Web;
 
+/// Chords across an end.
+const CHORDS: usize = 8;
+/// Planes tilted against the direction of the branch, and the tangent of the angle.
+const TILTS: usize = 6;
+const TILT: f64 = 0.8;
+
 /// Takes away what is covered.
-pub(super) fn prune(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) -> f64, prune: f64) {
+pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
+    let mut radii = vec![0.0; web.nodes.len()];
+    let mut widths = std::collections::HashMap::new();
+    for v in web.alive().collect::<Vec<_>>() {
+        radii[v as usize] = radius(tree, &web.nodes[v as usize]);
+    }
     loop {
         let mut worst: Option<(Cost, Vec<u32>)> = None;
         for mut branch in web.branches() {
@@ -22,11 +42,11 @@ pub(super) fn prune(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) -> f64, pru
             if web.degree(end) != 1 || web.degree(junction) < 3 || web.pinned[end as usize] {
                 continue;
             }
-            let (r, s) = (radius(web, junction), radius(web, end));
-            let beyond = (web.branch_length(&branch) + s - r) / r;
-            let rank = Cost::new(beyond);
-            if beyond < prune && worst.as_ref().is_none_or(|(least, _)| rank < *least) {
-                worst = Some((rank, branch));
+            let width =
+                *widths.entry((junction, end)).or_insert_with(|| half_width(web, tree, &branch, radii[end as usize]));
+            let out = Cost::new(sticks_out(web, &branch, &radii) / width.max(f64::MIN_POSITIVE));
+            if out < Cost::new(prune) && worst.as_ref().is_none_or(|(least, _)| out < *least) {
+                worst = Some((out, branch));
             }
         }
         let Some((_, branch)) = worst else { return };
@@ -34,6 +54,44 @@ pub(super) fn prune(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) -> f64, pru
             web.merge(pair[1], pair[0]);
         }
     }
+}
+
+/// How far the ball at the end of a branch sticks out of the balls about the rest of the curve.
+fn sticks_out(web: &Web, branch: &[u32], radii: &[f64]) -> f64 {
+    let last = branch[branch.len() - 1];
+    let end = web.nodes[last as usize];
+    let mut own = branch[1..].to_vec();
+    own.sort_unstable();
+    let rest = web.alive().filter(|v| own.binary_search(v).is_err());
+    let beyond = rest.map(|v| nalgebra::distance(&end, &web.nodes[v as usize]) - radii[v as usize]);
+    beyond.fold(f64::INFINITY, f64::min) + radii[last as usize]
+}
+
+/// Half the longest chord across a branch at its end, at least its radius there: that of the plane, among those tilted a little, in
+/// which it is least.
+fn half_width(web: &Web, tree: &AabbTree, branch: &[u32], radius: f64) -> f64 {
+    let end = web.nodes[branch[branch.len() - 1] as usize];
+    let mut before = branch.iter().rev().map(|v| web.nodes[*v as usize]);
+    let from = before.find(|p| nalgebra::distance(p, &end) >= radius).unwrap_or(web.nodes[branch[0] as usize]);
+    let Some(along) = (end - from).try_normalize(1e-12) else { return radius };
+    let side = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
+    let other = along.cross(&side);
+    let around = |k: usize, of: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / of as f64;
+        side * angle.cos() + other * angle.sin()
+    };
+    let tilted = (0..TILTS).map(|k| along + around(k, TILTS) * TILT);
+    let widest = |axis: Vector3<f64>| {
+        let axis = axis.normalize();
+        let chord = |k: usize| {
+            let across = around(k, 2 * CHORDS);
+            let across = (across - axis * across.dot(&axis)).normalize();
+            let ways = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
+            0.5 * (ways[0] + ways[1])
+        };
+        (0..CHORDS).map(chord).fold(radius, f64::max)
+    };
+    std::iter::once(along).chain(tilted).map(widest).fold(f64::INFINITY, f64::min)
 }
 
 /// Merges junctions that are one.

@@ -240,3 +240,100 @@ fn joints_are_ends_junctions_and_bends_in_a_tree() {
     let tree = skeleton_of(&ring, None).unwrap();
     assert!(tree.joint_count() >= 3 && tree.roots().count() == 1, "a loop is cut once");
 }
+
+#[test]
+fn sheets_have_as_many_loops_as_ways_go_round_them() {
+    for (name, mesh, loops) in [("plane", shapes::plane(12), 0), ("moebius", shapes::moebius(40, 4), 1)] {
+        let (curve, report) = curve_of(&mesh);
+        assert_eq!((report.loops, report.handles), (loops, loops), "{name}");
+        assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count(), "{name}");
+        let thick = sheet::thickened(&mesh).unwrap();
+        assert_eq!(parts::handles(&thick.0), Some(loops), "{name}");
+        assert!(!sheet::is_solid(&mesh, &mesh.vertex_normals()), "{name}");
+    }
+    assert!(sheet::thickened(&shapes::book(5)).is_none(), "where three pages meet there are no two sides");
+    let ball = shapes::icosphere(3);
+    let open = TriMesh::new(ball.positions().to_vec(), ball.triangles()[40..].to_vec()).unwrap();
+    assert!(sheet::is_solid(&open, &open.vertex_normals()), "a ball with a hole has an inside");
+}
+
+#[test]
+fn a_ball_has_one_short_bone() {
+    let ball = shapes::icosphere(3);
+    let small = moved(&ball, |p| Point3::from(p.coords * 0.5 + Vector3::x() * 3.0));
+    let (curve, report) = curve_of(&shapes::disjoint(&[ball, small]));
+    assert_eq!((report.parts, report.junctions), (2, 0));
+    assert!(skeleton_of(&curve, None).unwrap().joint_count() <= 4);
+}
+
+/// A row of nodes beside the axis of a capsule, and a side branch of one node from its middle.
+fn comb(from: f64, to: f64, side: f64) -> web::Web {
+    let along = |k: usize| from + (to - from) * k as f64 / 20.0;
+    let mut nodes: Vec<_> = (0..=20).map(|k| Point3::new(along(k), 0.02, 0.01)).collect();
+    let mut edges: Vec<[u32; 2]> = (0..20).map(|k| [k, k + 1]).collect();
+    nodes.push(Point3::new(along(10), side, 0.0));
+    edges.push([10, 21]);
+    web::Web::new(nodes, &edges, Vec::new())
+}
+
+#[test]
+fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    for side in [0.3, 0.9] {
+        let mut web = comb(0.0, 10.0, side);
+        pruning::prune(&mut web, &tree, 1.0);
+        assert_eq!(web.alive().filter(|v| web.degree(*v) == 1).count(), 2, "a branch {side} long");
+        assert!([0, 20].iter().all(|v| web.is_alive(*v)), "the ends of the capsule stay");
+        let mut all = comb(0.0, 10.0, side);
+        pruning::prune(&mut all, &tree, 0.0);
+        assert!(all.is_alive(21), "nothing goes at zero");
+    }
+}
+
+#[test]
+fn ends_come_to_the_center_of_the_cap_from_both_sides() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    for (from, to) in [(2.0, 8.0), (-0.9, 10.9)] {
+        let mut web = comb(from, to, 0.0);
+        web.merge(21, 10);
+        tips::trim(&mut web, &tree, &|p| tree.encloses(p));
+        tips::extend(&mut web, &tree);
+        let ends: Vec<f64> = web.alive().filter(|v| web.degree(*v) == 1).map(|v| web.nodes[v as usize].x).collect();
+        assert_eq!(ends.len(), 2);
+        for end in ends {
+            let off = end.min((10.0 - end).abs()).abs();
+            assert!(off < 0.35, "from {from} to {to}: an end at {end}");
+        }
+    }
+}
+
+#[test]
+fn evening_out_keeps_constants_and_sums_and_works_farther_where_it_is_wide() {
+    let web = comb(0.0, 2.0, 0.5);
+    let alive: Vec<u32> = web.alive().collect();
+    let spread = |radius: f64| {
+        let radii = vec![radius; web.nodes.len()];
+        let mut fairing = fairing::Fairing::new(&web, &alive, &radii, 0.5, |_| false).unwrap();
+        let mut same = vec![Vector3::new(1.0, -2.0, 3.0); web.nodes.len()];
+        fairing.apply(&mut same);
+        assert!(same.iter().all(|v| (v - Vector3::new(1.0, -2.0, 3.0)).norm() < 1e-9));
+        let mut one = vec![Vector3::zeros(); web.nodes.len()];
+        one[5] = Vector3::x();
+        fairing.apply(&mut one);
+        assert!((one.iter().sum::<Vector3<f64>>() - Vector3::x()).norm() < 1e-9);
+        one[5].x
+    };
+    assert!(spread(0.05) > 0.5 && spread(1.0) < 0.2, "{} {}", spread(0.05), spread(1.0));
+}
+
+#[test]
+fn a_curve_that_all_places_see_stays() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut web = comb(0.0, 10.0, 0.3);
+    let before = web.nodes.clone();
+    sight::draw(&mut web, &tree, mesh.positions()).unwrap();
+    assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
+}

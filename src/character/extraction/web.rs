@@ -73,6 +73,32 @@ impl Web {
         self.pinned[j as usize] |= self.pinned[i as usize];
     }
 
+    /// A new node behind the end of a branch.
+    pub(super) fn append(&mut self, end: u32, place: Point3<f64>) -> u32 {
+        let new = self.nodes.len() as u32;
+        self.nodes.push(place);
+        self.pinned.push(false);
+        self.into.push(new);
+        self.neighbors.push(vec![end]);
+        self.neighbors[end as usize].push(new);
+        new
+    }
+
+    /// A new node between two that are joined.
+    pub(super) fn split(&mut self, a: u32, b: u32, place: Point3<f64>) -> u32 {
+        let new = self.nodes.len() as u32;
+        self.nodes.push(place);
+        self.pinned.push(false);
+        self.into.push(new);
+        self.neighbors.push(vec![a, b]);
+        for (from, to) in [(a, b), (b, a)] {
+            if let Some(spoke) = self.neighbors[from as usize].iter_mut().find(|v| **v == to) {
+                *spoke = new;
+            }
+        }
+        new
+    }
+
     /// Branches between ends and junctions; loops without either begin at their first node. Each once.
     pub(super) fn branches(&self) -> Vec<Branch> {
         let mut seen = vec![false; self.nodes.len()];

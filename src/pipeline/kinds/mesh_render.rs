@@ -53,6 +53,12 @@ pub struct MeshRenderSettings {
     pub scalar: Option<String>,
     /// Faces seen from behind in another color
     pub mark_back: bool,
+    /// A skeleton inside: our own JSON (its curve is drawn too), glTF, GLB, BVH, .tgf or .skel
+    #[schemars(extend("format" = "path"))]
+    pub skeleton: Option<String>,
+    /// How opaque the surface is, 0 to 1; what lies behind shows through. 0.2 with a skeleton, else 1, if left out
+    #[schemars(range(min = 0, max = 1))]
+    pub opacity: Option<f64>,
     /// Handles of a deformed mesh as dots: held ones dark, moved ones orange
     pub handles: bool,
     /// One color behind the mesh; a light gradient if left out
@@ -70,6 +76,8 @@ impl Default for MeshRenderSettings {
             colors: false,
             scalar: None,
             mark_back: false,
+            skeleton: None,
+            opacity: None,
             handles: true,
             background: None,
         }
@@ -79,6 +87,11 @@ impl Default for MeshRenderSettings {
 impl MeshRenderSettings {
     /// Names of numbers that every mesh has, or every deformed one.
     pub const ATTRIBUTES: [&'static str; 5] = ["x", "y", "z", "displacement", "stretch"];
+
+    /// How opaque the surface is drawn.
+    pub fn drawn_opacity(&self) -> f64 {
+        self.opacity.unwrap_or(if self.skeleton.is_some() { 0.2 } else { 1.0 })
+    }
 
     /// The file that `scalar` names.
     pub fn scalar_file(&self) -> Option<&str> {
@@ -97,8 +110,10 @@ impl StageSettings for MeshRenderSettings {
     }
 
     fn held(&self) -> Vec<Held> {
-        // Nine samples per pixel, each with a triangle and a depth.
-        let bytes = u64::from(self.size.width) * u64::from(self.size.height) * (9 * 8 + 6);
+        // Nine samples per pixel, each with a triangle and a depth; of translucent surfaces two layers of them, and depth and
+        // opacity of twelve.
+        let samples = if self.drawn_opacity() < 1.0 { 2 * 9 * 8 + 12 * 8 } else { 9 * 8 };
+        let bytes = u64::from(self.size.width) * u64::from(self.size.height) * (samples + 6 + 16);
         vec![Held { what: "samples of the picture", bytes, ..Held::default() }]
     }
 
@@ -110,6 +125,6 @@ impl StageSettings for MeshRenderSettings {
     }
 
     fn reads(&self) -> Vec<&str> {
-        self.scalar_file().into_iter().collect()
+        self.scalar_file().into_iter().chain(self.skeleton.as_deref()).collect()
     }
 }

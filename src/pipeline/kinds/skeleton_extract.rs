@@ -16,7 +16,7 @@ pub struct SkeletonExtractSettings {
     /// About how many joints; as many as bends, ends and junctions need if left out
     #[schemars(range(min = 1, max = 10_000))]
     pub joints: Option<u32>,
-    /// Branches that reach less than this share of the radius at their junction beyond it are taken away
+    /// Branches whose end sticks out of the rest of the shape by less than this share of its own half-width are taken away
     #[schemars(range(min = 0, max = 100))]
     pub prune: f64,
     /// Ends that stay: "auto", the tips of the surface, or a file with numbers of vertices, from 0
@@ -32,7 +32,7 @@ pub struct SkeletonExtractSettings {
 
 impl Default for SkeletonExtractSettings {
     fn default() -> Self {
-        Self { path: None, joints: None, prune: 0.1, keep: None, template: None, contraction_frames: None }
+        Self { path: None, joints: None, prune: 1.0, keep: None, template: None, contraction_frames: None }
     }
 }
 

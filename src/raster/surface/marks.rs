@@ -1,16 +1,14 @@
-//! Points and segments in space over a picture: handles, skeletons. What the surface hides is drawn faintly.
+//! Points and segments in space over a picture: handles, skeletons. What the surface hides is drawn as faintly as it veils it.
 
 #![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
 
 use nalgebra::Point3;
 
 use super::SurfaceCamera;
-use super::visibility::Seen;
+use super::veil::Veil;
 use crate::math::Point2;
 use crate::raster::{Canvas, Rgb};
 
-/// How strongly marks behind the surface show through.
-const HIDDEN: f32 = 0.22;
 /// Marks lie on the surface: they count as nearer by this share of their distance, or the surface would swallow half of them.
 const LIFT: f32 = 0.004;
 /// Width of the dark rim around points, px: they stand out on any color.
@@ -43,12 +41,12 @@ struct Drawn<'m> {
 }
 
 /// Draws the marks, the farthest first.
-pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, seen: &Seen, canvas: &mut Canvas) {
+pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, veil: &Veil, canvas: &mut Canvas) {
     let mut drawn: Vec<Drawn<'_>> = marks.iter().filter_map(|m| Drawn::of(m, camera)).collect();
     let nearness = |d: &Drawn<'_>| d.ends[0].1 + d.ends[1].1;
     drawn.sort_by(|a, b| nearness(a).total_cmp(&nearness(b)));
     for mark in &drawn {
-        mark.draw(seen, canvas);
+        mark.draw(veil, canvas);
     }
 }
 
@@ -75,7 +73,7 @@ impl<'m> Drawn<'m> {
         finite.then_some(Self { mark, ends })
     }
 
-    fn draw(&self, seen: &Seen, canvas: &mut Canvas) {
+    fn draw(&self, veil: &Veil, canvas: &mut Canvas) {
         let radius = self.mark.width_px / 2.0;
         let rim = if matches!(self.mark.shape, Shape::Point(_)) { RIM } else { 0.0 };
         let reach = radius + rim + 1.0;
@@ -96,8 +94,7 @@ impl<'m> Drawn<'m> {
                 if cover(radius + rim) <= 0.0 {
                     continue;
                 }
-                let share = visible(seen, (x, y), (near_a + (near_b - near_a) * t as f32) * (1.0 + LIFT));
-                let strength = HIDDEN + (1.0 - HIDDEN) * share;
+                let strength = veil.share((x, y), (near_a + (near_b - near_a) * t as f32) * (1.0 + LIFT));
                 if rim > 0.0 {
                     canvas.blend(x as i64, y as i64, [24, 26, 32], cover(radius + rim) * strength);
                 }
@@ -105,11 +102,4 @@ impl<'m> Drawn<'m> {
             }
         }
     }
-}
-
-/// Share of a pixel's samples where nothing is nearer.
-fn visible(seen: &Seen, (x, y): (usize, usize), nearness: f32) -> f32 {
-    let n = seen.samples;
-    let free = (0..n * n).filter(|i| seen.nearness(x, y, i % n, i / n) <= nearness).count();
-    free as f32 / (n * n) as f32
 }

@@ -5,21 +5,26 @@
 //! 3. `shade.rs` colors each pixel once per triangle that its samples see; smooth normals stop at creases
 //!    (`corner_normals.rs`), and a wireframe is drawn by the distance to the triangle's edges, so that what hides a face
 //!    hides its edges.
-//! 4. `marks.rs` draws points and segments (handles, skeletons) over it; what a surface hides is drawn faintly.
+//! 4. Of a translucent surface layers are peeled off one by one, and laid over each other.
+//! 5. `marks.rs` draws points and segments (handles, skeletons: `graph.rs`) over it; what a surface hides is drawn faintly, what
+//!    a translucent one veils as far as it lets through (`veil.rs`).
 //!
 //! Both sides of a triangle are lit. Degenerate triangles are not seen. The picture does not depend on the number of threads.
 
 mod camera;
 mod corner_normals;
+mod graph;
 mod legend;
 mod lighting;
 mod marks;
 mod shade;
 #[cfg(test)]
 mod tests;
+mod veil;
 mod visibility;
 
 pub use camera::{SurfaceCamera, UpAxis, ViewDirection};
+pub use graph::{branch_marks, node_marks};
 pub use marks::{Mark, Shape};
 
 use crate::mesh::TriMesh;
@@ -128,6 +133,8 @@ pub struct Style {
     pub wireframe: Option<Wireframe>,
     /// Color of faces that are seen from behind, where they shall stand out.
     pub back: Option<Rgb>,
+    /// How opaque surfaces are that face the viewer, 0 to 1. Less than 1: what lies behind shows through, layer by layer.
+    pub opacity: f64,
     /// Samples per pixel along each axis, at least 1.
     pub samples: usize,
     /// Whether numbers get a bar that tells their colors.
@@ -143,6 +150,7 @@ impl Default for Style {
             crease_deg: 45.0,
             wireframe: None,
             back: None,
+            opacity: 1.0,
             samples: 3,
             legend: true,
         }
@@ -152,9 +160,9 @@ impl Default for Style {
 /// The picture that `camera` takes of a surface.
 pub fn draw(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style) -> Canvas {
     let samples = style.samples.clamp(1, 8);
-    let seen = visibility::Seen::new(surface.mesh, camera, samples);
-    let mut canvas = shade::shade(surface, camera, style, &seen);
-    marks::draw(surface.marks, camera, &seen, &mut canvas);
+    let view = visibility::View::new(surface.mesh, camera, samples);
+    let (mut canvas, veil) = shade::shade(surface, camera, style, &view);
+    marks::draw(surface.marks, camera, &veil, &mut canvas);
     if let (Paint::VertexValues(_, scale) | Paint::FaceValues(_, scale), true) = (&surface.paint, style.legend) {
         legend::draw(scale, &mut canvas);
     }

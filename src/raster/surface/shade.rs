@@ -1,5 +1,9 @@
 //! Colors of pixels: each triangle that a pixel's samples see is shaded once, at the mean place of those samples.
 //!
+//! Layers of a translucent surface lie over each other, the nearest first: with the light `L` and opacity `α` of a layer, and `T` the
+//! share that the layers before it let through, a pixel gathers `T α L` and goes on with `T (1 − α)`. A surface seen at a grazing angle is
+//! passed through a longer way: `α = o + (1 − o)(1 − |n·v|)³`, so that outlines stand out as those of glass do.
+//!
 //! With the corners `a, b, c` of a triangle in the camera's axes, the place where the ray `r = (X, Y, 1)` meets its plane has
 //! barycentric coordinates proportional to `r·(b×c), r·(c×a), r·(a×b)`: perspective needs no correction.
 
@@ -8,7 +12,8 @@ use rayon::prelude::*;
 
 use super::corner_normals::corner_normals;
 use super::lighting::Lights;
-use super::visibility::{NOTHING, Seen};
+use super::veil::Veil;
+use super::visibility::{NOTHING, Seen, View};
 use super::{Paint, Style, Surface, SurfaceCamera, Wireframe};
 use crate::math::{Point2, Vec2};
 use crate::raster::srgb::{Encode, LINEAR};
@@ -21,30 +26,44 @@ const UNKNOWN: Rgb = [128, 128, 128];
 /// Lines are at full strength where a circle inside the triangle has this radius, in line widths.
 const ROOM_FOR_LINES: f64 = 3.0;
 
-/// Colors every pixel.
-pub(super) fn shade(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style, seen: &Seen) -> Canvas {
+/// Layers of a translucent surface that are drawn: what lies behind as many is not seen.
+const LAYERS: usize = 12;
+
+/// Light that reaches a pixel, and the share of what lies behind that is let through.
+#[derive(Clone, Copy)]
+struct Gathered {
+    light: Vec3,
+    clear: f32,
+}
+
+/// Colors every pixel, and tells what lies before marks.
+pub(super) fn shade(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style, view: &View) -> (Canvas, Veil) {
     let legible = !matches!(surface.paint, Paint::Plain(_));
     let shader = Shader {
         surface,
         camera,
-        seen,
+        view,
         normals: (!style.flat).then(|| corner_normals(surface.mesh, style.crease_deg)),
         camera_from_world: camera.pose.rotation.to_rotation_matrix().cast(),
         lights: Lights::new(legible),
         colors: Colors::new(surface.paint),
         wireframe: style.wireframe,
         back: style.back.map(linear),
+        opacity: if style.opacity < 1.0 { style.opacity.max(0.0) as f32 } else { 1.0 },
     };
-    let encode = Encode::new();
     let (width, height) = camera.size;
+    let mut gathered = vec![Gathered { light: Vec3::zeros(), clear: 1.0 }; width * height];
+    let veil = shader.gather(&mut gathered);
+    let encode = Encode::new();
     let mut pixels: Vec<Rgb> = vec![[0; 3]; width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    let rows = pixels.par_chunks_mut(width).zip(gathered.par_chunks(width));
+    rows.enumerate().for_each(|(y, (row, gathered))| {
         let behind = background(style, y, height);
-        for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = shader.pixel(x, y, behind).map_or_else(|| encode.apply(behind), |color| encode.apply(color));
+        for (pixel, g) in row.iter_mut().zip(gathered) {
+            *pixel = encode.apply(g.light + behind * g.clear);
         }
     });
-    Canvas::from_pixels(width, height, pixels).expect("one pixel per place")
+    (Canvas::from_pixels(width, height, pixels).expect("one pixel per place"), veil)
 }
 
 fn background(style: &Style, y: usize, height: usize) -> Vec3 {
@@ -101,28 +120,64 @@ fn mapped(share: Option<f64>, table: &[Vec3]) -> Vec3 {
 struct Shader<'a> {
     surface: &'a Surface<'a>,
     camera: &'a SurfaceCamera,
-    seen: &'a Seen,
+    view: &'a View,
     normals: Option<Vec<[Vec3; 3]>>,
     camera_from_world: Rotation3<f32>,
     lights: Lights,
     colors: Colors<'a>,
     wireframe: Option<Wireframe>,
     back: Option<Vec3>,
+    opacity: f32,
 }
 
 impl Shader<'_> {
-    /// Mean light of a pixel; `None` where all of its samples see the background.
-    fn pixel(&self, x: usize, y: usize, behind: Vec3) -> Option<Vec3> {
-        let n = self.seen.samples;
-        let sample = |i: usize| self.seen.triangle(x, y, i % n, i / n);
+    /// Gathers the light of the surface, layer by layer where it is translucent.
+    fn gather(&self, gathered: &mut [Gathered]) -> Veil {
+        let mut seen = self.view.nearest();
+        if self.opacity >= 1.0 {
+            self.add(&seen, gathered);
+            return Veil::opaque(seen);
+        }
+        let mut veil = Veil::translucent(self.camera.size.0);
+        for _ in 0..LAYERS {
+            if seen.is_empty() {
+                break;
+            }
+            veil.lay(&self.add(&seen, gathered), &seen);
+            seen = self.view.behind(&seen);
+        }
+        veil
+    }
+
+    /// Adds the light of a layer; how opaque it is in each pixel.
+    fn add(&self, seen: &Seen, gathered: &mut [Gathered]) -> Vec<f32> {
+        let mut opacity = vec![0.0; gathered.len()];
+        let width = self.camera.size.0;
+        let rows = gathered.par_chunks_mut(width).zip(opacity.par_chunks_mut(width));
+        rows.enumerate().for_each(|(y, (row, opacity))| {
+            for (x, (g, opacity)) in row.iter_mut().zip(opacity).enumerate() {
+                if let Some((light, cover)) = self.pixel(seen, x, y) {
+                    g.light += light * g.clear;
+                    g.clear *= 1.0 - cover;
+                    *opacity = cover;
+                }
+            }
+        });
+        opacity
+    }
+
+    /// Light that a layer adds to a pixel, and how much of the pixel it covers; `None` where no sample sees it.
+    fn pixel(&self, seen: &Seen, x: usize, y: usize) -> Option<(Vec3, f32)> {
+        let n = seen.samples;
+        let sample = |i: usize| seen.triangle(x, y, i % n, i / n);
         let first = sample(0);
         if (1..n * n).all(|i| sample(i) == first) {
             return (first != NOTHING).then(|| self.light(first as usize, x as f64 + 0.5, y as f64 + 0.5));
         }
-        let mut sum = Vec3::zeros();
+        let (mut light, mut cover) = (Vec3::zeros(), 0.0);
         for i in 0..n * n {
             let triangle = sample(i);
-            if (0..i).any(|k| sample(k) == triangle) {
+            if triangle == NOTHING || (0..i).any(|k| sample(k) == triangle) {
                 continue;
             }
             let (mut count, mut place) = (0.0, Vec2::zeros());
@@ -131,19 +186,18 @@ impl Shader<'_> {
                 place += Vec2::new((k % n) as f64 + 0.5, (k / n) as f64 + 0.5);
             }
             let at = place / (count * n as f64);
-            let light = match triangle {
-                NOTHING => behind,
-                t => self.light(t as usize, x as f64 + at.x, y as f64 + at.y),
-            };
-            sum += light * count as f32;
+            let (own, opacity) = self.light(triangle as usize, x as f64 + at.x, y as f64 + at.y);
+            light += own * count as f32;
+            cover += opacity * count as f32;
         }
-        Some(sum / (n * n) as f32)
+        let all = (n * n) as f32;
+        Some((light / all, cover / all))
     }
 
-    /// Linear light that comes from a triangle through the place (`x`, `y`) of the picture, px.
-    fn light(&self, triangle: usize, x: f64, y: f64) -> Vec3 {
+    /// Linear light that comes from a triangle through the place (`x`, `y`) of the picture, px, and how opaque it is there.
+    fn light(&self, triangle: usize, x: f64, y: f64) -> (Vec3, f32) {
         let corners = self.surface.mesh.triangles()[triangle];
-        let [a, b, c] = corners.map(|v| self.seen.vertices[v as usize]);
+        let [a, b, c] = corners.map(|v| self.view.vertices[v as usize]);
         let (ray_x, ray_y) = self.camera.ray(x, y);
         let ray = Vector3::new(ray_x, ray_y, 1.0);
         let weights = barycentric(&ray, &a, &b, &c);
@@ -166,13 +220,12 @@ impl Shader<'_> {
             _ => self.colors.at(triangle, corners, weights),
         };
         let lit = self.lights.on(color, &n, &view);
-        match &self.wireframe {
-            Some(wire) => {
-                let opacity = self.line(wire, triangle, [a, b, c], Point2::new(x, y));
-                lit + (linear(wire.color) - lit) * opacity as f32
-            }
-            None => lit,
-        }
+        let grazing = 1.0 - n.dot(&view).abs().min(1.0);
+        let opacity = self.opacity + (1.0 - self.opacity) * grazing.powi(3);
+        let line = self.wireframe.as_ref().map_or(0.0, |wire| self.line(wire, triangle, [a, b, c], Point2::new(x, y)));
+        let ink = self.wireframe.map_or_else(Vec3::zeros, |wire| linear(wire.color));
+        let (line, through) = (line as f32, 1.0 - line as f32);
+        (ink * line + lit * (opacity * through), line + opacity * through)
     }
 
     /// How much of the wireframe covers a place inside a triangle.

@@ -27,6 +27,7 @@ const PLAIN: Style = Style {
     crease_deg: 45.0,
     wireframe: None,
     back: None,
+    opacity: 1.0,
     samples: 2,
     legend: false,
 };
@@ -107,7 +108,7 @@ fn triangles_that_share_an_edge_leave_no_crack_and_cover_no_sample_twice() {
     let whole = mesh(&positions, &fan);
     let camera = camera(&whole, "front", (120, 120));
     let covered = |triangles: &[[u32; 3]]| -> Vec<bool> {
-        let seen = visibility::Seen::new(&mesh(&positions, triangles), &camera, 3);
+        let seen = visibility::View::new(&mesh(&positions, triangles), &camera, 3).nearest();
         let samples = (0..120 * 120 * 9).map(|i| seen.triangle(i / 9 % 120, i / 9 / 120, i % 3, i % 9 / 3));
         samples.map(|t| t != visibility::NOTHING).collect()
     };
@@ -186,6 +187,59 @@ fn marks_behind_a_surface_are_fainter() {
     assert_eq!(at(0.01), [0, 0, 255]);
     assert_eq!(at(0.0), [0, 0, 255], "on the surface counts as before it");
     assert!(at(-0.5)[0] > 100, "{:?}", at(-0.5));
+}
+
+/// Squares of side 2 across the axis of the view, one behind the other.
+fn squares(depths: &[f64]) -> TriMesh {
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let positions: Vec<_> = depths.iter().flat_map(|z| corners.map(|[x, y]| [x, y, *z])).collect();
+    let triangles: Vec<_> =
+        (0..depths.len() as u32).flat_map(|k| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v| 4 * k + v))).collect();
+    mesh(&positions, &triangles)
+}
+
+#[test]
+fn layers_of_glass_let_through_what_each_of_them_lets_through() {
+    let linear = |[r, _, _]: Rgb| f64::from(super::super::srgb::LINEAR[usize::from(r)]);
+    let style = Style { flat: true, opacity: 0.3, background: [[255; 3]; 2], ..PLAIN };
+    let glass = squares(&[0.0]);
+    let camera = camera(&glass, "front", (101, 101));
+    let middle = |m: &TriMesh, opacity: f64| {
+        let black = Surface { paint: Paint::Plain([0; 3]), ..Surface::new(m) };
+        linear(draw(&black, &camera, &Style { opacity, ..style }).pixels()[50 * 101 + 50])
+    };
+    let gloss = middle(&glass, 1.0);
+    let one = 0.3 * gloss + 0.7;
+    for count in 1..=4 {
+        let depths: Vec<f64> = (0..count).map(|k| -0.1 * f64::from(k)).collect();
+        // The order in the list does not matter.
+        let reversed: Vec<f64> = depths.iter().rev().copied().collect();
+        let wanted = (1..count).fold(one, |behind, _| 0.3 * gloss + 0.7 * behind);
+        for depths in [depths, reversed] {
+            let seen = middle(&squares(&depths), 0.3);
+            assert!((seen - wanted).abs() < 0.02, "{count} layers: {seen}, not {wanted}");
+        }
+    }
+}
+
+#[test]
+fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
+    let glass = squares(&[0.0, -1.0, -2.0]);
+    let camera = camera(&glass, "front", (101, 101));
+    let style = Style { flat: true, opacity: 0.4, ..PLAIN };
+    let red = |marks: &[Mark]| {
+        let drawn = draw(&Surface { marks, ..Surface::new(&glass) }, &camera, &style);
+        f64::from(drawn.pixels()[50 * 101 + 50][0])
+    };
+    // A blue mark takes as much of the red as it is seen.
+    let seen = |z: f64| {
+        let shape = Shape::Segment(Point3::new(-0.1, 0.0, z), Point3::new(0.1, 0.0, z));
+        let mark = Mark { shape, color: [0, 0, 255], width_px: 9.0 };
+        1.0 - red(&[mark]) / red(&[])
+    };
+    for (z, wanted) in [(0.5, 1.0), (-0.5, 0.6), (-1.5, 0.36), (-2.5, 0.216)] {
+        assert!((seen(z) - wanted).abs() < 0.02, "at {z} a share of {} is seen, not {wanted}", seen(z));
+    }
 }
 
 #[test]

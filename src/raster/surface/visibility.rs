@@ -2,7 +2,8 @@
 //!
 //! Corners are snapped to a 256th of a sample and edges tested in whole numbers, so that a sample on the edge between two
 //! triangles belongs to exactly one of them: no cracks, nothing drawn twice. `1/z` is affine on the screen. The picture is
-//! cut into bands of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept.
+//! cut into bands of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept. What lies behind a layer is
+//! found by drawing again only what is farther: layers are peeled off one by one.
 
 #![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
 
@@ -21,10 +22,19 @@ const FAR: f64 = (1_u64 << 29) as f64;
 /// Rows of samples in a band.
 const BAND: usize = 48;
 
-/// What the samples see.
-pub(super) struct Seen {
+/// What is before the camera: all triangles on the screen.
+pub(super) struct View {
     /// Vertices in the camera's axes.
     pub(super) vertices: Vec<Point3<f64>>,
+    screen: Vec<Screen>,
+    bands: Bands,
+    samples: usize,
+    columns: usize,
+    rows: usize,
+}
+
+/// What the samples see.
+pub(super) struct Seen {
     /// Samples per pixel and axis.
     pub(super) samples: usize,
     /// Samples per row.
@@ -35,7 +45,7 @@ pub(super) struct Seen {
     nearness: Vec<f32>,
 }
 
-impl Seen {
+impl View {
     pub(super) fn new(mesh: &TriMesh, camera: &SurfaceCamera, samples: usize) -> Self {
         let vertices: Vec<Point3<f64>> = mesh.positions().par_iter().map(|p| camera.pose.apply(p)).collect();
         let (columns, rows) = (camera.size.0 * samples, camera.size.1 * samples);
@@ -49,14 +59,37 @@ impl Seen {
             })
             .collect();
         let bands = Bands::new(&screen, rows);
-        let mut triangle = vec![NOTHING; columns * rows];
-        let mut nearness = vec![0.0_f32; columns * rows];
-        let targets = triangle.par_chunks_mut(columns * BAND).zip(nearness.par_chunks_mut(columns * BAND));
+        Self { vertices, screen, bands, samples, columns, rows }
+    }
+
+    /// The nearest triangles.
+    pub(super) fn nearest(&self) -> Seen {
+        self.peeled(None)
+    }
+
+    /// The nearest triangles behind those of a layer (C. Everitt, *Interactive order-independent transparency*, 2001).
+    pub(super) fn behind(&self, layer: &Seen) -> Seen {
+        self.peeled(Some(layer))
+    }
+
+    fn peeled(&self, layer: Option<&Seen>) -> Seen {
+        let mut triangle = vec![NOTHING; self.columns * self.rows];
+        let mut nearness = vec![0.0_f32; self.columns * self.rows];
+        let size = self.columns * BAND;
+        let targets = triangle.par_chunks_mut(size).zip(nearness.par_chunks_mut(size));
         targets.enumerate().for_each(|(band, (triangle, nearness))| {
-            let mut target = Target { top: band * BAND, columns, triangle, nearness };
-            bands.of(band).iter().for_each(|i| screen[*i as usize].draw(&mut target));
+            let before = layer.map(|l| &l.nearness[band * size..][..nearness.len()]);
+            let mut target = Target { top: band * BAND, columns: self.columns, triangle, nearness, before };
+            self.bands.of(band).iter().for_each(|i| self.screen[*i as usize].draw(&mut target));
         });
-        Self { vertices, samples, columns, triangle, nearness }
+        Seen { samples: self.samples, columns: self.columns, triangle, nearness }
+    }
+}
+
+impl Seen {
+    /// True where no sample sees a triangle.
+    pub(super) fn is_empty(&self) -> bool {
+        self.triangle.iter().all(|t| *t == NOTHING)
     }
 
     /// The triangle of sample (`column`, `line`) of pixel (`x`, `y`).
@@ -69,6 +102,14 @@ impl Seen {
     #[inline]
     pub(super) fn nearness(&self, x: usize, y: usize, column: usize, line: usize) -> f32 {
         self.nearness[self.index(x, y, column, line)]
+    }
+
+    /// Mean `1/z` of the samples of a pixel that see a triangle; 0 where none does.
+    pub(super) fn mean_nearness(&self, x: usize, y: usize) -> f32 {
+        let n = self.samples;
+        let seen = (0..n * n).map(|i| self.nearness(x, y, i % n, i / n)).filter(|near| *near > 0.0);
+        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), near| (sum + near, count + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
     }
 
     #[inline]
@@ -91,6 +132,8 @@ struct Target<'a> {
     columns: usize,
     triangle: &'a mut [u32],
     nearness: &'a mut [f32],
+    /// What lies before: nothing as near is drawn.
+    before: Option<&'a [f32]>,
 }
 
 impl Screen {
@@ -155,7 +198,8 @@ impl Screen {
                 if inside[0] | inside[1] | inside[2] >= 0 {
                     let i = start + column as usize;
                     let nearness = plane.at(column, row);
-                    if nearness > target.nearness[i] {
+                    let open = target.before.is_none_or(|before| nearness < before[i]);
+                    if open && nearness > target.nearness[i] {
                         target.nearness[i] = nearness;
                         target.triangle[i] = self.triangle;
                     }

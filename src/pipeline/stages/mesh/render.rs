@@ -6,6 +6,8 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::{Posed, mesh_at};
+use crate::character::io::read_rig;
+use crate::character::skeleton_file::SkeletonFile;
 use crate::image::still::{ExifTags, Photo, frame_of_rgb};
 use crate::mesh::{Model, TriMesh};
 use crate::pipeline::kinds::MeshRenderSettings;
@@ -13,15 +15,19 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::numpy::read_npy;
 use crate::raster::Rgb;
-use crate::raster::surface::{CLAY, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, Wireframe, draw};
+use crate::raster::surface::{
+    CLAY, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, Wireframe, branch_marks, draw, node_marks,
+};
 
 /// Dots of handles that move, and of those that hold still.
 const MOVED: Rgb = [235, 120, 20];
 const HELD: Rgb = [60, 70, 90];
 /// Faces from behind.
 const BACK: Rgb = [196, 88, 64];
-/// Diameter of a dot as a share of the picture's smaller side.
+/// Diameter of a dot as a share of the picture's smaller side, of a joint, and width of a bone.
 const DOT: f64 = 0.008;
+const JOINT: f64 = 0.014;
+const BONE: f64 = 0.005;
 
 /// Draws the mesh in its last pose.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshRenderSettings) -> Result<(), RunError> {
@@ -45,7 +51,10 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshRe
     let size = (settings.size.width as usize, settings.size.height as usize);
     let camera = SurfaceCamera::fit(seen(&mesh), settings.view.direction(), settings.up.axis(), size);
     let edges = settings.wireframe.then(|| polygon_edges(&posed.model));
-    let marks = if settings.handles { marks(&posed, size) } else { Vec::new() };
+    let mut marks = if settings.handles { marks(&posed, size) } else { Vec::new() };
+    if let Some(path) = &settings.skeleton {
+        marks.extend(skeleton_marks(Path::new(path), size)?);
+    }
     let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
     let drawn = draw(&surface, &camera, &style(settings));
     let frame = frame_of_rgb(drawn.as_bytes(), size.0, size.1).map_err(|e| RunError::Internal(e.to_string()))?;
@@ -63,6 +72,7 @@ fn style(settings: &MeshRenderSettings) -> Style {
             Wireframe { width_px: (f64::from(side) / 1000.0).max(1.0), ..Wireframe::default() }
         }),
         back: settings.mark_back.then_some(BACK),
+        opacity: settings.drawn_opacity(),
         background: settings.background.map_or(plain.background, |color| [color.0; 2]),
         ..plain
     }
@@ -113,6 +123,28 @@ fn marks(posed: &Posed, size: (usize, usize)) -> Vec<Mark> {
         width_px,
     };
     posed.handles.iter().map(mark).collect()
+}
+
+/// The skeleton of a file: its joints, and the curve that they were made of, or else bones.
+fn skeleton_marks(path: &Path, size: (usize, usize)) -> Result<Vec<Mark>, RunError> {
+    let side = size.0.min(size.1) as f64;
+    let own = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    let (skeleton, curve) = if own {
+        let read = SkeletonFile::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+        (read.skeleton, read.curve)
+    } else {
+        (read_rig(path).map_err(|e| RunError::Input(e.to_string()))?.skeleton, None)
+    };
+    let joints = skeleton.rest_positions();
+    let numbered = skeleton.joints().iter().zip(0..);
+    let bones: Vec<[u32; 2]> = numbered.filter_map(|(joint, j)| joint.parent.map(|p| [p, j])).collect();
+    let width = (side * BONE).max(2.0);
+    let mut marks = match &curve {
+        Some(curve) => branch_marks(&curve.nodes, &curve.edges, width),
+        None => branch_marks(&joints, &bones, width),
+    };
+    marks.extend(node_marks(&joints, &bones, (side * JOINT).max(5.0)));
+    Ok(marks)
 }
 
 /// The numbers that color the mesh: one per vertex, or one per triangle.

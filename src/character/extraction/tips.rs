@@ -1,0 +1,96 @@
+//! Ends of the curve are brought to where the shape ends.
+//!
+//! At the end of a limb the largest ball inside touches its tip: a curve through the middle ends at its center. From an end `c` with the
+//! direction `d` of its branch, the curve goes on as long as the way to the surface ahead is longer than the radius `r`: as far as the
+//! ball can roll on. After each step the node is brought to the middle across `d`, and `d` follows the way that it took. Where it ends is
+//! the center of the cap of a capsule, and the tip of a cone.
+//!
+//! The other way round, end nodes whose balls lie inside the ball of the node before say nothing and are taken away, and so are those
+//! that have come outside.
+
+use nalgebra::{Point3, Vector3};
+
+use super::aabb::AabbTree;
+use super::centering::{across, radius};
+use super::web::Web;
+
+/// Steps of an end at most.
+const STEPS: usize = 80;
+/// Length of a step, in radii.
+const STEP: f64 = 0.25;
+/// Cosine of the angle that an end turns at most, 45°: it goes on, it does not seek.
+const STRAIGHT: f64 = 0.7;
+/// How far it goes, in radii at the end that was.
+const FARTHEST: f64 = 4.0;
+/// The direction of a branch is that over this many radii before its end.
+const LOOK_BACK: f64 = 1.0;
+/// How far the direction turns to the way taken, per step.
+const TURN: f64 = 0.3;
+/// A ball smaller than this is a tip, in radii of the sphere of equal area.
+const POINT: f64 = 0.01;
+/// An end is inside the ball before where it is inside one larger by this factor.
+const WITHIN: f64 = 1.1;
+/// The way ahead must be longer than this many radii: bumps do not count.
+const ROOM: f64 = 1.1;
+
+/// Takes end nodes away whose balls lie inside the one before, and those that are not `inside`.
+pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
+    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
+    for mut end in ends {
+        while let [before] = *web.neighbors(end) {
+            let [r, s] = [before, end].map(|v| radius(tree, &web.nodes[v as usize]));
+            let covered = web.length(before, end) + s <= WITHIN * r;
+            if web.degree(before) != 2 || !covered && inside(&web.nodes[end as usize]) {
+                break;
+            }
+            web.merge(end, before);
+            end = before;
+        }
+    }
+}
+
+/// Lets every end inside a closed surface go on as far as its ball can.
+pub(super) fn extend(web: &mut Web, tree: &AabbTree) {
+    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
+    for end in ends {
+        let Some(first) = direction(web, tree, end) else { continue };
+        let start = web.nodes[end as usize];
+        let farthest = FARTHEST * radius(tree, &start);
+        let (mut at, mut direction, mut last) = (start, first, end);
+        for _ in 0..STEPS {
+            let Some((next, turned)) = step(tree, &at, &direction) else { break };
+            if turned.dot(&first) < STRAIGHT || nalgebra::distance(&next, &start) > farthest {
+                break;
+            }
+            last = web.append(last, next);
+            (at, direction) = (next, turned);
+        }
+    }
+}
+
+/// Direction of a branch at its end.
+fn direction(web: &Web, tree: &AabbTree, end: u32) -> Option<Vector3<f64>> {
+    let reach = LOOK_BACK * radius(tree, &web.nodes[end as usize]);
+    let (mut before, mut at) = (end, *web.neighbors(end).first()?);
+    while web.degree(at) == 2 && nalgebra::distance(&web.nodes[at as usize], &web.nodes[end as usize]) < reach {
+        let next = web.neighbors(at).iter().copied().find(|v| *v != before)?;
+        (before, at) = (at, next);
+    }
+    (web.nodes[end as usize] - web.nodes[at as usize]).try_normalize(1e-9)
+}
+
+fn step(tree: &AabbTree, at: &Point3<f64>, direction: &Vector3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
+    let r = radius(tree, at);
+    let ahead = tree.first_hit(at, direction)?;
+    if !(r > POINT && ahead > ROOM * r && tree.encloses(at)) {
+        return None;
+    }
+    let length = (STEP * r).max(POINT).min(0.5 * ahead);
+    let moved = at + direction * length;
+    let side = across(tree, &moved);
+    let next = moved + (side - direction * side.dot(direction));
+    let way = (next - at).try_normalize(1e-9)?;
+    let turned = (direction * (1.0 - TURN) + way * TURN).try_normalize(1e-9)?;
+    // Where the way turns back there is no limb.
+    (way.dot(direction) > 0.5).then_some((next, turned))
+}
