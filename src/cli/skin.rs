@@ -1,6 +1,6 @@
 //! `plumbline skin`: how a surface follows a skeleton.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
@@ -125,7 +125,6 @@ impl SkinArgs {
 
 impl TrainArgs {
     fn pipeline(&self) -> PipelineFile {
-        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
         let patterns = |list: &[String]| list.iter().map(|pattern| escape(pattern)).collect();
         let train = SkinTrainSettings {
             examples: patterns(&self.examples),
@@ -139,39 +138,34 @@ impl TrainArgs {
             path: literal_path(&self.output),
             report: self.report.as_ref().map(|path| literal_path(path)),
         };
-        let skeleton = SkeletonLoadSettings { path: literal_path(&self.skeleton) };
-        PipelineFile {
-            name: Some("skin".to_owned()),
-            run: self.job.run(),
-            stages: vec![
-                StageEntry::built("mesh", &load),
-                StageEntry::built("skeleton", &skeleton),
-                StageEntry::built("model", &train).input("mesh", "mesh").input("skeleton", "skeleton"),
-            ],
-            ..PipelineFile::default()
-        }
+        of_mesh_and_skeleton(&self.input, &self.skeleton, StageEntry::built("model", &train), &self.job)
     }
 }
 
 impl WeightsArgs {
     fn pipeline(&self) -> PipelineFile {
-        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
-        let skeleton = SkeletonLoadSettings { path: literal_path(&self.skeleton) };
         let weights = SkinWeightsSettings {
             method: self.method,
             influences: self.influences,
             smooth: self.smooth,
             path: literal_path(&self.output),
         };
-        PipelineFile {
-            name: Some("skin".to_owned()),
-            run: self.job.run(),
-            stages: vec![
-                StageEntry::built("mesh", &load),
-                StageEntry::built("skeleton", &skeleton),
-                StageEntry::built("weights", &weights).input("mesh", "mesh").input("skeleton", "skeleton"),
-            ],
-            ..PipelineFile::default()
-        }
+        of_mesh_and_skeleton(&self.input, &self.skeleton, StageEntry::built("weights", &weights), &self.job)
+    }
+}
+
+/// Loads both and hands them to the stage that does the work.
+fn of_mesh_and_skeleton(mesh: &Path, skeleton: &Path, works: StageEntry, job: &JobArgs) -> PipelineFile {
+    let mesh = MeshLoadSettings { path: literal_path(mesh), ..MeshLoadSettings::default() };
+    let skeleton = SkeletonLoadSettings { path: literal_path(skeleton) };
+    PipelineFile {
+        name: Some("skin".to_owned()),
+        run: job.run(),
+        stages: vec![
+            StageEntry::built("mesh", &mesh),
+            StageEntry::built("skeleton", &skeleton),
+            works.input("mesh", "mesh").input("skeleton", "skeleton"),
+        ],
+        ..PipelineFile::default()
     }
 }

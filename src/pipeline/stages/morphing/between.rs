@@ -20,14 +20,7 @@ pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &Morp
     let pair = Pair::new(context, stage, settings.landmarks.as_ref(), settings.over, settings.refine)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: settings.whole_turns };
     let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
-    let mut shapes = Shapes {
-        pair: &pair,
-        poses: Vec::new(),
-        told: Vec::new(),
-        most: [0, 0],
-        worse: 0,
-        count: settings.report.is_some(),
-    };
+    let mut shapes = Shapes::new(&pair, settings.report.is_some());
     for k in 0..settings.frames {
         context.job.check_cancel()?;
         let time = f64::from(k) / f64::from((settings.frames - 1).max(1));
@@ -63,14 +56,7 @@ pub(super) fn blend(context: &mut Context<'_, '_>, stage: usize, settings: &Blen
     let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere()).map_err(morph_error)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: 0 };
     let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
-    let mut shapes = Shapes {
-        pair: &pair,
-        poses: Vec::new(),
-        told: Vec::new(),
-        most: [0, 0],
-        worse: 0,
-        count: settings.report.is_some(),
-    };
+    let mut shapes = Shapes::new(&pair, settings.report.is_some());
     for k in 1..=settings.frames {
         context.job.check_cancel()?;
         // Several shapes start at the first mesh.
@@ -107,7 +93,11 @@ struct Shapes<'p> {
     count: bool,
 }
 
-impl Shapes<'_> {
+impl<'p> Shapes<'p> {
+    fn new(pair: &'p Pair, count: bool) -> Self {
+        Self { pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], worse: 0, count }
+    }
+
     fn add(&mut self, end: Option<f64>, time: f64, x: &[Point3<f64>], linear: &[Point3<f64>]) -> Result<(), RunError> {
         if self.count {
             let count = |x: &[Point3<f64>]| {
