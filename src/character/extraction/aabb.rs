@@ -66,8 +66,21 @@ impl AabbTree {
     /// Parameter `t > 0` of the first point `origin + t direction` on the surface.
     pub(super) fn first_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         let mut first = f64::INFINITY;
-        self.along(origin, direction, &mut |t| first = first.min(t), f64::INFINITY);
+        self.along(&Ray::new(origin, direction), first, &mut |t| {
+            first = t;
+            t
+        });
         (first < f64::INFINITY).then_some(first)
+    }
+
+    /// True where the surface is met by `origin + t direction` for `0 < t ≤ until`.
+    pub(super) fn is_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>, until: f64) -> bool {
+        let mut hit = false;
+        self.along(&Ray::new(origin, direction), until, &mut |_| {
+            hit = true;
+            f64::NEG_INFINITY
+        });
+        hit
     }
 
     /// True where a ray from `p` leaves the surface an odd number of times, by the majority of three directions.
@@ -76,29 +89,51 @@ impl AabbTree {
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
         let odd = |d: &[f64; 3]| {
             let mut count = 0;
-            self.along(p, &Vector3::from(*d), &mut |_| count += 1, f64::INFINITY);
+            self.along(&Ray::new(p, &Vector3::from(*d)), f64::INFINITY, &mut |_| {
+                count += 1;
+                f64::INFINITY
+            });
             count % 2 == 1
         };
         DIRECTIONS.iter().filter(|d| odd(d)).count() >= 2
     }
 
-    fn along(&self, o: &Point3<f64>, d: &Vector3<f64>, meet: &mut impl FnMut(f64), until: f64) {
-        let inverse = d.map(|c| 1.0 / c);
-        let mut stack = vec![0_usize];
-        while let Some(at) = stack.pop() {
-            let Some(node) = self.nodes.get(at) else { return };
-            if !node.is_met(o, &inverse, until) {
-                continue;
-            }
-            if node.triangles.is_empty() {
-                stack.extend([at + 1, node.right as usize]);
-            }
+    /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first; it returns up to where others matter.
+    fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64) -> f64) {
+        if self.nodes.first().and_then(|root| root.entry(ray)).is_some() {
+            self.follow(0, ray, &mut until, meet);
+        }
+    }
+
+    fn follow(&self, at: usize, ray: &Ray, until: &mut f64, meet: &mut impl FnMut(f64) -> f64) {
+        let node = &self.nodes[at];
+        if !node.triangles.is_empty() {
             for t in node.triangles.clone() {
-                if let Some(t) = meets(o, d, &self.corners[t as usize]).filter(|t| *t <= until) {
-                    meet(t);
+                if let Some(t) = meets(&ray.origin, &ray.direction, &self.corners[t as usize]).filter(|t| t <= until) {
+                    *until = meet(t);
                 }
             }
+            return;
         }
+        let [left, right] = [at + 1, node.right as usize].map(|n| (n, self.nodes[n].entry(ray)));
+        for (half, entry) in if right.1 < left.1 { [right, left] } else { [left, right] } {
+            if entry.is_some_and(|t| t <= *until) {
+                self.follow(half, ray, until, meet);
+            }
+        }
+    }
+}
+
+/// A half-line, and one over its direction.
+struct Ray {
+    origin: Point3<f64>,
+    direction: Vector3<f64>,
+    inverse: Vector3<f64>,
+}
+
+impl Ray {
+    fn new(origin: &Point3<f64>, direction: &Vector3<f64>) -> Self {
+        Self { origin: *origin, direction: *direction, inverse: direction.map(|c| 1.0 / c) }
     }
 }
 
@@ -127,15 +162,16 @@ impl Node {
         (self.low - p).sup(&(p - self.high)).sup(&Vector3::zeros()).norm_squared()
     }
 
-    fn is_met(&self, o: &Point3<f64>, inverse: &Vector3<f64>, until: f64) -> bool {
-        let (mut enter, mut leave) = (0.0_f64, until);
+    /// Where a ray enters the box, 0 from within; `None` where it does not.
+    fn entry(&self, ray: &Ray) -> Option<f64> {
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for k in 0..3 {
-            let (a, b) = ((self.low[k] - o[k]) * inverse[k], (self.high[k] - o[k]) * inverse[k]);
+            let [a, b] = [self.low[k], self.high[k]].map(|side| (side - ray.origin[k]) * ray.inverse[k]);
             // A ray in the plane of a side gives NaN, which min and max pass over.
             enter = enter.max(a.min(b));
             leave = leave.min(a.max(b));
         }
-        enter <= leave
+        (enter <= leave).then_some(enter)
     }
 }
 
@@ -207,6 +243,7 @@ mod tests {
             let hit = all().filter_map(|t| meets(&p, &d, &t)).fold(f64::INFINITY, f64::min);
             assert!((nalgebra::distance(&tree.nearest(&p).unwrap(), &p) - near).abs() < 1e-14);
             assert_eq!(tree.first_hit(&p, &d).unwrap_or(f64::INFINITY), hit);
+            assert_eq!(tree.is_hit(&p, &d, 0.7), hit <= 0.7);
         }
     }
 

@@ -94,6 +94,5 @@ fn in_sight(tree: &AabbTree, p: &Point3<f64>, nodes: &[Point3<f64>], hidden: f64
 /// True where nothing but the surface at `p` itself lies between.
 fn sees(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> bool {
     // From the node outward: the first surface that is met is the one at `p`.
-    let way = p - q;
-    tree.first_hit(q, &way).is_none_or(|t| t > 1.0 - 1e-3)
+    !tree.is_hit(q, &(p - q), 1.0 - 1e-3)
 }
