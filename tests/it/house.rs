@@ -77,9 +77,15 @@ fn commands(document: &str) -> Vec<String> {
     found
 }
 
-fn help_of(subcommand: &str) -> Option<String> {
+/// What the command that a line begins with says of itself; the first words of a group (`skin train`) are two.
+fn help_of(words: &[&str]) -> Option<String> {
+    let alone = help(&words[..1])?;
+    if alone.contains("<COMMAND>") { help(words.get(..2)?) } else { Some(alone) }
+}
+
+fn help(subcommand: &[&str]) -> Option<String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_plumbline"));
-    let out = command.args([subcommand, "--help"]).stdin(Stdio::null()).output().expect("the command runs");
+    let out = command.args(subcommand).arg("--help").stdin(Stdio::null()).output().expect("the command runs");
     out.status.success().then(|| String::from_utf8_lossy(&out.stdout).into_owned())
 }
 
@@ -94,7 +100,7 @@ fn commands_in_the_readme_exist() {
     assert!(!lines.is_empty(), "the README shows no command");
     for line in lines {
         let words: Vec<_> = line.split('#').next().unwrap_or("").split_whitespace().collect();
-        let help = help_of(words[1]).unwrap_or_else(|| panic!("`{line}`: no subcommand `{}`", words[1]));
+        let help = help_of(&words[1..]).unwrap_or_else(|| panic!("`{line}`: no subcommand `{}`", words[1]));
         let known: BTreeSet<_> = help.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
         for option in words.iter().filter(|w| w.starts_with("--")) {
             let name = option.split('=').next().unwrap_or(option);

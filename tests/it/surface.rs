@@ -300,7 +300,7 @@ fn a_skeleton_is_seen_through_the_mesh_around_it() {
     assert_eq!(red(&[]), 0, "clay is not red");
     for file in ["own.json", "two.tgf"] {
         let (glass, clay) = (red(&["--skeleton", file]), red(&["--skeleton", file, "--opacity", "1"]));
-        assert!(glass > 20 && clay == 0, "{file}: ends are seen through glass alone: {glass} {clay}");
+        assert!(glass > 20 && 4 * clay < glass, "{file}: ends inside are seen through glass alone: {glass} {clay}");
     }
     let bad = plumbline_in(folder, &["render", "bar.obj", "-o", "q.png", "--skeleton", "none.json"]);
     assert!(bad.status.code().is_some_and(|code| code != 0) && err(&bad).contains("none.json"), "{}", err(&bad));
