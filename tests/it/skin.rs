@@ -155,13 +155,17 @@ fn what_nothing_can_be_learnt_from_is_refused_file_by_file() {
     let other = TriMesh::new(rest.mesh().positions().to_vec(), triangles).expect("the same vertices");
     write_model(&folder.join("other.off"), &Model::of_mesh(other)).expect("writable");
     write_model(&folder.join("plane.off"), &Model::of_mesh(shapes::plane(3))).expect("writable");
+    let millimeters = rest.mesh().positions().iter().map(|p| p * 1000.0).collect();
+    let large = rest.with_positions(millimeters).expect("as many");
+    write_model(&folder.join("large.off"), &large).expect("writable");
     fs::write(folder.join("bad.skin"), "no skin at all").expect("writable");
     let before = names(folder);
     let train = ["skin", "train", "bar.off", "--skeleton", "bones.json", "-o", "m.skin", "--examples"];
-    let cases: [(&[&str], &[&str]); 5] = [
+    let cases: [(&[&str], &[&str]); 6] = [
         (&["poses/a.off"], &["1 examples are too few to learn from (at least 2)"]),
         (&["poses", "--held-out", "poses/*.off"], &["0 examples are too few", "5 held out"]),
         (&["poses", "plane.off", "other.off"], &["plane.off: 16 vertices", "other.off: face 3 has the vertices"]),
+        (&["poses", "large.off"], &["large.off: 1000.000 times as large (expected 0.5 to 2)"]),
         (&["none-*.off"], &["no mesh matches"]),
         (&["poses", "--poses", "p/*.json"], &["no pose file is called `a`"]),
     ];

@@ -14,7 +14,7 @@ use crate::character::regression::{
     Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
 };
 use crate::character::{Character, CharacterError, Skeleton, Skin, SkinWeights};
-use crate::mesh::{Model, ReadLimits, read_model};
+use crate::mesh::{Model, ReadLimits, TriMesh, read_model};
 use crate::pipeline::items::{MESH_EXTENSIONS, expand};
 use crate::pipeline::kinds::{PoseSettings, SkinTrainSettings};
 use crate::pipeline::run_error::RunError;
@@ -25,6 +25,8 @@ use crate::pipeline::stages::photo::{begin, cannot};
 const FEWEST: usize = 2;
 /// Files that are named where several are wrong.
 const NAMED: usize = 10;
+/// Size of an example, by the root of its area, over that at rest.
+const SIZES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// What examples are of.
 struct Subject {
@@ -150,7 +152,7 @@ fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) 
     let (mut read, mut faults) = (Vec::with_capacity(files.len()), Vec::new());
     for file in files {
         let model = read_model(file, &ReadLimits::default()).map_err(|e| mesh_error(file, &e))?;
-        match other(&subject.model, &model) {
+        match other(&subject.model, &model).or_else(|| of_other_size(subject.model.mesh(), model.mesh())) {
             Some(fault) => faults.push(format!("{}: {fault}", file.display())),
             None => read.push((file, model.mesh().positions().to_vec())),
         }
@@ -162,7 +164,7 @@ fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) 
             faults.push(format!("and {more} more"));
         }
         let list = faults.join("; ");
-        return Err(RunError::Input(format!("examples must have the vertices and faces of the mesh at rest: {list}")));
+        return Err(RunError::Input(format!("examples must be poses of the mesh at rest: {list}")));
     }
     let poses = Poses::new(subject, settings)?;
     let named = |(file, positions): (&PathBuf, Vec<Point3<f64>>)| {
@@ -187,6 +189,13 @@ fn other(rest: &Model, model: &Model) -> Option<String> {
     let first = (0..faces).find(|&f| rest.faces().get(f) != model.faces().get(f))?;
     let (found, expected) = (model.faces().get(first), rest.faces().get(first));
     Some(format!("face {first} has the vertices {found:?} (expected {expected:?})"))
+}
+
+/// How a mesh is too large or small for a pose of the one at rest: joints turn, they do not scale.
+fn of_other_size(rest: &TriMesh, mesh: &TriMesh) -> Option<String> {
+    let times = (mesh.area() / rest.area()).sqrt();
+    let expected = format!("expected {} to {}", SIZES.start(), SIZES.end());
+    (!SIZES.contains(&times)).then(|| format!("{times:.3} times as large ({expected}); bring both to the same unit"))
 }
 
 /// Pose files that say how the joints stand in examples, where there are any.
