@@ -42,6 +42,13 @@ impl AabbTree {
         (best.1 < f64::INFINITY).then_some(best.0)
     }
 
+    /// The point of the surface nearest to `p`, found the sooner the nearer to `p` the `guess` is, a point of the surface.
+    pub(super) fn nearest_from(&self, p: &Point3<f64>, guess: &Point3<f64>) -> Point3<f64> {
+        let mut best = (*guess, nalgebra::distance_squared(p, guess));
+        self.near(0, p, &mut best);
+        best.0
+    }
+
     fn near(&self, at: usize, p: &Point3<f64>, best: &mut (Point3<f64>, f64)) {
         let node = &self.nodes[at];
         if !node.triangles.is_empty() {
@@ -87,15 +94,18 @@ impl AabbTree {
     pub(super) fn encloses(&self, p: &Point3<f64>) -> bool {
         // No direction that a modeler would choose for an edge.
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
-        let odd = |d: &[f64; 3]| {
-            let mut count = 0;
-            self.along(&Ray::new(p, &Vector3::from(*d)), f64::INFINITY, &mut |_| {
-                count += 1;
-                f64::INFINITY
-            });
-            count % 2 == 1
-        };
-        DIRECTIONS.iter().filter(|d| odd(d)).count() >= 2
+        let [first, second, third] = DIRECTIONS.map(|d| {
+            move || {
+                let mut count = 0;
+                self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_| {
+                    count += 1;
+                    f64::INFINITY
+                });
+                count % 2 == 1
+            }
+        });
+        let (a, b) = (first(), second());
+        if a == b { a } else { third() }
     }
 
     /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first; it returns up to where others matter.
@@ -242,6 +252,8 @@ mod tests {
                 all().map(|t| nalgebra::distance(&p, &nearest_of_triangle(&p, &t))).fold(f64::INFINITY, f64::min);
             let hit = all().filter_map(|t| meets(&p, &d, &t)).fold(f64::INFINITY, f64::min);
             assert!((nalgebra::distance(&tree.nearest(&p).unwrap(), &p) - near).abs() < 1e-14);
+            let guess = mesh.positions()[k as usize];
+            assert!((nalgebra::distance(&tree.nearest_from(&p, &guess), &p) - near).abs() < 1e-14);
             assert_eq!(tree.first_hit(&p, &d).unwrap_or(f64::INFINITY), hit);
             assert_eq!(tree.is_hit(&p, &d, 0.7), hit <= 0.7);
         }

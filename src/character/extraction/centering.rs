@@ -7,14 +7,17 @@
 //!
 //! is the middle of that chord; repeated, it comes to rest at the center of a maximal inscribed ball. Node by node this would tear
 //! the curve: neighbors in a wide part have other nearest sides and would run to different sheets of the medial axis. The steps
-//! are therefore taken across the curve, no longer than a share of `r₁`, and evened out along it (`¼, ½, ¼`) before they are made;
-//! then the curve is smoothed a little along itself. A node outside steps through the nearest point to the middle beyond it.
+//! are therefore taken across the curve, no longer than a share of `r₁`, and evened out along it before they are made; then the curve is
+//! smoothed a little along itself. Near the middle the nearest sides take turns, and steps would never end: in pass `k` they are
+//! shortened to `1 / (1 + k/2)` (H. Robbins, S. Monro, *A stochastic approximation method*, 1951). A node outside steps through the nearest
+//! point to the middle beyond it.
 
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
 use super::error::ExtractionError;
 use super::fairing::Fairing;
+use super::order::Cost;
 use super::web::Web;
 
 /// Over how many radii steps agree.
@@ -23,8 +26,16 @@ const AGREE: f64 = 0.5;
 const SMOOTH: f64 = 0.2;
 /// A step is at most this share of the distance to the surface.
 const LONGEST: f64 = 0.5;
+/// How fast steps become shorter from pass to pass.
+const FADING: f64 = 0.5;
 /// Times that an edge which passes outside is split.
 const SPLITS: usize = 5;
+/// Steps by which a place outside comes in.
+const STEPS_IN: usize = 4;
+/// Ways across an edge that passes outside.
+const WAYS: usize = 16;
+/// How far behind where an edge meets the surface the next meeting is looked for, as a share of the edge.
+const BEYOND: f64 = 1e-6;
 
 /// Distance to the surface.
 pub(super) fn radius(tree: &AabbTree, c: &Point3<f64>) -> f64 {
@@ -35,18 +46,22 @@ pub(super) fn radius(tree: &AabbTree, c: &Point3<f64>) -> f64 {
 pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();
     let pinned = web.pinned.clone();
-    for _ in 0..passes {
+    let mut feet: Vec<Option<Foot>> = vec![None; web.nodes.len()];
+    for pass in 0..passes {
+        let share = 1.0 / (1.0 + FADING * pass as f64);
         let mut radii = vec![0.0; web.nodes.len()];
         let mut steps = vec![Vector3::zeros(); web.nodes.len()];
         for &v in &alive {
-            radii[v as usize] = radius(tree, &web.nodes[v as usize]);
-            let step = step(tree, closed, &web.nodes[v as usize]);
-            let along = tangent(web, v);
+            let foot = &mut feet[v as usize];
+            *foot = Foot::of(&web.nodes[v as usize], tree, closed, foot.as_ref());
+            let Some(foot) = foot else { continue };
+            radii[v as usize] = foot.radius;
+            let (step, along) = (foot.step(tree), tangent(web, v));
             steps[v as usize] = step - along * step.dot(&along);
         }
         Fairing::new(web, &alive, &radii, AGREE, |_| false)?.apply(&mut steps);
         for &v in alive.iter().filter(|v| !pinned[**v as usize]) {
-            web.nodes[v as usize] += steps[v as usize];
+            web.nodes[v as usize] += steps[v as usize] * share;
         }
         smooth(web, &alive, &radii, SMOOTH)?;
     }
@@ -66,43 +81,105 @@ fn smooth(web: &mut Web, alive: &[u32], radii: &[f64], share: f64) -> Result<(),
     Ok(())
 }
 
-/// Brings nodes of a closed surface that are outside back in, and the middles of edges that pass outside.
+/// Brings nodes of a closed surface that are outside back in, and the middles of where edges pass outside.
 pub(super) fn keep_inside(web: &mut Web, tree: &AabbTree) {
-    let back = |p: &Point3<f64>| (!tree.encloses(p)).then(|| p + step(tree, true, p));
     for v in web.alive().filter(|v| !web.pinned[*v as usize]).collect::<Vec<_>>() {
-        if let Some(p) = back(&web.nodes[v as usize]) {
-            web.nodes[v as usize] = p;
+        let place = web.nodes[v as usize];
+        if !tree.encloses(&place) {
+            web.nodes[v as usize] = brought_in(tree, place).unwrap_or(place);
         }
     }
     let joined = |v: u32| web.neighbors(v).iter().filter(move |u| v < **u).map(move |u| (v, *u, SPLITS));
     let mut edges: Vec<(u32, u32, usize)> = web.alive().flat_map(joined).collect();
     while let Some((a, b, splits)) = edges.pop() {
         let (p, q) = (web.nodes[a as usize], web.nodes[b as usize]);
-        let mut places = [0.5, 0.25, 0.75].iter().map(|t| p + (q - p) * *t);
-        if let Some(inside) = places.find_map(|p| back(&p)).filter(|p| splits > 0 && tree.encloses(p)) {
+        let outside = outside(tree, &p, &q).filter(|_| splits > 0);
+        if let Some(inside) = outside.and_then(|place| way_round(tree, &p, &q, &place)) {
             let new = web.split(a, b, inside);
             edges.extend([(a, new, splits - 1), (new, b, splits - 1)]);
         }
     }
 }
 
-/// The way from a node to the middle of its chord.
-fn step(tree: &AabbTree, closed: bool, c: &Point3<f64>) -> Vector3<f64> {
-    let Some(near) = tree.nearest(c) else { return Vector3::zeros() };
-    let Some(away) = (c - near).try_normalize(0.0) else { return Vector3::zeros() };
-    if closed && !tree.encloses(c) {
-        let inward = -away;
-        let beyond = tree.first_hit(&(near + inward * (1e-6 + 1e-3 * (c - near).norm())), &inward).unwrap_or(0.0);
-        return near - c + inward * (0.5 * beyond);
-    }
-    let r1 = (c - near).norm();
-    let Some(r2) = tree.first_hit(c, &away) else { return Vector3::zeros() };
-    away * (0.5 * (r2 - r1)).clamp(0.0, LONGEST * r1)
+/// The middle of where the line from `p` to `q` first runs outside.
+fn outside(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> Option<Point3<f64>> {
+    let way = q - p;
+    let leaves = tree.first_hit(p, &way).filter(|t| *t < 1.0)?;
+    let beyond = p + way * (leaves + BEYOND);
+    let enters = tree.first_hit(&beyond, &way).map_or(1.0, |t| (leaves + t).min(1.0));
+    let place = p + way * (0.5 * (leaves + enters));
+    (!tree.encloses(&place)).then_some(place)
+}
+
+/// The place inside by which the way from `p` to `q` around `outside` is shortest, among those in the middle beyond the surface across the
+/// line.
+fn way_round(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, outside: &Point3<f64>) -> Option<Point3<f64>> {
+    let along = (q - p).try_normalize(0.0)?;
+    let side = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
+    let other = along.cross(&side);
+    let beyond = |k: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / WAYS as f64;
+        let across = side * angle.cos() + other * angle.sin();
+        let enters = tree.first_hit(outside, &across)? * (1.0 + BEYOND);
+        let leaves = tree.first_hit(&(outside + across * enters), &across)?;
+        let place = outside + across * (enters + 0.5 * leaves);
+        tree.encloses(&place).then_some(place)
+    };
+    let detour = |x: &Point3<f64>| Cost::new(nalgebra::distance(p, x) + nalgebra::distance(x, q));
+    (0..WAYS).filter_map(beyond).min_by_key(detour).or_else(|| brought_in(tree, *outside))
+}
+
+/// A place inside that steps from `place` lead to.
+fn brought_in(tree: &AabbTree, place: Point3<f64>) -> Option<Point3<f64>> {
+    let mut at = place;
+    (0..STEPS_IN).find_map(|_| {
+        at += step(tree, true, &at);
+        tree.encloses(&at).then_some(at)
+    })
 }
 
 /// The way from a place inside to the middle of its chord.
 pub(super) fn across(tree: &AabbTree, c: &Point3<f64>) -> Vector3<f64> {
     step(tree, false, c)
+}
+
+fn step(tree: &AabbTree, closed: bool, c: &Point3<f64>) -> Vector3<f64> {
+    Foot::of(c, tree, closed, None).map_or_else(Vector3::zeros, |foot| foot.step(tree))
+}
+
+/// Where the surface is nearest to a place.
+#[derive(Clone, Copy)]
+struct Foot {
+    place: Point3<f64>,
+    nearest: Point3<f64>,
+    radius: f64,
+    inside: bool,
+}
+
+impl Foot {
+    /// Of a place that was where the foot `before` is of: what is known of that one makes it cheaper.
+    fn of(place: &Point3<f64>, tree: &AabbTree, closed: bool, before: Option<&Self>) -> Option<Self> {
+        let nearest = match before {
+            Some(foot) => tree.nearest_from(place, &foot.nearest),
+            None => tree.nearest(place)?,
+        };
+        // No surface passes through the ball about a place.
+        let still = |foot: &Self| foot.inside && nalgebra::distance(place, &foot.place) < foot.radius;
+        let inside = !closed || before.is_some_and(still) || tree.encloses(place);
+        Some(Self { place: *place, nearest, radius: nalgebra::distance(place, &nearest), inside })
+    }
+
+    /// The way from the place to the middle of its chord.
+    fn step(&self, tree: &AabbTree) -> Vector3<f64> {
+        let Some(away) = (self.place - self.nearest).try_normalize(0.0) else { return Vector3::zeros() };
+        if !self.inside {
+            let start = self.nearest - away * (1e-6 + 1e-3 * self.radius);
+            let beyond = tree.first_hit(&start, &-away).unwrap_or(0.0);
+            return self.nearest - self.place - away * (0.5 * beyond);
+        }
+        let Some(across) = tree.first_hit(&self.place, &away) else { return Vector3::zeros() };
+        away * (0.5 * (across - self.radius)).clamp(0.0, LONGEST * self.radius)
+    }
 }
 
 /// Direction of the curve at a node with two neighbors; zero at ends and junctions, which move freely.

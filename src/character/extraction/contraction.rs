@@ -31,15 +31,13 @@
 //! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section
 //! 4; A. Tagliasacchi, I. Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012, sections 3 and 4.
 
-use std::sync::Arc;
-
 use nalgebra::{Point3, Vector3};
 
-use super::complex::{Complex, NONE};
+use super::complex::Complex;
 use super::error::ExtractionError;
 use super::medial::Ball;
+use super::normal_equations::NormalEquations;
 use super::order::Cost;
-use crate::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
 /// Weights and bounds of the contraction; lengths in the unit of the normalized model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,9 +56,6 @@ pub(super) struct Weights {
     pub(super) still: f64,
 }
 
-/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
-/// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
-const STEEPEST: f64 = 1e3;
 /// A vertex whose triangles have shrunk to this share of their area is part of the curve: it is contracted no more. At 300 limbs
 /// lose their tips, at 10 palms and ears stay sheets.
 const FROZEN: f64 = 30.0;
@@ -83,15 +78,7 @@ pub(super) struct Contraction {
     first_area: f64,
     area: f64,
     round: usize,
-    system: Option<System>,
-}
-
-/// The normal equations of one connectivity.
-struct System {
-    vertices: Vec<u32>,
-    number: Vec<u32>,
-    matrix: SparseMatrix,
-    factor: Cholesky,
+    system: Option<NormalEquations>,
 }
 
 impl Contraction {
@@ -131,7 +118,7 @@ impl Contraction {
     fn solve(&mut self) -> Result<(), ExtractionError> {
         let mut system = match self.system.take() {
             Some(system) => system,
-            None => System::analyze(&self.complex)?,
+            None => NormalEquations::analyze(&self.complex)?,
         };
         let n = system.vertices.len();
         let mean = system.vertices.iter().map(|v| self.mass[*v as usize]).sum::<f64>() / n as f64;
@@ -148,8 +135,7 @@ impl Contraction {
             strength * self.radii[*v as usize].powi(2) / (m * mean).sqrt()
         };
         let rows: Vec<f64> = system.vertices.iter().map(row).collect();
-        system.fill_laplacian(&self.complex, &rows);
-        let mut rhs = vec![0.0; 3 * n];
+        let (mut diagonal, mut rhs) = (vec![0.0; n], vec![0.0; 3 * n]);
         for (i, &v) in system.vertices.iter().enumerate() {
             let v = v as usize;
             let m = (self.mass[v] / mean).max(1e-6);
@@ -160,14 +146,13 @@ impl Contraction {
                 let hold = hold * shrunk(v as u32).clamp(1.0, FIRMEST);
                 (m * (hold + medial), x * (m * hold) + self.centers[v].coords * (m * medial))
             };
-            let diagonal = system.matrix.pattern().column(i).start;
-            system.matrix.values_mut()[diagonal] += weight;
+            diagonal[i] = weight;
             for k in 0..3 {
                 rhs[k * n + i] = wanted[k];
             }
         }
-        system.factor.factor(&system.matrix).map_err(ExtractionError::from_sparse)?;
-        system.factor.solve_in_place(&mut rhs);
+        system.set(&self.complex, &rows, &diagonal);
+        system.solve_in_place(&mut rhs)?;
         for (i, &v) in system.vertices.iter().enumerate() {
             let moved = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
             if moved.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
@@ -193,7 +178,7 @@ impl Contraction {
     /// Collapses short edges, the shortest first; true where there was one.
     fn collapse_short(&mut self) -> bool {
         let mut scratch = [Vec::new(), Vec::new()];
-        let (mut any, mut around) = (false, Vec::new());
+        let mut any = false;
         loop {
             let mut edges = self.short_edges();
             edges.sort_unstable();
@@ -206,8 +191,7 @@ impl Contraction {
                 {
                     continue;
                 }
-                self.complex.neighbors(a, &mut around);
-                if around.binary_search(&b).is_ok() && self.complex.link_condition(a, b, &mut scratch) {
+                if self.complex.link_condition(a, b, &mut scratch) {
                     self.merge(a, b);
                     progress = true;
                 }
@@ -259,79 +243,4 @@ impl Contraction {
         self.mass[k] = sum;
         self.complex.collapse(gone, kept);
     }
-}
-
-impl System {
-    fn analyze(complex: &Complex) -> Result<Self, ExtractionError> {
-        let vertices: Vec<u32> = complex.vertices().collect();
-        let mut number = vec![NONE; complex.positions.len()];
-        vertices.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
-        let mut places = Vec::new();
-        let mut row = Vec::new();
-        for &v in &vertices {
-            complex.neighbors(v, &mut row);
-            row.push(v);
-            for (k, p) in row.iter().enumerate() {
-                places.extend(row[..k].iter().map(|q| (number[*p as usize] as usize, number[*q as usize] as usize)));
-            }
-        }
-        let pattern = Arc::new(Pattern::new(vertices.len(), places).map_err(ExtractionError::from_sparse)?);
-        let at = |v: &u32| complex.positions[*v as usize].coords.into();
-        let ordering = Ordering::NestedDissection(vertices.iter().map(at).collect());
-        let mut factor = Cholesky::analyze(&pattern, &ordering).map_err(ExtractionError::from_sparse)?;
-        factor.reserve_columns(3);
-        Ok(Self { vertices, number, matrix: SparseMatrix::zeros(pattern), factor })
-    }
-
-    /// Sets the matrix to `w² Lᵀ L`.
-    fn fill_laplacian(&mut self, complex: &Complex, rows: &[f64]) {
-        let n = self.vertices.len();
-        let mut edges: Vec<(u32, u32, f64)> = Vec::with_capacity(6 * n);
-        for t in complex.faces() {
-            let p = t.map(|v| complex.positions[v as usize]);
-            for k in 0..3 {
-                let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
-                let cot = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
-                let (a, b) = (self.number[a as usize], self.number[b as usize]);
-                edges.extend([(a, b, cot), (b, a, cot)]);
-            }
-        }
-        edges.sort_unstable_by_key(|e| (e.0, e.1));
-        edges.dedup_by(|later, first| {
-            let same = (later.0, later.1) == (first.0, first.1);
-            first.2 += if same { later.2 } else { 0.0 };
-            same
-        });
-        self.matrix.values_mut().fill(0.0);
-        let mut at = 0;
-        let mut row: Vec<(u32, f64)> = Vec::new();
-        for i in 0..n as u32 {
-            row.clear();
-            while let Some(&(_, j, weight)) = edges.get(at).filter(|e| e.0 == i) {
-                row.push((j, weight.max(0.0) * rows[i as usize]));
-                at += 1;
-            }
-            let sum: f64 = row.iter().map(|(_, weight)| weight).sum();
-            row.push((i, -sum));
-            self.add_square(&row);
-        }
-    }
-
-    /// Adds the square of a row.
-    fn add_square(&mut self, row: &[(u32, f64)]) {
-        for (k, &(i, wi)) in row.iter().enumerate() {
-            for &(j, wj) in &row[..=k] {
-                let slot = self.matrix.pattern().slot(i as usize, j as usize).expect("rows of L make the pattern");
-                self.matrix.values_mut()[slot] += wi * wj;
-            }
-        }
-    }
-}
-
-/// Half the cotangent of the angle at `o`.
-fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
-    let (u, v) = (a - o, b - o);
-    let cross = u.cross(&v).norm();
-    let dot = u.dot(&v);
-    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
 }

@@ -18,21 +18,26 @@ use super::order::Cost;
 /// Vertices by which the middle is found.
 const FAR_APART: usize = 8;
 
+/// Vertices next to each.
+type Around = Vec<Vec<u32>>;
+
 /// Tips that stand out so far, the farthest first.
 pub(super) fn find(complex: &Complex, stands_out: f64) -> Vec<u32> {
     let Some(first) = complex.vertices().next() else { return Vec::new() };
+    let mut around = vec![Vec::new(); complex.positions.len()];
+    complex.vertices().for_each(|v| complex.neighbors(v, &mut around[v as usize]));
     let mut sum = vec![0.0; complex.positions.len()];
-    let mut nearest = distances(complex, first);
+    let mut nearest = distances(complex, &around, first);
     for _ in 0..FAR_APART {
         let far = farthest(complex, &nearest);
-        let from = distances(complex, far);
+        let from = distances(complex, &around, far);
         for v in complex.vertices().map(|v| v as usize) {
             sum[v] += from[v];
             nearest[v] = nearest[v].min(from[v]);
         }
     }
     let middle = complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first);
-    tops(complex, &distances(complex, middle), stands_out)
+    tops(complex, &around, &distances(complex, &around, middle), stands_out)
 }
 
 fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
@@ -41,18 +46,16 @@ fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
 }
 
 /// Lengths of shortest ways along edges.
-fn distances(complex: &Complex, from: u32) -> Vec<f64> {
+fn distances(complex: &Complex, around: &Around, from: u32) -> Vec<f64> {
     let mut distance = vec![f64::INFINITY; complex.positions.len()];
     distance[from as usize] = 0.0;
     let mut heap = BinaryHeap::from([Reverse((Cost::new(0.0), from))]);
-    let mut around = Vec::new();
     let mut done = vec![false; complex.positions.len()];
     while let Some(Reverse((_, v))) = heap.pop() {
         if std::mem::replace(&mut done[v as usize], true) {
             continue;
         }
-        complex.neighbors(v, &mut around);
-        for &u in &around {
+        for &u in &around[v as usize] {
             let step = nalgebra::distance(&complex.positions[v as usize], &complex.positions[u as usize]);
             let there = distance[v as usize] + step;
             if there < distance[u as usize] {
@@ -74,17 +77,18 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
 }
 
 /// Tops of hills that stand out.
-fn tops(complex: &Complex, height: &[f64], stands_out: f64) -> Vec<u32> {
+fn tops(complex: &Complex, around: &Around, height: &[f64], stands_out: f64) -> Vec<u32> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
     let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
     let mut tips: Vec<u32> = order.first().copied().into_iter().collect();
-    let mut around = Vec::new();
     for &v in &order {
-        complex.neighbors(v, &mut around);
-        let mut hills: Vec<u32> =
-            around.iter().filter(|u| top[**u as usize] != u32::MAX).map(|u| hill_of(&top, &into, *u)).collect();
+        let mut hills: Vec<u32> = around[v as usize]
+            .iter()
+            .filter(|u| top[**u as usize] != u32::MAX)
+            .map(|u| hill_of(&top, &into, *u))
+            .collect();
         hills.sort_by_key(|t| (Reverse(Cost::new(height[*t as usize])), *t));
         hills.dedup();
         let Some(highest) = hills.first().copied() else {

@@ -23,7 +23,17 @@ impl KdTree {
 
     /// The point nearest to `p` among those that `wanted` takes, and the square of its distance.
     pub(super) fn nearest(&self, p: &Point3<f64>, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
-        let mut best = (u32::MAX, f64::INFINITY);
+        self.nearest_within(p, f64::INFINITY, wanted)
+    }
+
+    /// Likewise, where the square of its distance is less than `square`.
+    pub(super) fn nearest_within(
+        &self,
+        p: &Point3<f64>,
+        square: f64,
+        wanted: impl Fn(u32) -> bool,
+    ) -> Option<(u32, f64)> {
+        let mut best = (u32::MAX, square);
         search(&self.nodes, p, &wanted, &mut best);
         (best.0 != u32::MAX).then_some(best)
     }
@@ -87,6 +97,8 @@ mod tests {
                 .fold(f64::INFINITY, f64::min);
             let (found, square) = tree.nearest(&p, wanted).unwrap();
             assert!(wanted(found) && square == slow);
+            assert_eq!(tree.nearest_within(&p, slow, wanted), None);
+            assert_eq!(tree.nearest_within(&p, slow * 1.001, wanted), Some((found, slow)));
         }
         assert_eq!(KdTree::new(&[]).nearest(&Point3::origin(), |_| true), None);
     }

@@ -52,10 +52,8 @@ pub(super) fn balls(positions: &[Point3<f64>], normals: &[Vector3<f64>], widest:
 fn shrunk(i: u32, p: &Point3<f64>, n: &Vector3<f64>, start: f64, tree: &KdTree, positions: &[Point3<f64>]) -> Ball {
     let mut ball = Ball { center: p - n * start, radius: start };
     for _ in 0..ROUNDS {
-        let Some((q, square)) = tree.nearest(&ball.center, |v| v != i) else { break };
-        if square >= (ball.radius * (1.0 - 1e-6)).powi(2) {
-            break;
-        }
+        let inside = (ball.radius * (1.0 - 1e-6)).powi(2);
+        let Some((q, _)) = tree.nearest_within(&ball.center, inside, |v| v != i) else { break };
         let away = p - positions[q as usize];
         let radius = away.norm_squared() / (2.0 * n.dot(&away));
         if !(radius > 0.0 && radius < ball.radius) {

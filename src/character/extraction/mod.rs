@@ -11,7 +11,7 @@
 //! | about as many vertices as the curve needs | `reduction.rs` |
 //! | tips, which keep their ends while the surface contracts: geodesic extrema | `extremities.rs` |
 //! | the ball of each vertex | `medial.rs` |
-//! | contraction, one sparse solve a round | `contraction.rs` |
+//! | contraction, one sparse solve a round | `contraction.rs`, `normal_equations.rs` |
 //! | collapse to a graph | `surgery.rs`, which loops may close: `homology.rs` |
 //! | even nodes | `resampling.rs` |
 //! | ends to the tips | `tips.rs` |
@@ -38,6 +38,7 @@ mod homology;
 mod joints;
 mod kd_tree;
 mod medial;
+mod normal_equations;
 mod order;
 mod part;
 mod parts;

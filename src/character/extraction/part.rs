@@ -13,8 +13,12 @@ use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
 use super::{centering, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips};
 use crate::mesh::TriMesh;
 
-/// Vertices that are contracted at most. At 3000 fingers of a figure lose their ends, above 6000 nothing is gained but time.
-const MOST_VERTICES: usize = 6000;
+/// Vertices whose balls are found at most.
+const MOST_BALLS: usize = 12_000;
+/// Vertices that are contracted at most. At 3000 some fingers of a figure lose their ends, above 4000 nothing is gained but time.
+const MOST_VERTICES: usize = 4000;
+/// Radius of a ball that vertices are spread by, at least.
+const LEAST_SIZE: f64 = 0.01;
 /// Vertices that are contracted at least: coarser surfaces are divided.
 const LEAST_VERTICES: usize = 1500;
 /// Triangles below which a part is a point.
@@ -36,7 +40,7 @@ const SPACING: f64 = 0.04;
 /// Radius of a medial ball at most: twice that of the sphere of equal area.
 const WIDEST: f64 = 2.0;
 /// Passes of centering before branches are judged, and after.
-const PASSES: [usize; 2] = [3, 8];
+const PASSES: [usize; 2] = [3, 6];
 /// Junctions nearer than this share of the radius are one.
 const ONE_JUNCTION: f64 = 0.5;
 
@@ -66,13 +70,14 @@ pub(super) fn extract(
     let mut tree = AabbTree::new(surface.positions(), surface.triangles());
     let mut handles = parts::handles(&surface);
     let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
-    let solid = handles.is_some() || sheet::is_solid(&surface, &surface.vertex_normals());
+    let mut closed = parts::is_closed(&surface);
+    let solid = closed || sheet::is_solid(&surface, &surface.vertex_normals());
     if !solid && let Some((thick, sources)) = sheet::thickened(&surface) {
         tree = AabbTree::new(thick.positions(), thick.triangles());
         handles = parts::handles(&thick);
+        closed = parts::is_closed(&thick);
         (surface, over) = (thick, sources);
     }
-    let closed = handles.is_some();
     let fine = divided(&surface);
     let normals = fine.vertex_normals();
     let mut pinned = vec![false; fine.vertex_count()];
@@ -84,7 +89,9 @@ pub(super) fn extract(
             .for_each(|(v, _)| pinned[v] = true);
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
-    reduction::reduce(&mut complex, MOST_VERTICES, &pinned);
+    reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| 1.0);
+    let balls = balls_of(&complex, &normals);
+    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| balls[v as usize].radius.max(LEAST_SIZE));
     if options.keep == Keep::Extrema {
         for v in extremities::find(&complex, STANDS_OUT) {
             pinned[v as usize] = true;
@@ -92,7 +99,6 @@ pub(super) fn extract(
     }
     let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
-    let balls = balls_of(&complex, &normals);
     let job = Job {
         options,
         which,

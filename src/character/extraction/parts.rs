@@ -29,6 +29,20 @@ pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
     usize::try_from(2 - euler).ok().map(|twice| twice / 2)
 }
 
+/// True where a surface has an inside: it need not be a manifold, but no edge is one of a hole.
+pub(super) fn is_closed(mesh: &TriMesh) -> bool {
+    let mut odd = std::collections::HashSet::new();
+    for &[a, b, c] in mesh.triangles() {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            let edge = (p.min(q), p.max(q));
+            if !odd.remove(&edge) {
+                odd.insert(edge);
+            }
+        }
+    }
+    odd.is_empty()
+}
+
 /// Parts in the order of their first vertex, and what repair did.
 pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
     let repaired = repair(mesh, &RepairOptions::default());

@@ -1,7 +1,8 @@
 //! Fewer vertices before the work begins: the shortest edges collapse first.
 //!
-//! A curve needs far less detail than the surface around it. The shortest edge of all is collapsed into the end with more area
-//! around it, unless that changes the topology or folds the surface; triangles of about equal size remain.
+//! A curve needs far less detail than the surface around it. The edge that is shortest beside the sizes of its ends is collapsed, unless that
+//! changes the topology or folds the surface: triangles remain of about equal size where sizes are equal, and as many around a
+//! finger as around a trunk where they are the radii of the shape.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,12 +10,15 @@ use std::collections::BinaryHeap;
 use super::complex::Complex;
 use super::order::Cost;
 
-/// Collapses edges until `target` vertices are left, or none can go.
-pub(super) fn reduce(complex: &mut Complex, target: usize, pinned: &[bool]) {
+/// Collapses edges until `target` vertices are left, or none can go. `size` is how long edges at a vertex may be beside others.
+pub(super) fn reduce(complex: &mut Complex, target: usize, pinned: &[bool], size: &dyn Fn(u32) -> f64) {
+    if complex.alive_count() <= target {
+        return;
+    }
     let mut heap = BinaryHeap::new();
     let mut version = vec![0_u32; complex.positions.len()];
     let length = |c: &Complex, a: u32, b: u32| {
-        Cost::new(nalgebra::distance_squared(&c.positions[a as usize], &c.positions[b as usize]))
+        Cost::new(nalgebra::distance(&c.positions[a as usize], &c.positions[b as usize]) / size(a).min(size(b)))
     };
     let (mut neighbors, mut scratch) = (Vec::new(), [Vec::new(), Vec::new()]);
     for a in complex.vertices() {

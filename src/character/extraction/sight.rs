@@ -39,7 +39,9 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
             // What has moved may have hidden others.
             hidden = places.to_vec();
         }
-        let Some(mut steps) = steps(web, tree, &alive, &mut hidden) else { break };
+        let clear: Vec<f64> =
+            (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&web.nodes[v], &middle[v])).collect();
+        let Some(mut steps) = steps(web, tree, (&alive, &clear), &mut hidden) else { break };
         Fairing::new(web, &alive, &radii, AGREE, |_| false)?.apply(&mut steps);
         let free = |v: &u32| !web.pinned[*v as usize] && web.degree(*v) > 1;
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
@@ -59,40 +61,52 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
     Ok(())
 }
 
-/// The longest step that is wanted of each node, and the places for which; `None` where all is seen.
-fn steps(web: &Web, tree: &AabbTree, alive: &[u32], places: &mut Vec<Point3<f64>>) -> Option<Vec<Vector3<f64>>> {
+/// The longest step that is wanted of each node, and the places for which; `None` where all is seen. About each node nothing is nearer
+/// than `clear`.
+fn steps(
+    web: &Web,
+    tree: &AabbTree,
+    (alive, clear): (&[u32], &[f64]),
+    places: &mut Vec<Point3<f64>>,
+) -> Option<Vec<Vector3<f64>>> {
     let nodes: Vec<Point3<f64>> = alive.iter().map(|v| web.nodes[*v as usize]).collect();
+    let sees = |p: &Point3<f64>, node: usize| sees(tree, p, &nodes[node], clear[alive[node] as usize]);
     let near = KdTree::new(&nodes);
     let mut steps = vec![Vector3::zeros(); web.nodes.len()];
     let mut any = false;
-    let hidden = |p: &Point3<f64>| near.nearest(p, |_| true).is_some_and(|(s, _)| !sees(tree, p, &nodes[s as usize]));
-    places.retain(hidden);
-    for p in places.iter() {
-        let Some((_, square)) = near.nearest(p, |_| true) else { continue };
-        let Some(u) = in_sight(tree, p, &nodes, square.sqrt()) else { continue };
-        let (to, far) = (p - nodes[u], nalgebra::distance(p, &nodes[u]));
-        let step = to * (1.0 - (1.0 - MARGIN) * square.sqrt() / far);
+    places.retain(|p| {
+        let Some((s, square)) = near.nearest(p, |_| true) else { return false };
+        if sees(p, s as usize) {
+            return false;
+        }
+        let hidden = square.sqrt();
+        let Some(u) = in_sight(p, &nodes, hidden, &|node| sees(p, node)) else { return true };
+        let to = p - nodes[u];
+        let step = to * (1.0 - (1.0 - MARGIN) * hidden / to.norm());
         let own = &mut steps[alive[u] as usize];
         if step.norm_squared() > own.norm_squared() {
             *own = step;
             any = true;
         }
-    }
+        true
+    });
     any.then_some(steps)
 }
 
 /// The nearest node that is seen from `p`, within twice the distance of the hidden one.
-fn in_sight(tree: &AabbTree, p: &Point3<f64>, nodes: &[Point3<f64>], hidden: f64) -> Option<usize> {
+fn in_sight(p: &Point3<f64>, nodes: &[Point3<f64>], hidden: f64, sees: &dyn Fn(usize) -> bool) -> Option<usize> {
     let mut by_distance: Vec<(Cost, usize)> =
         nodes.iter().enumerate().map(|(i, q)| (Cost::new(nalgebra::distance(p, q)), i)).collect();
     by_distance.retain(|(d, _)| *d < Cost::new(2.0 * hidden));
     by_distance.sort_unstable();
     let every = by_distance.len().div_ceil(TRIED).max(1);
-    by_distance.into_iter().step_by(every).map(|(_, i)| i).find(|i| sees(tree, p, &nodes[*i]))
+    by_distance.into_iter().step_by(every).map(|(_, i)| i).find(|i| sees(*i))
 }
 
-/// True where nothing but the surface at `p` itself lies between.
-fn sees(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> bool {
+/// True where nothing but the surface at `p` itself lies between it and `q`, about which nothing is nearer than `clear`.
+fn sees(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, clear: f64) -> bool {
     // From the node outward: the first surface that is met is the one at `p`.
-    !tree.is_hit(q, &(p - q), 1.0 - 1e-3)
+    let (way, until) = (p - q, 1.0 - 1e-3);
+    let from = (clear / way.norm()).clamp(0.0, until);
+    from == until || !tree.is_hit(&(q + way * from), &way, until - from)
 }
