@@ -10,7 +10,7 @@
 //! are therefore taken across the curve, no longer than a share of `r₁`, and evened out along it before they are made; then the curve is
 //! smoothed a little along itself. Near the middle the nearest sides take turns, and steps would never end: in pass `k` they are
 //! shortened to `1 / (1 + k/2)` (H. Robbins, S. Monro, *A stochastic approximation method*, 1951). A node outside steps through the nearest
-//! point to the middle beyond it.
+//! point to the middle beyond it, or as far as the shape is wide there.
 
 use nalgebra::{Point3, Vector3};
 
@@ -81,14 +81,19 @@ fn smooth(web: &mut Web, alive: &[u32], radii: &[f64], share: f64) -> Result<(),
     Ok(())
 }
 
-/// Brings nodes of a closed surface that are outside back in, and the middles of where edges pass outside.
-pub(super) fn keep_inside(web: &mut Web, tree: &AabbTree) {
+/// Brings nodes of a closed surface that are outside back in.
+pub(super) fn bring_nodes_in(web: &mut Web, tree: &AabbTree) {
     for v in web.alive().filter(|v| !web.pinned[*v as usize]).collect::<Vec<_>>() {
         let place = web.nodes[v as usize];
         if !tree.encloses(&place) {
             web.nodes[v as usize] = brought_in(tree, place).unwrap_or(place);
         }
     }
+}
+
+/// Likewise, and the middles of where edges pass outside.
+pub(super) fn keep_inside(web: &mut Web, tree: &AabbTree) {
+    bring_nodes_in(web, tree);
     let joined = |v: u32| web.neighbors(v).iter().filter(move |u| v < **u).map(move |u| (v, *u, SPLITS));
     let mut edges: Vec<(u32, u32, usize)> = web.alive().flat_map(joined).collect();
     while let Some((a, b, splits)) = edges.pop() {
@@ -175,7 +180,9 @@ impl Foot {
         if !self.inside {
             let start = self.nearest - away * (1e-6 + 1e-3 * self.radius);
             let beyond = tree.first_hit(&start, &-away).unwrap_or(0.0);
-            return self.nearest - self.place - away * (0.5 * beyond);
+            let middle = start - away * (0.5 * beyond);
+            let depth = radius(tree, &middle).min(0.5 * beyond);
+            return self.nearest - self.place - away * depth;
         }
         let Some(across) = tree.first_hit(&self.place, &away) else { return Vector3::zeros() };
         away * (0.5 * (across - self.radius)).clamp(0.0, LONGEST * self.radius)

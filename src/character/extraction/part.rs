@@ -14,10 +14,14 @@ use super::{centering, extremities, pruning, reduction, resampling, sheet, sight
 use crate::mesh::TriMesh;
 
 /// Vertices whose balls are found at most.
-const MOST_BALLS: usize = 12_000;
-/// Vertices that are contracted at most. At 3000 some fingers of a figure lose their ends, above 4000 nothing is gained but time.
-const MOST_VERTICES: usize = 4000;
-/// Radius of a ball that vertices are spread by, at least.
+const MOST_BALLS: usize = 12000;
+/// Vertices that are contracted at most.
+const MOST_VERTICES: usize = 6000;
+/// Edges shorter than this share of the radius of the shape say nothing of it, and go before.
+const FINE: f64 = 0.25;
+/// No edge is shorter than this.
+const SHORTEST: f64 = 1e-12;
+/// Radius by which vertices are spread, at least.
 const LEAST_SIZE: f64 = 0.01;
 /// Vertices that are contracted at least: coarser surfaces are divided.
 const LEAST_VERTICES: usize = 1500;
@@ -89,9 +93,12 @@ pub(super) fn extract(
             .for_each(|(v, _)| pinned[v] = true);
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
-    reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| 1.0);
+    if complex.alive_count() > MOST_BALLS {
+        reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| SHORTEST);
+    }
     let balls = balls_of(&complex, &normals);
-    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| balls[v as usize].radius.max(LEAST_SIZE));
+    let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
+    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(LEAST_SIZE));
     if options.keep == Keep::Extrema {
         for v in extremities::find(&complex, STANDS_OUT) {
             pinned[v as usize] = true;
@@ -109,6 +116,7 @@ pub(super) fn extract(
         fine: &fine,
         normals: &normals,
         balls: &balls,
+        places: &places,
         pinned: &pinned,
     };
     let tips = if options.keep == Keep::Nothing { extremities::find(&complex, TIP) } else { Vec::new() };
@@ -135,6 +143,8 @@ struct Job<'a> {
     fine: &'a TriMesh,
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
+    /// Where the curve should be seen from.
+    places: &'a [Point3<f64>],
     pinned: &'a [bool],
 }
 
@@ -174,24 +184,29 @@ impl Job<'_> {
             web.nodes[node] = self.fine.positions()[v];
         }
         for &v in tips {
-            let node = web.node_of(v as usize);
+            let (node, place) = (web.node_of(v as usize), self.fine.positions()[v as usize]);
             let around = web.neighbors(node);
-            web.nodes[node as usize] = if around.len() > 1 {
-                let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
-                Point3::from(sum / around.len() as f64)
-            } else {
-                self.fine.positions()[v as usize] - self.normals[v as usize] * INSIDE
-            };
+            let end = place - self.normals[v as usize] * INSIDE;
+            if around.len() < 2 {
+                web.nodes[node as usize] = end;
+                continue;
+            }
+            // The curve runs on behind the tip: the tip gets an end of its own.
+            let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
+            web.nodes[node as usize] = Point3::from(sum / around.len() as f64);
+            web.append(node, end);
         }
-        let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
-        Ok((self.finished(&web, &places)?, rounds))
+        Ok((self.finished(&web)?, rounds))
     }
 
-    /// Evened out, pruned, in the middle, in sight of `places`.
-    fn finished(&self, web: &Web, places: &[Point3<f64>]) -> Result<Web, ExtractionError> {
+    /// Evened out, pruned, in the middle, in sight of the surface.
+    fn finished(&self, web: &Web) -> Result<Web, ExtractionError> {
         let (tree, closed) = (&self.tree, self.closed);
         let mut web = resampling::resample(web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[0])?;
+        if closed {
+            centering::bring_nodes_in(&mut web, tree);
+        }
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         if closed {
             tips::extend(&mut web, tree);
@@ -202,9 +217,12 @@ impl Job<'_> {
         pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
         web = resampling::resample(&web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[1])?;
+        if closed {
+            centering::bring_nodes_in(&mut web, tree);
+        }
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         web = resampling::resample(&web, SPACING);
-        sight::draw(&mut web, tree, places)?;
+        sight::draw(&mut web, tree, self.places)?;
         if closed {
             centering::keep_inside(&mut web, tree);
         }

@@ -10,11 +10,8 @@ use std::collections::BinaryHeap;
 use super::complex::Complex;
 use super::order::Cost;
 
-/// Collapses edges until `target` vertices are left, or none can go. `size` is how long edges at a vertex may be beside others.
-pub(super) fn reduce(complex: &mut Complex, target: usize, pinned: &[bool], size: &dyn Fn(u32) -> f64) {
-    if complex.alive_count() <= target {
-        return;
-    }
+/// Collapses edges shorter than `size` at either end, and others until at most `most` vertices are left, as far as they can go.
+pub(super) fn reduce(complex: &mut Complex, most: usize, pinned: &[bool], size: &dyn Fn(u32) -> f64) {
     let mut heap = BinaryHeap::new();
     let mut version = vec![0_u32; complex.positions.len()];
     let length = |c: &Complex, a: u32, b: u32| {
@@ -25,8 +22,10 @@ pub(super) fn reduce(complex: &mut Complex, target: usize, pinned: &[bool], size
         complex.neighbors(a, &mut neighbors);
         heap.extend(neighbors.iter().filter(|b| a < **b).map(|b| Reverse((length(complex, a, *b), a, *b, 0, 0))));
     }
-    while complex.alive_count() > target {
-        let Some(Reverse((_, a, b, at_a, at_b))) = heap.pop() else { return };
+    while let Some(Reverse((cost, a, b, at_a, at_b))) = heap.pop() {
+        if cost >= Cost::new(1.0) && complex.alive_count() <= most {
+            return;
+        }
         if version[a as usize] != at_a || version[b as usize] != at_b || !complex.is_alive(a) || !complex.is_alive(b) {
             continue;
         }
