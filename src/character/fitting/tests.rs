@@ -190,6 +190,61 @@ fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
 }
 
 #[test]
+fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() {
+    let person = humanoid(0.1).expect("made");
+    let skeleton = &person.skeleton;
+    let map =
+        |p: &Point3<f64>| Rotation3::from_euler_angles(0.4, 2.0, -0.6) * (p * 3.0) + Vector3::new(10.0, -4.0, 2.0);
+    for pose in [skeleton.rest_pose(), posed(skeleton)] {
+        let fit = fit_template(skeleton, &mapped(&curve_along(skeleton, &pose, &[]), map)).expect("fits");
+        let hips = map(&person.skeleton.rest_positions()[0]);
+        for clip in &person.clips {
+            let there = fit.retargeted(skeleton, clip).expect("its own");
+            assert_eq!((there.name(), there.span()), (clip.name(), clip.span()));
+            let (first, last) = clip.span().expect("keys");
+            for k in 0..5 {
+                let time = first + (last - first) * f64::from(k) / 4.0;
+                let at = |skeleton: &Skeleton, clip: &crate::character::Clip| -> Vec<Point3<f64>> {
+                    let pose = clip.pose(skeleton, time, crate::character::Outside::Hold).expect("fits");
+                    skeleton.globals(&pose).expect("fits").iter().map(|g| Point3::from(g.column(3).xyz())).collect()
+                };
+                let expected: Vec<_> = at(skeleton, clip).iter().map(map).collect();
+                let is = at(&fit.skeleton, &there);
+                // A tenth of a bone of the arm, of a template three times as large; less what the whole stands elsewhere at rest.
+                let by = fit.skeleton.rest_positions()[0] - hips;
+                let off = expected.iter().zip(&is).map(|(a, b)| (b - a - by).norm()).fold(0.0, f64::max);
+                assert!(off < 0.09, "{} at {time}: {off}", clip.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn what_ends_a_limb_keeps_how_it_stood_there_and_morphs_are_left_out() {
+    let person = humanoid(0.1).expect("made");
+    let skeleton = &person.skeleton;
+    let fit = fit_template(skeleton, &curve_along(skeleton, &posed(skeleton), &[])).expect("fits");
+    // A movement of nothing: all joints stand as in the template but those at the ends of limbs.
+    let morph = crate::character::clip::MorphTrack {
+        target: 0,
+        keys: crate::character::Keys::constant([1.0]).expect("finite"),
+    };
+    let still = crate::character::Clip::new("still", Vec::new(), vec![morph]).expect("valid");
+    let there = fit.retargeted(skeleton, &still).expect("its own");
+    assert!(there.morphs().is_empty());
+    let pose = there.pose(&fit.skeleton, 0.0, crate::character::Outside::Hold).expect("fits");
+    for (j, joint) in fit.skeleton.joints().iter().enumerate() {
+        let template = skeleton.joints()[j].rest.rotation;
+        let ends = ["head", "hand.L", "hand.R", "foot.L", "foot.R"].contains(&joint.name.as_str());
+        let of_limb = skeleton.children(j as u32).is_empty() || ends;
+        let expected =
+            if of_limb { joint.rest.rotation } else { fit.rotation.powf(f64::from(joint.parent.is_none())) * template };
+        let off = pose.locals[j].rotation.angle_to(&expected);
+        assert!(off < 1e-9, "{}: {off}", joint.name);
+    }
+}
+
+#[test]
 fn a_root_on_the_ground_is_no_limb() {
     let skeleton = person();
     let mut joints = skeleton.joints().to_vec();
@@ -202,6 +257,65 @@ fn a_root_on_the_ground_is_no_limb() {
     let (is, was) = (fit.skeleton.rest_positions(), without.skeleton.rest_positions());
     assert!(apart(&is, &was) < 1e-9, "{}", apart(&is, &was));
     assert!(is[22].y.abs() < 0.1, "below the hips as in the template: {}", is[22]);
+}
+
+#[test]
+fn a_root_on_the_ground_is_no_tail_either() {
+    let skeleton = person();
+    let mut joints = skeleton.joints().to_vec();
+    joints[0].parent = Some(joints.len() as u32);
+    joints.push(Joint { name: "ground".into(), parent: None, rest: Trs::identity(), limits: None });
+    let grounded = Skeleton::new(joints).expect("valid");
+    let mut joints = skeleton.joints().to_vec();
+    for (name, parent, offset) in [("tail", 0, [0.0, -0.1, -0.4]), ("tail end", joints.len() as u32, [0.0, -0.3, -0.3])]
+    {
+        joints.push(Joint {
+            name: name.into(),
+            parent: Some(parent),
+            rest: Trs::from_translation(offset.into()),
+            limits: None,
+        });
+    }
+    let tailed = Skeleton::new(joints).expect("valid");
+    let fit = fit_template(&grounded, &curve_along(&tailed, &tailed.rest_pose(), &[])).expect("fits");
+    let ground = skeleton.joint_count() as u32;
+    let limb = fit.limbs.iter().find(|l| l.from == ground || l.to == ground).expect("told");
+    assert!(limb.stretch.is_none() && fit.spare_ends == 1, "{fit:?}");
+    let off = apart(&fit.skeleton.rest_positions()[..ground as usize], &skeleton.rest_positions());
+    assert!(off < 0.05, "{off}");
+}
+
+#[test]
+fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() {
+    let skeleton = person();
+    let index = |name: &str| skeleton.named(name).expect("there");
+    let at = skeleton.rest_positions();
+    let mut joints = skeleton.joints().to_vec();
+    // One arm leaves the trunk below the chest, the other above.
+    let (chest, neck) = (index("chest"), index("neck"));
+    let spine = skeleton.joints()[chest as usize].parent.expect("a spine");
+    for (name, of, from, share) in [("low", "arm.L", spine, 0.5), ("high", "arm.R", neck, 0.6)] {
+        let place = at[chest as usize].lerp(&at[from as usize], share);
+        let parent = if name == "low" { spine } else { chest };
+        let new = joints.len() as u32;
+        let offset = place - at[parent as usize];
+        joints.push(Joint {
+            name: name.into(),
+            parent: Some(parent),
+            rest: Trs::from_translation(offset),
+            limits: None,
+        });
+        let arm = index(of) as usize;
+        joints[arm].parent = Some(new);
+        joints[arm].rest = Trs::from_translation(at[arm] - place);
+        let next = if name == "low" { chest } else { neck } as usize;
+        joints[next].parent = Some(new);
+        joints[next].rest = Trs::from_translation(at[next] - place);
+    }
+    let other = Skeleton::new(joints).expect("valid");
+    let fit = fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[])).expect("fits");
+    let off = (fit.skeleton.rest_positions()[chest as usize] - at[chest as usize]).norm();
+    assert!(off < 0.03, "{off}");
 }
 
 #[test]
@@ -253,8 +367,8 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
     let dot = CurveSkeleton { nodes: vec![Point3::origin()], ..CurveSkeleton::default() };
     for (template, curve, expected) in [
         (&point, &curve, "the template has 1 joints in one place"),
-        (&skeleton, &dot, "the curve has 1 nodes and no two ends apart"),
-        (&skeleton, &CurveSkeleton::default(), "the curve has 0 nodes"),
+        (&skeleton, &dot, "the curve in the middle has 1 nodes and no two ends apart"),
+        (&skeleton, &CurveSkeleton::default(), "the curve in the middle has 0 nodes"),
         (&skeleton, &broken, "node 3 of the curve is not finite"),
         (&skeleton, &beyond, "ends at node 9999, but there are"),
     ] {
