@@ -211,7 +211,9 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
     }
 
     fs::write(folder.join("point.tgf"), "1 0 0 0\n#\n").expect("writable");
-    let ball = Model::of_mesh(plumbline::mesh::shapes::sphere(2, 1.0));
+    let corner = Point3::new(1.4, 1.4, 1.4);
+    let ball = plumbline::mesh::shapes::level_set(|p| p.coords.norm() - 1.0, -corner, corner, 0.2);
+    let ball = Model::of_mesh(ball);
     plumbline::mesh::write_model(&folder.join("ball.off"), &ball).expect("written");
     let out = plumbline_in(folder, &["skeleton", "ball.off", "--template", &humanoid(), "-o", "no.glb"]);
     assert!(out.status.code() == Some(65) && err(&out).contains("ball.off: the curve"), "{}", err(&out));

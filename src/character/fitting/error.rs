@@ -14,7 +14,7 @@ pub enum FitError {
     },
     /// Input: a curve that has no extent.
     #[error(
-        "the curve in the middle has {nodes} nodes and no two ends apart: a template needs a surface with limbs; leave it out, or fit it to \
+        "the curve in the middle has {nodes} nodes and no limb longer than it is thick: a template needs a surface with limbs; leave it out, or fit it to \
          another mesh"
     )]
     Curve {

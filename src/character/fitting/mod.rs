@@ -68,7 +68,7 @@ pub struct TemplateFit {
     pub limbs: Vec<FittedLimb>,
     /// Length of the limbs on the curve by that in the template, a factor.
     pub scale: f64,
-    /// How the whole is turned.
+    /// How the trunk is turned: what limbs hang on, whatever their pose.
     pub rotation: UnitQuaternion<f64>,
     /// How far joints are from where the best similarity puts those of the template: root of the mean square, as a share of their spread.
     pub residual: f64,
@@ -105,7 +105,7 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton) -> Result<Templa
         skeleton,
         limbs,
         scale: chosen.scale() * branches.size / bones.size,
-        rotation: UnitQuaternion::from_matrix(&chosen.alignment.rotation),
+        rotation: UnitQuaternion::from_matrix(&chosen.trunk_turn(&bones, &places)),
         residual: chosen.alignment.residual.sqrt(),
         spare_ends: branches.ends().len().saturating_sub(chosen.matched_ends()),
         ambiguous: !rivals.is_empty(),

@@ -77,7 +77,7 @@ impl TemplateFit {
         let is_end = |j: &u32| template.children(*j).is_empty();
         if before.parent.is_none() {
             [self.rotation, none]
-        } else if template.children(joint).iter().all(|c| is_end(c)) {
+        } else if template.children(joint).iter().all(is_end) {
             [none, before.rest.rotation.inverse() * now.rest.rotation]
         } else {
             [none, none]

@@ -163,7 +163,12 @@ fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
         add(&format!("pinky.{side}"), &format!("hand.{side}"), [0.1 * x, 0.0, -0.05]);
     }
     let rich = Skeleton::new(joints).expect("valid");
-    let fit = fit_template(&skeleton, &curve_along(&rich, &rich.rest_pose(), &[])).expect("fits");
+    let mut curve = curve_along(&rich, &rich.rest_pose(), &[]);
+    // Ears are as long as the top of the head, but thin.
+    let body = curve_along(&skeleton, &skeleton.rest_pose(), &[]).nodes;
+    let of_body = |p: &Point3<f64>| body.iter().any(|q| (p - q).norm() < 0.011);
+    curve.radius = curve.nodes.iter().map(|p| if of_body(p) { 0.08 } else { 0.03 }).collect();
+    let fit = fit_template(&skeleton, &curve).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
     assert!(off < 0.05, "{off}");
     assert_eq!(fit.spare_ends, 7);
@@ -280,9 +285,37 @@ fn a_root_on_the_ground_is_no_tail_either() {
     let fit = fit_template(&grounded, &curve_along(&tailed, &tailed.rest_pose(), &[])).expect("fits");
     let ground = skeleton.joint_count() as u32;
     let limb = fit.limbs.iter().find(|l| l.from == ground || l.to == ground).expect("told");
-    assert!(limb.stretch.is_none() && fit.spare_ends == 1, "{fit:?}");
+    assert!(limb.stretch.is_none() && fit.spare_ends == 1, "{:?}", fit.limbs);
     let off = apart(&fit.skeleton.rest_positions()[..ground as usize], &skeleton.rest_positions());
     assert!(off < 0.05, "{off}");
+}
+
+#[test]
+fn a_limb_ends_where_the_surface_is_and_not_in_a_spike_on_the_way() {
+    let skeleton = person();
+    let mut joints = skeleton.joints().to_vec();
+    // Longer arms than the template's, hanging down; a crown of spikes at the elbows, where the template has its hands.
+    for (side, x) in [("L", 1.0), ("R", -1.0)] {
+        let at = |name: &str| skeleton.named(&format!("{name}.{side}")).expect("there") as usize;
+        joints[at("forearm")].rest.rotation = UnitQuaternion::from_scaled_axis([0.0, 0.0, -1.5 * x].into());
+        joints[at("hand")].rest.translation *= 1.5;
+        for k in 0..8 {
+            let offset = Vector3::new(0.25 * x, 0.0, 0.02 * f64::from(k - 4));
+            let rest = Trs::from_translation(joints[at("forearm")].rest.translation + offset);
+            let parent = Some(at("arm") as u32);
+            joints.push(Joint { name: format!("spike {k}.{side}"), parent, rest, limits: None });
+        }
+    }
+    let armored = Skeleton::new(joints).expect("valid");
+    let mut curve = curve_along(&armored, &armored.rest_pose(), &[]);
+    let of_spike = |p: &Point3<f64>| p.x.abs() > 0.47 && (p.y - 1.4).abs() < 1e-9;
+    curve.radius = curve.nodes.iter().map(|p| if of_spike(p) { 0.03 } else { 0.08 }).collect();
+    let fit = fit_template(&skeleton, &curve).expect("fits");
+    for side in ["L", "R"] {
+        let hand = |s: &Skeleton| s.rest_positions()[s.named(&format!("hand end.{side}")).expect("there") as usize];
+        let off = (hand(&fit.skeleton) - hand(&armored)).norm();
+        assert!(off < 0.05, "{side}: {off}");
+    }
 }
 
 #[test]
@@ -290,32 +323,34 @@ fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() 
     let skeleton = person();
     let index = |name: &str| skeleton.named(name).expect("there");
     let at = skeleton.rest_positions();
-    let mut joints = skeleton.joints().to_vec();
     // One arm leaves the trunk below the chest, the other above.
     let (chest, neck) = (index("chest"), index("neck"));
     let spine = skeleton.joints()[chest as usize].parent.expect("a spine");
-    for (name, of, from, share) in [("low", "arm.L", spine, 0.5), ("high", "arm.R", neck, 0.6)] {
-        let place = at[chest as usize].lerp(&at[from as usize], share);
-        let parent = if name == "low" { spine } else { chest };
-        let new = joints.len() as u32;
-        let offset = place - at[parent as usize];
-        joints.push(Joint {
-            name: name.into(),
-            parent: Some(parent),
-            rest: Trs::from_translation(offset),
-            limits: None,
-        });
-        let arm = index(of) as usize;
-        joints[arm].parent = Some(new);
-        joints[arm].rest = Trs::from_translation(at[arm] - place);
-        let next = if name == "low" { chest } else { neck } as usize;
-        joints[next].parent = Some(new);
-        joints[next].rest = Trs::from_translation(at[next] - place);
+    for (low, high) in [(0.5, 0.6), (0.9, 0.3), (0.3, 0.9)] {
+        let mut joints = skeleton.joints().to_vec();
+        for (name, of, from, share) in [("low", "arm.L", spine, low), ("high", "arm.R", neck, high)] {
+            let place = at[chest as usize].lerp(&at[from as usize], share);
+            let parent = if name == "low" { spine } else { chest };
+            let new = joints.len() as u32;
+            let offset = place - at[parent as usize];
+            joints.push(Joint {
+                name: name.into(),
+                parent: Some(parent),
+                rest: Trs::from_translation(offset),
+                limits: None,
+            });
+            let arm = index(of) as usize;
+            joints[arm].parent = Some(new);
+            joints[arm].rest = Trs::from_translation(at[arm] - place);
+            let next = if name == "low" { chest } else { neck } as usize;
+            joints[next].parent = Some(new);
+            joints[next].rest = Trs::from_translation(at[next] - place);
+        }
+        let other = Skeleton::new(joints).expect("valid");
+        let fit = fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[])).expect("fits");
+        let off = (fit.skeleton.rest_positions()[chest as usize] - at[chest as usize]).norm();
+        assert!(off < 0.03, "{low} {high}: {off}");
     }
-    let other = Skeleton::new(joints).expect("valid");
-    let fit = fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[])).expect("fits");
-    let off = (fit.skeleton.rest_positions()[chest as usize] - at[chest as usize]).norm();
-    assert!(off < 0.03, "{off}");
 }
 
 #[test]
@@ -364,10 +399,17 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
     broken.nodes[3].y = f64::NAN;
     let mut beyond = curve.clone();
     beyond.edges.push([0, 9999]);
+    let dash = CurveSkeleton {
+        nodes: vec![Point3::origin(), Point3::new(0.3, 0.0, 0.0)],
+        edges: vec![[0, 1]],
+        radius: vec![1.0, 1.0],
+        ..CurveSkeleton::default()
+    };
     let dot = CurveSkeleton { nodes: vec![Point3::origin()], ..CurveSkeleton::default() };
     for (template, curve, expected) in [
         (&point, &curve, "the template has 1 joints in one place"),
-        (&skeleton, &dot, "the curve in the middle has 1 nodes and no two ends apart"),
+        (&skeleton, &dot, "the curve in the middle has 1 nodes and no limb"),
+        (&skeleton, &dash, "the curve in the middle has 2 nodes"),
         (&skeleton, &CurveSkeleton::default(), "the curve in the middle has 0 nodes"),
         (&skeleton, &broken, "node 3 of the curve is not finite"),
         (&skeleton, &beyond, "ends at node 9999, but there are"),

@@ -138,7 +138,7 @@ fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
             let (few, all) =
                 (reduced.positions(&e.matrices).expect("fits"), model.positions(&e.matrices).expect("fits"));
             let most = few.iter().zip(&all).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-            assert!(most < 1e-4 * mesh.diagonal(), "hold {hold}: {most}");
+            assert!(most < 4e-4 * mesh.diagonal(), "hold {hold}: {most}");
         }
     }
 }

@@ -149,7 +149,9 @@ pub(super) fn write_reduced(w: &mut Writer, (sheets, sheet_of, maps): &Reducing)
     for &sheet in sheet_of {
         w.u32(sheet);
         for map in maps.by_ref().take(1 + sheets[sheet as usize].shape_count()) {
-            map.iter().for_each(|x| w.f32(*x));
+            for x in map {
+                w.f32(*x);
+            }
         }
     }
 }

@@ -8,8 +8,8 @@
 //!
 //! What a triangle says depends on one turn `q` alone, so the maps of all triangles that share `b` and `j` move on a curved sheet of
 //! three dimensions at most. The directions `B_k` in which it reaches furthest, by area, are those of the largest singular values
-//! over samples of `q` ([`modes`]): no other basis of as many comes closer to the samples. How far the sheet goes along each, `z_k(q)`, is read off a few key
-//! triangles. Positions are linear in the maps and in the joints' matrices, so the solves are done beforehand: `g_ib` is what maps at
+//! over samples of `q` ([`modes`]): no other basis of as many comes closer to the samples. How far the sheet goes along each,
+//! `z_k(q)`, is read off a few key triangles. Positions are linear in the maps and in the joints' matrices, so the solves are done beforehand: `g_ib` is what maps at
 //! rest do to vertex `i`, `u_ik` what `B_k` does, `h_ib` (four numbers) what the blended places of the joint do. They are near zero
 //! but about the joint; [`table`] keeps the others.
 //!
@@ -152,7 +152,8 @@ impl Reduced {
         Ok(Coordinates { turns: turns.global.iter().map(|t| t.to_rotation_matrix().into_inner()).collect(), shapes })
     }
 
-    /// The surface in a pose, to a millionth of its diagonal beside what few shapes cannot do.
+    /// The surface in a pose, in single precision, less what is left out (at most 4·10⁻⁴ of the diagonal; a tenth of that is the
+    /// rule).
     ///
     /// # Errors
     /// As [`Self::coordinates`].

@@ -140,13 +140,11 @@ impl Sampled {
             let size = |c: usize| left.columns(9 * c, 9).norm_squared() * areas[self.triangles[c]];
             let next = (0..self.triangles.len()).max_by(|&a, &b| size(a).total_cmp(&size(b))).expect("a triangle");
             keys.push(next);
-            let said: Vec<_> = keys
-                .iter()
-                .flat_map(|&c| self.said.columns(9 * c, 9).column_iter().map(|x| x.into_owned()).collect::<Vec<_>>())
-                .collect();
-            let svd = DMatrix::from_columns(&said).svd(true, true);
+            let columns: Vec<usize> = keys.iter().flat_map(|&c| 9 * c..9 * c + 9).collect();
+            let said = self.said.select_columns(&columns);
+            let svd = said.clone().svd(true, true);
             let reading = svd.solve(wanted, LEAST * svd.singular_values.max()).expect("both factors were asked for");
-            let missed = (DMatrix::from_columns(&said) * &reading - wanted).norm();
+            let missed = (said * &reading - wanted).norm();
             if keys.len() == MOST_KEYS.min(self.triangles.len()) || missed <= UNEXPLAINED * wanted.norm() {
                 return (keys, reading.transpose());
             }
@@ -162,7 +160,7 @@ impl Sampled {
 /// Turns of a joint to sample.
 fn samples(turns: &[JointTurns], joint: u32) -> Vec<Sample> {
     let seen: Vec<Vector3<f64>> = turns.iter().map(|t| t.relative[joint as usize]).collect();
-    let furthest = seen.iter().map(|q| q.norm()).fold(0.0, f64::max);
+    let furthest = seen.iter().map(Vector3::norm).fold(0.0, f64::max);
     let parts =
         PARTS.iter().flat_map(|&part| seen.iter().map(move |q| (q * part, if part == 1.0 { 1.0 } else { ASIDE })));
     let between = (0..seen.len()).flat_map(|a| (0..a).map(move |b| (a, b)));

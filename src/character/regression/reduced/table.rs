@@ -1,8 +1,9 @@
 //! What shapes and joints do to vertices, and its product with the coordinates of a pose.
 //!
 //! A shape is near zero away from its joint. Per vertex what moves it least is left out, until what is left out together could move it
-//! by [`LEFT_OUT`] of the diagonal in poses like those learnt from; what a joint that is left out would hold is held by the joint that
-//! the vertex follows most, so that rigid motions stay exact. Vertices of the same joints stand side by side, eight at a time, so
+//! by [`LEFT_OUT`] of the diagonal: shapes as far as in poses like those learnt from, joints by a radian and half the diagonal. What a
+//! joint that is left out would hold is held by the nearest above it that is kept, or by the joint that the vertex follows most: rigid
+//! motions stay exact, and poses hardly part a joint from the one it hangs on. Vertices of the same joints stand side by side, eight at a time, so
 //! that a product reads each number once, in order. Numbers are of single precision about the middle of the mesh.
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
@@ -12,9 +13,11 @@ use super::super::surface_of_gradients::SurfaceOfGradients;
 use super::{Coordinates, Parts};
 
 /// What may be left out, of the diagonal.
-const LEFT_OUT: f64 = 1e-4;
+const LEFT_OUT: f64 = 4e-4;
 /// Vertices side by side.
 const LANES: usize = 8;
+/// What single precision takes from a turn is no stretch.
+const NO_STRETCH: f64 = 1e-6;
 /// Rows that a thread takes at once.
 const AT_ONCE: usize = 64;
 
@@ -43,8 +46,10 @@ pub(super) struct Table {
     blocks: Vec<Block>,
     /// Shapes of the blocks.
     shapes: Vec<u32>,
-    /// Of each block `g`, `h`, its weight, then its shapes.
+    /// Of each block `g + h` and its weight, then its shapes.
     numbers: Vec<Lane>,
+    /// `h` of each block, for joints that stretch.
+    held: Vec<Lanes>,
 }
 
 /// What one joint does to a vertex: `g`, `h` and its weight.
@@ -68,7 +73,10 @@ impl Table {
         let budget = (LEFT_OUT * diagonal) as f32;
         let mut found = solved(surface, parts, &middle, budget);
         let bones: Vec<u32> = parts.sheets.iter().flat_map(|s| std::iter::repeat_n(s.bone, s.shape_count())).collect();
-        found.par_iter_mut().for_each(|vertex| vertex.leave_out(&bones, budget, diagonal as f32));
+        let rest: Vec<Vector3<f32>> = rest.iter().map(|p| (p - middle).cast::<f32>()).collect();
+        let tree = Tree { bones: &bones, parents: &parts.parents };
+        let each = found.par_iter_mut().zip(&rest);
+        each.for_each(|(vertex, p)| vertex.leave_out(&tree, p, budget, diagonal as f32));
         let mut order: Vec<u32> = (0..rest.len() as u32).collect();
         let key = |v: &u32| found[*v as usize].joints.iter().map(|j| j.0).collect::<Vec<_>>();
         order.sort_by_cached_key(key);
@@ -80,6 +88,7 @@ impl Table {
             blocks: Vec::new(),
             shapes: Vec::new(),
             numbers: Vec::new(),
+            held: Vec::new(),
         };
         for row in 0..rest.len().div_ceil(LANES) {
             table.push_row(row, &found, &bones);
@@ -101,7 +110,9 @@ impl Table {
         for bone in joints {
             let held: [[f32; 7]; LANES] =
                 std::array::from_fn(|l| vertices[l].joints.iter().find(|j| j.0 == bone).map_or([0.0; 7], |j| j.1));
-            self.numbers.extend((0..7).map(|k| held.map(|h| h[k])));
+            self.numbers.extend((0..3).map(|k| held.map(|h| h[k] + h[3 + k])));
+            self.numbers.push(held.map(|h| h[6]));
+            self.held.push([3, 4, 5].map(|k| held.map(|h| h[k])));
             for &shape in shapes.iter().filter(|&&s| bones[s as usize] == bone) {
                 let moved: [[f32; 3]; LANES] =
                     std::array::from_fn(|l| vertices[l].shapes.iter().find(|s| s.0 == shape).map_or([0.0; 3], |s| s.1));
@@ -139,28 +150,28 @@ impl Table {
     }
 
     fn row(&self, row: usize, joints: &[JointMotion], coordinates: &[f32]) -> Lanes {
-        let ([first, mut shape, at], [end, ..]) = (self.rows[row], self.rows[row + 1]);
-        let mut numbers = self.numbers[at as usize..].iter();
+        let ([first, mut shape, at], [end, _, stop]) = (self.rows[row], self.rows[row + 1]);
+        let mut numbers = &self.numbers[at as usize..stop as usize];
         let mut sum = [[0.0; LANES]; 3];
-        for block in &self.blocks[first as usize..end as usize] {
-            let mut three =
-                || -> [&Lane; 3] { std::array::from_fn(|_| numbers.next().expect("as many as blocks say")) };
-            let (mut own, held) = (three().map(|lane| *lane), three());
-            let weight = numbers.next().expect("as many as blocks say");
+        for (block, held) in (first as usize..end as usize).map(|b| (&self.blocks[b], &self.held[b])) {
             let joint = &joints[block.bone as usize];
+            let ([x, y, z, weight], mut rest) = numbers.split_first_chunk().expect("as many as blocks say");
+            let mut own = [*x, *y, *z];
             for k in &self.shapes[shape as usize..block.shapes_end as usize] {
-                let z = coordinates[*k as usize];
-                for own in &mut own {
-                    add(own, z, numbers.next().expect("as many as blocks say"));
+                let (moved, after) = rest.split_first_chunk::<3>().expect("as many as blocks say");
+                own.iter_mut().zip(moved).for_each(|(own, u)| add(own, coordinates[*k as usize], u));
+                rest = after;
+            }
+            (numbers, shape) = (rest, block.shapes_end);
+            for ((sum, turn), there) in sum.iter_mut().zip(&joint.turn).zip(&joint.there) {
+                for l in 0..LANES {
+                    sum[l] += turn[0] * own[0][l] + turn[1] * own[1][l] + turn[2] * own[2][l] + there * weight[l];
                 }
             }
-            shape = block.shapes_end;
-            for (c, sum) in sum.iter_mut().enumerate() {
-                for k in 0..3 {
-                    add(sum, joint.turn[c][k], &own[k]);
-                    add(sum, joint.map[c][k], held[k]);
+            if let Some(stretch) = &joint.stretch {
+                for (sum, stretch) in sum.iter_mut().zip(stretch) {
+                    held.iter().zip(stretch).for_each(|(h, s)| add(sum, *s, h));
                 }
-                add(sum, joint.there[c], weight);
             }
         }
         sum
@@ -177,53 +188,62 @@ fn add(sum: &mut Lane, factor: f32, lane: &Lane) {
 /// A joint in a pose, by rows.
 struct JointMotion {
     turn: [[f32; 3]; 3],
-    map: [[f32; 3]; 3],
     /// Where it takes the middle.
     there: [f32; 3],
+    /// What its map is beside its turn, where that is anything.
+    stretch: Option<[[f32; 3]; 3]>,
 }
 
 impl JointMotion {
     fn new(turn: &Matrix3<f64>, matrix: &Matrix4<f64>, there: &Vector3<f64>) -> Self {
+        let stretch = matrix.fixed_view::<3, 3>(0, 0) - turn;
+        let rows = |m: &Matrix3<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)] as f32));
         Self {
-            turn: std::array::from_fn(|r| std::array::from_fn(|c| turn[(r, c)] as f32)),
-            map: std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)] as f32)),
+            turn: rows(turn),
             there: std::array::from_fn(|c| there[c] as f32),
+            stretch: (stretch.amax() > NO_STRETCH).then(|| rows(&stretch)),
         }
     }
 }
 
 impl Sparse {
-    /// Leaves out what moves the vertex least, half the budget of shapes and half of joints. Joints that stay are in the order of
-    /// their weights.
-    fn leave_out(&mut self, bones: &[u32], budget: f32, diagonal: f32) {
+    /// Leaves out what moves the vertex at `p` least, half the budget of shapes and half of joints. Joints that stay are in the order
+    /// of their weights.
+    fn leave_out(&mut self, tree: &Tree<'_>, p: &Vector3<f32>, budget: f32, diagonal: f32) {
         let size = |s: &Moved| Vector3::from(s.1).norm();
         self.shapes.sort_by(|a, b| size(a).total_cmp(&size(b)));
         let mut left = 0.5 * budget;
         let dropped = self.shapes.iter().take_while(|s| spend(&mut left, size(s))).count();
         self.shapes.drain(..dropped);
-        // Turns differ by 2 at most, and origins by the diagonal of a surface that holds together.
+        // What moves with the joint is the vertex, by its weight, and what turns about it.
         let cost = |h: &[f32; 7]| {
-            let [a, b, c, d, e, f, w] = *h;
-            2.0 * (Vector3::new(a, b, c).norm() + Vector3::new(d, e, f).norm()) + w.abs() * diagonal
+            let about = Vector3::new(h[0] + h[3], h[1] + h[4], h[2] + h[5]) - p * h[6];
+            about.norm() + h[6].abs() * 0.5 * diagonal
         };
         self.joints.sort_by(|a, b| cost(&a.1).total_cmp(&cost(&b.1)));
         let mut left = 0.5 * budget;
-        let needed = |bone: u32| self.shapes.iter().any(|s| bones[s.0 as usize] == bone);
-        let (mut kept, mut given) = (Vec::new(), [0.0; 7]);
+        let needed = |bone: u32| self.shapes.iter().any(|s| tree.bones[s.0 as usize] == bone);
         let last = self.joints.len().saturating_sub(1);
-        for (k, (bone, held)) in self.joints.drain(..).enumerate() {
-            if k < last && !needed(bone) && spend(&mut left, cost(&held)) {
-                given.iter_mut().zip(held).for_each(|(g, h)| *g += h);
-            } else {
-                kept.push((bone, held));
-            }
+        let (mut kept, mut given): (Vec<Held>, Vec<Held>) = (Vec::new(), Vec::new());
+        for (k, held) in self.joints.drain(..).enumerate() {
+            let leaves = k < last && !needed(held.0) && spend(&mut left, cost(&held.1));
+            if leaves { given.push(held) } else { kept.push(held) }
         }
-        kept.sort_by(|a: &Held, b: &Held| b.1[6].total_cmp(&a.1[6]).then(a.0.cmp(&b.0)));
-        if let Some((_, held)) = kept.first_mut() {
-            held.iter_mut().zip(given).for_each(|(h, g)| *h += g);
+        kept.sort_by(|a, b| b.1[6].total_cmp(&a.1[6]).then(a.0.cmp(&b.0)));
+        for (bone, held) in given {
+            let mut above = std::iter::successors(Some(bone), |b| tree.parents[*b as usize]);
+            let heir = above.find_map(|b| kept.iter().position(|k| k.0 == b)).unwrap_or(0);
+            kept[heir].1.iter_mut().zip(held).for_each(|(h, g)| *h += g);
         }
         self.joints = kept;
     }
+}
+
+/// Joints that shapes and joints hang on.
+struct Tree<'a> {
+    /// Joint of each shape.
+    bones: &'a [u32],
+    parents: &'a [Option<u32>],
 }
 
 /// Whether there is that much left.
@@ -277,4 +297,25 @@ fn solved(surface: &mut SurfaceOfGradients, parts: &Parts, middle: &Point3<f64>,
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_joint_leaves_is_held_by_the_one_above_it_that_is_kept() {
+        // A chain of four; the vertex follows the first most, the third a little and the fourth hardly.
+        let parents = [None, Some(0), Some(1), Some(2)];
+        let tree = Tree { bones: &[], parents: &parents };
+        let held = |w: f32| [0.0, 0.0, 0.0, w, 0.0, 0.0, w];
+        let mut vertex =
+            Sparse { joints: vec![(0, held(0.7)), (2, held(0.3 - 1e-5)), (3, held(1e-5))], shapes: Vec::new() };
+        vertex.leave_out(&tree, &Vector3::x(), 1e-3, 10.0);
+        assert_eq!(vertex.joints, [(0, held(0.7)), (2, held(0.3))]);
+        // What shapes turn with is kept, whatever it weighs.
+        let mut vertex = Sparse { joints: vec![(0, held(1.0)), (3, held(0.0))], shapes: vec![(0, [1.0, 0.0, 0.0])] };
+        vertex.leave_out(&Tree { bones: &[3], parents: &parents }, &Vector3::x(), 1e-3, 10.0);
+        assert_eq!((vertex.joints.len(), vertex.shapes.len()), (2, 1));
+    }
 }

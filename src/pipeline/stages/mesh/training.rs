@@ -46,7 +46,7 @@ struct Named {
 /// The model in the form that is written.
 enum Trained {
     Full(Box<RegressionModel>),
-    Reduced(Reduced),
+    Reduced(Box<Reduced>),
 }
 
 /// Root mean squares over the vertices of one mesh, units of the mesh.
@@ -107,7 +107,7 @@ fn form(
     let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
     let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
     let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
-    Ok((Trained::Reduced(reduced), file))
+    Ok((Trained::Reduced(Box::new(reduced)), file))
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
