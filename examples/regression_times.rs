@@ -1,8 +1,8 @@
 //! CPU time of a pose by rotational regression, full and reduced, on one humanoid at several resolutions:
 //! `regression_times [CELL...]`.
 //!
-//! Learns from poses of its movements that dual quaternions made. Prints a line for each resolution: vertices, prototypes, seconds
-//! of a pose by all triangles (a solve), of what a pose means to the prototypes (which does not know the surface), of the product
+//! Learns from poses of its movements that dual quaternions made. Prints a line for each resolution: vertices, shapes, seconds
+//! of a pose by all triangles (a solve), of what a pose means to the shapes (which does not know the surface), of the product
 //! that makes positions of it, and of linear blending.
 
 use std::error::Error;
@@ -16,10 +16,16 @@ use plumbline::character::{Character, Outside};
 
 /// Poses of each movement.
 const POSES: u32 = 6;
-/// Prototypes for each joint beside the identity.
-const PROTOTYPES: usize = 3;
+/// Shapes for each joint in the mean.
+const SHAPES: usize = 3;
 
 fn main() -> Result<(), Box<dyn Error>> {
+    // On the one thread that measures.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    Ok(pool.install(|| measured().map_err(|e| e.to_string()))?)
+}
+
+fn measured() -> Result<(), Box<dyn Error>> {
     let cells: Vec<f64> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
     let cells = if cells.is_empty() { vec![0.06, 0.03, 0.02] } else { cells };
     for cell in cells {
@@ -35,13 +41,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let examples: Vec<Example> = samples.iter().map(example).collect::<Result<_, _>>()?;
         let options = RegressionOptions::default();
         let (mut full, _) = RegressionModel::train(mesh, skeleton, skin.weights(), &examples, &options)?;
-        let reduced = full.reduced(&samples, PROTOTYPES)?;
+        let reduced = full.reduced(&samples, SHAPES)?;
         let pose = &samples[POSES as usize / 2];
         let told = serde_json::json!({
             "vertices": mesh.vertex_count(),
-            "prototypes": reduced.prototype_count(),
+            "shapes": reduced.shape_count(),
             "full": least(10, || Ok(full.positions(pose)?.len()))?,
-            "coordinates": least(1000, || Ok(reduced.coordinates(pose)?.len()))?,
+            "coordinates": least(1000, || Ok(size_of_val(&black_box(reduced.coordinates(pose)?))))?,
             "positions": least(10, || Ok(reduced.positions(pose)?.len()))?,
             "linear": least(200, || Ok(linear.positions(pose)?.len()))?,
         });

@@ -59,15 +59,15 @@ struct WeightsArgs {
 /// Options of `plumbline skin train`.
 #[derive(Debug, Args)]
 struct TrainArgs {
-    /// The mesh at rest: OBJ, PLY, OFF, STL, glTF or GLB
+    /// The mesh at rest: OBJ, PLY, OFF or STL with --skeleton, glTF or GLB also with a skin of its own
     #[arg(value_name = "REST")]
     input: PathBuf,
     /// Meshes of the same vertices and faces in other poses: files, globs or folders
     #[arg(long, required = true, num_args = 1.., value_name = "FILES")]
     examples: Vec<String>,
-    /// The skeleton in the mesh: our own JSON, glTF, GLB, BVH, .tgf or .skel
+    /// The skeleton in the mesh: our own JSON, glTF, GLB, BVH, .tgf or .skel; that of REST, with its weights, if left out
     #[arg(long, value_name = "FILE")]
-    skeleton: PathBuf,
+    skeleton: Option<PathBuf>,
     /// The file of the model to write, for `plumbline pose --skinning regression --model`
     #[arg(short, long, value_name = "FILE.skin")]
     output: PathBuf,
@@ -78,8 +78,8 @@ struct TrainArgs {
     /// Pose files called as the meshes, that say how the joints stand; from the meshes themselves if left out
     #[arg(long, num_args = 1.., value_name = "FILES", help_heading = "Examples")]
     poses: Vec<String>,
-    /// How the mesh is bound to the skeleton: heat, biharmonic, distance, or a file of weights
-    #[arg(long, default_value_t, value_name = "HOW|FILE", help_heading = "Examples")]
+    /// How the mesh is bound to --skeleton: heat, biharmonic, distance, or a file of weights
+    #[arg(long, default_value_t, value_name = "HOW|FILE", help_heading = "Examples", requires = "skeleton")]
     weights: WeightsArg,
 
     /// Ridge on what is learnt of the joints' turns, rad²: larger trusts the examples less; found by leaving examples out if left
@@ -91,7 +91,7 @@ struct TrainArgs {
     #[arg(long, value_name = "NUMBER", help_heading = "Learning")]
     #[arg(value_parser = |text: &str| number_for::<SkinTrainSettings>("hold", text))]
     hold: Option<f64>,
-    /// Keep N prototypes for each joint in place of all triangles: a smaller file, and poses without a solve
+    /// Keep N shapes for each joint in the mean, where they are needed most, in place of all triangles: poses without a solve
     #[arg(long, value_name = "N", help_heading = "Learning", value_parser = clap::value_parser!(u32).range(1..=32))]
     prototypes: Option<u32>,
 
@@ -138,7 +138,7 @@ impl TrainArgs {
             path: literal_path(&self.output),
             report: self.report.as_ref().map(|path| literal_path(path)),
         };
-        of_mesh_and_skeleton(&self.input, &self.skeleton, StageEntry::built("model", &train), &self.job)
+        of_mesh_and_skeleton(&self.input, self.skeleton.as_deref(), StageEntry::built("model", &train), &self.job)
     }
 }
 
@@ -150,22 +150,19 @@ impl WeightsArgs {
             smooth: self.smooth,
             path: literal_path(&self.output),
         };
-        of_mesh_and_skeleton(&self.input, &self.skeleton, StageEntry::built("weights", &weights), &self.job)
+        of_mesh_and_skeleton(&self.input, Some(&self.skeleton), StageEntry::built("weights", &weights), &self.job)
     }
 }
 
-/// Loads both and hands them to the stage that does the work.
-fn of_mesh_and_skeleton(mesh: &Path, skeleton: &Path, works: StageEntry, job: &JobArgs) -> PipelineFile {
+/// Loads the mesh, and the skeleton where one is given, and hands them to the stage that does the work.
+fn of_mesh_and_skeleton(mesh: &Path, skeleton: Option<&Path>, works: StageEntry, job: &JobArgs) -> PipelineFile {
     let mesh = MeshLoadSettings { path: literal_path(mesh), ..MeshLoadSettings::default() };
-    let skeleton = SkeletonLoadSettings { path: literal_path(skeleton) };
-    PipelineFile {
-        name: Some("skin".to_owned()),
-        run: job.run(),
-        stages: vec![
-            StageEntry::built("mesh", &mesh),
-            StageEntry::built("skeleton", &skeleton),
-            works.input("mesh", "mesh").input("skeleton", "skeleton"),
-        ],
-        ..PipelineFile::default()
+    let mut works = works.input("mesh", "mesh");
+    let mut stages = vec![StageEntry::built("mesh", &mesh)];
+    if let Some(path) = skeleton {
+        stages.push(StageEntry::built("skeleton", &SkeletonLoadSettings { path: literal_path(path) }));
+        works = works.input("skeleton", "skeleton");
     }
+    stages.push(works);
+    PipelineFile { name: Some("skin".to_owned()), run: job.run(), stages, ..PipelineFile::default() }
 }

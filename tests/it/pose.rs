@@ -195,6 +195,12 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
         c.skeleton.joints().iter().map(|j| j.name.clone()).collect()
     };
     assert_eq!(names(&rigged), names(&person));
+    // The movements come along.
+    let clips = |c: &plumbline::character::Character| -> Vec<String> {
+        c.clips.iter().map(|clip| clip.name().to_owned()).collect()
+    };
+    assert_eq!(clips(&rigged), clips(&person));
+    succeed(folder, &["pose", "rig.glb", "--clip", "walk", "--frames", "2", "-o", "walk.obj"]);
     // A tenth of a forearm's 0.24, and of the head what the curve ends before the surface does.
     for (name, allowed) in [("hand.L", 0.03), ("forearm.R", 0.03), ("shin.L", 0.03), ("foot.R", 0.03), ("head", 0.1)] {
         let at = |c: &plumbline::character::Character| {
@@ -205,6 +211,12 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
     }
 
     fs::write(folder.join("point.tgf"), "1 0 0 0\n#\n").expect("writable");
+    let corner = Point3::new(1.4, 1.4, 1.4);
+    let ball = plumbline::mesh::shapes::level_set(|p| p.coords.norm() - 1.0, -corner, corner, 0.2);
+    let ball = Model::of_mesh(ball);
+    plumbline::mesh::write_model(&folder.join("ball.off"), &ball).expect("written");
+    let out = plumbline_in(folder, &["skeleton", "ball.off", "--template", &humanoid(), "-o", "no.glb"]);
+    assert!(out.status.code() == Some(65) && err(&out).contains("ball.off: the curve"), "{}", err(&out));
     for (args, rc, expected) in [
         (&["--template", "point.tgf"][..], 65, "point.tgf: the template has 1 joints in one place"),
         (&["--template", "none.json"][..], 65, "none.json"),

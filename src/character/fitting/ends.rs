@@ -13,7 +13,7 @@ const MOST_OF_CURVE: usize = 40;
 /// Ends of a template that are matched at most; what else it has goes with what it hangs on.
 const MOST_OF_TEMPLATE: usize = 64;
 
-/// What a root at the end of a limb counts where it has no image: many rigs hang on one on the ground, outside of any surface, while that
+/// What a root at the end of a limb counts, with an image or without: many rigs hang on one on the ground, outside of any surface, while that
 /// of an arm is its shoulder.
 const ROOT: f64 = 0.2;
 
@@ -26,6 +26,10 @@ pub(super) struct Ends {
     pub(super) reach: Vec<f64>,
     /// What it costs to leave each out.
     pub(super) need: Vec<f64>,
+    /// Share of the surface around each one's own way, of the first two half of that between them.
+    pub(super) around: Vec<f64>,
+    /// How much each is believed to be an end of a limb, 0 to 1.
+    pub(super) trust: Vec<f64>,
     /// Shortest ways from each.
     pub(super) paths: Vec<Paths>,
 }
@@ -40,8 +44,10 @@ impl Ends {
 /// The ends of a template.
 pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
     let mut ends = far_first(bones, bones.ends(), MOST_OF_TEMPLATE);
-    for (need, node) in ends.need.iter_mut().zip(&ends.nodes) {
-        *need *= if template.joints()[*node as usize].parent.is_none() { ROOT } else { 1.0 };
+    for ((need, trust), node) in ends.need.iter_mut().zip(&mut ends.trust).zip(&ends.nodes) {
+        if template.joints()[*node as usize].parent.is_none() {
+            (*need, *trust) = (*need * ROOT, ROOT);
+        }
     }
     ends
 }
@@ -57,7 +63,14 @@ pub(super) fn of_curve(branches: &Graph) -> Ends {
 }
 
 fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
-    let mut ends = Ends { nodes: Vec::new(), reach: Vec::new(), need: Vec::new(), paths: Vec::new() };
+    let mut ends = Ends {
+        nodes: Vec::new(),
+        reach: Vec::new(),
+        need: Vec::new(),
+        around: Vec::new(),
+        trust: Vec::new(),
+        paths: Vec::new(),
+    };
     let Some(&start) = candidates.first() else { return ends };
     let mut added = graph.paths(start).length;
     while let Some((at, reach)) = farthest(&candidates, &added).filter(|_| ends.nodes.len() < most) {
@@ -85,8 +98,28 @@ fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
         *first = *second;
     }
     // The way between the first two counts once.
+    ends.around = around(graph, &ends);
+    ends.trust = vec![1.0; ends.nodes.len()];
     ends.need = ends.reach.iter().enumerate().map(|(k, reach)| if k < 2 { 0.5 * reach } else { *reach }).collect();
     ends
+}
+
+/// The part of each end's way to the first that no end before it has.
+fn around(graph: &Graph, ends: &Ends) -> Vec<f64> {
+    let Some(to_first) = ends.paths.first() else { return Vec::new() };
+    let mut seen = std::collections::BTreeSet::new();
+    let mut own = |node: &u32| {
+        let way = to_first.back_from(*node);
+        let pairs = way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]);
+        let fresh: Vec<_> = pairs.filter(|pair| seen.insert(*pair)).collect();
+        graph.share_around(fresh.into_iter())
+    };
+    let mut around: Vec<f64> = ends.nodes.iter().map(&mut own).collect();
+    if let [first, second, ..] = around.as_mut_slice() {
+        *second *= 0.5;
+        *first = *second;
+    }
+    around
 }
 
 /// Place and value of the largest; of equal ones, but for rounding, the first.

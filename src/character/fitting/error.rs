@@ -13,7 +13,10 @@ pub enum FitError {
         joints: usize,
     },
     /// Input: a curve that has no extent.
-    #[error("the curve has {nodes} nodes and no two ends apart; a template needs a surface with limbs")]
+    #[error(
+        "the curve in the middle has {nodes} nodes and no limb longer than it is thick: a template needs a surface with limbs; leave it out, or fit it to \
+         another mesh"
+    )]
     Curve {
         /// Its nodes.
         nodes: usize,

@@ -19,6 +19,8 @@ pub(super) struct Graph {
     pub(super) points: Vec<Vector3<f64>>,
     /// Length of all edges, in units of the model.
     pub(super) size: f64,
+    /// How thick what is around each point is; any unit.
+    thickness: Vec<f64>,
     center: Point3<f64>,
     neighbors: Vec<Vec<u32>>,
 }
@@ -54,7 +56,7 @@ impl Graph {
     /// Joints at rest and their bones; `None` where all are in one place.
     pub(super) fn of_skeleton(skeleton: &Skeleton) -> Option<Self> {
         let bones = skeleton.joints().iter().zip(0..).filter_map(|(joint, j)| Some([joint.parent?, j]));
-        Self::new(&skeleton.rest_positions(), &bones.collect::<Vec<_>>())
+        Self::new(&skeleton.rest_positions(), &bones.collect::<Vec<_>>(), &[])
     }
 
     /// Nodes and edges of a curve.
@@ -66,10 +68,13 @@ impl Graph {
         if let Some(&node) = curve.edges.iter().flatten().find(|n| **n as usize >= nodes) {
             return Err(FitError::NoSuchNode { node, nodes });
         }
-        Self::new(&curve.nodes, &curve.edges).ok_or(FitError::Curve { nodes })
+        let graph = Self::new(&curve.nodes, &curve.edges, &curve.radius).ok_or(FitError::Curve { nodes })?;
+        // What is left of a ball is a dash.
+        let thickest = curve.radius.iter().copied().fold(0.0, f64::max);
+        if graph.size < thickest { Err(FitError::Curve { nodes }) } else { Ok(graph) }
     }
 
-    fn new(points: &[Point3<f64>], edges: &[[u32; 2]]) -> Option<Self> {
+    fn new(points: &[Point3<f64>], edges: &[[u32; 2]], radius: &[f64]) -> Option<Self> {
         let first = *points.first()?;
         let mut edges = edges.to_vec();
         edges.extend(bridges(points, &edges));
@@ -84,7 +89,10 @@ impl Graph {
             neighbors[a as usize].push(b);
             neighbors[b as usize].push(a);
         }
-        Some(Self { points: points.iter().map(|p| (p - center) / size).collect(), size, center, neighbors })
+        // Curves made by hand have none.
+        let known = radius.len() == points.len() && radius.iter().all(|r| *r > 0.0 && r.is_finite());
+        let thickness = if known { radius.to_vec() } else { vec![1.0; points.len()] };
+        Some(Self { points: points.iter().map(|p| (p - center) / size).collect(), size, thickness, center, neighbors })
     }
 
     /// A place in units of the model.
@@ -98,6 +106,14 @@ impl Graph {
 
     pub(super) fn length(&self, a: u32, b: u32) -> f64 {
         (self.points[a as usize] - self.points[b as usize]).norm()
+    }
+
+    /// What part of the surface around all edges is around some: cylinders as thick as their ends.
+    pub(super) fn share_around(&self, edges: impl Iterator<Item = [u32; 2]>) -> f64 {
+        let around = |[a, b]: [u32; 2]| self.length(a, b) * (self.thickness[a as usize] + self.thickness[b as usize]);
+        let each = |a: u32| self.neighbors(a).iter().filter(move |b| a < **b).map(move |b| [a, *b]);
+        let all: f64 = (0..self.points.len() as u32).flat_map(each).map(around).sum();
+        edges.map(around).sum::<f64>() / all
     }
 
     /// Nodes with one neighbor.

@@ -11,12 +11,12 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::along::{Path, bent};
 use super::ends::Ends;
 use super::graph::Graph;
-use super::matching::{Images, PLACE};
+use super::matching::{Images, PLACE, spare};
 use super::moments::{Alignment, Moments};
 
 /// `ε`: decides where the first term does not.
@@ -26,9 +26,6 @@ const LENGTHS: f64 = 0.1;
 const APART: f64 = 0.3;
 /// What a unit less costs: more than a bone's share of the first term.
 const TOO_NEAR: f64 = 4.0;
-/// What the part of the curve without a limb counts: less than how well limbs fit, or an ear would be taken for the top of the head for
-/// being longer.
-const SPARE: f64 = 0.1;
 /// Limbs shorter than this share of their length cost no more.
 const LEAST_RATIO: f64 = 0.05;
 
@@ -64,15 +61,21 @@ impl Layout {
         let matching = Matching { bones, ours, branches, theirs, images };
         let spanned = matching.spanned();
         let nodes = matching.nodes(&spanned);
-        let mut used = BTreeSet::new();
+        let mut used: [BTreeSet<[u32; 2]>; 2] = Default::default();
+        let doubted = |j: u32| ours.nodes.iter().position(|n| *n == j).map_or(1.0, |k| ours.trust[k]);
+        let mut trust = 1.0;
         let mut limbs = Vec::new();
         for joints in chains(&spanned) {
             let (from, to) = (nodes[joints[0] as usize]?, nodes[joints[joints.len() - 1] as usize]?);
             let way = branches.paths(to).back_from(from);
-            used.extend(way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]));
+            let least = doubted(joints[0]).min(doubted(joints[joints.len() - 1]));
+            trust = least.min(trust);
+            used[usize::from(least < 1.0)].extend(way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]));
             limbs.push(Limb::new(bones, branches, joints, &way)?);
         }
-        let covered: f64 = used.iter().map(|[a, b]| branches.length(*a, *b)).sum();
+        let [sure, doubted] = used;
+        let only = doubted.difference(&sure).copied();
+        let covered = branches.share_around(sure.iter().copied()) + trust * branches.share_around(only);
         let mut layout = Self {
             places: placed(&limbs, bones.points.len(), |limb| limb.shares.clone()),
             limbs,
@@ -82,7 +85,7 @@ impl Layout {
         };
         layout.alignment = layout.aligned(bones);
         let missing: f64 = ours.need.iter().zip(images).filter_map(|(need, i)| i.is_none().then_some(need)).sum();
-        layout.cost = layout.distortion() + PLACE * layout.alignment.residual + missing + SPARE * (1.0 - covered);
+        layout.cost = layout.distortion() + PLACE * layout.alignment.residual + missing + spare(covered);
         Some(layout)
     }
 
@@ -110,6 +113,25 @@ impl Layout {
     /// The joints with bends where those of the curve are.
     pub(super) fn refined(&self) -> Vec<Option<Vector3<f64>>> {
         placed(&self.limbs, self.places.len(), |limb| bent(&limb.path, &limb.shares))
+    }
+
+    /// The turn of the joints where limbs meet, of those next to them and of limbs between two of them; of all joints where limbs do not
+    /// meet.
+    pub(super) fn trunk_turn(&self, bones: &Graph, places: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
+        let meet = |j: &u32| bones.neighbors(*j).len() > 2;
+        let between = self.limbs.iter().filter(|l| meet(&l.joints[0]) && meet(&l.joints[l.joints.len() - 1]));
+        let mut trunk: BTreeSet<u32> = between.flat_map(|l| l.joints.iter().copied()).collect();
+        for j in (0..places.len() as u32).filter(meet) {
+            trunk.insert(j);
+            trunk.extend(bones.neighbors(j));
+        }
+        let mut moments = Moments::default();
+        for j in &trunk {
+            if let Some(place) = places[*j as usize] {
+                moments.add(1.0, &bones.points[*j as usize], &place);
+            }
+        }
+        if trunk.is_empty() { self.alignment.rotation } else { moments.alignment().rotation }
     }
 
     /// Weights are the lengths of the bones at a joint.

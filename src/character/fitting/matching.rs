@@ -7,6 +7,7 @@
 //! + a little of the square of its mean, so that a whole body is not matched with the fingers of a hand
 //! + share of the curve's ends that the best proper similarity does not explain
 //! + share of the template's length that has no image
+//! + a part of the share of the surface that has no limb, by cylinders about the curve
 //! ```
 //!
 //! so that an end may go without one where every place for it is worse than none.
@@ -26,6 +27,10 @@ const WIDTH: usize = 400;
 const LAID_OUT: usize = 48;
 /// What the place of ends counts beside lengths: a limb in another pose moves its end, but not the lengths.
 pub(super) const PLACE: f64 = 0.5;
+/// What the part of the surface without a limb counts. A forearm beside the spike of an elbow, or a snout beside an ear, is most of what
+/// tells a limb from what sticks out of it: whatever the length of the template's, that is where the surface is. The ends of five
+/// characters are the same from 0.6 to 1.
+const SPARE: f64 = 0.8;
 /// What the size counts. Lengths are in units of each graph's own: a tail or a missing arm changes that by a tenth or a third, fingers
 /// for a body by a factor of ten.
 const SIZE: f64 = 0.05;
@@ -36,13 +41,22 @@ struct Partial {
     /// Sums of `w`, `w x`, `w x²` over pairs, `x = ln (d_C / d_T)`, `w = d_T`.
     logs: [f64; 3],
     missing: f64,
+    /// Share of the surface of the curve about limbs.
+    covered: f64,
     moments: Moments,
     cost: f64,
 }
 
 /// The best matchings, best first.
 pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &Ends) -> Vec<Images> {
-    let none = Partial { images: Vec::new(), logs: [0.0; 3], missing: 0.0, moments: Moments::default(), cost: 0.0 };
+    let none = Partial {
+        images: Vec::new(),
+        logs: [0.0; 3],
+        missing: 0.0,
+        covered: 0.0,
+        moments: Moments::default(),
+        cost: spare(0.0),
+    };
     let mut beam = vec![none];
     for (k, reach) in ours.reach.iter().enumerate() {
         let place = bones.points[ours.nodes[k] as usize];
@@ -59,9 +73,10 @@ pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &
                 let Some(logs) = lengths(partial, ours, theirs, k, e) else { continue };
                 let mut moments = partial.moments;
                 moments.add(*reach, &place, &branches.points[theirs.nodes[e] as usize]);
-                let cost = spread(&logs) + PLACE * moments.alignment().residual + partial.missing;
+                let covered = partial.covered + theirs.around[e] * ours.trust[k];
+                let cost = spread(&logs) + PLACE * moments.alignment().residual + partial.missing + spare(covered);
                 let images = partial.images.iter().copied().chain([Some(e)]).collect();
-                next.push(Partial { images, logs, missing: partial.missing, moments, cost });
+                next.push(Partial { images, logs, missing: partial.missing, covered, moments, cost });
             }
         }
         next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -69,6 +84,11 @@ pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &
         beam = next;
     }
     beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(LAID_OUT).collect()
+}
+
+/// What the part of the curve without a limb costs.
+pub(super) fn spare(covered: f64) -> f64 {
+    SPARE * (1.0 - covered)
 }
 
 /// The sums with the pairs of one more end; `None` where two ends of the curve are in one place.

@@ -18,6 +18,7 @@
 //! | images of the joints where limbs meet, and the paths of limbs between them | `limbs.rs` |
 //! | joints along a path: by length, drawn to its bends | `along.rs` |
 //! | frames of the joints; limbs without an image go with what they hang on | `frames.rs` |
+//! | movements of the template in those frames | `retarget.rs` |
 //!
 //! A shape that is all but flat or turns into itself leaves two answers that differ by less than can be told; the one that turns the
 //! template least is taken then, and the result says so.
@@ -30,8 +31,11 @@ mod graph;
 mod limbs;
 mod matching;
 mod moments;
+mod retarget;
 #[cfg(test)]
 mod tests;
+
+use nalgebra::UnitQuaternion;
 
 use super::{CurveSkeleton, Skeleton};
 pub use error::FitError;
@@ -64,6 +68,8 @@ pub struct TemplateFit {
     pub limbs: Vec<FittedLimb>,
     /// Length of the limbs on the curve by that in the template, a factor.
     pub scale: f64,
+    /// How the trunk is turned: what limbs hang on, whatever their pose.
+    pub rotation: UnitQuaternion<f64>,
     /// How far joints are from where the best similarity puts those of the template: root of the mean square, as a share of their spread.
     pub residual: f64,
     /// Ends of the curve that no limb ends in.
@@ -99,6 +105,7 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton) -> Result<Templa
         skeleton,
         limbs,
         scale: chosen.scale() * branches.size / bones.size,
+        rotation: UnitQuaternion::from_matrix(&chosen.trunk_turn(&bones, &places)),
         residual: chosen.alignment.residual.sqrt(),
         spare_ends: branches.ends().len().saturating_sub(chosen.matched_ends()),
         ambiguous: !rivals.is_empty(),

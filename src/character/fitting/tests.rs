@@ -163,7 +163,12 @@ fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
         add(&format!("pinky.{side}"), &format!("hand.{side}"), [0.1 * x, 0.0, -0.05]);
     }
     let rich = Skeleton::new(joints).expect("valid");
-    let fit = fit_template(&skeleton, &curve_along(&rich, &rich.rest_pose(), &[])).expect("fits");
+    let mut curve = curve_along(&rich, &rich.rest_pose(), &[]);
+    // Ears are as long as the top of the head, but thin.
+    let body = curve_along(&skeleton, &skeleton.rest_pose(), &[]).nodes;
+    let of_body = |p: &Point3<f64>| body.iter().any(|q| (p - q).norm() < 0.011);
+    curve.radius = curve.nodes.iter().map(|p| if of_body(p) { 0.08 } else { 0.03 }).collect();
+    let fit = fit_template(&skeleton, &curve).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
     assert!(off < 0.05, "{off}");
     assert_eq!(fit.spare_ends, 7);
@@ -190,6 +195,61 @@ fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
 }
 
 #[test]
+fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() {
+    let person = humanoid(0.1).expect("made");
+    let skeleton = &person.skeleton;
+    let map =
+        |p: &Point3<f64>| Rotation3::from_euler_angles(0.4, 2.0, -0.6) * (p * 3.0) + Vector3::new(10.0, -4.0, 2.0);
+    for pose in [skeleton.rest_pose(), posed(skeleton)] {
+        let fit = fit_template(skeleton, &mapped(&curve_along(skeleton, &pose, &[]), map)).expect("fits");
+        let hips = map(&person.skeleton.rest_positions()[0]);
+        for clip in &person.clips {
+            let there = fit.retargeted(skeleton, clip).expect("its own");
+            assert_eq!((there.name(), there.span()), (clip.name(), clip.span()));
+            let (first, last) = clip.span().expect("keys");
+            for k in 0..5 {
+                let time = first + (last - first) * f64::from(k) / 4.0;
+                let at = |skeleton: &Skeleton, clip: &crate::character::Clip| -> Vec<Point3<f64>> {
+                    let pose = clip.pose(skeleton, time, crate::character::Outside::Hold).expect("fits");
+                    skeleton.globals(&pose).expect("fits").iter().map(|g| Point3::from(g.column(3).xyz())).collect()
+                };
+                let expected: Vec<_> = at(skeleton, clip).iter().map(map).collect();
+                let is = at(&fit.skeleton, &there);
+                // A tenth of a bone of the arm, of a template three times as large; less what the whole stands elsewhere at rest.
+                let by = fit.skeleton.rest_positions()[0] - hips;
+                let off = expected.iter().zip(&is).map(|(a, b)| (b - a - by).norm()).fold(0.0, f64::max);
+                assert!(off < 0.09, "{} at {time}: {off}", clip.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn what_ends_a_limb_keeps_how_it_stood_there_and_morphs_are_left_out() {
+    let person = humanoid(0.1).expect("made");
+    let skeleton = &person.skeleton;
+    let fit = fit_template(skeleton, &curve_along(skeleton, &posed(skeleton), &[])).expect("fits");
+    // A movement of nothing: all joints stand as in the template but those at the ends of limbs.
+    let morph = crate::character::clip::MorphTrack {
+        target: 0,
+        keys: crate::character::Keys::constant([1.0]).expect("finite"),
+    };
+    let still = crate::character::Clip::new("still", Vec::new(), vec![morph]).expect("valid");
+    let there = fit.retargeted(skeleton, &still).expect("its own");
+    assert!(there.morphs().is_empty());
+    let pose = there.pose(&fit.skeleton, 0.0, crate::character::Outside::Hold).expect("fits");
+    for (j, joint) in fit.skeleton.joints().iter().enumerate() {
+        let template = skeleton.joints()[j].rest.rotation;
+        let ends = ["head", "hand.L", "hand.R", "foot.L", "foot.R"].contains(&joint.name.as_str());
+        let of_limb = skeleton.children(j as u32).is_empty() || ends;
+        let expected =
+            if of_limb { joint.rest.rotation } else { fit.rotation.powf(f64::from(joint.parent.is_none())) * template };
+        let off = pose.locals[j].rotation.angle_to(&expected);
+        assert!(off < 1e-9, "{}: {off}", joint.name);
+    }
+}
+
+#[test]
 fn a_root_on_the_ground_is_no_limb() {
     let skeleton = person();
     let mut joints = skeleton.joints().to_vec();
@@ -202,6 +262,95 @@ fn a_root_on_the_ground_is_no_limb() {
     let (is, was) = (fit.skeleton.rest_positions(), without.skeleton.rest_positions());
     assert!(apart(&is, &was) < 1e-9, "{}", apart(&is, &was));
     assert!(is[22].y.abs() < 0.1, "below the hips as in the template: {}", is[22]);
+}
+
+#[test]
+fn a_root_on_the_ground_is_no_tail_either() {
+    let skeleton = person();
+    let mut joints = skeleton.joints().to_vec();
+    joints[0].parent = Some(joints.len() as u32);
+    joints.push(Joint { name: "ground".into(), parent: None, rest: Trs::identity(), limits: None });
+    let grounded = Skeleton::new(joints).expect("valid");
+    let mut joints = skeleton.joints().to_vec();
+    for (name, parent, offset) in [("tail", 0, [0.0, -0.1, -0.4]), ("tail end", joints.len() as u32, [0.0, -0.3, -0.3])]
+    {
+        joints.push(Joint {
+            name: name.into(),
+            parent: Some(parent),
+            rest: Trs::from_translation(offset.into()),
+            limits: None,
+        });
+    }
+    let tailed = Skeleton::new(joints).expect("valid");
+    let fit = fit_template(&grounded, &curve_along(&tailed, &tailed.rest_pose(), &[])).expect("fits");
+    let ground = skeleton.joint_count() as u32;
+    let limb = fit.limbs.iter().find(|l| l.from == ground || l.to == ground).expect("told");
+    assert!(limb.stretch.is_none() && fit.spare_ends == 1, "{:?}", fit.limbs);
+    let off = apart(&fit.skeleton.rest_positions()[..ground as usize], &skeleton.rest_positions());
+    assert!(off < 0.05, "{off}");
+}
+
+#[test]
+fn a_limb_ends_where_the_surface_is_and_not_in_a_spike_on_the_way() {
+    let skeleton = person();
+    let mut joints = skeleton.joints().to_vec();
+    // Longer arms than the template's, hanging down; a crown of spikes at the elbows, where the template has its hands.
+    for (side, x) in [("L", 1.0), ("R", -1.0)] {
+        let at = |name: &str| skeleton.named(&format!("{name}.{side}")).expect("there") as usize;
+        joints[at("forearm")].rest.rotation = UnitQuaternion::from_scaled_axis([0.0, 0.0, -1.5 * x].into());
+        joints[at("hand")].rest.translation *= 1.5;
+        for k in 0..8 {
+            let offset = Vector3::new(0.25 * x, 0.0, 0.02 * f64::from(k - 4));
+            let rest = Trs::from_translation(joints[at("forearm")].rest.translation + offset);
+            let parent = Some(at("arm") as u32);
+            joints.push(Joint { name: format!("spike {k}.{side}"), parent, rest, limits: None });
+        }
+    }
+    let armored = Skeleton::new(joints).expect("valid");
+    let mut curve = curve_along(&armored, &armored.rest_pose(), &[]);
+    let of_spike = |p: &Point3<f64>| p.x.abs() > 0.47 && (p.y - 1.4).abs() < 1e-9;
+    curve.radius = curve.nodes.iter().map(|p| if of_spike(p) { 0.03 } else { 0.08 }).collect();
+    let fit = fit_template(&skeleton, &curve).expect("fits");
+    for side in ["L", "R"] {
+        let hand = |s: &Skeleton| s.rest_positions()[s.named(&format!("hand end.{side}")).expect("there") as usize];
+        let off = (hand(&fit.skeleton) - hand(&armored)).norm();
+        assert!(off < 0.05, "{side}: {off}");
+    }
+}
+
+#[test]
+fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() {
+    let skeleton = person();
+    let index = |name: &str| skeleton.named(name).expect("there");
+    let at = skeleton.rest_positions();
+    // One arm leaves the trunk below the chest, the other above.
+    let (chest, neck) = (index("chest"), index("neck"));
+    let spine = skeleton.joints()[chest as usize].parent.expect("a spine");
+    for (low, high) in [(0.5, 0.6), (0.9, 0.3), (0.3, 0.9)] {
+        let mut joints = skeleton.joints().to_vec();
+        for (name, of, from, share) in [("low", "arm.L", spine, low), ("high", "arm.R", neck, high)] {
+            let place = at[chest as usize].lerp(&at[from as usize], share);
+            let parent = if name == "low" { spine } else { chest };
+            let new = joints.len() as u32;
+            let offset = place - at[parent as usize];
+            joints.push(Joint {
+                name: name.into(),
+                parent: Some(parent),
+                rest: Trs::from_translation(offset),
+                limits: None,
+            });
+            let arm = index(of) as usize;
+            joints[arm].parent = Some(new);
+            joints[arm].rest = Trs::from_translation(at[arm] - place);
+            let next = if name == "low" { chest } else { neck } as usize;
+            joints[next].parent = Some(new);
+            joints[next].rest = Trs::from_translation(at[next] - place);
+        }
+        let other = Skeleton::new(joints).expect("valid");
+        let fit = fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[])).expect("fits");
+        let off = (fit.skeleton.rest_positions()[chest as usize] - at[chest as usize]).norm();
+        assert!(off < 0.03, "{low} {high}: {off}");
+    }
 }
 
 #[test]
@@ -250,11 +399,18 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
     broken.nodes[3].y = f64::NAN;
     let mut beyond = curve.clone();
     beyond.edges.push([0, 9999]);
+    let dash = CurveSkeleton {
+        nodes: vec![Point3::origin(), Point3::new(0.3, 0.0, 0.0)],
+        edges: vec![[0, 1]],
+        radius: vec![1.0, 1.0],
+        ..CurveSkeleton::default()
+    };
     let dot = CurveSkeleton { nodes: vec![Point3::origin()], ..CurveSkeleton::default() };
     for (template, curve, expected) in [
         (&point, &curve, "the template has 1 joints in one place"),
-        (&skeleton, &dot, "the curve has 1 nodes and no two ends apart"),
-        (&skeleton, &CurveSkeleton::default(), "the curve has 0 nodes"),
+        (&skeleton, &dot, "the curve in the middle has 1 nodes and no limb"),
+        (&skeleton, &dash, "the curve in the middle has 2 nodes"),
+        (&skeleton, &CurveSkeleton::default(), "the curve in the middle has 0 nodes"),
         (&skeleton, &broken, "node 3 of the curve is not finite"),
         (&skeleton, &beyond, "ends at node 9999, but there are"),
     ] {

@@ -1,7 +1,8 @@
 //! Skeletons of joints in world coordinates (`.skel`), and the movements that go with them (`.anim`).
 //!
 //! ```text
-//! .skel    number of joints, then for each   x y z name parent          the parent of a root is called `root`
+//! .skel    number of joints, then for each   x y z name parent          the parent of a root is called `root`,
+//!                                                                       also of a root of that name
 //! .anim    poses and joints, then for each pose   time, an axis x y z per joint, an angle in rad per joint
 //! ```
 //!
@@ -18,6 +19,8 @@ use crate::character::clip::{Between, Curve, Track, rotations};
 use crate::character::{Clip, Joint, Skeleton};
 use crate::math::Trs;
 
+/// What roots hang on.
+const ROOT: &str = "root";
 /// Most joints of a file, most poses.
 const MOST_JOINTS: usize = 1 << 16;
 const MOST_POSES: usize = 1 << 20;
@@ -40,9 +43,11 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     let mut joints = Vec::with_capacity(count);
     for (k, (parent, fault)) in parents.into_iter().enumerate() {
         let number = names.iter().position(|name| *name == parent);
-        if number.is_none() && parent != "root" {
+        if number.is_none() && parent != ROOT {
             return Err(fault);
         }
+        // A root may be called as what it hangs on.
+        let number = number.filter(|p| parent != ROOT || *p != k);
         let from = number.map_or_else(Vector3::zeros, |p| at[p]);
         let rest = Trs::from_translation(at[k] - from);
         joints.push(Joint { name: names[k].to_owned(), parent: number.map(|p| p as u32), rest, limits: None });
@@ -50,12 +55,15 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     Ok(Skeleton::new(joints)?)
 }
 
-/// The joints at rest. A space in a name becomes `_`.
+/// The joints at rest. A space in a name becomes `_`; so does the end of the name `root` where there are other roots, which would hang
+/// on it.
 pub fn skel_text(skeleton: &Skeleton) -> String {
     let joints = skeleton.joints();
+    let several = joints.iter().filter(|j| j.parent.is_none()).count() > 1;
+    let one_word = |name: &str| if several && name == ROOT { "root_".to_owned() } else { one_word(name) };
     let mut text = format!("{}\n", joints.len());
     for (joint, p) in joints.iter().zip(skeleton.rest_positions()) {
-        let parent = joint.parent.map_or_else(|| "root".to_owned(), |j| one_word(&joints[j as usize].name));
+        let parent = joint.parent.map_or_else(|| ROOT.to_owned(), |j| one_word(&joints[j as usize].name));
         let _ = writeln!(text, "{} {} {} {} {parent}", p.x, p.y, p.z, one_word(&joint.name));
     }
     text

@@ -199,3 +199,23 @@ fn faults_are_told_with_line_and_value() {
     assert_eq!(odd.span(), Some((0.0, 1.0)), "times that do not ascend are those of the poses' numbers");
     assert!(anim("1 1\n0\n0 0 0\n0.5\n").contains("about an axis without length"));
 }
+
+#[test]
+fn a_root_may_be_called_root_in_a_skel_file() {
+    let joint = |name: &str, parent: Option<u32>, x: f64| Joint {
+        name: name.into(),
+        parent,
+        rest: Trs::from_translation(Vector3::new(x, 0.5, 0.0)),
+        limits: None,
+    };
+    for several in [false, true] {
+        let mut joints = vec![joint("root", None, 1.0), joint("arm", Some(0), 2.0)];
+        joints.extend(several.then(|| joint("prop", None, -3.0)));
+        let skeleton = Skeleton::new(joints).expect("valid");
+        let again = parse_skel(&skel_text(&skeleton)).expect("own files are read");
+        assert_eq!(again.rest_positions(), skeleton.rest_positions());
+        for (a, b) in again.joints().iter().zip(skeleton.joints()) {
+            assert!(a.parent == b.parent && (several || a.name == b.name), "{a:?} {b:?}");
+        }
+    }
+}

@@ -16,13 +16,13 @@
 //! where `y` is the linear blend by the weights that fit the examples best. Gradients know bends and folds, and add up small
 //! errors along a limb; blended places know where the limb is. `μ` ([`RegressionOptions::hold`]) says how far each is believed,
 //! and [`tuned`] finds it, and the ridge, by leaving examples out. [`Reduced`] replaces the regressors and the solve by few
-//! prototypes.
+//! shapes.
 //!
 //! # Reference
 //! R. Y. Wang, K. Pulli, J. Popović, *Real-time enveloping with rotational regression*, ACM TOG 26 (2007). Departures: a full
 //! 3 × 3 matrix and an offset in place of a scaled rotation; only rotations between neighboring joints, so that results go rigidly
-//! with the character; blended places for all vertices in place of a few near-rigid ones that are fixed; prototypes are chosen
-//! greedily among the triangles of a joint.
+//! with the character; blended places for all vertices in place of a few near-rigid ones that are fixed; the reduced form has the
+//! principal shapes of the triangles of a joint, which chosen triangles only steer, in place of sums of chosen triangles.
 
 mod gradients;
 mod joint_fit;
@@ -38,7 +38,7 @@ use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 pub use joint_fit::{fit_joints, fit_weights};
 pub use model_file::{ModelFileError, SkinModel, TrainedSkin};
-pub use reduced::Reduced;
+pub use reduced::{Coordinates, Reduced};
 pub use training::TrainingReport;
 pub use tuning::tuned;
 
@@ -149,6 +149,16 @@ impl RegressionModel {
         let mut model = Self { regressors, surface, places, parents, hold: options.hold };
         let report = training::report(&mut model, mesh, examples)?;
         Ok((model, report))
+    }
+
+    /// Moves the surface at rest, as morph targets do: its triangles turn and stretch as they have learnt, from where they are now.
+    ///
+    /// # Errors
+    /// [`CharacterError::PerVertex`] for another number of vertices.
+    pub fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
+        self.surface.set_rest(rest)?;
+        self.places.rest.copy_from_slice(rest);
+        Ok(())
     }
 
     /// The surface in a pose.

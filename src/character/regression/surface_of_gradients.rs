@@ -51,6 +51,30 @@ impl SurfaceOfGradients {
         })
     }
 
+    /// The surface at rest.
+    pub(super) fn rest(&self) -> &[Point3<f64>] {
+        &self.rest
+    }
+
+    /// Areas of the triangles at rest.
+    pub(super) fn areas(&self) -> Vec<f64> {
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| self.rest[v as usize]);
+            0.5 * (b - a).cross(&(c - a)).norm()
+        };
+        self.triangles.iter().map(area).collect()
+    }
+
+    /// Moves the surface at rest. What joins its triangles, the matrix, stays that of the surface that it was made for.
+    pub(super) fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
+        let (given, vertices) = (rest.len(), self.rest.len());
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what: "positions at rest", given, vertices });
+        }
+        self.rest.copy_from_slice(rest);
+        Ok(())
+    }
+
     /// The positions for a map per triangle and a place per vertex.
     pub(super) fn solve(
         &mut self,

@@ -36,7 +36,16 @@ pub(super) struct Regressor {
 impl Regressor {
     /// `exp(A q + a) (C q + c)`: the gradient beside the turn of its own joint.
     pub(super) fn relative(&self, turns: &JointTurns) -> Matrix3<f64> {
-        let q = turns.relative[self.joint as usize];
+        self.of_turn(&turns.relative[self.joint as usize])
+    }
+
+    /// The same where the joint does not turn.
+    pub(super) fn at_rest(&self) -> Matrix3<f64> {
+        self.of_turn(&Vector3::zeros())
+    }
+
+    /// The same for a turn of the joint that explains it.
+    pub(super) fn of_turn(&self, q: &Vector3<f64>) -> Matrix3<f64> {
         let y = self.map * Vector4::new(q.x, q.y, q.z, 1.0);
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(y[0], y[1], y[2]));
         let mut stretch = Matrix3::zeros();

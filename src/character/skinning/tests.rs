@@ -227,6 +227,19 @@ fn scales_lie_about_the_joint_so_that_the_model_may_stand_anywhere() {
 }
 
 #[test]
+fn what_single_precision_takes_from_a_motion_does_not_scale_the_surface() {
+    let tube = tube(1, 12, 8);
+    let motion = Trs::rigid(turn([0.3, -1.0, 0.7], 2.1), Vector3::new(3.0, 0.1, -0.7)).matrix();
+    // As a chain of joints leaves it.
+    let stored = motion.map(|x| f64::from(x as f32)) * Matrix4::new_scaling(1.0 + 1e-6);
+    let x = skinner(&tube, SkinningMethod::DualQuaternion).positions(&[stored]).expect("fits");
+    for (p, q) in x.iter().zip(tube.0.positions()) {
+        let (there, here) = ((p - x[0]).norm(), (q - tube.0.positions()[0]).norm());
+        assert!((there - here).abs() < 1e-12, "{there} {here}");
+    }
+}
+
+#[test]
 fn a_bend_bulges_with_dual_quaternions_and_less_so_about_centers() {
     let tube = tube(2, 32, 60);
     let m = matrices(&tube.1, &tube.2, |p| p.locals[1].rotation = turn([0.0, 0.0, 1.0], FRAC_PI_2));

@@ -50,8 +50,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
                 for _ in 0..count * values {
                     words.number("a value")?;
                 }
-                let name = String::from_utf8_lossy(keyword);
-                builder.warnings.push(format!("{name} are left out ({count})"));
+                if count > 0 {
+                    let name = String::from_utf8_lossy(keyword);
+                    builder.warnings.push(format!("{name} are left out ({count})"));
+                }
             }
         }
     }

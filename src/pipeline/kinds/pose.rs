@@ -156,6 +156,11 @@ impl StageSettings for PoseSettings {
         if self.rig && self.model.is_some() {
             found.push(conflict("rig", "a rig follows its joints by linear blend", "leave out `rig` or `model`"));
         }
+        for (key, time) in [("start", self.start), ("end", self.end)] {
+            if let Some(time) = time.filter(|t| !t.is_finite()) {
+                found.push(conflict(key, &format!("{time} is no time"), "give a number of seconds"));
+            }
+        }
         if let (Some(start), Some(end)) = (self.start, self.end)
             && !(start <= end)
         {

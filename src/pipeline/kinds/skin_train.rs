@@ -21,7 +21,8 @@ pub struct SkinTrainSettings {
     /// Pose files called as the meshes, that say how the joints stand; from the meshes themselves if left out
     #[schemars(extend("format" = "path"))]
     pub poses: Vec<String>,
-    /// How the surface is bound to the skeleton, which says which joint each triangle belongs to
+    /// How the surface is bound to the skeleton, which says which joint each triangle belongs to; a mesh with a skin of its own
+    /// stays bound as it is, unless a skeleton is given
     pub binding: BindingWish,
     /// A file of weights in place of `binding`
     #[schemars(extend("format" = "path"))]
@@ -34,7 +35,8 @@ pub struct SkinTrainSettings {
     /// by leaving examples out if left out
     #[schemars(range(min = 1e-3, max = 1e9))]
     pub hold: Option<f64>,
-    /// Keep so many prototypes for each joint in place of all triangles: a smaller file, and poses without a solve
+    /// Keep so many shapes for each joint in the mean, where they are needed most, in place of all triangles: poses without a
+    /// solve
     #[schemars(range(min = 1, max = 32))]
     pub prototypes: Option<u32>,
     /// The file of the model to write, .skin
@@ -50,7 +52,7 @@ impl StageSettings for SkinTrainSettings {
     const SUMMARY: &'static str = "learns from poses of a surface how it follows a skeleton";
     const INPUTS: &'static [Port] = &[
         Port::one("mesh", PortType::Mesh, "the mesh at rest"),
-        Port::one("skeleton", PortType::Skeleton, "the skeleton in it"),
+        Port::optional("skeleton", PortType::Skeleton, "the skeleton in it, where the file of the mesh has none"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
     const REQUIRED: &'static [&'static str] = &["examples", "path"];

@@ -69,6 +69,15 @@ impl<'a> Reader<'a> {
         Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
     }
 
+    /// A finite number of single precision.
+    pub(super) fn f32(&mut self, place: &dyn Fn() -> String) -> Result<f32, ModelFileError> {
+        let value = f32::from_le_bytes(self.array(place)?);
+        if value.is_finite() {
+            return Ok(value);
+        }
+        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
+    }
+
     /// A matrix of finite numbers, column by column.
     pub(super) fn matrix<const R: usize, const C: usize>(
         &mut self,
@@ -106,6 +115,10 @@ impl Writer {
     }
 
     pub(super) fn f64(&mut self, value: f64) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn f32(&mut self, value: f32) {
         self.bytes.extend(value.to_le_bytes());
     }
 

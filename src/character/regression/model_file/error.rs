@@ -10,7 +10,7 @@ pub enum ModelFileError {
     #[error("not a trained skin (expected a file that `plumbline skin train` wrote)")]
     Foreign,
     /// Input: made by a program of another version.
-    #[error("version {found} of a trained skin is not supported (expected 1)")]
+    #[error("version {found} of a trained skin is not supported (expected 2): train it anew")]
     Version {
         /// What the file says.
         found: u32,

@@ -1,13 +1,14 @@
 //! Files of trained skins, little-endian:
 //!
 //! ```text
-//! "plumbline.skin\r\n"  version u32 = 1  form u32: 0 full, 1 reduced
+//! "plumbline.skin\r\n"  version u32 = 2  form u32: 0 full, 1 reduced
 //! vertices u64  triangles u64  fingerprint u64 of the triangles  hold f64
 //! joints u64    each: length u32, name in UTF-8, parent u32 (all ones: none)
 //! weights       per vertex: count u32, each: joint u32, weight f64
 //! full          per triangle: joint it goes with u32, joint that explains it u32, [A a; C c] 36 f64 by columns
-//! reduced       prototypes u64  each: joint u32, explaining joint u32 (all ones: the identity, no numbers follow), 36 f64
-//!               per triangle: first prototype u32, count u32, shares f64
+//! reduced       sheets u64  each: joint it goes with u32, joint that explains it u32, keys u32 ≤ 8, shapes u32 ≤ 9 keys,
+//!                           keys: 36 f64 by columns; reading: shapes × 9 keys f64 by columns
+//!               per triangle: sheet u32, then E(0) and a map per shape of the sheet, 9 f32 each by columns
 //! ```
 //!
 //! It is neither a mesh nor a skeleton: it belongs to the mesh at rest and the skeleton that it was trained with, and is refused
@@ -28,16 +29,20 @@ use nalgebra::{Matrix4, Point3};
 pub use error::ModelFileError;
 
 use super::super::{CharacterError, Skeleton, SkinWeights, WeightsFile};
-use super::reduced::{Parts, Prototype, Reduced};
+use super::reduced::{Parts, Reduced};
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::Regressor;
 use super::{Places, RegressionModel};
 use crate::mesh::TriMesh;
 use bytes::{Reader, Writer};
-use parts::{read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights};
+use parts::{
+    Reducing, read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights,
+};
 
 /// The first bytes. A transfer that changes line ends changes them.
 const MAGIC: &[u8; 16] = b"plumbline.skin\r\n";
+/// The version that is read and written.
+const VERSION: u32 = 2;
 /// Largest file, bytes: the full model of seven million triangles.
 const LARGEST_FILE: u64 = 1 << 31;
 /// Where a number is that may be missing.
@@ -60,8 +65,8 @@ pub struct SkinModel {
 enum Form {
     /// A regressor for every triangle.
     Full(Vec<Regressor>),
-    /// Prototypes, and which of them every triangle is made of.
-    Reduced(Vec<Prototype>, Vec<Vec<(u32, f64)>>),
+    /// Few shapes.
+    Reduced(Reducing),
 }
 
 /// A model bound to the mesh and the skeleton that it was trained with.
@@ -75,7 +80,7 @@ pub struct TrainedSkin {
 #[derive(Clone, Debug)]
 enum Bound {
     Full(Box<RegressionModel>),
-    Reduced(Reduced),
+    Reduced(Box<Reduced>),
 }
 
 impl SkinModel {
@@ -94,7 +99,7 @@ impl SkinModel {
     /// As [`Self::of`].
     pub fn of_reduced(mesh: &TriMesh, skeleton: &Skeleton, model: &Reduced) -> Result<Self, CharacterError> {
         let parts = &model.parts;
-        let form = Form::Reduced(parts.prototypes.clone(), parts.made_of.clone());
+        let form = Form::Reduced((parts.sheets.clone(), parts.sheet_of.clone(), parts.maps.clone()));
         Self::new(mesh, skeleton, &parts.weights, parts.hold, form)
     }
 
@@ -125,9 +130,9 @@ impl SkinModel {
         })
     }
 
-    /// Whether it is of prototypes.
+    /// Whether it is of few shapes.
     pub fn is_reduced(&self) -> bool {
-        matches!(self.form, Form::Reduced(..))
+        matches!(self.form, Form::Reduced(_))
     }
 
     /// Names of the joints.
@@ -165,7 +170,7 @@ impl SkinModel {
         let mut r = Reader::new(rest);
         let head = &|| "the head".to_owned();
         let version = r.u32(head)?;
-        if version != 1 {
+        if version != VERSION {
             return Err(ModelFileError::Version { found: version });
         }
         let form = r.index(2, &|| "the form".to_owned())?;
@@ -183,8 +188,7 @@ impl SkinModel {
         let form = if form == 0 {
             Form::Full(read_regressors(&mut r, triangles, joints.len())?)
         } else {
-            let (prototypes, made_of) = read_reduced(&mut r, triangles, joints.len())?;
-            Form::Reduced(prototypes, made_of)
+            Form::Reduced(read_reduced(&mut r, triangles, joints.len())?)
         };
         r.end()?;
         Ok(Self { joints, parents, vertices, triangles, fingerprint, hold, weights, form })
@@ -193,7 +197,7 @@ impl SkinModel {
     /// As the content of a file, which [`Self::from_bytes`] reads back to the same bits.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut w = Writer { bytes: MAGIC.to_vec() };
-        w.u32(1);
+        w.u32(VERSION);
         w.u32(u32::from(self.is_reduced()));
         w.u64(self.vertices as u64);
         w.u64(self.triangles as u64);
@@ -208,7 +212,7 @@ impl SkinModel {
         write_weights(&mut w, &self.weights);
         match &self.form {
             Form::Full(regressors) => write_regressors(&mut w, regressors),
-            Form::Reduced(prototypes, made_of) => write_reduced(&mut w, prototypes, made_of),
+            Form::Reduced(reducing) => write_reduced(&mut w, reducing),
         }
         w.bytes
     }
@@ -229,9 +233,10 @@ impl SkinModel {
                 parents,
                 hold,
             })),
-            Form::Reduced(prototypes, made_of) => {
-                let (prototypes, made_of) = (prototypes.clone(), made_of.clone());
-                Bound::Reduced(Reduced::of_parts(mesh, Parts { prototypes, made_of, weights, parents, hold })?)
+            Form::Reduced(reducing) => {
+                let (sheets, sheet_of, maps) = reducing.clone();
+                let parts = Parts { sheets, sheet_of, maps, weights, parents, hold };
+                Bound::Reduced(Box::new(Reduced::of_parts(mesh, parts)?))
             }
         };
         Ok(TrainedSkin { joints, model })
@@ -275,6 +280,18 @@ impl SkinModel {
 }
 
 impl TrainedSkin {
+    /// Moves the surface at rest, as morph targets do: its triangles turn and stretch as they have learnt, from where they are now.
+    /// All shapes of a reduced model are solved for anew.
+    ///
+    /// # Errors
+    /// [`CharacterError::PerVertex`] for another number of vertices.
+    pub fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
+        match &mut self.model {
+            Bound::Full(model) => model.set_rest(rest),
+            Bound::Reduced(model) => model.set_rest(rest),
+        }
+    }
+
     /// The surface in a pose of the skeleton: how space moves with each of its joints.
     ///
     /// # Errors

@@ -1,7 +1,9 @@
 //! What a file of a trained skin is made of.
 
+use nalgebra::DMatrix;
+
 use super::super::super::SkinWeights;
-use super::super::reduced::{MOST_PROTOTYPES, Prototype};
+use super::super::reduced::{MOST_KEYS, Map, Sheet};
 use super::super::training::Regressor;
 use super::bytes::{Reader, Writer};
 use super::{ModelFileError, NONE};
@@ -95,57 +97,61 @@ pub(super) fn write_regressors(w: &mut Writer, regressors: &[Regressor]) {
     }
 }
 
-/// Prototypes, and per triangle which of them, how much of each.
-type Reducing = (Vec<Prototype>, Vec<Vec<(u32, f64)>>);
+/// Sheets, the sheet of each triangle, and the maps of all.
+pub(super) type Reducing = (Vec<Sheet>, Vec<u32>, Vec<Map>);
 
 pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) -> Result<Reducing, ModelFileError> {
-    let count = r.count(8, &|| "the prototypes".to_owned())?;
-    let most = joints.saturating_mul(MOST_PROTOTYPES + 1);
-    if count > most {
-        let place = "the number of prototypes".to_owned();
-        return Err(ModelFileError::Value { place, value: count.to_string(), expected: format!("0 to {most}") });
-    }
-    let prototype = |p: usize| {
-        let place = &|| format!("prototype {p}");
-        let (bone, joint) = (r.index(joints, place)?, r.u32(place)?);
-        if joint == NONE {
-            return Ok(Prototype { bone, regressor: None });
-        }
-        if joint as usize >= joints {
-            let expected = format!("joint 0 to {}, or {NONE} for none", joints - 1);
-            return Err(ModelFileError::Value { place: place(), value: joint.to_string(), expected });
-        }
-        Ok(Prototype { bone, regressor: Some(Regressor { bone, joint, map: r.matrix(place)? }) })
-    };
-    let prototypes: Vec<Prototype> = (0..count).map(prototype).collect::<Result<_, _>>()?;
-    let mut made_of = Vec::with_capacity(triangles);
+    let count = r.count(16, &|| "the sheets".to_owned())?;
+    let sheets: Vec<Sheet> = (0..count).map(|s| read_sheet(r, s, joints)).collect::<Result<_, _>>()?;
+    let (mut sheet_of, mut maps) = (Vec::with_capacity(triangles), Vec::new());
     for t in 0..triangles {
-        let place = &|| format!("the prototypes of triangle {t}");
-        let (first, shares) = (r.index(count, place)?, r.u32(place)?);
-        let most = count - first as usize;
-        if shares as usize > most {
-            let expected = format!("0 to {most} of them");
-            return Err(ModelFileError::Value { place: place(), value: shares.to_string(), expected });
+        let place = &|| format!("the maps of triangle {t}");
+        let sheet = r.index(count, place)?;
+        sheet_of.push(sheet);
+        let each = 1 + sheets[sheet as usize].shape_count();
+        r.fits(each as u64, 4 * 9, place)?;
+        for _ in 0..each {
+            let mut map = [0.0; 9];
+            for x in &mut map {
+                *x = r.f32(place)?;
+            }
+            maps.push(map);
         }
-        r.fits(u64::from(shares), 8, place)?;
-        let share = |p: u32| Ok((p, r.f64(place)?));
-        made_of.push((first..first + shares).map(share).collect::<Result<Vec<_>, ModelFileError>>()?);
     }
-    Ok((prototypes, made_of))
+    Ok((sheets, sheet_of, maps))
 }
 
-pub(super) fn write_reduced(w: &mut Writer, prototypes: &[Prototype], made_of: &[Vec<(u32, f64)>]) {
-    w.u64(prototypes.len() as u64);
-    for prototype in prototypes {
-        w.u32(prototype.bone);
-        w.u32(prototype.regressor.map_or(NONE, |r| r.joint));
-        prototype.regressor.iter().for_each(|r| w.matrix(&r.map));
+fn read_sheet(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Sheet, ModelFileError> {
+    let place = &|| format!("sheet {sheet}");
+    let (bone, joint) = (r.index(joints, place)?, r.index(joints, place)?);
+    let keys = r.index(MOST_KEYS + 1, &|| format!("the number of key triangles of sheet {sheet}"))? as usize;
+    let shapes = r.index(9 * keys + 1, &|| format!("the number of shapes of sheet {sheet}"))? as usize;
+    let keys = (0..keys).map(|_| r.matrix(place)).collect::<Result<Vec<_>, _>>()?;
+    r.fits((shapes * 9 * keys.len()) as u64, 8, place)?;
+    let mut reading = DMatrix::zeros(shapes, 9 * keys.len());
+    for x in reading.iter_mut() {
+        *x = r.f64(place)?;
     }
-    for shares in made_of {
-        w.u32(shares.first().map_or(0, |s| s.0));
-        w.u32(shares.len() as u32);
-        for (_, share) in shares {
-            w.f64(*share);
+    Ok(Sheet { bone, joint, keys, reading })
+}
+
+pub(super) fn write_reduced(w: &mut Writer, (sheets, sheet_of, maps): &Reducing) {
+    w.u64(sheets.len() as u64);
+    for sheet in sheets {
+        w.u32(sheet.bone);
+        w.u32(sheet.joint);
+        w.u32(sheet.keys.len() as u32);
+        w.u32(sheet.shape_count() as u32);
+        sheet.keys.iter().for_each(|map| w.matrix(map));
+        sheet.reading.iter().for_each(|x| w.f64(*x));
+    }
+    let mut maps = maps.iter();
+    for &sheet in sheet_of {
+        w.u32(sheet);
+        for map in maps.by_ref().take(1 + sheets[sheet as usize].shape_count()) {
+            for x in map {
+                w.f32(*x);
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use super::mesh_at;
 use crate::character::extraction::{
     ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
 };
-use crate::character::fitting::fit_template;
+use crate::character::fitting::{FitError, fit_template};
 use crate::character::io::{Rig, read_rig, rig_text};
 use crate::character::skeleton_file::SkeletonFile;
 use crate::character::weights::{WeightOptions, bone_weights};
@@ -56,33 +56,32 @@ pub(super) fn run(
     let (curve, report) = found.map_err(|e| refused(&e))?;
     context.job.check_cancel()?;
     context.summary.outputs.extend(frames);
-    let skeleton = skeleton(context, &curve, &report, settings)?;
+    let rig = rig(context, &curve, &report, settings)?;
     if let Some(path) = settings.path.as_deref().map(Path::new) {
-        let bytes = encoded(path, &posed.model, &skeleton, &curve)?;
+        let bytes = encoded(path, &posed.model, &rig, &curve)?;
         let unfinished = begin(path)?;
         std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
         unfinished.publish(path).map_err(|e| cannot(path, &e))?;
         context.summary.outputs.push(path.to_owned());
     }
-    let rig = Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
     context.values.put(stage, "skeleton", Arc::new(rig));
     Ok(())
 }
 
-/// The joints on the curve: as it bends, or those of a template.
-fn skeleton(
+/// The joints on the curve: as it bends, or those of a template with its movements.
+fn rig(
     context: &mut Context<'_, '_>,
     curve: &CurveSkeleton,
     report: &ExtractionReport,
     settings: &SkeletonExtractSettings,
-) -> Result<Skeleton, RunError> {
+) -> Result<Rig, RunError> {
     if let Some(template) = settings.template.as_deref().map(Path::new) {
         return fitted(context, template, curve, report);
     }
     let wanted = settings.joints.map(|n| n as usize);
     let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
     tell(context, &skeleton, report, settings);
-    Ok(skeleton)
+    Ok(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() })
 }
 
 /// The joints of a template on the curve.
@@ -91,11 +90,15 @@ fn fitted(
     path: &Path,
     curve: &CurveSkeleton,
     report: &ExtractionReport,
-) -> Result<Skeleton, RunError> {
+) -> Result<Rig, RunError> {
     let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
     rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
-    let input = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
-    let fit = fit_template(&rig.skeleton, curve).map_err(|e| input(&e))?;
+    let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
+    let fit = fit_template(&rig.skeleton, curve).map_err(|e| match e {
+        FitError::Template { .. } => RunError::Input(format!("{}: {e}", path.display())),
+        FitError::Character(_) => RunError::Internal(e.to_string()),
+        _ => RunError::Input(format!("{mesh}: {e}")),
+    })?;
     let name = |j: u32| fit.skeleton.joints()[j as usize].name.as_str();
     let loose: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
     let line = format!(
@@ -123,7 +126,9 @@ fn fitted(
         let what = "the shape fits the template in two ways, as where left and right look alike";
         context.warn(format!("{what}; the one that turns it least was taken: look whether the sides are right"));
     }
-    Ok(fit.skeleton)
+    let clips = rig.clips.iter().map(|clip| fit.retargeted(&rig.skeleton, clip)).collect::<Result<_, _>>();
+    let clips = clips.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+    Ok(Rig { skeleton: fit.skeleton, clips, warnings: Vec::new() })
 }
 
 fn refused(error: &ExtractionError) -> RunError {
@@ -158,7 +163,8 @@ fn write_frame(path: &Path, round: &Round<'_>) -> Result<(), RunError> {
 }
 
 /// The bytes of the file.
-fn encoded(path: &Path, model: &Model, skeleton: &Skeleton, curve: &CurveSkeleton) -> Result<Vec<u8>, RunError> {
+fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton) -> Result<Vec<u8>, RunError> {
+    let skeleton = &rig.skeleton;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     match extension.as_str() {
@@ -172,11 +178,12 @@ fn encoded(path: &Path, model: &Model, skeleton: &Skeleton, curve: &CurveSkeleto
             let skin = Skin::bound(weights, skeleton).map_err(|e| input(&e))?;
             let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
             let character = Character::new(still, skeleton.clone(), Arc::new(skin)).map_err(|e| input(&e))?;
+            let character = Character { clips: rig.clips.clone(), ..character };
             let rigged = character.to_model(None).map_err(|e| RunError::Internal(e.to_string()))?;
             let format = if extension == "glb" { MeshFormat::Glb } else { MeshFormat::Gltf };
             encode_model(&rigged, format, &WriteOptions::default()).map_err(|e| RunError::Internal(e.to_string()))
         }
-        other => match rig_text(skeleton, None, other) {
+        other => match rig_text(skeleton, rig.clips.first(), other) {
             Ok((text, _)) => Ok(text.into_bytes()),
             Err(_) => Err(RunError::Usage(format!(
                 "the extension of `{}` names no skeleton to write (expected .json, .glb, .gltf, .tgf, .skel or .bvh)",

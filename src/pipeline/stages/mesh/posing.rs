@@ -158,7 +158,8 @@ impl<'a> Trained<'a> {
 /// What puts the surface into a pose.
 enum Follower {
     Blend(Box<Skinner>, SkinningMethod),
-    Trained(Box<TrainedSkin>),
+    /// With the weights of the morph targets that its surface at rest has.
+    Trained(Box<TrainedSkin>, Vec<f64>),
 }
 
 impl Follower {
@@ -169,7 +170,7 @@ impl Follower {
             (None, None) => Err(RunError::Usage("regression needs a trained skin (`model`)".to_owned())),
             (None, Some(file)) => {
                 let bound = file.model.bound(mesh, &character.skeleton).map_err(|e| file.refused(&e))?;
-                Ok(Self::Trained(Box::new(bound)))
+                Ok(Self::Trained(Box::new(bound), vec![0.0; character.targets.len()]))
             }
         }
     }
@@ -183,12 +184,13 @@ impl Follower {
     ) -> Result<Vec<Point3<f64>>, RunError> {
         let morphed = morphs.iter().any(|w| *w != 0.0);
         match self {
-            Self::Trained(_) if morphed => {
-                let message =
-                    "a trained skin knows no morph targets: leave out their weights, or take another `skinning`";
-                Err(RunError::Input(message.to_owned()))
+            Self::Trained(trained, at_rest) => {
+                if at_rest.as_slice() != morphs {
+                    trained.set_rest(&character.morphed(morphs).map_err(refused)?).map_err(refused)?;
+                    morphs.clone_into(at_rest);
+                }
+                trained.positions(matrices).map_err(refused)
             }
-            Self::Trained(trained) => trained.positions(matrices).map_err(refused),
             Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
             Self::Blend(_, method) => {
                 let places = character.morphed(morphs).map_err(refused)?;

@@ -8,7 +8,7 @@ use nalgebra::{Matrix4, Point3};
 use serde_json::{Value as Json, json};
 
 use super::{binding, mesh_at, mesh_error};
-use crate::character::io::Rig;
+use crate::character::io::{Rig, RigFileError, character_of};
 use crate::character::pose_file::WantedPose;
 use crate::character::regression::{
     Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
@@ -33,6 +33,8 @@ struct Subject {
     model: Model,
     skeleton: Skeleton,
     weights: SkinWeights,
+    /// How the mesh is bound in its own file, where no other skeleton is given.
+    own: Option<Arc<Skin>>,
 }
 
 /// A pose, and the file it is from.
@@ -44,7 +46,7 @@ struct Named {
 /// The model in the form that is written.
 enum Trained {
     Full(Box<RegressionModel>),
-    Reduced(Reduced),
+    Reduced(Box<Reduced>),
 }
 
 /// Root mean squares over the vertices of one mesh, units of the mesh.
@@ -73,7 +75,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTr
     }
     write(context, &settings.path, &file.to_bytes())?;
     let Some(path) = &settings.report else { return Ok(()) };
-    let prototypes = if let Trained::Reduced(reduced) = &model { Some(reduced.prototype_count()) } else { None };
+    let prototypes = if let Trained::Reduced(reduced) = &model { Some(reduced.shape_count()) } else { None };
     let report = json!({
         "version": 1,
         "joints": skeleton.joint_count(),
@@ -105,7 +107,7 @@ fn form(
     let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
     let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
     let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
-    Ok((Trained::Reduced(reduced), file))
+    Ok((Trained::Reduced(Box::new(reduced)), file))
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
@@ -141,10 +143,26 @@ fn files(settings: &SkinTrainSettings) -> Result<(Vec<PathBuf>, Vec<PathBuf>), R
 fn subject(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTrainSettings) -> Result<Subject, RunError> {
     let posed = mesh_at(context, stage)?;
     let model = posed.model.with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
-    let skeleton = context.values.get::<Arc<Rig>>(context.required(stage, "skeleton")?)?.skeleton.clone();
     let file = settings.weights.as_ref();
+    let Some(edge) = context.edge(stage, "skeleton") else {
+        let Character { skeleton, skin, .. } = own_character(&posed.model)?;
+        let weights = match file {
+            Some(_) => binding::weights(context, model.mesh(), &skeleton, settings.binding, file)?,
+            None => skin.weights().clone(),
+        };
+        return Ok(Subject { model, skeleton, weights, own: Some(skin) });
+    };
+    let skeleton = context.values.get::<Arc<Rig>>(edge)?.skeleton.clone();
     let weights = binding::weights(context, model.mesh(), &skeleton, settings.binding, file)?;
-    Ok(Subject { model, skeleton, weights })
+    Ok(Subject { model, skeleton, weights, own: None })
+}
+
+/// What the file of the mesh itself says of its joints.
+fn own_character(model: &Model) -> Result<Character, RunError> {
+    character_of(model).map_err(|e| match e {
+        RigFileError::NoSkin => RunError::Input(format!("{e}; `--skeleton` (the input `skeleton`) names one")),
+        other => RunError::Input(other.to_string()),
+    })
 }
 
 /// Reads poses of the mesh; every file that is no pose of it is named.
@@ -207,8 +225,9 @@ impl Poses {
             return Ok(Self(None));
         }
         let files = expand(&settings.poses, None, &["json"]).map_err(RunError::Input)?;
-        let skin = Skin::bound(subject.weights.clone(), &subject.skeleton).map_err(refused)?;
-        let character = Character::new(subject.model.clone(), subject.skeleton.clone(), Arc::new(skin));
+        let bound = || Skin::bound(subject.weights.clone(), &subject.skeleton).map(Arc::new).map_err(refused);
+        let skin = subject.own.clone().map_or_else(bound, Ok)?;
+        let character = Character::new(subject.model.clone(), subject.skeleton.clone(), skin);
         Ok(Self(Some((files, character.map_err(refused)?))))
     }
 

@@ -1,0 +1,173 @@
+//! The shapes that say most about the maps of a model's triangles:
+//!
+//! ```text
+//! min Σ_s ω_s² Σ_t area_t |E_t(q_s) − E_t(0) − Σ_k z_k(q_s) B_tk|²
+//! ```
+//!
+//! by the singular value decomposition of each sheet's samples; of all sheets together the largest singular values are kept. `z_k(q)`
+//! between and beyond samples comes from key triangles: greedily the one that what is chosen explains least, until they tell all `z`.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
+
+use super::super::JointTurns;
+use super::super::training::Regressor;
+use super::{MOST_KEYS, Map, Sheet, array};
+
+/// Samples of a turn at most: what is learnt from is thinned beyond.
+const MOST_SAMPLES: usize = 96;
+/// Parts of the turns learnt from that are sampled too: between rest and a pose, and a little beyond it.
+const PARTS: [f64; 4] = [0.35, 0.7, 1.0, 1.2];
+/// What samples off the turns learnt from count beside those.
+const ASIDE: f64 = 0.3;
+/// What of the coordinates keys may leave unexplained, of their size.
+const UNEXPLAINED: f64 = 1e-3;
+/// Singular values of what keys say that count, of the largest.
+const LEAST: f64 = 1e-5;
+/// Shapes below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// A turn to sample, and what it counts.
+type Sample = (Vector3<f64>, f64);
+
+/// Triangles that share both joints, and what they say.
+struct Sampled {
+    bone: u32,
+    joint: u32,
+    triangles: Vec<usize>,
+    /// What each sample counts.
+    counts: Vec<f64>,
+    /// `E_t(q_s) − E_t(0)` times what the sample counts: a row per sample, nine columns per triangle.
+    said: DMatrix<f64>,
+    /// Largest first: singular value and left singular vector, by area.
+    modes: Vec<(f64, DVector<f64>)>,
+}
+
+/// Sheets, the sheet of each triangle, and maps of all triangles.
+pub(super) fn sheets(
+    regressors: &[Regressor],
+    areas: &[f64],
+    turns: &[JointTurns],
+    most: usize,
+) -> (Vec<Sheet>, Vec<u32>, Vec<Map>) {
+    let mut groups: std::collections::BTreeMap<(u32, u32), Vec<usize>> = std::collections::BTreeMap::new();
+    for (t, r) in regressors.iter().enumerate() {
+        groups.entry((r.bone, r.joint)).or_default().push(t);
+    }
+    let sampled: Vec<Sampled> = groups
+        .into_iter()
+        .map(|((bone, joint), triangles)| Sampled::new(bone, joint, triangles, regressors, areas, turns))
+        .collect();
+    let bones: std::collections::BTreeSet<u32> = sampled.iter().map(|s| s.bone).collect();
+    let least = least_kept(&sampled, most * bones.len());
+    let mut sheet_of = vec![0; regressors.len()];
+    let mut maps: Vec<Vec<Map>> = vec![Vec::new(); regressors.len()];
+    let mut sheets = Vec::with_capacity(sampled.len());
+    for group in &sampled {
+        let kept = group.modes.iter().take_while(|m| m.0 > least).count();
+        let (sheet, shapes) = group.sheet(kept, regressors, areas);
+        for (c, &t) in group.triangles.iter().enumerate() {
+            sheet_of[t] = sheets.len() as u32;
+            maps[t].push(array(&regressors[t].at_rest()).map(|x| x as f32));
+            maps[t].extend(shapes.iter().map(|b| std::array::from_fn(|k| b[9 * c + k] as f32)));
+        }
+        sheets.push(sheet);
+    }
+    (sheets, sheet_of, maps.concat())
+}
+
+/// Singular values above this are kept.
+fn least_kept(sampled: &[Sampled], budget: usize) -> f64 {
+    let mut all: Vec<f64> = sampled.iter().flat_map(|s| s.modes.iter().map(|m| m.0)).collect();
+    all.sort_by(|a, b| b.total_cmp(a));
+    let rounding = ROUNDING * all.first().copied().unwrap_or(0.0);
+    all.get(budget).copied().unwrap_or(0.0).max(rounding)
+}
+
+impl Sampled {
+    fn new(
+        bone: u32,
+        joint: u32,
+        triangles: Vec<usize>,
+        regressors: &[Regressor],
+        areas: &[f64],
+        turns: &[JointTurns],
+    ) -> Self {
+        let samples = samples(turns, joint);
+        let mut said = DMatrix::zeros(samples.len(), 9 * triangles.len());
+        for (c, &t) in triangles.iter().enumerate() {
+            let rest = regressors[t].at_rest();
+            for (s, (q, count)) in samples.iter().enumerate() {
+                let map = array(&((regressors[t].of_turn(q) - rest) * *count));
+                (0..9).for_each(|k| said[(s, 9 * c + k)] = map[k]);
+            }
+        }
+        let mut gram = DMatrix::zeros(samples.len(), samples.len());
+        for (c, &t) in triangles.iter().enumerate() {
+            let columns = said.columns(9 * c, 9);
+            gram.gemm(areas[t], &columns, &columns.transpose(), 1.0);
+        }
+        let eigen = SymmetricEigen::new(gram);
+        let mut modes: Vec<(f64, DVector<f64>)> = (eigen.eigenvalues.iter())
+            .zip(eigen.eigenvectors.column_iter())
+            .map(|(value, vector)| (value.max(0.0).sqrt(), vector.into_owned()))
+            .collect();
+        modes.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Self { bone, joint, triangles, counts: samples.iter().map(|s| s.1).collect(), said, modes }
+    }
+
+    /// The sheet by its first shapes, and the shapes themselves.
+    fn sheet(&self, kept: usize, regressors: &[Regressor], areas: &[f64]) -> (Sheet, Vec<DVector<f64>>) {
+        // `z` reaches 1 on the samples, so that shapes tell how far they move.
+        let reach =
+            |u: &DVector<f64>| u.iter().zip(&self.counts).map(|(u, w)| (u / w).abs()).fold(f64::MIN_POSITIVE, f64::max);
+        let kept = &self.modes[..kept];
+        if kept.is_empty() {
+            let (keys, reading) = (Vec::new(), DMatrix::zeros(0, 0));
+            return (Sheet { bone: self.bone, joint: self.joint, keys, reading }, Vec::new());
+        }
+        let shapes = kept.iter().map(|(_, u)| self.said.tr_mul(u) * reach(u)).collect();
+        let wanted = DMatrix::from_columns(&kept.iter().map(|(_, u)| u / reach(u)).collect::<Vec<_>>());
+        let (keys, reading) = self.read(&wanted, areas);
+        let keys = keys.into_iter().map(|c| regressors[self.triangles[c]].map).collect();
+        (Sheet { bone: self.bone, joint: self.joint, keys, reading }, shapes)
+    }
+
+    /// Key triangles, and how what they say becomes what is wanted.
+    fn read(&self, wanted: &DMatrix<f64>, areas: &[f64]) -> (Vec<usize>, DMatrix<f64>) {
+        let mut left = self.said.clone();
+        let mut keys = Vec::new();
+        loop {
+            let size = |c: usize| left.columns(9 * c, 9).norm_squared() * areas[self.triangles[c]];
+            let next = (0..self.triangles.len()).max_by(|&a, &b| size(a).total_cmp(&size(b))).expect("a triangle");
+            keys.push(next);
+            let columns: Vec<usize> = keys.iter().flat_map(|&c| 9 * c..9 * c + 9).collect();
+            let said = self.said.select_columns(&columns);
+            let svd = said.clone().svd(true, true);
+            let reading = svd.solve(wanted, LEAST * svd.singular_values.max()).expect("both factors were asked for");
+            let missed = (said * &reading - wanted).norm();
+            if keys.len() == MOST_KEYS.min(self.triangles.len()) || missed <= UNEXPLAINED * wanted.norm() {
+                return (keys, reading.transpose());
+            }
+            for direction in left.columns(9 * next, 9).into_owned().svd(true, false).u.expect("asked for").column_iter()
+            {
+                let along = left.tr_mul(&direction);
+                left.ger(-1.0, &direction, &along, 1.0);
+            }
+        }
+    }
+}
+
+/// Turns of a joint to sample.
+fn samples(turns: &[JointTurns], joint: u32) -> Vec<Sample> {
+    let seen: Vec<Vector3<f64>> = turns.iter().map(|t| t.relative[joint as usize]).collect();
+    let furthest = seen.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let parts =
+        PARTS.iter().flat_map(|&part| seen.iter().map(move |q| (q * part, if part == 1.0 { 1.0 } else { ASIDE })));
+    let between = (0..seen.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
+    let between = between.map(|(a, b)| (nalgebra::center(&seen[a].into(), &seen[b].into()).coords, ASIDE));
+    let all: Vec<Sample> = parts.chain(between).collect();
+    let step = all.len().div_ceil(MOST_SAMPLES).max(1);
+    // No turn at all says nothing: an axis, so that there is a sample.
+    let none = (Vector3::x() * furthest.max(f64::MIN_POSITIVE), ASIDE);
+    all.into_iter().step_by(step).chain([none]).collect()
+}
