@@ -11,6 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::bvh::Nearest;
+use super::super::trajectory::neighbors_of_vertices;
 use super::quality::{is_collapsed, lies_against};
 use super::registration::Target;
 use crate::mesh::TriMesh;
@@ -61,19 +62,11 @@ struct Neighborhood {
 impl Neighborhood {
     fn new(mesh: &TriMesh) -> Self {
         let n = mesh.vertex_count();
-        let mut this = Self { vertices: vec![Vec::new(); n], triangles: vec![Vec::new(); n] };
-        for (t, &[a, b, c]) in mesh.triangles().iter().enumerate() {
-            for (i, j) in [(a, b), (b, c), (c, a)] {
-                this.vertices[i as usize].push(j);
-                this.vertices[j as usize].push(i);
-                this.triangles[i as usize].push(t as u32);
-            }
+        let mut triangles = vec![Vec::new(); n];
+        for (t, corners) in mesh.triangles().iter().enumerate() {
+            corners.iter().for_each(|v| triangles[*v as usize].push(t as u32));
         }
-        for ring in &mut this.vertices {
-            ring.sort_unstable();
-            ring.dedup();
-        }
-        this
+        Self { vertices: neighbors_of_vertices(n, mesh.triangles()), triangles }
     }
 
     /// The place of the surface nearest to the middle of a vertex's neighbors, facing as they do.
