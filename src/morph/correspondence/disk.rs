@@ -51,8 +51,8 @@ const MET: f64 = 1e-12;
 /// The place of every vertex on the unit disk; its boundary on the circle, from angle 0 on. No triangle turned over.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, or parts too thin to be told from
-/// nothing on the disk; [`MorphError::Mesh`] where it is no manifold.
+/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, is no oriented manifold, or has parts too
+/// thin to be told from nothing on the disk.
 pub fn disk_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector2<f64>>, MorphError> {
     let rim = rim(mesh, which)?;
     let angles = by_length(mesh, &rim);
@@ -89,7 +89,7 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 
 /// The one boundary, surface to its left.
 fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
-    let half_edges = HalfEdges::new(mesh)?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
     let loops = half_edges.boundary_loops();
     let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
     if pieces != 1 {

@@ -64,7 +64,9 @@ impl Neighborhood {
         let n = mesh.vertex_count();
         let mut triangles = vec![Vec::new(); n];
         for (t, corners) in mesh.triangles().iter().enumerate() {
-            corners.iter().for_each(|v| triangles[*v as usize].push(t as u32));
+            for v in corners {
+                triangles[*v as usize].push(t as u32);
+            }
         }
         Self { vertices: neighbors_of_vertices(n, mesh.triangles()), triangles }
     }

@@ -38,7 +38,7 @@ impl Trajectory {
         if pairs.is_empty() || rounds == 0 || time == 0.0 || time == 1.0 {
             return (start, [before; 2]);
         }
-        let (x, pairs) = self.pushed(time, rounds, start, pairs);
+        let (x, pairs) = self.pushed(time, rounds, &start, pairs);
         let straight = if pairs.is_empty() { 0 } else { self.intersections(&self.linear(time)).len() };
         let (x, pairs) = self.straightened(time, straight, x, pairs);
         (x, [before, pairs.len()])
@@ -49,12 +49,12 @@ impl Trajectory {
     }
 
     /// The best shape of all rounds of pushes, and its intersections.
-    fn pushed(&mut self, time: f64, rounds: usize, start: Vec<Point3<f64>>, pairs: Vec<[u32; 2]>) -> Tangled {
+    fn pushed(&mut self, time: f64, rounds: usize, start: &[Point3<f64>], pairs: Vec<[u32; 2]>) -> Tangled {
         let times = vec![time; self.triangles.len()];
         let mut forces = vec![Vector3::zeros(); start.len()];
         let weights = self.solve.diagonal();
-        let (mut x, mut now) = (start.clone(), pairs.clone());
-        let mut best = (start.clone(), pairs);
+        let (mut x, mut now) = (start.to_vec(), pairs.clone());
+        let mut best = (start.to_vec(), pairs);
         for _ in 0..rounds {
             let Ok(mesh) = TriMesh::new(x.clone(), self.triangles.clone()) else { break };
             for (v, push) in pushes(&mesh, &now).into_iter().enumerate() {
@@ -62,7 +62,7 @@ impl Trajectory {
             }
             let edges = self.rigid_edges(&times, &x);
             self.solve.follow_pushed(|t| edges[t], &forces, &mut x);
-            self.settle(&mut x, &start);
+            self.settle(&mut x, start);
             now = self.intersections(&x);
             if now.len() < best.1.len() {
                 best = (x.clone(), now.clone());

@@ -65,7 +65,7 @@ const SHORTEST_SETTLING: f64 = 1e-6;
 /// The unit vector of every vertex of a closed surface of genus 0: no triangle turned over, none on another.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for an open surface, one in pieces or with handles; [`MorphError::Mesh`] where it is no manifold.
+/// [`MorphError::Topology`] for an open surface, one in pieces or with handles, or no oriented manifold.
 pub fn sphere_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector3<f64>>, MorphError> {
     Ok(Ball::laid_out(mesh, which, Vec::new(), &[])?.at)
 }
@@ -76,7 +76,7 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 }
 
 fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
-    let half_edges = HalfEdges::new(mesh)?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
     let open = half_edges.boundary_edge_count();
     if open > 0 {
         return Err(topology(which, format!("is open: {open} edges have one triangle")));
@@ -184,10 +184,9 @@ impl<'m> Ball<'m> {
     /// Turns all so that these vertices are nearest to these places; not at all where places are too few to say how.
     fn turn(&mut self, wanted: &[(u32, Vector3<f64>)]) {
         // About the center of the sphere: every place and its opposite.
-        let both = |place: &dyn Fn(&(u32, Vector3<f64>)) -> Vector3<f64>| -> Vec<Point3<f64>> {
-            wanted.iter().flat_map(|w| [place(w), -place(w)]).map(Point3::from).collect()
-        };
-        let (from, to) = (both(&|w| self.at[w.0 as usize]), both(&|w| w.1));
+        let both = |place: Vector3<f64>| [place, -place].map(Point3::from);
+        let from: Vec<_> = wanted.iter().flat_map(|w| both(self.at[w.0 as usize])).collect();
+        let to: Vec<_> = wanted.iter().flat_map(|w| both(w.1)).collect();
         let (map, rank) = nearest_similarity(&from, &to, &vec![1.0; from.len()], false);
         if rank > 1 {
             for v in &self.order {

@@ -30,7 +30,9 @@ pub fn over_spheres(
 ) -> Result<Vec<Nearest>, MorphError> {
     let goal = sphere_map(second, "second")?;
     let mut held = vec![false; first.vertex_count()];
-    landmarks.iter().for_each(|l| held[l.0 as usize] = true);
+    for l in landmarks {
+        held[l.0 as usize] = true;
+    }
     let wishes = wishes(first, second, &goal, landmarks, &held)?;
     let mut ball = Ball::laid_out(first, "first", wishes.clone(), &held)?;
     if ball.wishes.is_empty() {

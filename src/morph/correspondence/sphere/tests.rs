@@ -124,4 +124,5 @@ fn surfaces_that_are_no_spheres_are_told_what_they_are() {
     assert!(told(&shapes::holed_torus(1, 10)).contains("has genus 1"));
     let two = shapes::disjoint(&[shapes::icosphere(1), shapes::icosphere(1)]);
     assert!(told(&two).contains("in 2 pieces"));
+    assert!(told(&shapes::book(3)).contains("the second mesh is no oriented manifold: vertices"));
 }
