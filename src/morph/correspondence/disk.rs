@@ -100,12 +100,7 @@ fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
     if euler != 1 {
         return Err(topology(which, format!("has one boundary, but {} handles", (1 - euler) / 2)));
     }
-    let mut rim = rim.clone();
-    let along = |h: u32| half_edges.origin(h) == rim[0] && half_edges.destination(h) == rim[1];
-    if !(0..half_edges.len() as u32).any(along) {
-        rim.reverse();
-    }
-    Ok(rim)
+    Ok(rim.clone())
 }
 
 /// The angle of each vertex of a boundary, by its length; ascending from 0.
@@ -144,7 +139,6 @@ fn brought_together(
     let mut fixed: Vec<(usize, f64)> =
         landmarks.iter().filter_map(|l| Some((on(rim, l.0)?, other_angles[on(other, l.1)?]))).collect();
     fixed.sort_by_key(|f| f.0);
-    fixed.dedup_by_key(|f| f.0);
     let Some(&(first, begin)) = fixed.first() else { return Ok(angles.to_vec()) };
     // Once around, from the first landmark back to it.
     let ahead = |angle: f64, from: f64| (angle - from).rem_euclid(TAU);
@@ -204,9 +198,8 @@ impl<'m> Disk<'m> {
                 sum += self.at[w as usize] * weight;
                 total += weight;
             }
-            if total.is_finite() {
-                self.step(v, &(sum / total));
-            }
+            // Nowhere that can be seen, where an edge has no length.
+            self.step(v, &(sum / total));
         }
     }
 
@@ -350,7 +343,30 @@ mod tests {
             above(&egg, -0.8),
             above(&long, 0.0),
             above(&shapes::cactus(12), 0.2),
+            sheared(9.0),
         ]
+    }
+
+    /// A plane sheared so that nearly all edges have negative cotangent weights or none.
+    fn sheared(by: f64) -> TriMesh {
+        let plane = shapes::plane(7);
+        let place = |p: &Point3<f64>| Point3::new(p.x + by * p.y, p.y, 0.0);
+        plane.with_positions(plane.positions().iter().map(place).collect()).unwrap()
+    }
+
+    #[test]
+    fn the_disk_turns_to_where_landmarks_inside_say() {
+        // The same surface, its vertices in the reverse order: its boundary begins elsewhere.
+        let first = above(&shapes::icosphere(3), 0.1);
+        let n = first.vertex_count() as u32;
+        let positions = first.positions().iter().rev().copied().collect();
+        let second = TriMesh::new(positions, first.triangles().iter().map(|t| t.map(|v| n - 1 - v)).collect()).unwrap();
+        let open = HalfEdges::new(&first).unwrap();
+        let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
+        let laid = over_disks(&first, &second, &inside, &DiskOptions::default()).unwrap();
+        for (place, p) in laid.iter().zip(first.positions()) {
+            assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
+        }
     }
 
     #[test]

@@ -210,6 +210,27 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_in_one_point_is_spread_and_a_triangle_without_area_is_no_fold() {
+        let ball = shapes::icosphere(4);
+        let target = Target::new(&ball).unwrap();
+        let pole = ball.positions().iter().copied().max_by(|p, q| p.z.total_cmp(&q.z)).unwrap();
+        let near = |p: &Point3<f64>| (p - pole).norm() < 0.2;
+        let put = |p: &Point3<f64>| target.place(if near(p) { &pole } else { p }, &p.coords).unwrap();
+        let mut places: Vec<Nearest> = ball.positions().iter().map(put).collect();
+        let held: Vec<bool> = ball.positions().iter().map(|p| p.z < 0.6).collect();
+        unfold(&ball, &target, &held, &mut places).unwrap();
+        for t in ball.triangles() {
+            let [a, b, c] = t.map(|v| places[v as usize].point);
+            assert!((b - a).cross(&(c - a)).dot(&a.coords) > 0.0);
+        }
+        let mut triangles = ball.triangles().to_vec();
+        triangles.push([0, 1, 1]);
+        let flat = TriMesh::new(ball.positions().to_vec(), triangles).unwrap();
+        let places: Vec<Nearest> = flat.positions().iter().map(|p| target.place(p, &p.coords).unwrap()).collect();
+        assert_eq!(Folds::new(&flat, &target, &places).count(), 0);
+    }
+
+    #[test]
     fn landmarks_that_cross_leave_no_more_folds_than_there_were() {
         let ball = shapes::icosphere(3);
         let target = Target::new(&ball).unwrap();

@@ -159,6 +159,7 @@ fn pushes(mesh: &TriMesh, pairs: &[[u32; 2]]) -> Vec<Vector3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::shapes;
 
     #[test]
     fn a_tip_behind_a_triangle_is_pushed_to_it_and_the_triangle_the_other_way() {
@@ -169,5 +170,42 @@ mod tests {
         assert!((pushes[3] - Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12, "{}", pushes[3]);
         assert!(pushes[..3].iter().all(|d| (d + Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12));
         assert!(pushes[4..].iter().all(|d| *d == Vector3::zeros()));
+    }
+
+    /// At rest, so that straight ways stay; a tip goes through the other side.
+    fn pierced(mesh: &TriMesh, tip: usize, through: Vector3<f64>) -> (Trajectory, Vec<Point3<f64>>, Vec<[u32; 2]>) {
+        let trajectory = Trajectory::new(mesh, mesh, &super::super::TrajectoryOptions::default()).unwrap();
+        let mut x = mesh.positions().to_vec();
+        x[tip] += through;
+        let pairs = trajectory.intersections(&x);
+        assert!(!pairs.is_empty());
+        (trajectory, x, pairs)
+    }
+
+    #[test]
+    fn what_straight_ways_do_not_pierce_goes_straight_and_the_rest_stays() {
+        let ball = shapes::icosphere(4);
+        let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z));
+        let (trajectory, x, pairs) = pierced(&ball, top.unwrap(), Vector3::new(0.0, 0.0, -2.2));
+        let (straight, left) = trajectory.straightened(0.5, 0, x.clone(), pairs.clone());
+        assert!(left.is_empty());
+        for (p, q) in straight.iter().zip(ball.positions()) {
+            assert!((p - q).norm() < 1e-9);
+        }
+        // No worse than straight ways are: left alone.
+        let enough = pairs.len();
+        assert_eq!(trajectory.straightened(0.5, enough, x.clone(), pairs), (x.clone(), trajectory.intersections(&x)));
+    }
+
+    #[test]
+    fn a_small_piece_goes_straight_as_a_whole_but_not_most_of_the_surface() {
+        let small = shapes::icosphere(1);
+        let (alone, x, pairs) = pierced(&small, 0, -2.5 * small.positions()[0].coords);
+        assert_eq!(alone.straightened(0.5, 0, x.clone(), pairs).0, x);
+        let both = shapes::disjoint(&[small, shapes::icosphere(4)]);
+        let (low, high) = shapes::icosphere(1).bounding_box().unwrap();
+        let middle = nalgebra::center(&low, &high) + (both.positions()[0] - shapes::icosphere(1).positions()[0]);
+        let (trajectory, x, pairs) = pierced(&both, 0, (middle - both.positions()[0]) * 2.5);
+        assert!(trajectory.straightened(0.5, 0, x, pairs).1.is_empty());
     }
 }
