@@ -355,6 +355,20 @@ mod tests {
     }
 
     #[test]
+    fn what_is_far_inside_has_at_least_a_tenth_of_its_share() {
+        let egg = shapes::icosphere(3);
+        let long =
+            egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
+        let mesh = above(&long, 0.0);
+        let at = disk_map(&mesh, "first").unwrap();
+        for (t, v) in mesh.triangles().iter().enumerate() {
+            let [a, b, c] = v.map(|v| at[v as usize]);
+            let on_disk = (b - a).perp(&(c - a)) / TAU;
+            assert!(on_disk > 0.05 * mesh.area_normal(t).norm() / mesh.area(), "triangle {t}");
+        }
+    }
+
+    #[test]
     fn the_disk_turns_to_where_landmarks_inside_say() {
         // The same surface, its vertices in the reverse order: its boundary begins elsewhere.
         let first = above(&shapes::icosphere(3), 0.1);
