@@ -1,7 +1,7 @@
 //! The built-in executor: runs the instances of a pipeline, some at once, one failure not stopping the rest.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -75,13 +75,17 @@ pub fn execute(
     };
     let jobs = jobs.clamp(1, instances.len().max(1));
     let threads = (pipeline.run.thread_count() / jobs).max(1);
-    let executor = Executor { run: &pipeline.run, batch: &batch, backend, progress, cancel, threads };
+    let made = Mutex::default();
+    let executor = Executor { run: &pipeline.run, batch: &batch, backend, progress, cancel, threads, made: &made };
     progress.event(&Event::RunStart { items: instances.len() });
     let results = executor.run_all(instances, jobs);
     let report = Report {
         items: instances.iter().zip(results).map(|(i, result)| ItemReport { key: i.key.clone(), result }).collect(),
     };
     let (done, failed) = (report.done().count(), report.failures().count());
+    if done < instances.len() {
+        take_back(made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
+    }
     progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
     report
 }
@@ -105,6 +109,8 @@ struct Executor<'a> {
     progress: &'a dyn Progress,
     cancel: &'a AtomicBool,
     threads: usize,
+    /// Folders that this run made, each after the one it is in.
+    made: &'a Mutex<Vec<PathBuf>>,
 }
 
 type ItemResult = Option<Result<Summary, RunError>>;
@@ -162,7 +168,7 @@ impl Executor<'_> {
 
     fn try_item(&self, instance: &Instance) -> Result<Summary, RunError> {
         let started = Instant::now();
-        check_targets(instance, self.run.overwrite)?;
+        self.check_targets(instance)?;
         self.backend.rehearse(instance)?;
         let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
         let job = Job {
@@ -180,32 +186,56 @@ impl Executor<'_> {
         summary.seconds = started.elapsed().as_secs_f64();
         Ok(summary)
     }
-}
 
-/// Refuses existing files and makes missing folders before any work is done.
-fn check_targets(instance: &Instance, overwrite: bool) -> Result<(), RunError> {
-    instance.folders().iter().try_for_each(|folder| check_folder(folder, overwrite))?;
-    for path in instance.outputs() {
-        if path.is_dir() {
-            return Err(RunError::Output(format!("`{}` is a folder; give the name of a file", path.display())));
+    /// Refuses existing files and makes missing folders before any work is done.
+    fn check_targets(&self, instance: &Instance) -> Result<(), RunError> {
+        let overwrite = self.run.overwrite;
+        instance.folders().iter().try_for_each(|folder| {
+            self.make_folder(folder)?;
+            check_folder(folder, overwrite)
+        })?;
+        for path in instance.outputs() {
+            if path.is_dir() {
+                return Err(RunError::Output(format!("`{}` is a folder; give the name of a file", path.display())));
+            }
+            if !overwrite && path.is_file() {
+                let message = format!(
+                    "`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)",
+                    path.display()
+                );
+                return Err(RunError::Output(message));
+            }
+            if let Some(folder) = path.parent().filter(|p| *p != Path::new("")) {
+                self.make_folder(folder)?;
+            }
         }
-        if !overwrite && path.is_file() {
-            let message =
-                format!("`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)", path.display());
-            return Err(RunError::Output(message));
-        }
-        if let Some(folder) = path.parent().filter(|p| *p != Path::new("")) {
-            let failed = |e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display()));
-            std::fs::create_dir_all(folder).map_err(failed)?;
-        }
+        Ok(())
     }
-    Ok(())
+
+    /// Makes a folder and those it is in, and remembers which were missing.
+    fn make_folder(&self, folder: &Path) -> Result<(), RunError> {
+        let missing = |p: &&Path| *p != Path::new("") && !p.exists();
+        let mut missing: Vec<PathBuf> = folder.ancestors().take_while(missing).map(Path::to_owned).collect();
+        missing.reverse();
+        if let Ok(mut made) = self.made.lock() {
+            made.append(&mut missing);
+        }
+        std::fs::create_dir_all(folder)
+            .map_err(|e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display())))
+    }
 }
 
-/// Makes a folder that is to be filled, or refuses it: a file, or with something in it.
+/// Removes folders in which nothing was written, at the end of a run that failed: not before, since other items may be about to.
+fn take_back(made: Vec<PathBuf>) {
+    for folder in made.into_iter().rev() {
+        // One that is not empty stays.
+        let _ = std::fs::remove_dir(folder);
+    }
+}
+
+/// Refuses a folder that is to be filled and has something in it.
 fn check_folder(folder: &Path, overwrite: bool) -> Result<(), RunError> {
-    let failed = |e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display()));
-    std::fs::create_dir_all(folder).map_err(failed)?;
+    let failed = |e| RunError::Output(format!("cannot read the folder `{}`: {e}", folder.display()));
     let occupied = std::fs::read_dir(folder).map_err(failed)?.next().is_some();
     if occupied && !overwrite {
         let help = "allow to replace what is in it with --overwrite (`run.overwrite = true`)";

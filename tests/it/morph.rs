@@ -293,9 +293,13 @@ fn meshes_without_faces_are_refused() {
     for (first, second) in [("nothing.off", "nothing.off"), ("points.off", "points.off"), ("ball.off", "points.off")] {
         let ran = plumbline_in(folder, &["morph", first, second, "-o", "out/"]);
         assert_eq!(ran.status.code(), Some(65), "{first} {second}: {}", err(&ran));
-        let written = fs::read_dir(folder.join("out")).map_or(0, Iterator::count);
-        assert_eq!(written, 0, "{first} {second}");
+        assert_eq!(names(folder), ["ball.off", "nothing.off", "points.off"], "{first} {second}");
     }
+    // Nor folders around folders; but one that was there stays, even if empty.
+    fs::create_dir(folder.join("kept")).expect("a folder");
+    let ran = plumbline_in(folder, &["morph", "points.off", "points.off", "-o", "kept/deep/out/"]);
+    assert_eq!(ran.status.code(), Some(65), "{}", err(&ran));
+    assert_eq!(names(&folder.join("kept")), [""; 0]);
     let ran = plumbline_in(folder, &["morph", "points.off", "points.off", "-o", "out/"]);
     assert!(err(&ran).contains("the first mesh has no triangle of positive area"), "{}", err(&ran));
 }

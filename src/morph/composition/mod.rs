@@ -148,7 +148,6 @@ impl Joined {
             number[w as usize] = Some(v);
             let other = sheets[1].positions[w as usize];
             gap = gap.max((positions[v as usize] - other).norm());
-            positions[v as usize] = nalgebra::center(&positions[v as usize], &other);
         }
         let source = |cut: &CutSurface, v: usize| cut.source.get(v).copied().flatten();
         let mut origin: Vec<Origin> =

@@ -49,7 +49,11 @@ impl Measured {
     }
 }
 
-/// The similarity that brings the second loop, run backwards, nearest to the first, of all places where it may start.
+/// A turn by this much (rad) counts like twice the squared distance. Necks are nearly as good turned around; heads are not.
+const TURN: f64 = std::f64::consts::FRAC_PI_4;
+
+/// The similarity that brings the second loop, run backwards, nearest to the first, of all places where it may start; of loops that fit nearly as
+/// well in several ways the one that turns the least.
 pub(super) fn loop_similarity(first: &Measured, second: &Measured) -> Similarity3<f64> {
     let (a, b) = (first.samples(), second.samples());
     let weights = vec![1.0; SAMPLES];
@@ -57,7 +61,7 @@ pub(super) fn loop_similarity(first: &Measured, second: &Measured) -> Similarity
         let turned: Vec<_> = (0..SAMPLES).map(|k| b[(2 * SAMPLES - k + shift) % SAMPLES]).collect();
         let (map, _) = nearest_similarity(&turned, &a, &weights, true);
         let misfit: f64 = turned.iter().zip(&a).map(|(p, q)| (map * p - q).norm_squared()).sum();
-        (misfit, map)
+        (misfit * (1.0 + (map.isometry.rotation.angle() / TURN).powi(2)), map)
     };
     let fits = (0..SAMPLES).map(fit);
     fits.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Similarity3::identity, |f| f.1)
@@ -201,6 +205,24 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
+
+    #[test]
+    fn a_loop_that_fits_nearly_as_well_turned_around_is_not_turned_and_one_that_fits_exactly_is() {
+        // Ovals, blunter to one side by a share; the second runs the other way.
+        let oval = |blunt: f64, turn: f64, sign: f64| {
+            let point = |k: usize| {
+                let (sine, cosine) = (sign * k as f64 / 40.0 * std::f64::consts::TAU).sin_cos();
+                let p = Point3::new(2.0 * cosine, (1.0 + blunt * cosine) * sine, 0.0);
+                nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), turn) * p
+            };
+            Measured::new((0..40).map(point).collect())
+        };
+        let turned = |second: &Measured| loop_similarity(&oval(0.15, 0.0, 1.0), second).isometry.rotation.angle();
+        assert!(turned(&oval(-0.05, 0.0, -1.0)) < 0.3);
+        for turn in [0.5, 3.0] {
+            assert!((turned(&oval(0.15, turn, -1.0)) - turn).abs() < 0.03, "{turn}");
+        }
+    }
 
     fn ring(n: usize, radius: f64, start: f64, backwards: bool) -> Measured {
         let angle = |k: usize| (start + k as f64 / n as f64) * TAU * if backwards { -1.0 } else { 1.0 };

@@ -283,7 +283,62 @@ fn pieces_that_the_cut_does_not_touch_stay_with_the_base_and_leave_the_part() {
     let composed = compose(&both, &both, &options).unwrap();
     let apart = composed.mesh.positions().iter().filter(|p| p.x > 3.0).count();
     assert_eq!(apart, far.vertex_count());
+    let of_base = composed.origin.iter().filter(|o| matches!(o, Origin::Base(v) if *v >= first));
+    assert_eq!(of_base.count(), far.vertex_count());
     assert_eq!(HalfEdges::new(&composed.mesh).unwrap().boundary_edge_count(), 0);
+}
+
+#[test]
+fn a_cut_very_near_to_vertices_goes_through_them() {
+    // The equator of the ball is a line of edges.
+    let ball = shapes::icosphere(3);
+    let on_equator = ball.positions().iter().filter(|p| p.z.abs() < 1e-12).count();
+    let kept = cut(&ball, &plane([0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]), "base", true).unwrap();
+    assert_eq!(kept.seam.len(), on_equator);
+    assert!(kept.seam.iter().all(|v| kept.source[*v as usize].is_some()));
+}
+
+#[test]
+fn what_is_to_be_kept_must_touch_the_seam() {
+    let two = shapes::disjoint(&[shapes::icosphere(2), shapes::icosphere(1)]);
+    let first = shapes::icosphere(2);
+    let other = first.vertex_count() as u32;
+    let on_equator = |v: &u32| first.positions()[*v as usize].z.abs() < 1e-12;
+    let angle = |v: &u32| first.positions()[*v as usize].y.atan2(first.positions()[*v as usize].x);
+    let mut vertices: Vec<u32> = (0..other).filter(on_equator).collect();
+    vertices.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    let refused = cut(&two, &Cut::Lasso { vertices, keep: other }, "base", true).unwrap_err().to_string();
+    assert!(refused.contains("does not touch the piece"), "{refused}");
+}
+
+#[test]
+fn the_band_is_no_wider_than_either_side() {
+    // Caps of one or two rings beside half a ball.
+    let ball = shapes::icosphere(3);
+    let caps = |base: f64, part: f64| {
+        let options = ComposeOptions {
+            base: plane([0.0, 0.0, base], [0.0, 0.0, -1.0]),
+            part: plane([0.0, 0.0, part], [0.0, 0.0, 1.0]),
+            landmarks: Vec::new(),
+            band: 6,
+        };
+        let composed = compose(&ball, &ball, &options).unwrap();
+        let still = |base: bool| {
+            let of_side = |o: &Origin| matches!(o, Origin::Base(_)) == base && *o != Origin::Made;
+            let map = if base { Similarity3::identity() } else { composed.base_from_part };
+            let from = |o: &Origin| match *o {
+                Origin::Base(v) | Origin::Part(v) => map * ball.positions()[v as usize],
+                Origin::Made => Point3::origin(),
+            };
+            let pairs = composed.origin.iter().zip(composed.mesh.positions()).filter(|(o, _)| of_side(o));
+            pairs.filter(|(o, p)| (from(o) - **p).norm() < 1e-12).count()
+        };
+        (still(true), still(false))
+    };
+    for (base, part) in [(0.1, 0.85), (-0.85, -0.1)] {
+        let (of_base, of_part) = caps(base, part);
+        assert!(of_base > 0 && of_part > 0, "{of_base} {of_part}");
+    }
 }
 
 #[test]

@@ -51,8 +51,8 @@ const MET: f64 = 1e-12;
 /// The place of every vertex on the unit disk; its boundary on the circle, from angle 0 on. No triangle turned over.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, or parts too thin to be told from
-/// nothing on the disk; [`MorphError::Mesh`] where it is no manifold.
+/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, is no oriented manifold, or has parts too
+/// thin to be told from nothing on the disk.
 pub fn disk_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector2<f64>>, MorphError> {
     let rim = rim(mesh, which)?;
     let angles = by_length(mesh, &rim);
@@ -89,7 +89,7 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 
 /// The one boundary, surface to its left.
 fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
-    let half_edges = HalfEdges::new(mesh)?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
     let loops = half_edges.boundary_loops();
     let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
     if pieces != 1 {
@@ -100,12 +100,7 @@ fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
     if euler != 1 {
         return Err(topology(which, format!("has one boundary, but {} handles", (1 - euler) / 2)));
     }
-    let mut rim = rim.clone();
-    let along = |h: u32| half_edges.origin(h) == rim[0] && half_edges.destination(h) == rim[1];
-    if !(0..half_edges.len() as u32).any(along) {
-        rim.reverse();
-    }
-    Ok(rim)
+    Ok(rim.clone())
 }
 
 /// The angle of each vertex of a boundary, by its length; ascending from 0.
@@ -144,7 +139,6 @@ fn brought_together(
     let mut fixed: Vec<(usize, f64)> =
         landmarks.iter().filter_map(|l| Some((on(rim, l.0)?, other_angles[on(other, l.1)?]))).collect();
     fixed.sort_by_key(|f| f.0);
-    fixed.dedup_by_key(|f| f.0);
     let Some(&(first, begin)) = fixed.first() else { return Ok(angles.to_vec()) };
     // Once around, from the first landmark back to it.
     let ahead = |angle: f64, from: f64| (angle - from).rem_euclid(TAU);
@@ -204,9 +198,8 @@ impl<'m> Disk<'m> {
                 sum += self.at[w as usize] * weight;
                 total += weight;
             }
-            if total.is_finite() {
-                self.step(v, &(sum / total));
-            }
+            // Nowhere that can be seen, where an edge has no length.
+            self.step(v, &(sum / total));
         }
     }
 
@@ -350,7 +343,44 @@ mod tests {
             above(&egg, -0.8),
             above(&long, 0.0),
             above(&shapes::cactus(12), 0.2),
+            sheared(9.0),
         ]
+    }
+
+    /// A plane sheared so that nearly all edges have negative cotangent weights or none.
+    fn sheared(by: f64) -> TriMesh {
+        let plane = shapes::plane(7);
+        let place = |p: &Point3<f64>| Point3::new(p.x + by * p.y, p.y, 0.0);
+        plane.with_positions(plane.positions().iter().map(place).collect()).unwrap()
+    }
+
+    #[test]
+    fn what_is_far_inside_has_at_least_a_tenth_of_its_share() {
+        let egg = shapes::icosphere(3);
+        let long =
+            egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
+        let mesh = above(&long, 0.0);
+        let at = disk_map(&mesh, "first").unwrap();
+        for (t, v) in mesh.triangles().iter().enumerate() {
+            let [a, b, c] = v.map(|v| at[v as usize]);
+            let on_disk = (b - a).perp(&(c - a)) / TAU;
+            assert!(on_disk > 0.05 * mesh.area_normal(t).norm() / mesh.area(), "triangle {t}");
+        }
+    }
+
+    #[test]
+    fn the_disk_turns_to_where_landmarks_inside_say() {
+        // The same surface, its vertices in the reverse order: its boundary begins elsewhere.
+        let first = above(&shapes::icosphere(3), 0.1);
+        let n = first.vertex_count() as u32;
+        let positions = first.positions().iter().rev().copied().collect();
+        let second = TriMesh::new(positions, first.triangles().iter().map(|t| t.map(|v| n - 1 - v)).collect()).unwrap();
+        let open = HalfEdges::new(&first).unwrap();
+        let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
+        let laid = over_disks(&first, &second, &inside, &DiskOptions::default()).unwrap();
+        for (place, p) in laid.iter().zip(first.positions()) {
+            assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
+        }
     }
 
     #[test]

@@ -11,6 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::bvh::Nearest;
+use super::super::trajectory::neighbors_of_vertices;
 use super::quality::{is_collapsed, lies_against};
 use super::registration::Target;
 use crate::mesh::TriMesh;
@@ -61,19 +62,13 @@ struct Neighborhood {
 impl Neighborhood {
     fn new(mesh: &TriMesh) -> Self {
         let n = mesh.vertex_count();
-        let mut this = Self { vertices: vec![Vec::new(); n], triangles: vec![Vec::new(); n] };
-        for (t, &[a, b, c]) in mesh.triangles().iter().enumerate() {
-            for (i, j) in [(a, b), (b, c), (c, a)] {
-                this.vertices[i as usize].push(j);
-                this.vertices[j as usize].push(i);
-                this.triangles[i as usize].push(t as u32);
+        let mut triangles = vec![Vec::new(); n];
+        for (t, corners) in mesh.triangles().iter().enumerate() {
+            for v in corners {
+                triangles[*v as usize].push(t as u32);
             }
         }
-        for ring in &mut this.vertices {
-            ring.sort_unstable();
-            ring.dedup();
-        }
-        this
+        Self { vertices: neighbors_of_vertices(n, mesh.triangles()), triangles }
     }
 
     /// The place of the surface nearest to the middle of a vertex's neighbors, facing as they do.
@@ -149,7 +144,7 @@ impl Folds {
         (0..reach.len() as u32).filter(|v| reach[*v as usize].is_some() && !held[*v as usize]).collect()
     }
 
-    /// Looks at the triangles of vertices that were moved, and at those that were folded.
+    /// Looks at the triangles of vertices that were moved.
     fn look_again(
         &mut self,
         mesh: &TriMesh,
@@ -162,13 +157,8 @@ impl Folds {
         for t in moved.iter().flat_map(|v| &around.triangles[*v as usize]) {
             touched[*t as usize] = true;
         }
-        for (t, touched) in touched.into_iter().enumerate() {
-            if touched {
-                let folded = self.is_folded(t, mesh, target, places);
-                self.age[t] = if folded { self.age[t] + 1 } else { 0 };
-            } else if self.age[t] > 0 {
-                self.age[t] += 1;
-            }
+        for t in (0..touched.len()).filter(|t| touched[*t]) {
+            self.age[t] = if self.is_folded(t, mesh, target, places) { self.age[t] + 1 } else { 0 };
         }
     }
 }
@@ -197,11 +187,11 @@ mod tests {
     fn a_mirrored_patch_unfolds_and_what_is_held_stays() {
         let ball = shapes::icosphere(4);
         let target = Target::new(&ball).unwrap();
-        for reach in [0.12, 0.25, 0.4] {
+        for (reach, low) in [(0.12, 0.6), (0.25, 0.6), (0.4, 0.6), (0.7, 0.4), (0.8, 0.3)] {
             let mut places = mirrored(&ball, reach);
             let before = Folds::new(&ball, &target, &places).count();
             let mut held = vec![false; ball.vertex_count()];
-            let far = (0..held.len()).filter(|v| ball.positions()[*v].z < 0.6);
+            let far = (0..held.len()).filter(|v| ball.positions()[*v].z < low);
             for v in far {
                 held[v] = true;
             }
@@ -212,6 +202,27 @@ mod tests {
                 assert!(!held[v] || (place.point - ball.positions()[v]).norm() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn what_lies_in_one_point_is_spread_and_a_triangle_without_area_is_no_fold() {
+        let ball = shapes::icosphere(4);
+        let target = Target::new(&ball).unwrap();
+        let pole = ball.positions().iter().copied().max_by(|p, q| p.z.total_cmp(&q.z)).unwrap();
+        let near = |p: &Point3<f64>| (p - pole).norm() < 0.2;
+        let put = |p: &Point3<f64>| target.place(if near(p) { &pole } else { p }, &p.coords).unwrap();
+        let mut places: Vec<Nearest> = ball.positions().iter().map(put).collect();
+        let held: Vec<bool> = ball.positions().iter().map(|p| p.z < 0.6).collect();
+        unfold(&ball, &target, &held, &mut places).unwrap();
+        for t in ball.triangles() {
+            let [a, b, c] = t.map(|v| places[v as usize].point);
+            assert!((b - a).cross(&(c - a)).dot(&a.coords) > 0.0);
+        }
+        let mut triangles = ball.triangles().to_vec();
+        triangles.push([0, 1, 1]);
+        let flat = TriMesh::new(ball.positions().to_vec(), triangles).unwrap();
+        let places: Vec<Nearest> = flat.positions().iter().map(|p| target.place(p, &p.coords).unwrap()).collect();
+        assert_eq!(Folds::new(&flat, &target, &places).count(), 0);
     }
 
     #[test]

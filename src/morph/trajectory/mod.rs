@@ -29,8 +29,6 @@ mod tests;
 mod untangling;
 mod unwinding;
 
-use std::collections::BTreeSet;
-
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
@@ -77,8 +75,6 @@ pub struct Trajectory {
     weights: Vec<f64>,
     solve: ElasticSolve,
     rounds: usize,
-    /// Pairs of triangles that intersect in a pose, once somebody asked.
-    intersecting: Option<BTreeSet<[u32; 2]>>,
 }
 
 impl Trajectory {
@@ -109,7 +105,6 @@ impl Trajectory {
             weights,
             solve,
             rounds: options.rounds,
-            intersecting: None,
         })
     }
 
@@ -236,6 +231,22 @@ impl Trajectory {
             }
         }
     }
+}
+
+/// Neighbors of each vertex, ascending.
+pub(super) fn neighbors_of_vertices(n: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut rings = vec![Vec::new(); n];
+    for &[a, b, c] in triangles {
+        for (i, j) in [(a, b), (b, c), (c, a)] {
+            rings[i as usize].push(j);
+            rings[j as usize].push(i);
+        }
+    }
+    for ring in &mut rings {
+        ring.sort_unstable();
+        ring.dedup();
+    }
+    rings
 }
 
 /// Two poses of one mesh have the same triangles.

@@ -9,59 +9,130 @@
 //! ```
 //!
 //! `d` are the pushes and `W` the weights of each vertex's edges. The best of all rounds is kept, so that there is never more
-//! intersection than before. Pairs of triangles that intersect in one of the two poses are theirs, and left alone and not counted.
-
-use std::collections::BTreeSet;
+//! intersection than before.
+//!
+//! Where a shape on straight ways would intersect itself less, as where folds turn over, what is around the intersections goes straight too:
+//! its edges become those of the straight ways, carried along by the motion of the whole or, where that does not help, not, and its rim stays;
+//! in growing patches, until there is no more intersection than on straight ways, or the patches would be most of the surface.
 
 use nalgebra::{Point3, Vector3};
 
+use super::super::elastic_solve::ElasticSolve;
 use super::super::intersections::{passages, self_intersections};
-use super::Trajectory;
-use crate::mesh::TriMesh;
+use super::frames::opposite_edges;
+use super::{Trajectory, neighbors_of_vertices};
+use crate::mesh::{TriMesh, numbered_components};
 
 /// By how much an end is pushed past the plane, as a share of how deep it is.
 const BEYOND: f64 = 0.1;
+
+/// Rings around intersections that go straight, from the first try to the last.
+const RINGS: [usize; 5] = [2, 4, 8, 16, 32];
 
 impl Trajectory {
     /// A shape at a time, pushed out of itself in at most so many rounds, and how many pairs of triangles intersect before and after.
     pub fn untangled(&mut self, time: f64, rounds: usize) -> (Vec<Point3<f64>>, [usize; 2]) {
         let start = self.at(time);
+        let pairs = self.intersections(&start);
+        let before = pairs.len();
+        if pairs.is_empty() || rounds == 0 || time == 0.0 || time == 1.0 {
+            return (start, [before; 2]);
+        }
+        let (x, pairs) = self.pushed(time, rounds, &start, pairs);
+        let straight = if pairs.is_empty() { 0 } else { self.intersections(&self.linear(time)).len() };
+        let (x, pairs) = self.straightened(time, straight, x, pairs);
+        (x, [before, pairs.len()])
+    }
+
+    fn intersections(&self, x: &[Point3<f64>]) -> Vec<[u32; 2]> {
+        TriMesh::new(x.to_vec(), self.triangles.clone()).map_or_else(|_| Vec::new(), |mesh| self_intersections(&mesh))
+    }
+
+    /// The best shape of all rounds of pushes, and its intersections.
+    fn pushed(&mut self, time: f64, rounds: usize, start: &[Point3<f64>], pairs: Vec<[u32; 2]>) -> Tangled {
         let times = vec![time; self.triangles.len()];
         let mut forces = vec![Vector3::zeros(); start.len()];
         let weights = self.solve.diagonal();
-        let (mut x, mut best, mut counts) = (start.clone(), start.clone(), None);
-        for round in 0..=rounds {
+        let (mut x, mut now) = (start.to_vec(), pairs.clone());
+        let mut best = (start.to_vec(), pairs);
+        for _ in 0..rounds {
             let Ok(mesh) = TriMesh::new(x.clone(), self.triangles.clone()) else { break };
-            let mut pairs = self_intersections(&mesh);
-            pairs.retain(|pair| !self.own_intersections().contains(pair));
-            let [before, least] = counts.unwrap_or([pairs.len(); 2]);
-            if pairs.len() < least {
-                best.clone_from(&x);
-            }
-            counts = Some([before, least.min(pairs.len())]);
-            if pairs.is_empty() || round == rounds || time == 0.0 || time == 1.0 {
-                break;
-            }
-            for (v, push) in pushes(&mesh, &pairs).into_iter().enumerate() {
+            for (v, push) in pushes(&mesh, &now).into_iter().enumerate() {
                 forces[v] += push * weights[v];
             }
             let edges = self.rigid_edges(&times, &x);
             self.solve.follow_pushed(|t| edges[t], &forces, &mut x);
-            self.settle(&mut x, &start);
+            self.settle(&mut x, start);
+            now = self.intersections(&x);
+            if now.len() < best.1.len() {
+                best = (x.clone(), now.clone());
+            }
+            if now.is_empty() {
+                break;
+            }
         }
-        (best, counts.unwrap_or_default())
+        best
+    }
+
+    /// Patches around intersections go straight until there are no more than `enough`, or it does not help.
+    fn straightened(&self, time: f64, enough: usize, x: Vec<Point3<f64>>, pairs: Vec<[u32; 2]>) -> Tangled {
+        if pairs.len() <= enough {
+            return (x, pairs);
+        }
+        let straight = [self.guess(&vec![time; x.len()]), self.linear(time)];
+        let around = neighbors_of_vertices(x.len(), &self.triangles);
+        let (mut best, mut patch) = ((x.clone(), pairs.clone()), vec![false; x.len()]);
+        let mut now = pairs;
+        for (straight, rings) in straight.iter().flat_map(|s| RINGS.map(|rings| (s, rings))) {
+            for v in now.iter().flatten().flat_map(|t| self.triangles[*t as usize]) {
+                patch[v as usize] = true;
+            }
+            let wide = grown(&patch, &around, rings);
+            if 2 * wide.iter().filter(|inside| **inside).count() > wide.len() {
+                continue;
+            }
+            let Some(moved) = self.gone_straight(&wide, straight, &x) else { break };
+            now = self.intersections(&moved);
+            if now.len() < best.1.len() {
+                best = (moved, now.clone());
+            }
+            if best.1.len() <= enough {
+                break;
+            }
+        }
+        best
+    }
+
+    /// `x` with the edges of `guess` in a patch, and the rest of it where it is.
+    fn gone_straight(&self, patch: &[bool], guess: &[Point3<f64>], x: &[Point3<f64>]) -> Option<Vec<Point3<f64>>> {
+        let (piece, pieces) = numbered_components(x.len(), &self.triangles);
+        let mut held: Vec<bool> = patch.iter().map(|inside| !inside).collect();
+        // A piece of which nothing stays is held by one vertex.
+        let mut stays = vec![false; pieces];
+        (0..x.len()).filter(|&v| held[v]).for_each(|v| stays[piece[v] as usize] = true);
+        for v in 0..x.len() {
+            held[v] |= !std::mem::replace(&mut stays[piece[v] as usize], true);
+        }
+        let half = self.solve.half().to_vec();
+        let mut solve = ElasticSolve::held(&self.triangles, half, x, &held).ok()?;
+        let mut moved = x.to_vec();
+        solve.follow(|t| opposite_edges(&self.corners(guess, t)), &mut moved);
+        Some(moved)
     }
 }
 
-impl Trajectory {
-    /// Pairs of triangles that intersect in one of the poses.
-    fn own_intersections(&mut self) -> &BTreeSet<[u32; 2]> {
-        let (poses, triangles) = ([&self.first, &self.second], &self.triangles);
-        self.intersecting.get_or_insert_with(|| {
-            let meshes = poses.into_iter().filter_map(|x| TriMesh::new(x.clone(), triangles.clone()).ok());
-            meshes.flat_map(|mesh| self_intersections(&mesh)).collect()
-        })
+/// A shape, and its pairs of triangles that intersect.
+type Tangled = (Vec<Point3<f64>>, Vec<[u32; 2]>);
+
+/// A set of vertices with so many rings around it.
+fn grown(patch: &[bool], around: &[Vec<u32>], rings: usize) -> Vec<bool> {
+    let mut wide = patch.to_vec();
+    let mut rim: Vec<u32> = (0..patch.len() as u32).filter(|v| patch[*v as usize]).collect();
+    for _ in 0..rings {
+        let next = rim.iter().flat_map(|v| &around[*v as usize]).copied();
+        rim = next.filter(|w| !std::mem::replace(&mut wide[*w as usize], true)).collect();
     }
+    wide
 }
 
 /// The mean push of each vertex.
@@ -88,6 +159,7 @@ fn pushes(mesh: &TriMesh, pairs: &[[u32; 2]]) -> Vec<Vector3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::shapes;
 
     #[test]
     fn a_tip_behind_a_triangle_is_pushed_to_it_and_the_triangle_the_other_way() {
@@ -98,5 +170,42 @@ mod tests {
         assert!((pushes[3] - Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12, "{}", pushes[3]);
         assert!(pushes[..3].iter().all(|d| (d + Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12));
         assert!(pushes[4..].iter().all(|d| *d == Vector3::zeros()));
+    }
+
+    /// At rest, so that straight ways stay; a tip goes through the other side.
+    fn pierced(mesh: &TriMesh, tip: usize, through: Vector3<f64>) -> (Trajectory, Vec<Point3<f64>>, Vec<[u32; 2]>) {
+        let trajectory = Trajectory::new(mesh, mesh, &super::super::TrajectoryOptions::default()).unwrap();
+        let mut x = mesh.positions().to_vec();
+        x[tip] += through;
+        let pairs = trajectory.intersections(&x);
+        assert!(!pairs.is_empty());
+        (trajectory, x, pairs)
+    }
+
+    #[test]
+    fn what_straight_ways_do_not_pierce_goes_straight_and_the_rest_stays() {
+        let ball = shapes::icosphere(4);
+        let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z));
+        let (trajectory, x, pairs) = pierced(&ball, top.unwrap(), Vector3::new(0.0, 0.0, -2.2));
+        let (straight, left) = trajectory.straightened(0.5, 0, x.clone(), pairs.clone());
+        assert!(left.is_empty());
+        for (p, q) in straight.iter().zip(ball.positions()) {
+            assert!((p - q).norm() < 1e-9);
+        }
+        // No worse than straight ways are: left alone.
+        let enough = pairs.len();
+        assert_eq!(trajectory.straightened(0.5, enough, x.clone(), pairs), (x.clone(), trajectory.intersections(&x)));
+    }
+
+    #[test]
+    fn a_small_piece_goes_straight_as_a_whole_but_not_most_of_the_surface() {
+        let small = shapes::icosphere(1);
+        let (alone, x, pairs) = pierced(&small, 0, -2.5 * small.positions()[0].coords);
+        assert_eq!(alone.straightened(0.5, 0, x.clone(), pairs).0, x);
+        let both = shapes::disjoint(&[small, shapes::icosphere(4)]);
+        let (low, high) = shapes::icosphere(1).bounding_box().unwrap();
+        let middle = nalgebra::center(&low, &high) + (both.positions()[0] - shapes::icosphere(1).positions()[0]);
+        let (trajectory, x, pairs) = pierced(&both, 0, (middle - both.positions()[0]) * 2.5);
+        assert!(trajectory.straightened(0.5, 0, x, pairs).1.is_empty());
     }
 }

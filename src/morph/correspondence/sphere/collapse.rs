@@ -25,12 +25,12 @@ pub(super) struct Removals {
 }
 
 /// Takes out vertices of a closed surface of genus 0; `None` where none may go before four are left.
-pub(super) fn removals(mesh: &TriMesh) -> Option<Removals> {
+pub(super) fn removals(mesh: &TriMesh, late: &[bool]) -> Option<Removals> {
     let half_edges = HalfEdges::new(mesh).ok()?;
     let n = mesh.vertex_count();
     let mut rings: Vec<Vec<u32>> = (0..n as u32).map(|v| half_edges.neighbors(v).collect()).collect();
     let mut version = vec![0_u32; n];
-    let mut queue: BinaryHeap<_> = (0..n as u32).map(|v| Reverse((cost(mesh, &rings, v), v, 0))).collect();
+    let mut queue: BinaryHeap<_> = (0..n as u32).map(|v| Reverse((cost(mesh, &rings, v, late), v, 0))).collect();
     let (mut vertices, mut left) = (Vec::with_capacity(n), n);
     // Vertices that could not go are tried again when their neighbors have changed.
     while left > 4 {
@@ -44,7 +44,7 @@ pub(super) fn removals(mesh: &TriMesh) -> Option<Removals> {
         close(&mut rings, v, &ring);
         for &w in &ring {
             version[w as usize] += 1;
-            queue.push(Reverse((cost(mesh, &rings, w), w, version[w as usize])));
+            queue.push(Reverse((cost(mesh, &rings, w, late), w, version[w as usize])));
         }
         vertices.push(Removed { vertex: v, ring });
         left -= 1;
@@ -55,12 +55,12 @@ pub(super) fn removals(mesh: &TriMesh) -> Option<Removals> {
 
 /// How late a vertex should go: by its number of edges and the shortest. The bits of numbers that are not negative are ordered as
 /// they are.
-fn cost(mesh: &TriMesh, rings: &[Vec<u32>], v: u32) -> u64 {
+fn cost(mesh: &TriMesh, rings: &[Vec<u32>], v: u32, late: &[bool]) -> (bool, u64) {
     let p = mesh.positions();
     let shortest =
         rings[v as usize].iter().map(|w| (p[v as usize] - p[*w as usize]).norm()).fold(f64::INFINITY, f64::min);
     let degree = rings[v as usize].len() as f64;
-    (shortest * degree * degree).to_bits()
+    (late.get(v as usize) == Some(&true), (shortest * degree * degree).to_bits())
 }
 
 /// Which of its neighbors a vertex may go into; the nearest.

@@ -9,8 +9,12 @@
 //! max over |x| = 1   min_k  n_k · x,        n_k = pₖ × pₖ₊₁ / |pₖ × pₖ₊₁|.
 //! ```
 //!
-//! Again and again all vertices are relaxed: each goes towards the mean of its neighbors, weighted by how much longer their edges are
-//! on the sphere than on the surface, as far as no triangle around it turns over. The map is one to one throughout, by construction.
+//! It and its neighbors then go, again and again, to where the surface around them is least stretched ([`stretch`]), until what was crowded has
+//! room; all vertices do so whenever their number has grown by a quarter. No triangle around them may turn over: the map is one to one
+//! throughout, by construction. Relaxation that does not weigh crowding instead (springs that are the stiffer the longer they are) shrinks
+//! limbs to 10⁻¹⁶ of their area, and the vertices of a horse find no place any more.
+//!
+//! Vertices may have places where they are wanted, so that one surface is laid out as another is.
 //!
 //! # Reference
 //! E. Praun, H. Hoppe, *Spherical parametrization and remeshing*, SIGGRAPH 2003.
@@ -18,16 +22,19 @@
 mod collapse;
 mod kernel;
 mod overlay;
+mod stretch;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
+use super::super::rigid::nearest_similarity;
 use crate::mesh::{HalfEdges, TriMesh, numbered_components};
 use collapse::{Removed, removals};
 use kernel::deepest;
 pub use overlay::over_spheres;
+use stretch::{Side, Wish};
 
 /// How surfaces are laid over each other by the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,32 +49,25 @@ impl Default for SphereOptions {
     }
 }
 
-/// Rounds of relaxation whenever the number of vertices has grown by half, and at the end.
-const SWEEPS: usize = 12;
-const LAST_SWEEPS: usize = 60;
+/// Rounds of relaxation of all vertices whenever their number has grown by a quarter: at least, and at most while each gains [`GAIN`].
+const SWEEPS: usize = 60;
+const MOST_SWEEPS: usize = 300;
+const GAIN: f64 = 1e-3;
 
-/// The smallest part of a straight step that is tried.
+/// Rounds around a vertex that came back, at most while each gains [`ROOM`]: what is crowded grows by about half in each.
+const AROUND: usize = 60;
+const ROOM: f64 = 0.05;
+
+/// The smallest part of a step towards a landmark that is tried, and of one to where less is stretched.
 const SHORTEST: f64 = 1.0 / 64.0;
+const SHORTEST_SETTLING: f64 = 1e-6;
 
 /// The unit vector of every vertex of a closed surface of genus 0: no triangle turned over, none on another.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for an open surface, one in pieces or with handles; [`MorphError::Mesh`] where it is no manifold.
+/// [`MorphError::Topology`] for an open surface, one in pieces or with handles, or no oriented manifold.
 pub fn sphere_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector3<f64>>, MorphError> {
-    check(mesh, which)?;
-    let removed = removals(mesh).ok_or_else(|| topology(which, "cannot be reduced to a tetrahedron".to_owned()))?;
-    let mut ball = Ball::new(mesh, &removed.left);
-    let mut next = 8;
-    for removed in removed.vertices.iter().rev() {
-        ball.insert(removed)
-            .ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
-        if ball.order.len() >= next {
-            next = next * 3 / 2;
-            (0..SWEEPS).for_each(|_| ball.relax(&[]));
-        }
-    }
-    (0..LAST_SWEEPS).for_each(|_| ball.relax(&[]));
-    Ok(ball.at)
+    Ok(Ball::laid_out(mesh, which, Vec::new(), &[])?.at)
 }
 
 fn topology(which: &'static str, fault: String) -> MorphError {
@@ -76,7 +76,7 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 }
 
 fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
-    let half_edges = HalfEdges::new(mesh)?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
     let open = half_edges.boundary_edge_count();
     if open > 0 {
         return Err(topology(which, format!("is open: {open} edges have one triangle")));
@@ -100,13 +100,46 @@ struct Ball<'m> {
     rings: Vec<Vec<u32>>,
     /// Vertices that are in.
     order: Vec<u32>,
+    /// Where each vertex is wanted; empty where none is.
+    wishes: Vec<Wish>,
 }
 
 impl<'m> Ball<'m> {
+    /// A whole surface, as its wishes say where there are any; vertices of `late` are the last to go and the first to come back.
+    fn laid_out(mesh: &'m TriMesh, which: &'static str, wishes: Vec<Wish>, late: &[bool]) -> Result<Self, MorphError> {
+        check(mesh, which)?;
+        let removed =
+            removals(mesh, late).ok_or_else(|| topology(which, "cannot be reduced to a tetrahedron".to_owned()))?;
+        let mut ball = Self::new(mesh, &removed.left);
+        if !wishes.is_empty() {
+            let wanted: Vec<_> = ball.order.iter().map(|v| (*v, wishes[*v as usize].place)).collect();
+            ball.turn(&wanted);
+            ball.wishes = wishes;
+        }
+        let mut next = 8;
+        for removed in removed.vertices.iter().rev() {
+            ball.insert(removed)
+                .ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
+            ball.make_room(removed);
+            if ball.order.len() >= next {
+                next = next * 5 / 4;
+                ball.spread();
+            }
+        }
+        ball.spread();
+        Ok(ball)
+    }
+
     /// The tetrahedron that is left.
     fn new(mesh: &'m TriMesh, left: &[(u32, Vec<u32>)]) -> Self {
         let n = mesh.vertex_count();
-        let mut this = Self { mesh, at: vec![Vector3::zeros(); n], rings: vec![Vec::new(); n], order: Vec::new() };
+        let mut this = Self {
+            mesh,
+            at: vec![Vector3::zeros(); n],
+            rings: vec![Vec::new(); n],
+            order: Vec::new(),
+            wishes: Vec::new(),
+        };
         for (v, ring) in left {
             this.rings[*v as usize].clone_from(ring);
             this.order.push(*v);
@@ -148,26 +181,81 @@ impl<'m> Ball<'m> {
         Some(())
     }
 
-    /// Moves every vertex that is not held towards the weighted mean of its neighbors.
-    fn relax(&mut self, held: &[bool]) {
-        for k in 0..self.order.len() {
-            let v = self.order[k];
-            if held.get(v as usize) == Some(&true) {
-                continue;
-            }
-            let (mut sum, mut total) = (Vector3::zeros(), 0.0);
-            for &w in &self.rings[v as usize] {
-                let on_surface = (self.mesh.positions()[v as usize] - self.mesh.positions()[w as usize]).norm();
-                let on_ball = (self.at[v as usize] - self.at[w as usize]).norm();
-                // Springs that are the stiffer the more an edge is stretched; none is slack.
-                let weight = (on_ball / on_surface.max(f64::MIN_POSITIVE)).max(1e-300);
-                sum += self.at[w as usize] * weight;
-                total += weight;
-            }
-            if total.is_finite() && total > 0.0 {
-                self.step(v, &(sum / total));
+    /// Turns all so that these vertices are nearest to these places; not at all where places are too few to say how.
+    fn turn(&mut self, wanted: &[(u32, Vector3<f64>)]) {
+        // About the center of the sphere: every place and its opposite.
+        let both = |place: Vector3<f64>| [place, -place].map(Point3::from);
+        let from: Vec<_> = wanted.iter().flat_map(|w| both(self.at[w.0 as usize])).collect();
+        let to: Vec<_> = wanted.iter().flat_map(|w| both(w.1)).collect();
+        let (map, rank) = nearest_similarity(&from, &to, &vec![1.0; from.len()], false);
+        if rank > 1 {
+            for v in &self.order {
+                self.at[*v as usize] = (map.isometry.rotation * self.at[*v as usize]).normalize();
             }
         }
+    }
+
+    /// Moves a vertex that came back and its neighbors until what is crowded there has room.
+    fn make_room(&mut self, removed: &Removed) {
+        let mut last = f64::INFINITY;
+        for _ in 0..AROUND {
+            let energy = self.settle(removed.vertex) + removed.ring.iter().map(|v| self.settle(*v)).sum::<f64>();
+            if !(energy < (1.0 - ROOM) * last) {
+                break;
+            }
+            last = energy;
+        }
+    }
+
+    /// Relaxes all until little is gained.
+    fn spread(&mut self) {
+        let mut last = f64::INFINITY;
+        for sweep in 0..MOST_SWEEPS {
+            let energy = self.relax(&[]);
+            if sweep >= SWEEPS && !(energy < (1.0 - GAIN) * last) {
+                break;
+            }
+            last = energy;
+        }
+    }
+
+    /// Moves every vertex that is not held to where the surface around it is stretched least; returns how much it was, each triangle three times.
+    fn relax(&mut self, held: &[bool]) -> f64 {
+        let mut sum = 0.0;
+        for k in 0..self.order.len() {
+            let v = self.order[k];
+            if held.get(v as usize) != Some(&true) {
+                sum += self.settle(v);
+            }
+        }
+        sum
+    }
+
+    /// Moves a vertex to where the surface around it is stretched less; returns how much it was.
+    fn settle(&mut self, v: u32) -> f64 {
+        let (ring, x, p) =
+            (&self.rings[v as usize], self.at[v as usize], |v: u32| self.mesh.positions()[v as usize].coords);
+        let side = |k: usize| {
+            let [a, b] = [ring[k], ring[(k + 1) % ring.len()]];
+            Side::new([self.at[a as usize], self.at[b as usize]], [p(v), p(a), p(b)])
+        };
+        let sides: Vec<Side> = (0..ring.len()).map(side).collect();
+        let wish = self.wishes.get(v as usize);
+        let Some(((before, _), step)) = stretch::energy(&sides, wish, &x).zip(stretch::step(&sides, wish, &x)) else {
+            return 0.0;
+        };
+        let mut share = 1.0;
+        while share >= SHORTEST_SETTLING {
+            if let Some(place) = (x + step * share).try_normalize(1e-12)
+                && stretch::energy(&sides, wish, &place).is_some_and(|e| e.0 < before)
+                && self.sees_its_ring(v, &place)
+            {
+                self.at[v as usize] = place;
+                return before;
+            }
+            share *= 0.5;
+        }
+        before
     }
 
     /// Moves a vertex towards a place, as far as nothing around it turns over; says whether it got there.

@@ -1,15 +1,19 @@
 //! One surface over another by way of the sphere.
 //!
-//! Both lie on the sphere; the first is turned so that landmarks are as near to each other as can be, then its landmarks go towards
-//! those of the second, everything else relaxes, and nothing turns over. A vertex of the first then lies in a triangle of the second.
+//! The second lies on the sphere as it likes; the first is laid out as it lies on the second after registration, as far as that is one to one:
+//! every vertex is wanted there while vertices come back one by one, then more and more. Left alone, limbs of the two would lie in different
+//! places. Then landmarks go the rest of their ways while everything else relaxes, and nothing turns over; and the rest is wanted once more
+//! where it was, with the landmarks held. A vertex of the first lies in a triangle of the second.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::super::MorphError;
 use super::super::super::bvh::{Bvh, Nearest};
-use super::super::super::rigid::nearest_similarity;
+use super::super::registration::{RegistrationOptions, register};
+use super::stretch::Wish;
 use super::{Ball, SphereOptions, sphere_map};
-use crate::mesh::{HalfEdges, TriMesh};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::barycentric_areas;
 
 /// Landmarks this near on the sphere have met.
 const MET: f64 = 1e-12;
@@ -25,15 +29,22 @@ pub fn over_spheres(
     options: &SphereOptions,
 ) -> Result<Vec<Nearest>, MorphError> {
     let goal = sphere_map(second, "second")?;
-    let half_edges = HalfEdges::new(first)?;
-    let mut ball = Ball {
-        mesh: first,
-        at: sphere_map(first, "first")?,
-        rings: (0..first.vertex_count() as u32).map(|v| half_edges.neighbors(v).collect()).collect(),
-        order: (0..first.vertex_count() as u32).collect(),
-    };
-    turn(&mut ball, &goal, landmarks);
-    draw(&mut ball, &goal, landmarks, options.rounds);
+    let mut held = vec![false; first.vertex_count()];
+    for l in landmarks {
+        held[l.0 as usize] = true;
+    }
+    let wishes = wishes(first, second, &goal, landmarks, &held)?;
+    let mut ball = Ball::laid_out(first, "first", wishes.clone(), &held)?;
+    if ball.wishes.is_empty() {
+        let wanted: Vec<_> = landmarks.iter().map(|&(v, w)| (v, goal[w as usize])).collect();
+        ball.turn(&wanted);
+    } else {
+        press(&mut ball, &[]);
+    }
+    ball.wishes.clear();
+    draw(&mut ball, &goal, landmarks, &held, options.rounds);
+    ball.wishes = wishes;
+    press(&mut ball, &held);
     let sphere = second.with_positions(goal.iter().map(|p| Point3::from(*p)).collect())?;
     let bvh = Bvh::new(&sphere);
     let mut corner_of = vec![None; second.vertex_count()];
@@ -58,36 +69,71 @@ pub fn over_spheres(
     Ok(ball.at.iter().enumerate().map(place).collect())
 }
 
-/// Turns the first so that its landmarks are nearest to those of the second.
-fn turn(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)]) {
-    let from: Vec<_> = landmarks.iter().map(|l| Point3::from(ball.at[l.0 as usize])).collect();
-    let to: Vec<_> = landmarks.iter().map(|l| Point3::from(goal[l.1 as usize])).collect();
-    // About the center of the sphere: every landmark and its opposite.
-    let both =
-        |p: &[Point3<f64>]| p.iter().copied().chain(p.iter().map(|p| Point3::from(-p.coords))).collect::<Vec<_>>();
-    let (map, rank) = nearest_similarity(&both(&from), &both(&to), &vec![1.0; 2 * from.len()], false);
-    if rank > 1 {
-        ball.at.iter_mut().for_each(|p| *p = (map.isometry.rotation * *p).normalize());
+/// How strongly vertices are wanted where registration laid them, per area of the first surface over the square of its size, and how much more
+/// strongly landmarks are. Less leaves limbs where chance put them when there were few vertices, from where landmarks do not find their way.
+const WANTED: f64 = 1000.0;
+const LANDMARK: f64 = 1000.0;
+/// Then it grows tenfold so many times, with so many rounds each.
+const PRESSES: usize = 4;
+const ROUNDS_PRESSED: usize = 60;
+
+/// Every vertex is wanted where registration lays it; none where landmarks do not say how to register.
+fn wishes(
+    first: &TriMesh,
+    second: &TriMesh,
+    goal: &[Vector3<f64>],
+    landmarks: &[(u32, u32)],
+    held: &[bool],
+) -> Result<Vec<Wish>, MorphError> {
+    let places = match register(first, second, landmarks, &RegistrationOptions::default()) {
+        Err(MorphError::Landmarks { .. }) => return Ok(Vec::new()),
+        registered => registered?,
+    };
+    let size = first.area();
+    let wish = |((place, area), held): ((&Nearest, f64), &bool)| {
+        let corners = second.triangles()[place.triangle as usize].iter().zip(place.weights);
+        let middle: Vector3<f64> = corners.map(|(v, w)| goal[*v as usize] * w).sum();
+        let weight = area * size * WANTED * if *held { LANDMARK } else { 1.0 };
+        Wish { place: middle.try_normalize(0.0).unwrap_or_else(Vector3::z), weight }
+    };
+    Ok(places.iter().zip(barycentric_areas(first)).zip(held).map(wish).collect())
+}
+
+/// Wants every vertex more and more where it is wanted.
+fn press(ball: &mut Ball<'_>, held: &[bool]) {
+    if ball.wishes.is_empty() {
+        return;
+    }
+    for _ in 0..PRESSES {
+        ball.wishes.iter_mut().for_each(|w| w.weight *= 10.0);
+        for _ in 0..ROUNDS_PRESSED {
+            ball.relax(held);
+        }
     }
 }
 
-/// Draws landmarks to their places.
-fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], rounds: usize) {
-    let mut held = vec![false; ball.at.len()];
-    for l in landmarks {
-        held[l.0 as usize] = true;
-    }
-    for _ in 0..rounds {
-        let mut met = true;
+/// Rounds after which landmarks must have come nearer to their places by [`NEARER`], or they never will.
+const PATIENCE: usize = 100;
+const NEARER: f64 = 0.01;
+
+/// Draws landmarks to their places, for so many rounds at most.
+fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], held: &[bool], rounds: usize) {
+    let mut last = f64::INFINITY;
+    for round in 0..rounds {
+        let mut off = 0.0;
         for &(v, w) in landmarks {
-            if (ball.at[v as usize] - goal[w as usize]).norm() > MET {
-                met &= ball.step(v, &goal[w as usize]);
+            let missing = (ball.at[v as usize] - goal[w as usize]).norm();
+            if missing > MET && !ball.step(v, &goal[w as usize]) {
+                off += missing;
             }
         }
-        if met {
+        if off == 0.0 || round % PATIENCE == PATIENCE - 1 && !(off < (1.0 - NEARER) * last) {
             break;
         }
-        ball.relax(&held);
+        if round % PATIENCE == PATIENCE - 1 {
+            last = off;
+        }
+        ball.relax(held);
     }
 }
 

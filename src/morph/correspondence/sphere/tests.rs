@@ -68,6 +68,55 @@ fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
     assert!(laid.places.iter().all(|p| p.weights.iter().all(|w| *w >= 0.0)));
 }
 
+/// A ball with six limbs, each as long as so many radii, turned a little.
+fn with_limbs(levels: u32, length: f64) -> TriMesh {
+    let ball = shapes::icosphere(levels);
+    let turn = nalgebra::Rotation3::from_scaled_axis(Vector3::new(0.2, -0.3, 0.1));
+    let limb = |p: &Point3<f64>| {
+        let q = turn * p;
+        q * (1.0 + length * (-30.0 * (1.0 - q.coords.amax())).exp())
+    };
+    ball.with_positions(ball.positions().iter().map(limb).collect()).unwrap()
+}
+
+/// The vertex farthest in a direction.
+fn farthest(mesh: &TriMesh, to: &Vector3<f64>) -> u32 {
+    let along = |v: &u32| mesh.positions()[*v as usize].coords.dot(to);
+    (0..mesh.vertex_count() as u32).max_by(|a, b| along(a).total_cmp(&along(b))).unwrap()
+}
+
+#[test]
+fn long_limbs_get_room_on_the_sphere() {
+    let mesh = with_limbs(4, 9.0);
+    let at = sphere_map(&mesh, "first").unwrap();
+    one_to_one(&mesh, &at);
+    let share = |t: &[u32; 3], p: &dyn Fn(u32) -> Vector3<f64>| {
+        let [a, b, c] = t.map(p);
+        0.5 * (b - a).cross(&(c - a)).norm()
+    };
+    for t in mesh.triangles() {
+        let on_surface = share(t, &|v| mesh.positions()[v as usize].coords) / mesh.area();
+        let on_sphere = share(t, &|v| at[v as usize]) / (4.0 * std::f64::consts::PI);
+        assert!(on_sphere > 0.05 * on_surface, "{on_sphere:e} {on_surface:e}");
+    }
+}
+
+#[test]
+fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
+    let (first, second) = (with_limbs(3, 4.0), with_limbs(4, 6.0));
+    let axes = (0..3).flat_map(|k| [Vector3::ith(k, 1.0), Vector3::ith(k, -1.0)]);
+    let landmarks: Vec<(u32, u32)> = axes.map(|d| (farthest(&first, &d), farthest(&second, &d))).collect();
+    let method = CorrespondenceMethod::Sphere(SphereOptions::default());
+    for landmarks in [&landmarks[..], &landmarks[..2]] {
+        let laid = correspond(&first, &second, landmarks, &method).unwrap();
+        assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
+        assert_eq!(laid.quality.collapsed, 0);
+        if landmarks.len() > 2 {
+            assert!(laid.quality.flipped == 0 && laid.quality.stretch < 2.0, "{:?}", laid.quality);
+        }
+    }
+}
+
 #[test]
 fn surfaces_that_are_no_spheres_are_told_what_they_are() {
     let told = |mesh: &TriMesh| sphere_map(mesh, "second").unwrap_err().to_string();
@@ -75,4 +124,5 @@ fn surfaces_that_are_no_spheres_are_told_what_they_are() {
     assert!(told(&shapes::holed_torus(1, 10)).contains("has genus 1"));
     let two = shapes::disjoint(&[shapes::icosphere(1), shapes::icosphere(1)]);
     assert!(told(&two).contains("in 2 pieces"));
+    assert!(told(&shapes::book(3)).contains("the second mesh is no oriented manifold: vertices"));
 }

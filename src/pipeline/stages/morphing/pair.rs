@@ -94,9 +94,8 @@ impl Pair {
             quality = measure(&first, &second, b, &pairs).map_err(morph_error)?;
         }
         tell(context, told(&quality, pairs.len()));
-        if quality.flipped + quality.collapsed > 0 {
-            let (flipped, all) = (quality.flipped + quality.collapsed, first.triangle_count());
-            context.warn(format!("{flipped} of {all} triangles are folded where the first mesh lies over the second"));
+        if let Some(fault) = faults(&quality, first.triangle_count(), over) {
+            context.warn(fault);
         }
         let refined = tolerance.is_some();
         let model = if refined { Arc::new(Model::of_mesh(first.clone())) } else { model };
@@ -131,6 +130,23 @@ fn told(quality: &MapQuality, landmarks: usize) -> String {
         100.0 * quality.landmark_error,
         100.0 * quality.missed_worst
     )
+}
+
+/// What is told of triangles that face away from what is under them, and of landmarks that did not meet.
+fn faults(quality: &MapQuality, all: usize, over: OverWish) -> Option<String> {
+    let folded = quality.flipped + quality.collapsed;
+    let folded = (folded > 0).then(|| match over {
+        OverWish::Registration => {
+            format!("{folded} of {all} triangles are folded where the first mesh lies over the second")
+        }
+        OverWish::Sphere | OverWish::Disk => format!(
+            "{folded} of {all} triangles reach across places of the second mesh that face away from them: no vertex lies out of order, \
+             but the first mesh is too coarse there"
+        ),
+    });
+    let apart = (quality.landmark_error > 1e-9).then(|| "some landmarks found no way to their places".to_owned());
+    let told: Vec<String> = folded.into_iter().chain(apart).collect();
+    (!told.is_empty()).then(|| told.join("; "))
 }
 
 /// The quality of a map as JSON.
