@@ -151,3 +151,57 @@ fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
     let dot = u.dot(&v);
     0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn the_matrix_is_the_square_of_the_weighted_laplacian_and_the_diagonal() {
+        let ball = shapes::icosphere(1);
+        let squeezed: Vec<_> =
+            ball.positions().iter().map(|p| Point3::new(p.x, 1.5 * p.y + 0.2 * p.z, 0.7 * p.z)).collect();
+        let complex = Complex::new(squeezed.clone(), ball.triangles().to_vec());
+        let n = squeezed.len();
+        let w: Vec<f64> = (0..n).map(|i| 1.0 + 0.1 * (i as f64).sin()).collect();
+        let d: Vec<f64> = (0..n).map(|i| 2.0 + (i as f64).cos()).collect();
+        let mut l = DMatrix::zeros(n, n);
+        for t in complex.faces() {
+            let p = t.map(|v| squeezed[v as usize]);
+            for k in 0..3 {
+                let (a, b) = (t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize);
+                let cotangent = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
+                l[(a, b)] += cotangent;
+                l[(b, a)] += cotangent;
+            }
+        }
+        l.apply(|c: &mut f64| *c = c.max(0.0));
+        for i in 0..n {
+            l[(i, i)] = -l.row(i).sum();
+            l.row_mut(i).scale_mut(w[i]);
+        }
+        let wanted = l.transpose() * &l + DMatrix::from_diagonal(&d.clone().into());
+        let mut system = NormalEquations::analyze(&complex).unwrap();
+        // What was set before leaves nothing behind.
+        system.set(&complex, &d, &w);
+        system.set(&complex, &w, &d);
+        let mut outside = wanted.clone();
+        for (i, j, slot) in system.matrix.pattern().places() {
+            let (found, wanted) = (system.matrix.values()[slot], wanted[(i, j)]);
+            assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "({i}, {j}): {found}, not {wanted}");
+            outside[(i, j)] = 0.0;
+            outside[(j, i)] = 0.0;
+        }
+        assert_eq!(outside.amax(), 0.0);
+        let x: Vec<f64> = (0..3 * n).map(|i| (i as f64).sin()).collect();
+        let mut rhs: Vec<f64> = x
+            .chunks(n)
+            .flat_map(|x| (&wanted * nalgebra::DVector::from_row_slice(x)).as_slice().to_vec())
+            .collect::<Vec<f64>>();
+        system.solve_in_place(&mut rhs).unwrap();
+        assert!(rhs.iter().zip(&x).all(|(found, x)| (found - x).abs() < 1e-10));
+    }
+}

@@ -87,3 +87,24 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
     };
     (parts.into_iter().map(made).collect(), repaired.report.changes().collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn what_has_an_inside_is_closed_manifold_or_not() {
+        let places = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]];
+        let positions: Vec<_> = places.iter().map(|p| Point3::from(p.map(f64::from))).collect();
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];
+        let both = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
+        let hinged = TriMesh::new(positions.clone(), both.clone()).unwrap();
+        assert!(is_closed(&hinged) && handles(&hinged).is_none());
+        let open = TriMesh::new(positions, both[1..].to_vec()).unwrap();
+        assert!(!is_closed(&open) && !is_closed(&shapes::plane(3)));
+        assert!(is_closed(&shapes::icosphere(1)) && handles(&shapes::icosphere(1)) == Some(0));
+    }
+}

@@ -47,3 +47,33 @@ pub(super) fn reduce(complex: &mut Complex, most: usize, pinned: &[bool], size: 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn short_edges_go_and_there_is_more_detail_where_sizes_are_smaller() {
+        let ball = shapes::icosphere(4);
+        let whole = || Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
+        let kept = vec![false; ball.vertex_count()];
+        let mut complex = whole();
+        let heights: Vec<f64> = ball.positions().iter().map(|p| p.z).collect();
+        reduce(&mut complex, usize::MAX, &kept, &|v| if heights[v as usize] > 0.0 { 0.3 } else { 0.1 });
+        let (upper, lower): (Vec<u32>, Vec<u32>) = complex.vertices().partition(|v| heights[*v as usize] > 0.0);
+        assert!(lower.len() > 4 * upper.len(), "{} and {}", lower.len(), upper.len());
+        let length = |a: u32, b: u32| nalgebra::distance(&ball.positions()[a as usize], &ball.positions()[b as usize]);
+        let mut around = Vec::new();
+        let short = complex.vertices().filter(|v| {
+            complex.neighbors(*v, &mut around);
+            around.iter().any(|u| length(*v, *u) < 0.1)
+        });
+        assert_eq!(short.count(), 0);
+        let mut untouched = whole();
+        reduce(&mut untouched, usize::MAX, &kept, &|_| 1e-3);
+        assert_eq!(untouched.alive_count(), ball.vertex_count());
+        reduce(&mut untouched, 300, &kept, &|_| 1e-3);
+        assert_eq!(untouched.alive_count(), 300);
+    }
+}

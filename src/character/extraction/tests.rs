@@ -337,3 +337,58 @@ fn a_curve_that_all_places_see_stays() {
     sight::draw(&mut web, &tree, mesh.positions()).unwrap();
     assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }
+
+#[test]
+fn an_edge_that_passes_outside_goes_round() {
+    let half = std::f64::consts::PI;
+    let arch = capsule(2.0 * half, |s| {
+        let a = half - 0.5 * s;
+        (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let feet = vec![Point3::new(-2.0, 0.1, 0.0), Point3::new(2.0, 0.1, 0.0)];
+    let mut web = web::Web::new(feet, &[[0, 1]], vec![0; arch.vertex_count()]);
+    centering::keep_inside(&mut web, &tree);
+    let mut length = 0.0;
+    for v in web.alive() {
+        for u in web.neighbors(v).iter().filter(|u| v < **u) {
+            length += web.length(v, *u);
+            for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
+                let place = web.nodes[v as usize] + (web.nodes[*u as usize] - web.nodes[v as usize]) * t;
+                assert!(tree.encloses(&place), "{place} is outside");
+            }
+        }
+    }
+    assert!(length < 2.0 * half, "{length}: longer than the axis of the arch");
+}
+
+#[test]
+fn steps_toward_the_middle_come_to_rest() {
+    let bar = shapes::bar([8, 8, 40], [1.0, 1.0, 5.0]);
+    let tree = aabb::AabbTree::new(bar.positions(), bar.triangles());
+    let middle = bar.positions().iter().map(|p| p.coords).sum::<Vector3<f64>>() / bar.vertex_count() as f64;
+    let nodes: Vec<_> =
+        (0..40).map(|k| Point3::from(middle + Vector3::new(0.2, 0.1, -2.0 + 0.1 * f64::from(k)))).collect();
+    let edges: Vec<[u32; 2]> = (1..40).map(|k| [k - 1, k]).collect();
+    let after = |passes: usize| {
+        let mut web = web::Web::new(nodes.clone(), &edges, vec![0; 1]);
+        centering::center(&mut web, &tree, true, passes).unwrap();
+        web.nodes
+    };
+    let inner = |nodes: &[Point3<f64>]| nodes[8..32].iter().map(|p| (p.coords - middle).xy()).collect::<Vec<_>>();
+    let moved = |passes: usize| {
+        let (before, now) = (inner(&after(passes)), inner(&after(passes + 1)));
+        before.iter().zip(&now).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max)
+    };
+    let (early, late) = (moved(6), moved(30));
+    assert!(late < 0.5 * early, "{late} after thirty passes, {early} after six");
+    assert!(inner(&after(30)).iter().all(|off| off.norm() < 0.05));
+}
+
+#[test]
+fn ends_do_not_depend_on_how_fine_the_file_is() {
+    for resolution in [24, 30, 40, 56] {
+        let (_, report) = curve_of(&shapes::cactus(resolution));
+        assert_eq!(report.ends, 4, "at {resolution}");
+    }
+}
