@@ -121,6 +121,9 @@ fn one_failure_does_not_stop_the_rest() {
         ["a 1", "a 2", "broken 1", "z 1", "z 2"],
         "items and passes in order"
     );
+    assert!(!folder.path("out").exists(), "no empty folder stays behind a failure");
+    let folder = Folder::with(&["a.mp4"]);
+    folder.run("foreach = \"*.mp4\"", &Pretender::default());
     assert!(folder.path("out").is_dir(), "missing folders are made");
 }
 

@@ -8,9 +8,9 @@
 //! is the middle of that chord; repeated, it comes to rest at the center of a maximal inscribed ball. Node by node this would tear
 //! the curve: neighbors in a wide part have other nearest sides and would run to different sheets of the medial axis. The steps
 //! are therefore taken across the curve, no longer than a share of `r₁`, and evened out along it before they are made; then the curve is
-//! smoothed a little along itself. Near the middle the nearest sides take turns, and steps would never end: in pass `k` they are
-//! shortened to `1 / (1 + k/2)` (H. Robbins, S. Monro, *A stochastic approximation method*, 1951). A node outside steps through the nearest
-//! point to the middle beyond it, or as far as the shape is wide there.
+//! smoothed a little along itself. Both pull against each other without end where the shape is wide: in pass `k` steps are shortened to
+//! `1 / (1 + k/2)`, which leaves the curve nearer to the middle. A node outside steps through the nearest point to the middle beyond it, or as
+//! far as the shape is wide there.
 
 use nalgebra::{Point3, Vector3};
 

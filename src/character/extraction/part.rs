@@ -184,17 +184,9 @@ impl Job<'_> {
             web.nodes[node] = self.fine.positions()[v];
         }
         for &v in tips {
-            let (node, place) = (web.node_of(v as usize), self.fine.positions()[v as usize]);
-            let around = web.neighbors(node);
-            let end = place - self.normals[v as usize] * INSIDE;
-            if around.len() < 2 {
-                web.nodes[node as usize] = end;
-                continue;
-            }
-            // The curve runs on behind the tip: the tip gets an end of its own.
-            let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
-            web.nodes[node as usize] = Point3::from(sum / around.len() as f64);
-            web.append(node, end);
+            let inside = self.fine.positions()[v as usize] - self.normals[v as usize] * INSIDE;
+            let node = web.node_of(v as usize);
+            tips::end_at(&mut web, node, inside);
         }
         Ok((self.finished(&web)?, rounds))
     }

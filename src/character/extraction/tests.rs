@@ -292,6 +292,23 @@ fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
 }
 
 #[test]
+fn the_curve_ends_at_a_tip_that_it_runs_through() {
+    let mut web = comb(0.0, 2.0, 0.5);
+    let (knot, end) = (5, (0..21).find(|v| web.degree(*v) == 1).unwrap());
+    let sides: Vec<u32> = web.neighbors(knot).to_vec();
+    assert_eq!(sides.len(), 2);
+    web.nodes[knot as usize].y = 3.0;
+    for node in [knot, end] {
+        let tip = web.nodes[node as usize] + Vector3::new(0.0, 0.7, 0.2);
+        tips::end_at(&mut web, node, tip);
+        let ends = web.alive().filter(|v| web.degree(*v) == 1 && web.nodes[*v as usize] == tip);
+        assert_eq!(ends.count(), 1);
+    }
+    let [p, q] = [sides[0], sides[1]].map(|v| web.nodes[v as usize]);
+    assert_eq!((web.degree(knot), web.nodes[knot as usize]), (3, nalgebra::center(&p, &q)));
+}
+
+#[test]
 fn ends_come_to_the_center_of_the_cap_from_both_sides() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());

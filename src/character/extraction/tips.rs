@@ -33,6 +33,19 @@ const WITHIN: f64 = 1.1;
 /// The way ahead must be longer than this many radii: bumps do not count.
 const ROOM: f64 = 1.1;
 
+/// Makes the curve end at the place of a tip, which became part of `node`.
+pub(super) fn end_at(web: &mut Web, node: u32, place: Point3<f64>) {
+    let around = web.neighbors(node);
+    if around.len() < 2 {
+        web.nodes[node as usize] = place;
+        return;
+    }
+    // The curve runs on behind the tip: the tip gets an end of its own.
+    let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
+    web.nodes[node as usize] = Point3::from(sum / around.len() as f64);
+    web.append(node, place);
+}
+
 /// Takes end nodes away whose balls lie inside the one before, and those that are not `inside`.
 pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
     let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();

@@ -29,7 +29,9 @@ mod tests;
 mod untangling;
 mod unwinding;
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
@@ -75,6 +77,8 @@ pub struct Trajectory {
     weights: Vec<f64>,
     solve: ElasticSolve,
     rounds: usize,
+    /// Pairs of triangles that intersect in both poses, once somebody asked.
+    own_intersections: OnceLock<BTreeSet<[u32; 2]>>,
 }
 
 impl Trajectory {
@@ -105,6 +109,7 @@ impl Trajectory {
             weights,
             solve,
             rounds: options.rounds,
+            own_intersections: OnceLock::new(),
         })
     }
 

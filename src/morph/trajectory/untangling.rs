@@ -9,11 +9,13 @@
 //! ```
 //!
 //! `d` are the pushes and `W` the weights of each vertex's edges. The best of all rounds is kept, so that there is never more
-//! intersection than before.
+//! intersection than before. Pairs of triangles that intersect in both poses are theirs, and left alone and not counted.
 //!
 //! Where a shape on straight ways would intersect itself less, as where folds turn over, what is around the intersections goes straight too:
 //! its edges become those of the straight ways, carried along by the motion of the whole or, where that does not help, not, and its rim stays;
 //! in growing patches, until there is no more intersection than on straight ways, or the patches would be most of the surface.
+
+use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
@@ -44,8 +46,19 @@ impl Trajectory {
         (x, [before, pairs.len()])
     }
 
+    /// Pairs of triangles that intersect in a shape, but not in both poses.
     fn intersections(&self, x: &[Point3<f64>]) -> Vec<[u32; 2]> {
-        TriMesh::new(x.to_vec(), self.triangles.clone()).map_or_else(|_| Vec::new(), |mesh| self_intersections(&mesh))
+        let all = |x: &[Point3<f64>]| {
+            let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
+            mesh.map_or_else(|_| Vec::new(), |mesh| self_intersections(&mesh))
+        };
+        let own = self.own_intersections.get_or_init(|| {
+            let of_second: BTreeSet<[u32; 2]> = all(&self.second).into_iter().collect();
+            all(&self.first).into_iter().filter(|pair| of_second.contains(pair)).collect()
+        });
+        let mut pairs = all(x);
+        pairs.retain(|pair| !own.contains(pair));
+        pairs
     }
 
     /// The best shape of all rounds of pushes, and its intersections.
@@ -158,6 +171,8 @@ fn pushes(mesh: &TriMesh, pairs: &[[u32; 2]]) -> Vec<Vector3<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
     use crate::mesh::shapes;
 
@@ -195,6 +210,23 @@ mod tests {
         // No worse than straight ways are: left alone.
         let enough = pairs.len();
         assert_eq!(trajectory.straightened(0.5, enough, x.clone(), pairs), (x.clone(), trajectory.intersections(&x)));
+    }
+
+    #[test]
+    fn a_shape_that_intersects_itself_in_both_poses_turns_as_it_is() {
+        let ball = shapes::icosphere(2);
+        let both = shapes::disjoint(&[ball.clone(), ball.clone()]);
+        // Two balls moved into each other, which `disjoint` set apart.
+        let apart = both.positions()[ball.vertex_count()] - ball.positions()[0];
+        let off = apart - Vector3::new(0.313, 0.217, 0.119);
+        let place = |(v, p): (usize, &Point3<f64>)| if v < ball.vertex_count() { *p } else { p - off };
+        let through = both.with_positions(both.positions().iter().enumerate().map(place).collect()).unwrap();
+        assert!(!self_intersections(&through).is_empty());
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8, 0.5).normalize() * 2.9);
+        let second = through.with_positions(through.positions().iter().map(|p| turn * p).collect()).unwrap();
+        let mut trajectory = Trajectory::new(&through, &second, &super::super::TrajectoryOptions::default()).unwrap();
+        let exact = trajectory.at(0.3);
+        assert_eq!(trajectory.untangled(0.3, 20), (exact, [0, 0]));
     }
 
     #[test]
