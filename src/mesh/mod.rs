@@ -20,5 +20,5 @@ pub use io::{MeshFormat, ReadLimits, read_model, write_model};
 pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, ModelBuilder, NO_VALUE};
 pub use quad::Quad;
 pub use repair::{MeshFacts, RepairOptions, RepairReport, Repaired, Weld, repair};
-pub use tri_mesh::TriMesh;
+pub use tri_mesh::{TriMesh, neighbors_of_vertices};
 pub use union_find::{UnionFind, components, numbered_components};

@@ -132,6 +132,22 @@ fn check_finite(positions: &[Point3<f64>]) -> Result<(), MeshError> {
     }
 }
 
+/// Neighbors of each of `vertices` vertices, ascending; triangles need not make a manifold.
+pub fn neighbors_of_vertices(vertices: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut rings = vec![Vec::new(); vertices];
+    for &[a, b, c] in triangles {
+        for (i, j) in [(a, b), (b, c), (c, a)] {
+            rings[i as usize].push(j);
+            rings[j as usize].push(i);
+        }
+    }
+    for ring in &mut rings {
+        ring.sort_unstable();
+        ring.dedup();
+    }
+    rings
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -94,18 +94,17 @@ impl AabbTree {
     pub(super) fn encloses(&self, p: &Point3<f64>) -> bool {
         // No direction that a modeler would choose for an edge.
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
-        let [first, second, third] = DIRECTIONS.map(|d| {
-            move || {
-                let mut count = 0;
-                self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_| {
-                    count += 1;
-                    f64::INFINITY
-                });
-                count % 2 == 1
-            }
-        });
-        let (a, b) = (first(), second());
-        if a == b { a } else { third() }
+        let odd = |d: [f64; 3]| {
+            let mut count = 0;
+            self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_| {
+                count += 1;
+                f64::INFINITY
+            });
+            count % 2 == 1
+        };
+        let [first, second, third] = DIRECTIONS;
+        let said = odd(first);
+        if odd(second) == said { said } else { odd(third) }
     }
 
     /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first; it returns up to where others matter.

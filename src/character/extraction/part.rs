@@ -13,15 +13,16 @@ use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
 use super::{centering, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips};
 use crate::mesh::TriMesh;
 
-/// Vertices whose balls are found at most.
+/// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
 const MOST_BALLS: usize = 12000;
-/// Vertices that are contracted at most.
+/// Vertices that are contracted at most. At 4000 a horse of 48 000 loses an ear.
 const MOST_VERTICES: usize = 6000;
-/// Edges shorter than this share of the radius of the shape say nothing of it, and go before.
+/// Edges shorter than this share of the radius of the shape go before: about 25 stay around a limb. At 0.2 and at 0.3 ears
+/// and toes of some models are lost.
 const FINE: f64 = 0.25;
-/// No edge is shorter than this.
+/// A size that all edges are longer than: the shortest go first, as many as must.
 const SHORTEST: f64 = 1e-12;
-/// Radius by which vertices are spread, at least.
+/// Radius by which vertices are spread, at least: bumps of scans have balls as small as they are.
 const LEAST_SIZE: f64 = 0.01;
 /// Vertices that are contracted at least: coarser surfaces are divided.
 const LEAST_VERTICES: usize = 1500;
@@ -196,9 +197,6 @@ impl Job<'_> {
         let (tree, closed) = (&self.tree, self.closed);
         let mut web = resampling::resample(web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[0])?;
-        if closed {
-            centering::bring_nodes_in(&mut web, tree);
-        }
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         if closed {
             tips::extend(&mut web, tree);
@@ -209,9 +207,6 @@ impl Job<'_> {
         pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
         web = resampling::resample(&web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[1])?;
-        if closed {
-            centering::bring_nodes_in(&mut web, tree);
-        }
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         web = resampling::resample(&web, SPACING);
         sight::draw(&mut web, tree, self.places)?;

@@ -11,10 +11,9 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::bvh::Nearest;
-use super::super::trajectory::neighbors_of_vertices;
 use super::quality::{is_collapsed, lies_against};
 use super::registration::Target;
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, neighbors_of_vertices};
 
 /// Rounds at most. Most folds go in the first dozen; of a horse on a camel 56 of 16 843 triangles are left after 17, of 349 after the first, in the
 /// ears and between the legs, and later rounds make more than they take.

@@ -238,22 +238,6 @@ impl Trajectory {
     }
 }
 
-/// Neighbors of each vertex, ascending.
-pub(super) fn neighbors_of_vertices(n: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut rings = vec![Vec::new(); n];
-    for &[a, b, c] in triangles {
-        for (i, j) in [(a, b), (b, c), (c, a)] {
-            rings[i as usize].push(j);
-            rings[j as usize].push(i);
-        }
-    }
-    for ring in &mut rings {
-        ring.sort_unstable();
-        ring.dedup();
-    }
-    rings
-}
-
 /// Two poses of one mesh have the same triangles.
 ///
 /// # Errors

@@ -21,9 +21,9 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::elastic_solve::ElasticSolve;
 use super::super::intersections::{passages, self_intersections};
+use super::Trajectory;
 use super::frames::opposite_edges;
-use super::{Trajectory, neighbors_of_vertices};
-use crate::mesh::{TriMesh, numbered_components};
+use crate::mesh::{TriMesh, neighbors_of_vertices, numbered_components};
 
 /// By how much an end is pushed past the plane, as a share of how deep it is.
 const BEYOND: f64 = 0.1;

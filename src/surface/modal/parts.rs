@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Modes;
 use crate::mesh::operators::barycentric_areas;
-use crate::mesh::{TriMesh, components};
+use crate::mesh::{TriMesh, components, neighbors_of_vertices};
 
 /// Rounds of Lloyd's alternation after each part that is added: the others have little to give.
 const ROUNDS: usize = 4;
@@ -127,17 +127,7 @@ impl<'a> Field<'a> {
     fn new(mesh: &'a TriMesh, modes: &Modes) -> Self {
         let n = mesh.vertex_count();
         assert!(modes.vectors.iter().all(|u| u.len() == n), "one displacement per vertex");
-        let mut neighbors = vec![Vec::new(); n];
-        for &[a, b, c] in mesh.triangles() {
-            for (i, j) in [(a, b), (b, c), (c, a)] {
-                neighbors[i as usize].push(j);
-                neighbors[j as usize].push(i);
-            }
-        }
-        for list in &mut neighbors {
-            list.sort_unstable();
-            list.dedup();
-        }
+        let neighbors = neighbors_of_vertices(n, mesh.triangles());
         let mut scaled = Vec::with_capacity(n * modes.values.len());
         for v in 0..n {
             let of_vertex = modes.vectors.iter().zip(&modes.values);
