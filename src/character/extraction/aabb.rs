@@ -2,13 +2,20 @@
 //!
 //! Triangles are halved by the middle of the widest axis of their centers until few are left; a node stands before its left
 //! half, so that the tree is one array.
+//!
+//! A place is inside where the surface goes round it, once or more: limbs that pass into one another have one inside. Where the triangles at
+//! an edge are not oriented alike there is no telling how often it does; there, what is met an odd number of times is inside.
 
 use nalgebra::{Point3, Vector3};
+
+use super::caps;
 
 /// Triangles by place.
 pub(super) struct AabbTree {
     nodes: Vec<Node>,
     corners: Vec<[Point3<f64>; 3]>,
+    /// Whether each half-edge has one that runs the other way.
+    oriented: bool,
 }
 
 struct Node {
@@ -30,7 +37,7 @@ impl AabbTree {
         if !corners.is_empty() {
             divide(&mut corners, 0, &mut nodes);
         }
-        Self { nodes, corners }
+        Self { nodes, corners, oriented: caps::boundary(triangles).is_empty() }
     }
 
     /// The point of the surface nearest to `p`.
@@ -73,7 +80,7 @@ impl AabbTree {
     /// Parameter `t > 0` of the first point `origin + t direction` on the surface.
     pub(super) fn first_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         let mut first = f64::INFINITY;
-        self.along(&Ray::new(origin, direction), first, &mut |t| {
+        self.along(&Ray::new(origin, direction), first, &mut |t, _| {
             first = t;
             t
         });
@@ -83,43 +90,46 @@ impl AabbTree {
     /// True where the surface is met by `origin + t direction` for `0 < t ≤ until`.
     pub(super) fn is_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>, until: f64) -> bool {
         let mut hit = false;
-        self.along(&Ray::new(origin, direction), until, &mut |_| {
+        self.along(&Ray::new(origin, direction), until, &mut |_, _| {
             hit = true;
             f64::NEG_INFINITY
         });
         hit
     }
 
-    /// True where a ray from `p` leaves the surface an odd number of times, by the majority of three directions.
+    /// True where the surface goes round `p`, by the majority of three directions.
     pub(super) fn encloses(&self, p: &Point3<f64>) -> bool {
         // No direction that a modeler would choose for an edge.
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
-        let odd = |d: [f64; 3]| {
-            let mut count = 0;
-            self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_| {
+        let inside = |d: [f64; 3]| {
+            let (mut count, mut turns) = (0, 0);
+            self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_, leaves| {
                 count += 1;
+                turns += if leaves { 1 } else { -1 };
                 f64::INFINITY
             });
-            count % 2 == 1
+            if self.oriented { turns != 0 } else { count % 2 == 1 }
         };
         let [first, second, third] = DIRECTIONS;
-        let said = odd(first);
-        if odd(second) == said { said } else { odd(third) }
+        let said = inside(first);
+        if inside(second) == said { said } else { inside(third) }
     }
 
-    /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first; it returns up to where others matter.
-    fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64) -> f64) {
+    /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first, and with whether the ray leaves there; it returns
+    /// up to where others matter.
+    fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64, bool) -> f64) {
         if self.nodes.first().and_then(|root| root.entry(ray)).is_some() {
             self.follow(0, ray, &mut until, meet);
         }
     }
 
-    fn follow(&self, at: usize, ray: &Ray, until: &mut f64, meet: &mut impl FnMut(f64) -> f64) {
+    fn follow(&self, at: usize, ray: &Ray, until: &mut f64, meet: &mut impl FnMut(f64, bool) -> f64) {
         let node = &self.nodes[at];
         if !node.triangles.is_empty() {
             for t in node.triangles.clone() {
-                if let Some(t) = meets(&ray.origin, &ray.direction, &self.corners[t as usize]).filter(|t| t <= until) {
-                    *until = meet(t);
+                let met = meets(&ray.origin, &ray.direction, &self.corners[t as usize]);
+                if let Some((t, leaves)) = met.filter(|(t, _)| t <= until) {
+                    *until = meet(t, leaves);
                 }
             }
             return;
@@ -217,8 +227,8 @@ fn nearest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Point3<
     a + ab * (vb / sum) + ac * (vc / sum)
 }
 
-/// Parameter at which a ray meets a triangle (T. Möller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, 1997).
-fn meets(o: &Point3<f64>, d: &Vector3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Option<f64> {
+/// Parameter at which a ray meets a triangle, and whether it goes the way of its normal (T. Möller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, 1997).
+fn meets(o: &Point3<f64>, d: &Vector3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Option<(f64, bool)> {
     let (e1, e2) = (b - a, c - a);
     let p = d.cross(&e2);
     let det = e1.dot(&p);
@@ -230,7 +240,7 @@ fn meets(o: &Point3<f64>, d: &Vector3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Opt
     let q = s.cross(&e1);
     let v = d.dot(&q) / det;
     let t = e2.dot(&q) / det;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, det < 0.0))
 }
 
 #[cfg(test)]
@@ -249,7 +259,7 @@ mod tests {
             let all = || (0..mesh.triangle_count()).map(|t| mesh.corners(t));
             let near =
                 all().map(|t| nalgebra::distance(&p, &nearest_of_triangle(&p, &t))).fold(f64::INFINITY, f64::min);
-            let hit = all().filter_map(|t| meets(&p, &d, &t)).fold(f64::INFINITY, f64::min);
+            let hit = all().filter_map(|t| meets(&p, &d, &t)).map(|(t, _)| t).fold(f64::INFINITY, f64::min);
             assert!((nalgebra::distance(&tree.nearest(&p).unwrap(), &p) - near).abs() < 1e-14);
             let guess = mesh.positions()[k as usize];
             assert!((nalgebra::distance(&tree.nearest_from(&p, &guess), &p) - near).abs() < 1e-14);
@@ -264,5 +274,21 @@ mod tests {
         let tree = AabbTree::new(mesh.positions(), mesh.triangles());
         assert!(tree.encloses(&Point3::new(0.1, 0.2, 0.3)) && tree.encloses(&Point3::new(0.0, 0.0, 0.98)));
         assert!(!tree.encloses(&Point3::new(0.0, 1.01, 0.0)) && !tree.encloses(&Point3::new(5.0, 0.0, 0.0)));
+    }
+
+    #[test]
+    fn what_two_balls_share_is_inside_and_without_orientation_what_is_met_oddly() {
+        let ball = shapes::icosphere(3);
+        let beside: Vec<_> = ball.positions().iter().map(|p| p + Vector3::x()).collect();
+        let positions = [ball.positions(), &beside].concat();
+        let n = ball.vertex_count() as u32;
+        let other = ball.triangles().iter().map(|t| t.map(|v| v + n));
+        let mut triangles: Vec<[u32; 3]> = ball.triangles().iter().copied().chain(other).collect();
+        let (shared, own) = (Point3::new(0.5, 0.01, 0.02), Point3::new(-0.5, 0.01, 0.02));
+        let tree = AabbTree::new(&positions, &triangles);
+        assert!(tree.encloses(&shared) && tree.encloses(&own));
+        triangles[0].swap(0, 1);
+        let tree = AabbTree::new(&positions, &triangles);
+        assert!(!tree.encloses(&shared) && tree.encloses(&own));
     }
 }

@@ -113,11 +113,20 @@ pub(super) fn keep_inside(web: &mut Web, tree: &AabbTree) {
 /// The middle of where the line from `p` to `q` first runs outside.
 fn outside(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> Option<Point3<f64>> {
     let way = q - p;
-    let leaves = tree.first_hit(p, &way).filter(|t| *t < 1.0)?;
-    let beyond = p + way * (leaves + BEYOND);
-    let enters = tree.first_hit(&beyond, &way).map_or(1.0, |t| (leaves + t).min(1.0));
-    let place = p + way * (0.5 * (leaves + enters));
-    (!tree.encloses(&place)).then_some(place)
+    let mut leaves = tree.first_hit(p, &way).filter(|t| *t < 1.0)?;
+    // A surface that intersects itself is met from inside, too.
+    loop {
+        let beyond = leaves + BEYOND;
+        let enters = tree.first_hit(&(p + way * beyond), &way).map_or(1.0, |t| (beyond + t).min(1.0));
+        let place = p + way * (0.5 * (leaves + enters));
+        if !tree.encloses(&place) {
+            return Some(place);
+        }
+        if enters >= 1.0 {
+            return None;
+        }
+        leaves = enters;
+    }
 }
 
 /// The place inside by which the way from `p` to `q` around `outside` is shortest, among those in the middle beyond the surface across the

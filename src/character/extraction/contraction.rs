@@ -64,6 +64,10 @@ const FIRMEST: f64 = 1e6;
 /// Weight of pinned vertices over the others.
 const PINNED: f64 = 1e6;
 
+/// A vertex has left its neighbors where the nearest is farther than this many times its longest edge before. At 1 tips are called
+/// back that are on their way along a limb.
+const LEFT: f64 = 3.0;
+
 /// A surface on its way to a curve.
 pub(super) struct Contraction {
     pub(super) complex: Complex,
@@ -153,14 +157,40 @@ impl Contraction {
         }
         system.set(&self.complex, &rows, &diagonal);
         system.solve_in_place(&mut rhs)?;
+        let mut moved = self.complex.positions.clone();
         for (i, &v) in system.vertices.iter().enumerate() {
-            let moved = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
-            if moved.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
-                self.complex.positions[v as usize] = Point3::from(moved);
+            let place = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
+            if place.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
+                moved[v as usize] = Point3::from(place);
             }
         }
+        self.call_back(&system.vertices, &mut moved);
+        self.complex.positions = moved;
         self.system = Some(system);
         Ok(())
+    }
+
+    /// Brings vertices that have left all their neighbors back among them: what stands for next to no area is the cheapest to move where
+    /// slivers about it are to be flattened.
+    fn call_back(&self, vertices: &[u32], moved: &mut [Point3<f64>]) {
+        let mut around = Vec::new();
+        let lost: Vec<(u32, Point3<f64>)> = vertices
+            .iter()
+            .filter_map(|&v| {
+                self.complex.neighbors(v, &mut around);
+                let length = |of: &[Point3<f64>], u: u32| nalgebra::distance(&of[v as usize], &of[u as usize]);
+                let before = around.iter().map(|u| length(&self.complex.positions, *u)).fold(0.0, f64::max);
+                let nearest = around.iter().map(|u| length(moved, *u)).fold(f64::INFINITY, f64::min);
+                if self.pinned[v as usize] || around.is_empty() || nearest <= LEFT * before {
+                    return None;
+                }
+                let sum: Vector3<f64> = around.iter().map(|u| moved[*u as usize].coords).sum();
+                Some((v, Point3::from(sum / around.len() as f64)))
+            })
+            .collect();
+        for (v, place) in lost {
+            moved[v as usize] = place;
+        }
     }
 
     fn ring_areas(&self) -> Vec<f64> {
@@ -242,5 +272,42 @@ impl Contraction {
         }
         self.mass[k] = sum;
         self.complex.collapse(gone, kept);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn a_vertex_that_has_left_its_neighbors_comes_back_among_them() {
+        let ball = shapes::icosphere(2);
+        let complex = Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
+        let balls = vec![Ball { center: Point3::origin(), radius: 1.0 }; ball.vertex_count()];
+        let weights = Weights {
+            contraction: 1.0,
+            hold: 0.1,
+            medial: 0.3,
+            growth: 1.2,
+            short: 0.03,
+            short_of_radius: 0.3,
+            rounds: 3,
+            still: 1e-4,
+        };
+        let mut pinned = vec![false; ball.vertex_count()];
+        pinned[9] = true;
+        let contraction = Contraction::new(complex, &balls, pinned, weights);
+        let all: Vec<u32> = contraction.complex.vertices().collect();
+        let halved: Vec<_> = ball.positions().iter().map(|p| Point3::from(p.coords * 0.5)).collect();
+        let mut moved = halved.clone();
+        for far in [5, 9] {
+            moved[far] = Point3::new(7.0, 0.0, 1.0);
+        }
+        contraction.call_back(&all, &mut moved);
+        assert_eq!(moved[9], Point3::new(7.0, 0.0, 1.0), "what is pinned stays");
+        assert!(nalgebra::distance(&moved[5], &halved[5]) < 0.1, "{}", moved[5]);
+        let others = (0..halved.len()).filter(|v| ![5, 9].contains(v));
+        assert!(others.into_iter().all(|v| moved[v] == halved[v]));
     }
 }

@@ -7,7 +7,7 @@
 //! | step | file |
 //! | --- | --- |
 //! | parts; vertices in one place are one | `parts.rs` |
-//! | a surface without an inside becomes a thin solid | `sheet.rs` |
+//! | holes are closed; a surface without an inside becomes a thin solid | `caps.rs`, `sheet.rs` |
 //! | about as many vertices as the curve needs | `reduction.rs` |
 //! | tips, which keep their ends while the surface contracts: geodesic extrema | `extremities.rs` |
 //! | the ball of each vertex | `medial.rs` |
@@ -16,8 +16,10 @@
 //! | even nodes | `resampling.rs` |
 //! | ends to the tips | `tips.rs` |
 //! | branches that say nothing | `pruning.rs` |
+//! | the way to a tip that was none | `detours.rs` |
 //! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
 //! | to where the surface sees it | `sight.rs` |
+//! | corners that this leaves | `corners.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface keeps the node that it became part of.
@@ -28,9 +30,12 @@
 //! Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012.
 
 mod aabb;
+mod caps;
 mod centering;
 mod complex;
 mod contraction;
+mod corners;
+mod detours;
 mod error;
 mod extremities;
 mod fairing;

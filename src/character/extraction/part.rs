@@ -10,7 +10,9 @@ use super::medial::{Ball, balls};
 use super::parts::{self, Part};
 use super::web::Web;
 use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
-use super::{centering, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips};
+use super::{
+    caps, centering, corners, detours, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips,
+};
 use crate::mesh::TriMesh;
 
 /// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
@@ -76,12 +78,15 @@ pub(super) fn extract(
     let mut handles = parts::handles(&surface);
     let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
     let mut closed = parts::is_closed(&surface);
-    let solid = closed || sheet::is_solid(&surface, &surface.vertex_normals());
-    if !solid && let Some((thick, sources)) = sheet::thickened(&surface) {
-        tree = AabbTree::new(thick.positions(), thick.triangles());
-        handles = parts::handles(&thick);
-        closed = parts::is_closed(&thick);
-        (surface, over) = (thick, sources);
+    if !closed {
+        if sheet::is_solid(&surface, &surface.vertex_normals()) {
+            surface = caps::closed(&surface);
+        } else if let Some((thick, sources)) = sheet::thickened(&surface) {
+            (surface, over) = (thick, sources);
+        }
+        tree = AabbTree::new(surface.positions(), surface.triangles());
+        handles = parts::handles(&surface);
+        closed = parts::is_closed(&surface);
     }
     let fine = divided(&surface);
     let normals = fine.vertex_normals();
@@ -113,7 +118,6 @@ pub(super) fn extract(
         frame,
         tree,
         closed,
-        solid,
         fine: &fine,
         normals: &normals,
         balls: &balls,
@@ -140,7 +144,6 @@ struct Job<'a> {
     frame: Frame,
     tree: AabbTree,
     closed: bool,
-    solid: bool,
     fine: &'a TriMesh,
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
@@ -205,6 +208,7 @@ impl Job<'_> {
         pruning::prune(&mut web, tree, self.options.prune);
         let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
         pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
+        detours::cut(&mut web, tree);
         web = resampling::resample(&web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[1])?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
@@ -213,16 +217,13 @@ impl Job<'_> {
         if closed {
             centering::keep_inside(&mut web, tree);
         }
+        corners::round_off(&mut web, tree);
         Ok(web)
     }
 
     /// Where a surface has no inside, everything counts as inside.
     fn is_inside(&self, p: &Point3<f64>) -> bool {
-        match (self.closed, self.solid) {
-            (true, _) => self.tree.encloses(p),
-            (false, true) => sheet::winding_number(self.fine, p) > 0.5,
-            (false, false) => true,
-        }
+        !self.closed || self.tree.encloses(p)
     }
 }
 

@@ -409,3 +409,106 @@ fn ends_do_not_depend_on_how_fine_the_file_is() {
         assert_eq!(report.ends, 4, "at {resolution}");
     }
 }
+
+/// A row of nodes through the places, its edges about a twentieth long.
+fn row(places: &[[f64; 3]]) -> web::Web {
+    let mut nodes = vec![Point3::from(places[0])];
+    for pair in places.windows(2) {
+        let [p, q] = [pair[0], pair[1]].map(Point3::from);
+        let parts = (nalgebra::distance(&p, &q) / 0.05).ceil();
+        nodes.extend((1..=parts as usize).map(|k| p + (q - p) * (k as f64 / parts)));
+    }
+    let edges: Vec<[u32; 2]> = (1..nodes.len() as u32).map(|k| [k - 1, k]).collect();
+    web::Web::new(nodes, &edges, Vec::new())
+}
+
+#[test]
+fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    detours::cut(&mut web, &tree);
+    assert!(web.alive().all(|v| web.nodes[v as usize].y < 0.1), "the detour is left");
+    assert!((web.branches().iter().map(|b| web.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
+    let bent = capsule(10.0, |s| {
+        let a: f64 = s / 2.0;
+        (Point3::new(2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(bent.positions(), bent.triangles());
+    let axis: Vec<[f64; 3]> = (0..=100)
+        .map(|k| {
+            let a = 0.05 * f64::from(k);
+            [2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0]
+        })
+        .collect();
+    let mut web = row(&axis);
+    let before = web.alive().count();
+    detours::cut(&mut web, &tree);
+    assert_eq!(web.alive().count(), before);
+}
+
+#[test]
+fn what_is_pinned_is_no_detour() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    let top = web.alive().max_by(|a, b| web.nodes[*a as usize].y.total_cmp(&web.nodes[*b as usize].y)).unwrap();
+    web.pinned[top as usize] = true;
+    detours::cut(&mut web, &tree);
+    assert!(web.is_alive(top) && web.nodes[top as usize].y == 0.8);
+}
+
+#[test]
+fn corners_are_rounded_off_as_far_as_the_surface_lets_them() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
+    let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
+    let mut web = web::Web::new(nodes, &edges, Vec::new());
+    corners::round_off(&mut web, &tree);
+    for k in 2..49 {
+        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| web.nodes[v]);
+        assert!((c - p).angle(&(q - c)) < 0.9, "a corner at {c}");
+    }
+    // A square about the hole of a ring would not fit if its corners went half the way.
+    let ring = shapes::holed_torus(1, 24);
+    let tree = aabb::AabbTree::new(ring.positions(), ring.triangles());
+    let (curve, _) = curve_of(&ring);
+    let few: Vec<_> = web_loop(&curve).into_iter().step_by(curve.nodes.len().div_ceil(6)).collect();
+    let n = few.len() as u32;
+    let edges: Vec<[u32; 2]> = (0..n).map(|k| [k, (k + 1) % n]).collect();
+    let mut web = web::Web::new(few, &edges, Vec::new());
+    let crosses = |web: &web::Web| {
+        let hit = |&[a, b]: &&[u32; 2]| {
+            let (p, q) = (web.nodes[*a as usize], web.nodes[*b as usize]);
+            tree.is_hit(&p, &(q - p), 1.0)
+        };
+        edges.iter().filter(hit).count()
+    };
+    assert_eq!(crosses(&web), 0, "too few nodes for this test");
+    corners::round_off(&mut web, &tree);
+    assert_eq!(crosses(&web), 0);
+}
+
+/// The nodes of a loop in order.
+fn web_loop(curve: &CurveSkeleton) -> Vec<Point3<f64>> {
+    let web = web::Web::new(curve.nodes.clone(), &curve.edges, Vec::new());
+    let branches = web.branches();
+    let longest = branches.iter().max_by_key(|b| b.len()).unwrap();
+    longest[1..].iter().map(|v| web.nodes[*v as usize]).collect()
+}
+
+#[test]
+fn a_limb_that_is_cut_open_is_like_one_with_a_lid() {
+    let whole = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let kept = |t: &&[u32; 3]| t.iter().any(|v| whole.positions()[*v as usize].x < 10.0 - 1e-9);
+    let triangles: Vec<[u32; 3]> = whole.triangles().iter().filter(kept).copied().collect();
+    assert!(triangles.len() < whole.triangle_count());
+    let open = TriMesh::new(whole.positions().to_vec(), triangles).unwrap();
+    let (curve, report) = curve_of(&open);
+    assert_eq!((report.ends, report.junctions, report.handles), (2, 0, 0));
+    let end = curve.nodes.iter().map(|p| p.x).fold(0.0, f64::max);
+    assert!(end > 8.5 && end < 10.0, "the curve ends at {end}");
+    assert!(curve.nodes.iter().all(|p| p.y.hypot(p.z) < 0.1));
+    assert_eq!(curve.node_of_vertex.len(), open.vertex_count());
+}

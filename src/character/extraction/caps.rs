@@ -1,0 +1,100 @@
+//! The holes of a surface that has an inside are closed.
+//!
+//! Scans have holes, busts and limbs an opening where they were cut. What counts as inside, how far an end of the curve goes and how many
+//! handles there are is said of closed surfaces: every boundary loop gets a new vertex in its middle, and triangles to it. Half-edges without
+//! an opposite one enter and leave each vertex equally often, so that they fall into closed walks on any oriented surface.
+
+use nalgebra::Point3;
+
+use crate::mesh::TriMesh;
+
+/// The closed surface. Its first vertices and triangles are those of `open`.
+pub(super) fn closed(open: &TriMesh) -> TriMesh {
+    let mut positions = open.positions().to_vec();
+    let mut triangles = open.triangles().to_vec();
+    for walk in walks(boundary(open.triangles())) {
+        let first = positions[walk[0] as usize];
+        let sum = walk.iter().map(|v| positions[*v as usize] - first).sum::<nalgebra::Vector3<f64>>();
+        let middle = positions.len() as u32;
+        positions.push(Point3::from(first + sum / walk.len() as f64));
+        let next = walk.iter().cycle().skip(1);
+        triangles.extend(walk.iter().zip(next).map(|(a, b)| [*b, *a, middle]));
+    }
+    TriMesh::new(positions, triangles).expect("means of finite positions")
+}
+
+/// Half-edges `(a, b)` of which there are more than of `(b, a)`, each as often as that, in order.
+pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
+    let mut excess = std::collections::BTreeMap::<(u32, u32), i32>::new();
+    for &[a, b, c] in triangles {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            *excess.entry((p.min(q), p.max(q))).or_default() += if p < q { 1 } else { -1 };
+        }
+    }
+    let oriented = |((a, b), n): ((u32, u32), i32)| {
+        let half = if n > 0 { (a, b) } else { (b, a) };
+        std::iter::repeat_n(half, n.unsigned_abs() as usize)
+    };
+    let mut halves: Vec<(u32, u32)> = excess.into_iter().flat_map(oriented).collect();
+    halves.sort_unstable();
+    halves
+}
+
+/// Closed walks over half-edges in order, each used once; none passes a vertex twice.
+fn walks(halves: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
+    let mut left: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
+    halves.into_iter().for_each(|(a, b)| left.entry(a).or_default().push(b));
+    let mut walks = Vec::new();
+    let starts: Vec<u32> = left.keys().copied().collect();
+    for start in starts {
+        let mut walk: Vec<u32> = vec![start];
+        while let Some(next) = left.get_mut(&walk[walk.len() - 1]).and_then(Vec::pop) {
+            match walk.iter().position(|v| *v == next) {
+                Some(at) => {
+                    walks.push(walk.split_off(at));
+                    walk.push(next);
+                }
+                None => walk.push(next),
+            }
+        }
+    }
+    walks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parts;
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn holes_are_closed_and_handles_stay() {
+        let torus = shapes::holed_torus(1, 16);
+        let kept = |t: usize| ![3, 4, 5, 90, 200, 201].contains(&t);
+        let left = (0..torus.triangle_count()).filter(|t| kept(*t)).map(|t| torus.triangles()[t]).collect();
+        let open = TriMesh::new(torus.positions().to_vec(), left).unwrap();
+        assert!(!parts::is_closed(&open));
+        let whole = closed(&open);
+        assert!(parts::is_closed(&whole));
+        assert_eq!(parts::handles(&whole), Some(1));
+        assert_eq!(whole.positions()[..open.vertex_count()], *open.positions());
+        assert_eq!(whole.triangles()[..open.triangle_count()], *open.triangles());
+    }
+
+    #[test]
+    fn walks_that_meet_in_a_vertex_are_two() {
+        let eight = [(0, 1), (1, 2), (2, 0), (0, 3), (3, 4), (4, 0)];
+        let mut halves = eight.to_vec();
+        halves.sort_unstable();
+        let mut found: Vec<Vec<u32>> = walks(halves);
+        found.iter_mut().for_each(|w| w.sort_unstable());
+        found.sort();
+        assert_eq!(found, [vec![0, 1, 2], vec![0, 3, 4]]);
+    }
+
+    #[test]
+    fn what_is_closed_stays_as_it_is() {
+        let ball = shapes::icosphere(2);
+        assert_eq!(closed(&ball), ball);
+    }
+}
