@@ -15,11 +15,12 @@
 //! | collapse to a graph | `surgery.rs`, which loops may close: `homology.rs` |
 //! | even nodes | `resampling.rs` |
 //! | ends to the tips | `tips.rs` |
+//! | branches into corners and rims | `cones.rs` |
 //! | branches that say nothing | `pruning.rs` |
 //! | the way to a tip that was none | `detours.rs` |
 //! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
 //! | to where the surface sees it | `sight.rs` |
-//! | corners that this leaves | `corners.rs` |
+//! | sharp bends that this leaves | `bends.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface keeps the node that it became part of.
@@ -30,11 +31,12 @@
 //! Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012.
 
 mod aabb;
+mod bends;
 mod caps;
 mod centering;
 mod complex;
+mod cones;
 mod contraction;
-mod corners;
 mod detours;
 mod error;
 mod extremities;

@@ -11,7 +11,7 @@ use super::parts::{self, Part};
 use super::web::Web;
 use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
 use super::{
-    caps, centering, corners, detours, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips,
+    bends, caps, centering, cones, detours, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips,
 };
 use crate::mesh::TriMesh;
 
@@ -205,10 +205,12 @@ impl Job<'_> {
             tips::extend(&mut web, tree);
         }
         web = resampling::resample(&web, SPACING);
+        cones::take_crowns(&mut web, tree);
         pruning::prune(&mut web, tree, self.options.prune);
         let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
         pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
         detours::cut(&mut web, tree);
+        cones::unhook(&mut web, tree);
         web = resampling::resample(&web, SPACING);
         centering::center(&mut web, tree, closed, PASSES[1])?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
@@ -217,7 +219,7 @@ impl Job<'_> {
         if closed {
             centering::keep_inside(&mut web, tree);
         }
-        corners::round_off(&mut web, tree);
+        bends::round_off(&mut web, tree);
         Ok(web)
     }
 

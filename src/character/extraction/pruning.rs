@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use super::aabb::AabbTree;
 use super::centering::radius;
 use super::order::Cost;
-use super::web::Web;
+use super::web::{Branch, Web};
 
 /// Chords across an end.
 const CHORDS: usize = 8;
@@ -27,44 +27,64 @@ const TILT: f64 = 0.8;
 
 /// Takes away what is covered.
 pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
-    let mut radii = vec![0.0; web.nodes.len()];
+    let radii = radii(web, tree);
     let mut widths = std::collections::HashMap::new();
-    for v in web.alive().collect::<Vec<_>>() {
-        radii[v as usize] = radius(tree, &web.nodes[v as usize]);
-    }
     loop {
-        let mut worst: Option<(Cost, Vec<u32>)> = None;
-        for mut branch in web.branches() {
-            if web.degree(branch[0]) == 1 {
-                branch.reverse();
-            }
+        let mut worst: Option<(Cost, Branch)> = None;
+        for branch in limbs(web) {
             let (junction, end) = (branch[0], branch[branch.len() - 1]);
-            if web.degree(end) != 1 || web.degree(junction) < 3 || web.pinned[end as usize] {
-                continue;
-            }
             let width =
                 *widths.entry((junction, end)).or_insert_with(|| half_width(web, tree, &branch, radii[end as usize]));
-            let out = Cost::new(sticks_out(web, &branch, &radii) / width.max(f64::MIN_POSITIVE));
+            let out = Cost::new(sticks_out(web, &branch, &radii).0 / width.max(f64::MIN_POSITIVE));
             if out < Cost::new(prune) && worst.as_ref().is_none_or(|(least, _)| out < *least) {
                 worst = Some((out, branch));
             }
         }
         let Some((_, branch)) = worst else { return };
-        for pair in branch.windows(2).rev() {
-            web.merge(pair[1], pair[0]);
-        }
+        take_away(web, &branch);
     }
 }
 
-/// How far the ball at the end of a branch sticks out of the balls about the rest of the curve.
-fn sticks_out(web: &Web, branch: &[u32], radii: &[f64]) -> f64 {
+/// Distance of each node to the surface.
+pub(super) fn radii(web: &Web, tree: &AabbTree) -> Vec<f64> {
+    let mut radii = vec![0.0; web.nodes.len()];
+    for v in web.alive() {
+        radii[v as usize] = radius(tree, &web.nodes[v as usize]);
+    }
+    radii
+}
+
+/// Branches from a junction to an end that is not pinned.
+pub(super) fn limbs(web: &Web) -> impl Iterator<Item = Branch> {
+    let from_junction = |mut branch: Branch| {
+        if web.degree(branch[0]) == 1 {
+            branch.reverse();
+        }
+        branch
+    };
+    web.branches().into_iter().map(from_junction).filter(|branch| {
+        let (junction, end) = (branch[0], branch[branch.len() - 1]);
+        web.degree(end) == 1 && web.degree(junction) >= 3 && !web.pinned[end as usize]
+    })
+}
+
+/// Merges a branch into its first node.
+pub(super) fn take_away(web: &mut Web, branch: &[u32]) {
+    for pair in branch.windows(2).rev() {
+        web.merge(pair[1], pair[0]);
+    }
+}
+
+/// How far the ball at the end of a branch sticks out of the balls about the rest of the curve, and of which it does so least.
+pub(super) fn sticks_out(web: &Web, branch: &[u32], radii: &[f64]) -> (f64, u32) {
     let last = branch[branch.len() - 1];
     let end = web.nodes[last as usize];
     let mut own = branch[1..].to_vec();
     own.sort_unstable();
     let rest = web.alive().filter(|v| own.binary_search(v).is_err());
-    let beyond = rest.map(|v| nalgebra::distance(&end, &web.nodes[v as usize]) - radii[v as usize]);
-    beyond.fold(f64::INFINITY, f64::min) + radii[last as usize]
+    let beyond = |v: u32| nalgebra::distance(&end, &web.nodes[v as usize]) - radii[v as usize];
+    let base = rest.min_by_key(|v| (Cost::new(beyond(*v)), *v)).unwrap_or(branch[0]);
+    (beyond(base) + radii[last as usize], base)
 }
 
 /// Half the longest chord across a branch at its end, at least its radius there: that of the plane, among those tilted a little, in

@@ -459,16 +459,16 @@ fn what_is_pinned_is_no_detour() {
 }
 
 #[test]
-fn corners_are_rounded_off_as_far_as_the_surface_lets_them() {
+fn sharp_bends_are_rounded_off_as_far_as_the_surface_lets_them() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
     let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
     let mut web = web::Web::new(nodes, &edges, Vec::new());
-    corners::round_off(&mut web, &tree);
+    bends::round_off(&mut web, &tree);
     for k in 2..49 {
         let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| web.nodes[v]);
-        assert!((c - p).angle(&(q - c)) < 0.9, "a corner at {c}");
+        assert!((c - p).angle(&(q - c)) < 0.9, "a sharp bend at {c}");
     }
     // A square about the hole of a ring would not fit if its corners went half the way.
     let ring = shapes::holed_torus(1, 24);
@@ -486,7 +486,7 @@ fn corners_are_rounded_off_as_far_as_the_surface_lets_them() {
         edges.iter().filter(hit).count()
     };
     assert_eq!(crosses(&web), 0, "too few nodes for this test");
-    corners::round_off(&mut web, &tree);
+    bends::round_off(&mut web, &tree);
     assert_eq!(crosses(&web), 0);
 }
 
@@ -511,4 +511,38 @@ fn a_limb_that_is_cut_open_is_like_one_with_a_lid() {
     assert!(end > 8.5 && end < 10.0, "the curve ends at {end}");
     assert!(curve.nodes.iter().all(|p| p.y.hypot(p.z) < 0.1));
     assert_eq!(curve.node_of_vertex.len(), open.vertex_count());
+}
+
+#[test]
+fn corners_of_a_box_and_rims_of_a_cut_are_no_limbs() {
+    for (size, ends) in [([1.0, 1.0, 3.0], 2), ([1.0, 1.0, 5.0], 2), ([1.0, 1.0, 1.0], 2)] {
+        let bar = shapes::bar([10, 10, (10.0 * size[2]) as usize], size);
+        let (curve, report) = curve_of(&bar);
+        assert_eq!(report.ends, ends, "{size:?}");
+        let (low, high) = bar.bounding_box().unwrap();
+        let middle = nalgebra::center(&low, &high);
+        for p in &curve.nodes {
+            assert!((p - middle).xy().norm() < 0.15, "{size:?}: {p}");
+        }
+    }
+}
+
+#[test]
+fn a_cone_that_goes_on_straight_is_a_tip_and_one_that_turns_aside_a_hook() {
+    let mesh = shapes::bar([10, 10, 40], [1.0, 1.0, 4.0]);
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let (low, high) = mesh.bounding_box().unwrap();
+    let middle = nalgebra::center(&low, &high);
+    let top = [middle.x, middle.y, high.z - 0.5];
+    let corner = [high.x - 0.01, high.y - 0.01, high.z - 0.01];
+    let mut hooked = row(&[[middle.x, middle.y, low.z + 0.5], top, corner]);
+    cones::unhook(&mut hooked, &tree);
+    let end = hooked.alive().map(|v| hooked.nodes[v as usize].z).fold(f64::MIN, f64::max);
+    assert!((end - top[2]).abs() < 0.06, "the end is at {end}");
+    // The same corner, come upon straight: the bar is the cone's own limb.
+    let straight = [0, 1, 2].map(|k| top[k] - (corner[k] - top[k]));
+    let mut tip = row(&[straight, top, corner]);
+    let before = tip.alive().count();
+    cones::unhook(&mut tip, &tree);
+    assert_eq!(tip.alive().count(), before);
 }

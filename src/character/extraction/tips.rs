@@ -46,15 +46,23 @@ pub(super) fn end_at(web: &mut Web, node: u32, place: Point3<f64>) {
     web.append(node, place);
 }
 
-/// Takes end nodes away whose balls lie inside the one before, and those that are not `inside`.
+/// Takes end nodes away whose balls, and those of the nodes that went before them, lie inside that of the node that is the end then; and
+/// those that are not `inside`.
 pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
     let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
     for mut end in ends {
+        let mut gone: Vec<(Point3<f64>, f64)> = Vec::new();
         while let [before] = *web.neighbors(end) {
-            let [r, s] = [before, end].map(|v| radius(tree, &web.nodes[v as usize]));
-            let covered = web.length(before, end) + s <= WITHIN * r;
-            if web.degree(before) != 2 || !covered && inside(&web.nodes[end as usize]) {
+            let [c, place] = [before, end].map(|v| web.nodes[v as usize]);
+            if web.degree(before) != 2 {
                 break;
+            }
+            if inside(&place) {
+                gone.push((place, radius(tree, &place)));
+                let r = radius(tree, &c);
+                if gone.iter().any(|(p, s)| nalgebra::distance(p, &c) + s > WITHIN * r) {
+                    break;
+                }
             }
             web.merge(end, before);
             end = before;
