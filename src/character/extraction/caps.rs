@@ -43,7 +43,9 @@ pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
 /// Closed walks over half-edges in order, each used once; none passes a vertex twice.
 fn walks(halves: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
     let mut left: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
-    halves.into_iter().for_each(|(a, b)| left.entry(a).or_default().push(b));
+    for (a, b) in halves {
+        left.entry(a).or_default().push(b);
+    }
     let mut walks = Vec::new();
     let starts: Vec<u32> = left.keys().copied().collect();
     for start in starts {
@@ -87,7 +89,9 @@ mod tests {
         let mut halves = eight.to_vec();
         halves.sort_unstable();
         let mut found: Vec<Vec<u32>> = walks(halves);
-        found.iter_mut().for_each(|w| w.sort_unstable());
+        for walk in &mut found {
+            walk.sort_unstable();
+        }
         found.sort();
         assert_eq!(found, [vec![0, 1, 2], vec![0, 3, 4]]);
     }

@@ -20,7 +20,7 @@ const STEEP: f64 = 0.45;
 /// Until they are as small as this share of the first: there is a little fillet at most.
 const SMALL: f64 = 0.35;
 /// How much larger or smaller they are between, as a share of the first.
-const UNEVEN: f64 = 0.15;
+const UNEVEN: f64 = 0.25;
 /// An end in a corner sticks out of the ball that the corner is about by less than this share of its radius.
 const OUT: f64 = 1.1;
 /// So many corners about one ball are no limbs: boxes have four to eight, heads two ears.
@@ -28,8 +28,8 @@ const CROWN: usize = 3;
 /// A hook turns aside by more than this, 30°.
 const ASIDE: f64 = 0.52;
 
-/// Takes branches into corners away, where several are about one ball.
-pub(super) fn take_crowns(web: &mut Web, tree: &AabbTree) {
+/// Takes branches into corners away, where several are about one ball; whether there were any.
+pub(super) fn take_crowns(web: &mut Web, tree: &AabbTree) -> bool {
     let radii = radii(web, tree);
     let corner = |branch: Branch| {
         let (out, base) = sticks_out(web, &branch, &radii);
@@ -40,9 +40,10 @@ pub(super) fn take_crowns(web: &mut Web, tree: &AabbTree) {
     let corners: Vec<(Branch, u32)> = limbs(web).filter_map(corner).collect();
     let about = |base: u32| corners.iter().filter(|(_, other)| web.length(base, *other) < radii[base as usize]).count();
     let crowns: Vec<&Branch> = corners.iter().filter(|(_, base)| about(*base) >= CROWN).map(|(b, _)| b).collect();
-    for branch in crowns {
+    for branch in &crowns {
         take_away(web, branch);
     }
+    !crowns.is_empty()
 }
 
 /// Takes away what turns aside into a rim or a corner at the end of a limb.

@@ -6,8 +6,8 @@
 //! `∫ ds / r`,
 //!
 //! which the middle of the shape makes small. Between two nodes of a branch the curve takes the straight line where that stays inside, costs
-//! less than a share of the way along the branch, and all that it leaves out lies near it, in radii of its own: a limb that is bent goes
-//! around what is no detour. Of all ways along a branch the one of the least cost is taken.
+//! less than a share of the way along the branch, and leaves out no node that is not in the balls about it: what goes there and back to a
+//! head shows the head. Of all ways along a branch the one of the least cost is taken.
 //!
 //! # Reference
 //! L. Antiga, B. Ene-Iordache, A. Remuzzi, *Computational geometry for patient-specific reconstruction and meshing of blood vessels from MR
@@ -21,8 +21,6 @@ use super::web::{Branch, Web};
 
 /// A line costs this many times what it does before it is taken.
 const GAIN: f64 = 1.5;
-/// What is left out lies within this many radii of the middle of the line.
-const NEAR: f64 = 2.0;
 /// Lengths of the pieces by which the cost of a line is found, in radii at the node it starts from.
 const PIECE: f64 = 0.5;
 /// And how many at most.
@@ -80,7 +78,7 @@ fn shortest(web: &Web, tree: &AabbTree, branch: &Branch) -> Vec<usize> {
     kept
 }
 
-/// What a straight line costs; infinity where it leaves the inside, or is far from what it leaves out.
+/// What a straight line costs; infinity where it leaves the inside, or where what it leaves out is not in the balls about it.
 fn line_cost(
     tree: &AabbTree,
     (p, r): (&Point3<f64>, f64),
@@ -88,14 +86,17 @@ fn line_cost(
     left_out: &[Point3<f64>],
 ) -> f64 {
     let way = q - p;
-    let pieces = (way.norm() / (PIECE * r.min(s))).ceil().clamp(1.0, PIECES as f64) as usize;
-    let at = |k: usize| p + way * (k as f64 / pieces as f64);
-    let middle = nalgebra::center(p, q);
-    let wide = radius(tree, &middle);
-    let is_near = |x: &Point3<f64>| nalgebra::distance(x, &middle) <= NEAR * wide;
-    if !left_out.iter().all(is_near) || tree.first_hit(p, &way).is_some_and(|t| t <= 1.0) {
+    if tree.first_hit(p, &way).is_some_and(|t| t <= 1.0) {
         return f64::INFINITY;
     }
-    let inner: f64 = (1..pieces).map(|k| 1.0 / radius(tree, &at(k)).max(LEAST_RADIUS)).sum();
-    way.norm() / pieces as f64 * (inner + 0.5 * (1.0 / r + 1.0 / s))
+    let pieces = (way.norm() / (PIECE * r.min(s))).ceil().clamp(1.0, PIECES as f64) as usize;
+    let inner = (1..pieces).map(|k| p + way * (k as f64 / pieces as f64)).map(|c| (c, radius(tree, &c)));
+    let balls: Vec<(Point3<f64>, f64)> = std::iter::once((*p, r)).chain(inner).chain([(*q, s)]).collect();
+    let is_covered = |x: &Point3<f64>| balls.iter().any(|(c, r)| nalgebra::distance(x, c) <= *r);
+    if !left_out.iter().all(is_covered) {
+        return f64::INFINITY;
+    }
+    let over = |(_, r): &(Point3<f64>, f64)| 1.0 / r.max(LEAST_RADIUS);
+    let mean = |pair: &[(Point3<f64>, f64)]| 0.5 * (over(&pair[0]) + over(&pair[1]));
+    way.norm() / pieces as f64 * balls.windows(2).map(mean).sum::<f64>()
 }

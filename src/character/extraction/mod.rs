@@ -20,7 +20,7 @@
 //! | the way to a tip that was none | `detours.rs` |
 //! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
 //! | to where the surface sees it | `sight.rs` |
-//! | sharp bends that this leaves | `bends.rs` |
+//! | sharp bends and crowded nodes that this leaves | `bends.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface keeps the node that it became part of.

@@ -13,7 +13,7 @@ use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
 use super::{
     bends, caps, centering, cones, detours, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips,
 };
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, neighbors_of_vertices};
 
 /// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
 const MOST_BALLS: usize = 12000;
@@ -38,7 +38,7 @@ const SHORT_OF_RADIUS: f64 = 0.3;
 const STANDS_OUT: f64 = 0.25;
 /// And those that get a branch if they have none.
 const TIP: f64 = 0.15;
-/// How far inside the surface a branch to a tip ends at first.
+/// How far inside the surface a branch to a tip ends at least.
 const INSIDE: f64 = 0.01;
 /// Growth of the contraction per round.
 const GROWTH: f64 = 1.2;
@@ -188,9 +188,10 @@ impl Job<'_> {
             web.nodes[node] = self.fine.positions()[v];
         }
         for &v in tips {
-            let inside = self.fine.positions()[v as usize] - self.normals[v as usize] * INSIDE;
+            let depth = self.balls[v as usize].radius.max(INSIDE);
+            let center = self.fine.positions()[v as usize] - self.normals[v as usize] * depth;
             let node = web.node_of(v as usize);
-            tips::end_at(&mut web, node, inside);
+            tips::end_at(&mut web, node, center);
         }
         Ok((self.finished(&web)?, rounds))
     }
@@ -207,19 +208,26 @@ impl Job<'_> {
         web = resampling::resample(&web, SPACING);
         cones::take_crowns(&mut web, tree);
         pruning::prune(&mut web, tree, self.options.prune);
+        if cones::take_crowns(&mut web, tree) {
+            pruning::prune(&mut web, tree, self.options.prune);
+        }
         let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
         pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
         detours::cut(&mut web, tree);
         cones::unhook(&mut web, tree);
         web = resampling::resample(&web, SPACING);
+        tips::go_on(&mut web, tree);
         centering::center(&mut web, tree, closed, PASSES[1])?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        tips::go_on(&mut web, tree);
         web = resampling::resample(&web, SPACING);
         sight::draw(&mut web, tree, self.places)?;
+        web = resampling::resample(&web, SPACING);
         if closed {
             centering::keep_inside(&mut web, tree);
         }
         bends::round_off(&mut web, tree);
+        resampling::thin(&mut web, tree, SPACING);
         Ok(web)
     }
 
@@ -331,13 +339,7 @@ fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usi
 /// Makes the vertices of each node hang together: a divided surface may be connected where the one it was made of is not. Of
 /// each node the largest piece stays, the others go to nodes beside them.
 fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
-    let mut neighbors = vec![Vec::new(); mesh.vertex_count()];
-    for &[a, b, c] in mesh.triangles() {
-        for (p, q) in [(a, b), (b, c), (c, a)] {
-            neighbors[p as usize].push(q);
-            neighbors[q as usize].push(p);
-        }
-    }
+    let neighbors = neighbors_of_vertices(mesh.vertex_count(), mesh.triangles());
     let mut piece_of_vertex = vec![usize::MAX; mesh.vertex_count()];
     let mut pieces: Vec<Vec<u32>> = Vec::new();
     for v in 0..mesh.vertex_count() as u32 {

@@ -8,7 +8,8 @@
 //! A branch is no limb where `b < prune · w`, with `w` half its width at the end: half the longest chord across it. Of a round limb `w = s`, and
 //! with `prune = 1` this says that the end lies inside a ball of the rest; the edge of a slab is as wide as the slab, and a branch that
 //! reaches for it sticks out by less. The ratio needs no unit and is the same for fingers and trunks. The branch that sticks out least
-//! goes first, since others may be covered less by then. Vertices of the branch go to the junction. Ends that are pinned stay.
+//! goes first, since others may be covered less by then. Vertices of the branch go to the junction. Ends that are pinned stay, and so does
+//! a branch that goes on at the bend of a hairpin: without the crown of a head the curve would run up the neck and back to the nose.
 //!
 //! Two junctions nearer to each other than a share of the larger radius are one, unless a loop would vanish.
 
@@ -25,6 +26,9 @@ const CHORDS: usize = 8;
 const TILTS: usize = 6;
 const TILT: f64 = 0.8;
 
+/// Two branches at less than this angle run side by side, 60°.
+const HAIRPIN: f64 = 1.05;
+
 /// Takes away what is covered.
 pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
     let radii = radii(web, tree);
@@ -36,7 +40,10 @@ pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
             let width =
                 *widths.entry((junction, end)).or_insert_with(|| half_width(web, tree, &branch, radii[end as usize]));
             let out = Cost::new(sticks_out(web, &branch, &radii).0 / width.max(f64::MIN_POSITIVE));
-            if out < Cost::new(prune) && worst.as_ref().is_none_or(|(least, _)| out < *least) {
+            if out < Cost::new(prune)
+                && !leaves_a_hairpin(web, &branch, radii[junction as usize])
+                && worst.as_ref().is_none_or(|(least, _)| out < *least)
+            {
                 worst = Some((out, branch));
             }
         }
@@ -66,6 +73,28 @@ pub(super) fn limbs(web: &Web) -> impl Iterator<Item = Branch> {
         let (junction, end) = (branch[0], branch[branch.len() - 1]);
         web.degree(end) == 1 && web.degree(junction) >= 3 && !web.pinned[end as usize]
     })
+}
+
+/// True where a branch goes on at the bend of two others that run side by side: without it the curve would go there and back.
+fn leaves_a_hairpin(web: &Web, branch: &[u32], radius: f64) -> bool {
+    let junction = branch[0];
+    let others: Vec<u32> = web.neighbors(junction).iter().copied().filter(|v| *v != branch[1]).collect();
+    let [a, b] = others[..] else { return false };
+    match [a, b].map(|to| direction(web, junction, to, radius)) {
+        [Some(a), Some(b)] => a.angle(&b) < HAIRPIN,
+        _ => false,
+    }
+}
+
+/// From a node to where the branch toward `to` is `reach` away; none where that is shorter.
+fn direction(web: &Web, from: u32, to: u32, reach: f64) -> Option<Vector3<f64>> {
+    let (mut before, mut at) = (from, to);
+    while web.degree(at) == 2 && web.length(from, at) < reach {
+        let next = web.neighbors(at).iter().copied().find(|v| *v != before);
+        let Some(next) = next.filter(|v| *v != from) else { break };
+        (before, at) = (at, next);
+    }
+    (web.length(from, at) >= reach).then(|| web.nodes[at as usize] - web.nodes[from as usize])
 }
 
 /// Merges a branch into its first node.

@@ -1,9 +1,14 @@
 //! Nodes at even distances along the branches.
 //!
 //! Ends and junctions stay; between them a branch of length `l` gets `round(l / spacing)` segments of equal length along the polyline.
-//! Each old node hands the vertices that belong to it to the new node nearest along the branch.
+//! Each old node hands the vertices that belong to it to the new node nearest along the branch. Where the curve is led round what is
+//! outside, nodes come closer; those that it does not need are taken away.
 
+use super::aabb::AabbTree;
 use super::web::{Branch, Web};
+
+/// A node is close to its two neighbors where the way between these is less than this many spacings.
+const CLOSE: f64 = 1.25;
 
 /// The same curve with nodes `spacing` apart, of a loop at least three.
 pub(super) fn resample(web: &Web, spacing: f64) -> Web {
@@ -50,6 +55,18 @@ pub(super) fn resample(web: &Web, spacing: f64) -> Web {
     let mut result = Web::new(nodes, &edges, node_of_vertex);
     result.pinned = pinned;
     result
+}
+
+/// Takes nodes away that are close to their two neighbors, as far as the line between these stays inside.
+pub(super) fn thin(web: &mut Web, tree: &AabbTree, spacing: f64) {
+    for v in web.alive().collect::<Vec<_>>() {
+        let [a, b] = *web.neighbors(v) else { continue };
+        let [p, q] = [a, b].map(|v| web.nodes[v as usize]);
+        let near = web.length(a, v) + web.length(v, b) < CLOSE * spacing;
+        if near && !web.pinned[v as usize] && !web.neighbors(a).contains(&b) && !tree.is_hit(&p, &(q - p), 1.0) {
+            web.merge(v, if web.length(a, v) < web.length(v, b) { a } else { b });
+        }
+    }
 }
 
 /// Length along a branch up to each of its nodes.

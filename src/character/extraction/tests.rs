@@ -84,16 +84,17 @@ fn a_straight_capsule_gives_its_axis_and_a_bent_one_its_arc() {
     for p in &curve.nodes {
         assert!(p.y.hypot(p.z) <= 0.01, "{p}");
     }
-    let radius = 6.0;
-    let bent = capsule(10.0, |s| {
-        let a: f64 = s / radius;
-        (Point3::new(radius * a.sin(), radius * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
-    });
-    let (curve, report) = curve_of(&bent);
-    assert_eq!((report.ends, report.junctions), (2, 0));
-    for p in &curve.nodes {
-        let off = ((p.x.hypot(p.y - radius) - radius).powi(2) + p.z * p.z).sqrt();
-        assert!(off <= 0.05, "{p} is {off} off");
+    for (length, radius) in [(10.0, 6.0), (4.0, 6.0)] {
+        let bent = capsule(length, |s| {
+            let a: f64 = s / radius;
+            (Point3::new(radius * a.sin(), radius * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
+        });
+        let (curve, report) = curve_of(&bent);
+        assert_eq!((report.ends, report.junctions), (2, 0));
+        for p in &curve.nodes {
+            let off = (p.x.hypot(p.y - radius) - radius).hypot(p.z);
+            assert!(off <= 0.03, "{p} is {off} off");
+        }
     }
 }
 
@@ -515,10 +516,10 @@ fn a_limb_that_is_cut_open_is_like_one_with_a_lid() {
 
 #[test]
 fn corners_of_a_box_and_rims_of_a_cut_are_no_limbs() {
-    for (size, ends) in [([1.0, 1.0, 3.0], 2), ([1.0, 1.0, 5.0], 2), ([1.0, 1.0, 1.0], 2)] {
+    for size in [[1.0, 1.0, 2.0], [1.0, 1.0, 3.0], [1.0, 1.0, 5.0]] {
         let bar = shapes::bar([10, 10, (10.0 * size[2]) as usize], size);
         let (curve, report) = curve_of(&bar);
-        assert_eq!(report.ends, ends, "{size:?}");
+        assert_eq!(report.ends, 2, "{size:?}");
         let (low, high) = bar.bounding_box().unwrap();
         let middle = nalgebra::center(&low, &high);
         for p in &curve.nodes {

@@ -5,8 +5,8 @@
 //! ball can roll on. After each step the node is brought to the middle across `d`, and `d` follows the way that it took. Where it ends is
 //! the center of the cap of a capsule, and the tip of a cone.
 //!
-//! The other way round, end nodes whose balls lie inside the ball of the node before say nothing and are taken away, and so are those
-//! that have come outside.
+//! The other way round, end nodes whose balls lie inside the ball of one node before them say nothing and are taken away, and so are those
+//! that have come outside. Within the last ball, where no place is more in the middle than others, the branch goes on as it bends before.
 
 use nalgebra::{Point3, Vector3};
 
@@ -46,26 +46,22 @@ pub(super) fn end_at(web: &mut Web, node: u32, place: Point3<f64>) {
     web.append(node, place);
 }
 
-/// Takes end nodes away whose balls, and those of the nodes that went before them, lie inside that of the node that is the end then; and
-/// those that are not `inside`.
+/// Takes end nodes away that are not `inside`, and those beyond the farthest node whose ball holds all of theirs.
 pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
     let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
-    for mut end in ends {
-        let mut gone: Vec<(Point3<f64>, f64)> = Vec::new();
-        while let [before] = *web.neighbors(end) {
-            let [c, place] = [before, end].map(|v| web.nodes[v as usize]);
-            if web.degree(before) != 2 {
-                break;
-            }
-            if inside(&place) {
-                gone.push((place, radius(tree, &place)));
-                let r = radius(tree, &c);
-                if gone.iter().any(|(p, s)| nalgebra::distance(p, &c) + s > WITHIN * r) {
-                    break;
-                }
-            }
-            web.merge(end, before);
-            end = before;
+    for end in ends {
+        let mut row = row_back(web, end, f64::INFINITY);
+        row.retain(|v| web.degree(*v) < 3);
+        let places: Vec<Point3<f64>> = row.iter().map(|v| web.nodes[*v as usize]).collect();
+        let Some(first) = places.iter().position(inside) else { continue };
+        let balls: Vec<(Point3<f64>, f64)> = places[first..].iter().map(|p| (*p, radius(tree, p))).collect();
+        let holds = |i: &usize| {
+            let (c, r) = balls[*i];
+            balls[..*i].iter().all(|(p, s)| nalgebra::distance(p, &c) + s <= WITHIN * r)
+        };
+        let last = first + (0..balls.len()).rev().find(holds).unwrap_or(0);
+        for pair in row[..=last].windows(2) {
+            web.merge(pair[0], pair[1]);
         }
     }
 }
@@ -89,15 +85,64 @@ pub(super) fn extend(web: &mut Web, tree: &AabbTree) {
     }
 }
 
-/// Direction of a branch at its end.
-fn direction(web: &Web, tree: &AabbTree, end: u32) -> Option<Vector3<f64>> {
-    let reach = LOOK_BACK * radius(tree, &web.nodes[end as usize]);
-    let (mut before, mut at) = (end, *web.neighbors(end).first()?);
-    while web.degree(at) == 2 && nalgebra::distance(&web.nodes[at as usize], &web.nodes[end as usize]) < reach {
-        let next = web.neighbors(at).iter().copied().find(|v| *v != before)?;
+/// Lets the last radius of every branch go on as the two before it bend: in the ball at the end of a limb all places are about as far from
+/// the surface, and facets decide where the middle is. Where its balls would become smaller, the branch stays.
+pub(super) fn go_on(web: &mut Web, tree: &AabbTree) {
+    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
+    for end in ends {
+        let reach = LOOK_BACK * radius(tree, &web.nodes[end as usize]);
+        let row = row_back(web, end, 3.0 * reach);
+        let far = |k: f64| row.iter().position(|v| web.length(end, *v) >= k * reach);
+        let [Some(base), Some(middle), Some(from)] = [1.0, 2.0, 3.0].map(far) else { continue };
+        let bend = Parabola::through([from, middle, base].map(|i| web.nodes[row[i] as usize]));
+        let places: Vec<Point3<f64>> = row[..base].iter().map(|v| bend.at(web.length(row[base], *v))).collect();
+        let stays_wide = |(v, place): (&u32, &Point3<f64>)| {
+            let before = web.nodes[*v as usize];
+            !tree.is_hit(&before, &(place - before), 1.0) && WITHIN * radius(tree, place) >= radius(tree, &before)
+        };
+        if row.iter().zip(&places).all(stays_wide) {
+            row.iter().zip(places).for_each(|(v, place)| web.nodes[*v as usize] = place);
+        }
+    }
+}
+
+/// A curve of second degree over the length of chords, from its last place on.
+struct Parabola {
+    last: Point3<f64>,
+    slope: Vector3<f64>,
+    bend: Vector3<f64>,
+}
+
+impl Parabola {
+    /// Through three places at different lengths (Newton's divided differences).
+    fn through([a, b, c]: [Point3<f64>; 3]) -> Self {
+        let (before, after) = (nalgebra::distance(&a, &b), nalgebra::distance(&b, &c));
+        let [first, second] = [(b - a) / before, (c - b) / after];
+        let bend = (second - first) / (before + after);
+        Self { last: c, slope: second + bend * after, bend }
+    }
+
+    fn at(&self, length: f64) -> Point3<f64> {
+        self.last + (self.slope + self.bend * length) * length
+    }
+}
+
+/// Nodes of a branch from its end until one is so far from it, or a junction.
+fn row_back(web: &Web, end: u32, reach: f64) -> Vec<u32> {
+    let (mut before, mut at) = (u32::MAX, end);
+    let mut row = vec![end];
+    while web.degree(at) <= 2 && web.length(end, at) < reach {
+        let Some(next) = web.neighbors(at).iter().copied().find(|v| *v != before) else { break };
+        row.push(next);
         (before, at) = (at, next);
     }
-    (web.nodes[end as usize] - web.nodes[at as usize]).try_normalize(1e-9)
+    row
+}
+
+/// Direction of a branch at its end.
+fn direction(web: &Web, tree: &AabbTree, end: u32) -> Option<Vector3<f64>> {
+    let row = row_back(web, end, LOOK_BACK * radius(tree, &web.nodes[end as usize]));
+    (web.nodes[end as usize] - web.nodes[row[row.len() - 1] as usize]).try_normalize(1e-9)
 }
 
 fn step(tree: &AabbTree, at: &Point3<f64>, direction: &Vector3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
