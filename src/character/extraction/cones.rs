@@ -21,8 +21,9 @@ const STEEP: f64 = 0.45;
 const SMALL: f64 = 0.35;
 /// How much larger or smaller they are between, as a share of the first.
 const UNEVEN: f64 = 0.25;
-/// An end in a corner sticks out of the ball that the corner is about by less than this share of its radius.
+/// An end in one of several corners sticks out of the ball that they are about by less than this share of its radius; and one in a rim.
 const OUT: f64 = 1.1;
+const OUT_OF_RIM: f64 = 0.9;
 /// So many corners about one ball are no limbs: boxes have four to eight, heads two ears.
 const CROWN: usize = 3;
 /// A hook turns aside by more than this, 30°.
@@ -32,10 +33,9 @@ const ASIDE: f64 = 0.52;
 pub(super) fn take_crowns(web: &mut Web, tree: &AabbTree) -> bool {
     let radii = radii(web, tree);
     let corner = |branch: Branch| {
-        let (out, base) = sticks_out(web, &branch, &radii);
+        let (_, base) = sticks_out(web, &branch, &radii);
         let first = (0..branch.len()).min_by_key(|i| Cost::new(web.length(base, branch[*i])))?;
-        let is_corner = out < OUT * radii[base as usize] && is_cone(web, &radii, base, &branch[first..]);
-        is_corner.then_some((branch, base))
+        is_cone(web, &radii, base, &branch[first..], OUT).then_some((branch, base))
     };
     let corners: Vec<(Branch, u32)> = limbs(web).filter_map(corner).collect();
     let about = |base: u32| corners.iter().filter(|(_, other)| web.length(base, *other) < radii[base as usize]).count();
@@ -72,15 +72,17 @@ fn hook(web: &Web, radii: &[f64], branch: &[u32]) -> Option<usize> {
     let base = (0..last).max_by_key(|i| Cost::new(radius(*i) - STEEP * away(*i, last)))?;
     let before = (0..base).rev().find(|i| away(*i, base) >= radius(base))?;
     let [from, at, to] = [before, base, last].map(|i| web.nodes[branch[i] as usize]);
-    let is_hook = (at - from).angle(&(to - at)) > ASIDE && is_cone(web, radii, branch[base], &branch[base..]);
+    let is_hook =
+        (at - from).angle(&(to - at)) > ASIDE && is_cone(web, radii, branch[base], &branch[base..], OUT_OF_RIM);
     is_hook.then_some(base)
 }
 
-/// Whether the balls from that of `base` along a row of nodes are those in a cone.
-fn is_cone(web: &Web, radii: &[f64], base: u32, row: &[u32]) -> bool {
+/// Whether the balls from that of `base` along a row of nodes are those in a cone, whose last one sticks out by less than `out` radii.
+fn is_cone(web: &Web, radii: &[f64], base: u32, row: &[u32], out: f64) -> bool {
     let end = row[row.len() - 1];
     let [r, s] = [base, end].map(|v| radii[v as usize]);
-    let slope = (r - s) / web.length(base, end);
+    let length = web.length(base, end);
+    let slope = (r - s) / length;
     let even = |v: &u32| (r - slope * web.length(base, *v) - radii[*v as usize]).abs() <= UNEVEN * r;
-    slope > STEEP && s < SMALL * r && row.iter().all(even)
+    slope > STEEP && s < SMALL * r && length + s < (1.0 + out) * r && row.iter().all(even)
 }

@@ -1,8 +1,8 @@
 //! Tips of a surface: where the way along it from its middle is longest, and stands out.
 //!
 //! The middle is the vertex of the least sum of distances to a few vertices far from each other. Over the vertices in falling order of
-//! their distance `d` from the middle, every one without a higher neighbor begins a hill; where two hills meet at `d`, the lower
-//! one, with its top at `d'`, ends, and stands out by `d' − d`. Tops of hills that stand out far enough are tips: what is no more
+//! their distance `d` from the middle, every one without a higher neighbor begins a hill; where two hills meet in a saddle at `d`, the
+//! lower one, with its top at `d'`, ends, and stands out by `d' − d`. Tops of hills that stand out far enough are tips: what is no more
 //! than a bump never counts, however many bumps there are.
 //!
 //! # Reference
@@ -21,8 +21,15 @@ const FAR_APART: usize = 8;
 /// Vertices next to each.
 type Around = Vec<Vec<u32>>;
 
-/// Tips that stand out so far, the farthest first.
-pub(super) fn find(complex: &Complex, stands_out: f64) -> Vec<u32> {
+/// The top of a hill.
+pub(super) struct Top {
+    pub(super) vertex: u32,
+    /// How far above the saddle it is where its hill ends; infinity for the highest.
+    pub(super) stands_out: f64,
+}
+
+/// Tops of all hills.
+pub(super) fn find(complex: &Complex) -> Vec<Top> {
     let Some(first) = complex.vertices().next() else { return Vec::new() };
     let mut around = vec![Vec::new(); complex.positions.len()];
     complex.vertices().for_each(|v| complex.neighbors(v, &mut around[v as usize]));
@@ -37,7 +44,7 @@ pub(super) fn find(complex: &Complex, stands_out: f64) -> Vec<u32> {
         }
     }
     let middle = complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first);
-    tops(complex, &around, &distances(complex, &around, middle), stands_out)
+    tops(complex, &around, &distances(complex, &around, middle))
 }
 
 fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
@@ -76,13 +83,13 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
     hill
 }
 
-/// Tops of hills that stand out.
-fn tops(complex: &Complex, around: &Around, height: &[f64], stands_out: f64) -> Vec<u32> {
+fn tops(complex: &Complex, around: &Around, height: &[f64]) -> Vec<Top> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
     let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
-    let mut tips: Vec<u32> = order.first().copied().into_iter().collect();
+    let highest = |v: &u32| Top { vertex: *v, stands_out: f64::INFINITY };
+    let mut tops: Vec<Top> = order.first().map(highest).into_iter().collect();
     for &v in &order {
         let mut hills: Vec<u32> = around[v as usize]
             .iter()
@@ -97,11 +104,10 @@ fn tops(complex: &Complex, around: &Around, height: &[f64], stands_out: f64) -> 
         };
         top[v as usize] = highest;
         for &lower in &hills[1..] {
-            if height[lower as usize] - height[v as usize] >= stands_out {
-                tips.push(lower);
-            }
+            let stands_out = height[lower as usize] - height[v as usize];
+            tops.push(Top { vertex: lower, stands_out });
             into[lower as usize] = highest;
         }
     }
-    tips
+    tops
 }

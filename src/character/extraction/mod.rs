@@ -102,7 +102,7 @@ pub struct ExtractionOptions {
 
 impl Default for ExtractionOptions {
     fn default() -> Self {
-        Self { contraction: 0.7, hold: 0.1, medial: 0.3, prune: 1.0, rounds: 12, keep: Keep::default() }
+        Self { contraction: 0.7, hold: 0.1, medial: 0.3, prune: 1.5, rounds: 12, keep: Keep::default() }
     }
 }
 

@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::aabb::AabbTree;
 use super::complex::Complex;
 use super::contraction::{Contraction, Weights};
+use super::extremities::Top;
 use super::homology::Classes;
 use super::medial::{Ball, balls};
 use super::parts::{self, Part};
@@ -36,8 +37,11 @@ const SHORT: f64 = 0.03;
 const SHORT_OF_RADIUS: f64 = 0.3;
 /// How far the tips stand out that stay where this is asked for, in radii of the sphere of equal area.
 const STANDS_OUT: f64 = 0.25;
-/// And those that get a branch if they have none.
+/// Those that stay while the surface contracts.
 const TIP: f64 = 0.15;
+/// And those that get a branch if they have none, in radii of the shape there, and at least: fingers of large bodies.
+const TIP_OF_RADIUS: f64 = 2.0;
+const LEAST_TIP: f64 = 0.04;
 /// How far inside the surface a branch to a tip ends at least.
 const INSIDE: f64 = 0.01;
 /// Growth of the contraction per round.
@@ -105,10 +109,9 @@ pub(super) fn extract(
     let balls = balls_of(&complex, &normals);
     let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
     reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(LEAST_SIZE));
-    if options.keep == Keep::Extrema {
-        for v in extremities::find(&complex, STANDS_OUT) {
-            pinned[v as usize] = true;
-        }
+    let tips = Tips::of(&complex, &balls, &options.keep);
+    for v in &tips.kept {
+        pinned[*v as usize] = true;
     }
     let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
@@ -124,7 +127,6 @@ pub(super) fn extract(
         places: &places,
         pinned: &pinned,
     };
-    let tips = if options.keep == Keep::Nothing { extremities::find(&complex, TIP) } else { Vec::new() };
     let (web, rounds) = job.curve(&complex, &classes, &tips, observer)?;
     let Job { tree, frame, .. } = job;
     let mut found = found(&web, &tree, &frame, surface.vertex_count(), rounds);
@@ -135,6 +137,32 @@ pub(super) fn extract(
     found.node_of_vertex = node_of_vertex;
     whole_regions(&part.mesh, &mut found.node_of_vertex);
     Ok(found)
+}
+
+/// Vertices that ends of the curve belong to.
+struct Tips {
+    /// They stay for good.
+    kept: Vec<u32>,
+    /// They stay while the surface contracts.
+    held: Vec<u32>,
+    /// They get a branch if they have none.
+    shown: Vec<u32>,
+}
+
+impl Tips {
+    fn of(complex: &Complex, balls: &[Ball], keep: &Keep) -> Self {
+        let (mut kept, mut held, mut shown) = (Vec::new(), Vec::new(), Vec::new());
+        for Top { vertex, stands_out } in extremities::find(complex) {
+            let slim = LEAST_TIP.max(TIP_OF_RADIUS * balls[vertex as usize].radius);
+            match keep {
+                Keep::Extrema if stands_out >= STANDS_OUT => kept.push(vertex),
+                Keep::Nothing if stands_out >= TIP => held.push(vertex),
+                Keep::Nothing if stands_out >= slim => shown.push(vertex),
+                _ => {}
+            }
+        }
+        Self { kept, held, shown }
+    }
 }
 
 /// What stays the same when a part is contracted again.
@@ -158,7 +186,7 @@ impl Job<'_> {
         &self,
         complex: &Complex,
         classes: &Classes,
-        tips: &[u32],
+        tips: &Tips,
         observer: &mut Observer<'_>,
     ) -> Result<(Web, usize), ExtractionError> {
         let options = self.options;
@@ -173,7 +201,7 @@ impl Job<'_> {
             still: 1e-4,
         };
         let mut pinned = self.pinned.to_vec();
-        for v in tips {
+        for v in &tips.held {
             pinned[*v as usize] = true;
         }
         let mut classes = classes.clone();
@@ -187,12 +215,13 @@ impl Job<'_> {
             web.pinned[node] = true;
             web.nodes[node] = self.fine.positions()[v];
         }
-        for &v in tips {
-            let depth = self.balls[v as usize].radius.max(INSIDE);
-            let center = self.fine.positions()[v as usize] - self.normals[v as usize] * depth;
-            let node = web.node_of(v as usize);
-            tips::end_at(&mut web, node, center);
-        }
+        let end = |v: &u32| {
+            let v = *v as usize;
+            let depth = self.balls[v].radius.max(INSIDE);
+            (web.node_of(v), self.fine.positions()[v] - self.normals[v] * depth)
+        };
+        let ends: Vec<(u32, Point3<f64>)> = tips.held.iter().chain(&tips.shown).map(end).collect();
+        tips::end_at(&mut web, &ends);
         Ok((self.finished(&web)?, rounds))
     }
 

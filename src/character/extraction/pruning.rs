@@ -6,8 +6,9 @@
 //! `b = s + min_u (‖c − u‖ − r_u)`.
 //!
 //! A branch is no limb where `b < prune · w`, with `w` half its width at the end: half the longest chord across it. Of a round limb `w = s`, and
-//! with `prune = 1` this says that the end lies inside a ball of the rest; the edge of a slab is as wide as the slab, and a branch that
-//! reaches for it sticks out by less. The ratio needs no unit and is the same for fingers and trunks. The branch that sticks out least
+//! with `prune = 1` this says that the end lies inside a ball of the rest; the fold of a lip and the corner of a hoof stick out by little more,
+//! fingers and ears by twice that. The edge of a slab is as wide as the slab, and a branch that reaches for it sticks out by
+//! less. The ratio needs no unit and is the same for fingers and trunks. The branch that sticks out least
 //! goes first, since others may be covered less by then. Vertices of the branch go to the junction. Ends that are pinned stay, and so does
 //! a branch that goes on at the bend of a hairpin: without the crown of a head the curve would run up the neck and back to the nose.
 //!

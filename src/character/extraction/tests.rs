@@ -301,7 +301,7 @@ fn the_curve_ends_at_a_tip_that_it_runs_through() {
     web.nodes[knot as usize].y = 3.0;
     for node in [knot, end] {
         let tip = web.nodes[node as usize] + Vector3::new(0.0, 0.7, 0.2);
-        tips::end_at(&mut web, node, tip);
+        tips::end_at(&mut web, &[(node, tip)]);
         let ends = web.alive().filter(|v| web.degree(*v) == 1 && web.nodes[*v as usize] == tip);
         assert_eq!(ends.count(), 1);
     }
@@ -546,4 +546,96 @@ fn a_cone_that_goes_on_straight_is_a_tip_and_one_that_turns_aside_a_hook() {
     let before = tip.alive().count();
     cones::unhook(&mut tip, &tree);
     assert_eq!(tip.alive().count(), before);
+}
+
+/// A ball of radius 1 with spikes `high` and about `wide`.
+fn spiked_ball(spikes: &[Vector3<f64>], high: f64, wide: f64) -> TriMesh {
+    moved(&shapes::icosphere(5), |p| {
+        let along = p.coords.normalize();
+        let spike = |s: &Vector3<f64>| high * (-(along.angle(s) / wide).powi(2)).exp();
+        Point3::from(along * (1.0 + spikes.iter().map(spike).sum::<f64>()))
+    })
+}
+
+#[test]
+fn arms_of_a_ball_are_found_and_bumps_are_not() {
+    let aside = Rotation3::new(Vector3::z() * 0.6) * Vector3::x();
+    let arms = [Vector3::x(), -Vector3::x(), Vector3::y(), Vector3::z(), aside];
+    let (curve, report) = curve_of(&spiked_ball(&arms, 0.8, 0.12));
+    assert_eq!(report.ends, arms.len());
+    for arm in &arms {
+        let nearest = curve.nodes.iter().map(|p| (p.coords - arm * 1.8).norm()).fold(f64::MAX, f64::min);
+        assert!(nearest < 0.15, "the curve is {nearest} from an end");
+    }
+    let (_, report) = curve_of(&spiked_ball(&arms, 0.05, 0.2));
+    assert!(report.ends <= 2, "{} ends on bumps", report.ends);
+}
+
+#[test]
+fn tips_that_became_one_node_get_ends_each() {
+    let nodes = vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
+    let ends = |node: u32| {
+        let mut web = web::Web::new(nodes.clone(), &[[0, 1], [1, 2]], Vec::new());
+        let tips = [3.0, 4.0, 5.0].map(|y| Point3::new(2.0, y, 0.0));
+        tips::end_at(&mut web, &tips.map(|p| (node, p)));
+        assert!(tips.iter().all(|tip| web.alive().any(|v| web.nodes[v as usize] == *tip && web.degree(v) == 1)));
+        web.alive().filter(|v| web.degree(*v) == 1).count()
+    };
+    assert_eq!(ends(2), 4);
+    assert_eq!(ends(1), 5);
+    let mut point = web::Web::new(vec![Point3::origin()], &[], Vec::new());
+    tips::end_at(&mut point, &[(0, Point3::new(1.0, 0.0, 0.0)), (0, Point3::new(0.0, 1.0, 0.0))]);
+    assert_eq!((point.alive().count(), point.degree(0)), (3, 2));
+}
+
+#[test]
+fn nodes_too_close_are_thinned_but_for_what_they_lead_round() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let places: Vec<Point3<f64>> = (0..=100).map(|k| Point3::new(0.1 * f64::from(k), 0.0, 0.0)).collect();
+    let edges: Vec<[u32; 2]> = (1..=100).map(|k| [k - 1, k]).collect();
+    let mut web = web::Web::new(places, &edges, Vec::new());
+    resampling::thin(&mut web, &tree, 0.4);
+    let lengths: Vec<f64> = web.branches()[0].windows(2).map(|w| web.length(w[0], w[1])).collect();
+    assert!((lengths.iter().sum::<f64>() - 10.0).abs() < 1e-9);
+    assert!(lengths.windows(2).all(|w| w[0] + w[1] >= 0.4), "{lengths:?}");
+    // In the bend of an arch the middle one of three is the only way inside.
+    let half = std::f64::consts::PI;
+    let arch = capsule(2.0 * half, |s| {
+        let a = half - 0.5 * s;
+        (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let three = vec![Point3::new(-2.0, 0.0, 0.0), Point3::new(0.0, 2.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
+    let mut web = web::Web::new(three, &[[0, 1], [1, 2]], Vec::new());
+    resampling::thin(&mut web, &tree, 100.0);
+    assert_eq!(web.alive().count(), 3);
+}
+
+#[test]
+fn what_wanders_within_the_last_ball_is_trimmed() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    // Along the axis to the center of the cap, aside to the wall, and along it: no ball of the way back holds the one before it.
+    let mut web = row(&[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 0.9, 0.0], [10.3, 0.85, 0.0], [10.0, 0.9, 0.2]]);
+    tips::trim(&mut web, &tree, &|p| tree.encloses(p));
+    let farthest = web.alive().map(|v| web.nodes[v as usize].coords.yz().norm()).fold(0.0, f64::max);
+    assert!(farthest < 1e-9, "a node is {farthest} off the axis");
+    let end = web.alive().map(|v| web.nodes[v as usize].x).fold(0.0, f64::max);
+    assert!((9.8..=10.0).contains(&end), "the curve ends at {end}");
+}
+
+#[test]
+fn the_last_radius_goes_on_as_the_branch_bends_and_stays_where_that_is_narrow() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut web = row(&[[0.0, 0.0, 0.0], [9.2, 0.0, 0.0], [10.0, 0.1, 0.0]]);
+    tips::go_on(&mut web, &tree);
+    let off = web.alive().map(|v| web.nodes[v as usize].y.abs()).fold(0.0, f64::max);
+    assert!(off < 0.03, "{off} off the axis");
+    // Straight on would lead to the wall.
+    let mut web = row(&[[0.0, 0.0, 0.0], [7.0, -0.6, 0.0], [8.5, 0.3, 0.0], [9.3, 0.0, 0.0]]);
+    let before: Vec<Point3<f64>> = web.nodes.clone();
+    tips::go_on(&mut web, &tree);
+    assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }

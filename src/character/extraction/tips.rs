@@ -33,17 +33,32 @@ const WITHIN: f64 = 1.1;
 /// The way ahead must be longer than this many radii: bumps do not count.
 const ROOM: f64 = 1.1;
 
-/// Makes the curve end at the place of a tip, which became part of `node`.
-pub(super) fn end_at(web: &mut Web, node: u32, place: Point3<f64>) {
-    let around = web.neighbors(node);
-    if around.len() < 2 {
-        web.nodes[node as usize] = place;
-        return;
+/// Makes the curve end at the places of tips, each with the node that it became part of: an end goes to the first of its tips, the others
+/// get ends of their own.
+pub(super) fn end_at(web: &mut Web, tips: &[(u32, Point3<f64>)]) {
+    let degrees: Vec<usize> = tips.iter().map(|(node, _)| web.degree(*node)).collect();
+    let mut moved = Vec::new();
+    for (&(node, place), degree) in tips.iter().zip(degrees) {
+        let around = web.neighbors(node);
+        match degree {
+            0 => {
+                web.append(node, place);
+            }
+            1 if moved.contains(&node) => {
+                web.append(around[0], place);
+            }
+            1 => {
+                web.nodes[node as usize] = place;
+                moved.push(node);
+            }
+            _ => {
+                // The curve runs on behind the tip that it was drawn to.
+                let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
+                web.nodes[node as usize] = Point3::from(sum / around.len() as f64);
+                web.append(node, place);
+            }
+        }
     }
-    // The curve runs on behind the tip: the tip gets an end of its own.
-    let sum: Vector3<f64> = around.iter().map(|u| web.nodes[*u as usize].coords).sum();
-    web.nodes[node as usize] = Point3::from(sum / around.len() as f64);
-    web.append(node, place);
 }
 
 /// Takes end nodes away that are not `inside`, and those beyond the farthest node whose ball holds all of theirs.

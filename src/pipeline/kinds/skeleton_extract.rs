@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::character::extraction::ExtractionOptions;
 use crate::pipeline::kind::{OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 
@@ -32,7 +33,8 @@ pub struct SkeletonExtractSettings {
 
 impl Default for SkeletonExtractSettings {
     fn default() -> Self {
-        Self { path: None, joints: None, prune: 1.0, keep: None, template: None, contraction_frames: None }
+        let prune = ExtractionOptions::default().prune;
+        Self { path: None, joints: None, prune, keep: None, template: None, contraction_frames: None }
     }
 }
 
