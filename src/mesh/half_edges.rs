@@ -199,22 +199,38 @@ impl HalfEdges {
 }
 
 /// Half-edges sorted by their edge.
-pub(super) struct EdgeGroups(Vec<(u64, u32)>);
+pub(crate) struct EdgeGroups(Vec<(u64, u32)>);
 
 /// Groups the half-edges of triangles, given by their origins, by the edge along which they run.
-pub(super) fn edge_groups(origins: &[u32]) -> EdgeGroups {
-    let key = |h: usize| {
-        let (p, q) = (origins[h], origins[HalfEdges::next(h as u32) as usize]);
-        u64::from(p.min(q)) << 32 | u64::from(p.max(q))
+pub(crate) fn edge_groups(origins: &[u32]) -> EdgeGroups {
+    let ends = |h: u32| {
+        let (p, q) = (origins[h as usize], origins[HalfEdges::next(h) as usize]);
+        (p.min(q), p.max(q))
     };
-    let mut sorted: Vec<_> = (0..origins.len()).map(|h| (key(h), h as u32)).collect();
-    sorted.sort_unstable();
+    // Few edges share their lower end: what is dealt out by it is all but sorted.
+    let mut next = vec![0; origins.iter().max().map_or(0, |v| *v as usize + 2)];
+    let half_edges = 0..origins.len() as u32;
+    half_edges.clone().for_each(|h| next[ends(h).0 as usize + 1] += 1);
+    (1..next.len()).for_each(|v| next[v] += next[v - 1]);
+    let mut sorted = vec![(0, 0); origins.len()];
+    for h in half_edges {
+        let (low, high) = ends(h);
+        let place = &mut next[low as usize];
+        sorted[*place] = (u64::from(low) << 32 | u64::from(high), h);
+        *place += 1;
+    }
+    // Now each `next` is where those of the next vertex start.
+    let mut start = 0;
+    for end in next {
+        sorted[start..end].sort_unstable();
+        start = end;
+    }
     EdgeGroups(sorted)
 }
 
 impl EdgeGroups {
     /// The half-edges of each edge: its key and their numbers, ascending.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
         self.0.chunk_by(|a, b| a.0 == b.0)
     }
 }

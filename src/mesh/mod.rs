@@ -16,6 +16,7 @@ mod union_find;
 pub use error::{MeshError, Position};
 pub use grid::{CellPoint, Grid, GridMesh};
 pub use half_edges::HalfEdges;
+pub(crate) use half_edges::edge_groups;
 pub use io::{MeshFormat, ReadLimits, read_model, write_model};
 pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, ModelBuilder, NO_VALUE};
 pub use quad::Quad;

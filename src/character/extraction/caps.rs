@@ -6,7 +6,7 @@
 
 use nalgebra::Point3;
 
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, edge_groups};
 
 /// The closed surface. Its first vertices and triangles are those of `open`.
 pub(super) fn closed(open: &TriMesh) -> TriMesh {
@@ -25,17 +25,15 @@ pub(super) fn closed(open: &TriMesh) -> TriMesh {
 
 /// Half-edges `(a, b)` of which there are more than of `(b, a)`, each as often as that, in order.
 pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
-    let mut excess = std::collections::BTreeMap::<(u32, u32), i32>::new();
-    for &[a, b, c] in triangles {
-        for (p, q) in [(a, b), (b, c), (c, a)] {
-            *excess.entry((p.min(q), p.max(q))).or_default() += if p < q { 1 } else { -1 };
-        }
-    }
-    let oriented = |((a, b), n): ((u32, u32), i32)| {
-        let half = if n > 0 { (a, b) } else { (b, a) };
-        std::iter::repeat_n(half, n.unsigned_abs() as usize)
+    let origins = triangles.as_flattened();
+    let excess = |edge: &[(u64, u32)]| {
+        let (low, high) = ((edge[0].0 >> 32) as u32, edge[0].0 as u32);
+        let upward = edge.iter().filter(|(_, h)| origins[*h as usize] == low).count();
+        let downward = edge.len() - upward;
+        let half = if upward > downward { (low, high) } else { (high, low) };
+        std::iter::repeat_n(half, upward.abs_diff(downward))
     };
-    let mut halves: Vec<(u32, u32)> = excess.into_iter().flat_map(oriented).collect();
+    let mut halves: Vec<(u32, u32)> = edge_groups(origins).iter().flat_map(excess).collect();
     halves.sort_unstable();
     halves
 }

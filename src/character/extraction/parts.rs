@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 
-use crate::mesh::{RepairOptions, TriMesh, numbered_components, repair};
+use crate::mesh::{RepairOptions, TriMesh, edge_groups, numbered_components, repair};
 
 /// A part of the surface.
 pub(super) struct Part {
@@ -16,31 +16,21 @@ pub(super) struct Part {
 
 /// Number of handles; `None` where the surface is not a closed manifold.
 pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
-    let mut halves = std::collections::HashSet::new();
-    for &[a, b, c] in mesh.triangles() {
-        if ![(a, b), (b, c), (c, a)].into_iter().all(|half| halves.insert(half)) {
-            return None;
+    let origins = mesh.triangles().as_flattened();
+    let mut edges = 0;
+    for edge in edge_groups(origins).iter() {
+        match *edge {
+            [(_, g), (_, h)] if origins[g as usize] != origins[h as usize] => edges += 1,
+            _ => return None,
         }
     }
-    if !halves.iter().all(|(a, b)| halves.contains(&(*b, *a))) {
-        return None;
-    }
-    let euler = mesh.vertex_count() as i64 - halves.len() as i64 / 2 + mesh.triangle_count() as i64;
+    let euler = mesh.vertex_count() as i64 - edges + mesh.triangle_count() as i64;
     usize::try_from(2 - euler).ok().map(|twice| twice / 2)
 }
 
 /// True where a surface has an inside: it need not be a manifold, but no edge is one of a hole.
 pub(super) fn is_closed(mesh: &TriMesh) -> bool {
-    let mut odd = std::collections::HashSet::new();
-    for &[a, b, c] in mesh.triangles() {
-        for (p, q) in [(a, b), (b, c), (c, a)] {
-            let edge = (p.min(q), p.max(q));
-            if !odd.remove(&edge) {
-                odd.insert(edge);
-            }
-        }
-    }
-    odd.is_empty()
+    edge_groups(mesh.triangles().as_flattened()).iter().all(|edge| edge.len().is_multiple_of(2))
 }
 
 /// Parts in the order of their first vertex, and what repair did.
