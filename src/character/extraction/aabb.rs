@@ -14,6 +14,8 @@ use super::caps;
 pub(super) struct AabbTree {
     nodes: Vec<Node>,
     corners: Vec<[Point3<f64>; 3]>,
+    /// Unit normal of each triangle, zero where it has none.
+    normals: Vec<Vector3<f64>>,
     /// Whether each half-edge has one that runs the other way.
     oriented: bool,
 }
@@ -37,7 +39,13 @@ impl AabbTree {
         if !corners.is_empty() {
             divide(&mut corners, 0, &mut nodes);
         }
-        Self { nodes, corners, oriented: caps::boundary(triangles).is_empty() }
+        let normal = |[a, b, c]: &[Point3<f64>; 3]| (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
+        Self {
+            nodes,
+            normals: corners.iter().map(normal).collect(),
+            corners,
+            oriented: caps::boundary(triangles).is_empty(),
+        }
     }
 
     /// The point of the surface nearest to `p`.
@@ -60,6 +68,10 @@ impl AabbTree {
         let node = &self.nodes[at];
         if !node.triangles.is_empty() {
             for t in node.triangles.clone() {
+                // No point of a triangle is nearer than its plane.
+                if self.normals[t as usize].dot(&(p - self.corners[t as usize][0])).powi(2) >= best.1 {
+                    continue;
+                }
                 let q = nearest_of_triangle(p, &self.corners[t as usize]);
                 let d = nalgebra::distance_squared(p, &q);
                 if d < best.1 {
@@ -227,7 +239,8 @@ fn nearest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Point3<
     a + ab * (vb / sum) + ac * (vc / sum)
 }
 
-/// Parameter at which a ray meets a triangle, and whether it goes the way of its normal (T. Möller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, 1997).
+/// Parameter at which a ray meets a triangle, and whether it goes the way of its normal (T. Möller, B. Trumbore, *Fast, minimum storage
+/// ray/triangle intersection*, 1997).
 fn meets(o: &Point3<f64>, d: &Vector3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> Option<(f64, bool)> {
     let (e1, e2) = (b - a, c - a);
     let p = d.cross(&e2);

@@ -43,6 +43,22 @@ pub(super) fn radius(tree: &AabbTree, c: &Point3<f64>) -> f64 {
     tree.nearest(c).map_or(0.0, |p| nalgebra::distance(c, &p))
 }
 
+/// Likewise for each node of a curve.
+pub(super) fn radii(web: &Web, tree: &AabbTree) -> Vec<f64> {
+    let mut radii = vec![0.0; web.nodes.len()];
+    let mut last = None;
+    for v in web.alive() {
+        let c = &web.nodes[v as usize];
+        // Nodes in a row have neighbors in a row.
+        last = match last {
+            Some(guess) => Some(tree.nearest_from(c, &guess)),
+            None => tree.nearest(c),
+        };
+        radii[v as usize] = last.map_or(0.0, |p| nalgebra::distance(c, &p));
+    }
+    radii
+}
+
 /// Moves all nodes but pinned ones toward the middle, and back in where that took them out. Only a `closed` surface has an outside.
 pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();

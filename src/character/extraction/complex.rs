@@ -100,7 +100,15 @@ impl Complex {
     /// Neighbors of a vertex, ascending.
     pub(super) fn neighbors(&self, v: u32, into: &mut Vec<u32>) {
         into.clear();
-        into.extend(self.fan(v).flatten().filter(|u| *u != v));
+        for [a, b, c] in self.fan(v) {
+            into.extend(if a == v {
+                [b, c]
+            } else if b == v {
+                [a, c]
+            } else {
+                [a, b]
+            });
+        }
         into.sort_unstable();
         into.dedup();
     }

@@ -6,13 +6,13 @@
 //!
 //! `(r − s) / d > STEEP`,   `s < SMALL · r`,   every ball between within `UNEVEN · r` of the straight line,
 //!
-//! by `1/√3` of the way in the corner of a cube, `1/√2` in the rim of a cylinder. Legs and ears are thinner than that line near the trunk already. A
-//! blunt horn is such a cone, too; what tells them apart is their company. Where three or more are about one ball, they are the crown of
-//! a box; where one goes on from a limb and turns aside, it is a hook into a rim. A cone that goes on straight is the tip of the limb.
+//! by `1/√3` of the way in the corner of a cube, `1/√2` in the rim of a cylinder. Legs and ears are thinner than that line near the
+//! trunk already. A blunt horn is such a cone, too; what tells them apart is their company. Where three or more are about one ball, they
+//! are the crown of a box; where one goes on from a limb and turns aside, it is a hook into a rim. A cone that goes on straight is the
+//! tip of the limb.
 
-use super::aabb::AabbTree;
 use super::order::Cost;
-use super::pruning::{limbs, radii, sticks_out, take_away};
+use super::pruning::sticks_out;
 use super::web::{Branch, Web};
 
 /// The balls shrink at least by this share of the way.
@@ -29,34 +29,33 @@ const CROWN: usize = 3;
 /// A hook turns aside by more than this, 30°.
 const ASIDE: f64 = 0.52;
 
-/// Takes branches into corners away, where several are about one ball; whether there were any.
-pub(super) fn take_crowns(web: &mut Web, tree: &AabbTree) -> bool {
-    let radii = radii(web, tree);
+/// Takes branches into corners away, where several are about one ball; whether there were any. The `radii` are the distances of the nodes
+/// to the surface.
+pub(super) fn take_crowns(web: &mut Web, radii: &[f64]) -> bool {
     let corner = |branch: Branch| {
-        let (_, base) = sticks_out(web, &branch, &radii);
+        let (_, base) = sticks_out(web, &branch, radii);
         let first = (0..branch.len()).min_by_key(|i| Cost::new(web.length(base, branch[*i])))?;
-        is_cone(web, &radii, base, &branch[first..], OUT).then_some((branch, base))
+        is_cone(web, radii, base, &branch[first..], OUT).then_some((branch, base))
     };
-    let corners: Vec<(Branch, u32)> = limbs(web).filter_map(corner).collect();
+    let corners: Vec<(Branch, u32)> = web.limbs().filter_map(corner).collect();
     let about = |base: u32| corners.iter().filter(|(_, other)| web.length(base, *other) < radii[base as usize]).count();
     let crowns: Vec<&Branch> = corners.iter().filter(|(_, base)| about(*base) >= CROWN).map(|(b, _)| b).collect();
     for branch in &crowns {
-        take_away(web, branch);
+        web.take_away(branch);
     }
     !crowns.is_empty()
 }
 
 /// Takes away what turns aside into a rim or a corner at the end of a limb.
-pub(super) fn unhook(web: &mut Web, tree: &AabbTree) {
-    let radii = radii(web, tree);
+pub(super) fn unhook(web: &mut Web, radii: &[f64]) {
     for mut branch in web.branches() {
         for _ in 0..2 {
             let end = branch[branch.len() - 1];
             if web.degree(end) == 1
                 && !web.pinned[end as usize]
-                && let Some(base) = hook(web, &radii, &branch)
+                && let Some(base) = hook(web, radii, &branch)
             {
-                take_away(web, &branch[base..]);
+                web.take_away(&branch[base..]);
                 branch.truncate(base + 1);
             }
             branch.reverse();

@@ -164,7 +164,7 @@ impl Contraction {
                 moved[v as usize] = Point3::from(place);
             }
         }
-        self.call_back(&system.vertices, &mut moved);
+        self.call_back(&system, &mut moved);
         self.complex.positions = moved;
         self.system = Some(system);
         Ok(())
@@ -172,22 +172,19 @@ impl Contraction {
 
     /// Brings vertices that have left all their neighbors back among them: what stands for next to no area is the cheapest to move where
     /// slivers about it are to be flattened.
-    fn call_back(&self, vertices: &[u32], moved: &mut [Point3<f64>]) {
-        let mut around = Vec::new();
-        let lost: Vec<(u32, Point3<f64>)> = vertices
-            .iter()
-            .filter_map(|&v| {
-                self.complex.neighbors(v, &mut around);
-                let length = |of: &[Point3<f64>], u: u32| nalgebra::distance(&of[v as usize], &of[u as usize]);
-                let before = around.iter().map(|u| length(&self.complex.positions, *u)).fold(0.0, f64::max);
-                let nearest = around.iter().map(|u| length(moved, *u)).fold(f64::INFINITY, f64::min);
-                if self.pinned[v as usize] || around.is_empty() || nearest <= LEFT * before {
-                    return None;
-                }
-                let sum: Vector3<f64> = around.iter().map(|u| moved[*u as usize].coords).sum();
-                Some((v, Point3::from(sum / around.len() as f64)))
-            })
-            .collect();
+    fn call_back(&self, system: &NormalEquations, moved: &mut [Point3<f64>]) {
+        let brought_back = |(i, &v): (usize, &u32)| {
+            let around = system.around(i).map(|j| system.vertices[j] as usize);
+            let length = |of: &[Point3<f64>], u: usize| nalgebra::distance(&of[v as usize], &of[u]);
+            let before = around.clone().map(|u| length(&self.complex.positions, u)).fold(0.0, f64::max);
+            let nearest = around.clone().map(|u| length(moved, u)).fold(f64::INFINITY, f64::min);
+            if self.pinned[v as usize] || nearest == f64::INFINITY || nearest <= LEFT * before {
+                return None;
+            }
+            let sum: Vector3<f64> = around.clone().map(|u| moved[u].coords).sum();
+            Some((v, Point3::from(sum / around.count() as f64)))
+        };
+        let lost: Vec<(u32, Point3<f64>)> = system.vertices.iter().enumerate().filter_map(brought_back).collect();
         for (v, place) in lost {
             moved[v as usize] = place;
         }
@@ -298,13 +295,13 @@ mod tests {
         let mut pinned = vec![false; ball.vertex_count()];
         pinned[9] = true;
         let contraction = Contraction::new(complex, &balls, pinned, weights);
-        let all: Vec<u32> = contraction.complex.vertices().collect();
+        let system = NormalEquations::analyze(&contraction.complex).unwrap();
         let halved: Vec<_> = ball.positions().iter().map(|p| Point3::from(p.coords * 0.5)).collect();
         let mut moved = halved.clone();
         for far in [5, 9] {
             moved[far] = Point3::new(7.0, 0.0, 1.0);
         }
-        contraction.call_back(&all, &mut moved);
+        contraction.call_back(&system, &mut moved);
         assert_eq!(moved[9], Point3::new(7.0, 0.0, 1.0), "what is pinned stays");
         assert!(nalgebra::distance(&moved[5], &halved[5]) < 0.1, "{}", moved[5]);
         let others = (0..halved.len()).filter(|v| ![5, 9].contains(v));

@@ -28,10 +28,10 @@ const PIECES: usize = 16;
 /// The distance to the surface counts as at least this.
 const LEAST_RADIUS: f64 = 1e-3;
 
-/// Cuts detours of all branches.
-pub(super) fn cut(web: &mut Web, tree: &AabbTree) {
+/// Cuts detours of all branches; `radii` are the distances of the nodes to the surface.
+pub(super) fn cut(web: &mut Web, tree: &AabbTree, radii: &[f64]) {
     for branch in web.branches() {
-        let kept = shortest(web, tree, &branch);
+        let kept = shortest(web, tree, radii, &branch);
         for pair in kept.windows(2) {
             bridge(web, &branch[pair[0]..=pair[1]]);
         }
@@ -47,9 +47,9 @@ fn bridge(web: &mut Web, row: &[u32]) {
 }
 
 /// Positions in a branch of the nodes by which the way along it is cheapest.
-fn shortest(web: &Web, tree: &AabbTree, branch: &Branch) -> Vec<usize> {
+fn shortest(web: &Web, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
     let places: Vec<Point3<f64>> = branch.iter().map(|v| web.nodes[*v as usize]).collect();
-    let radii: Vec<f64> = places.iter().map(|p| radius(tree, p).max(LEAST_RADIUS)).collect();
+    let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(LEAST_RADIUS)).collect();
     let mut length = vec![0.0; places.len()];
     let mut cost = vec![0.0; places.len()];
     let mut before: Vec<usize> = (0..places.len()).map(|j| j.saturating_sub(1)).collect();

@@ -81,6 +81,11 @@ impl NormalEquations {
         }
     }
 
+    /// The unknowns around one.
+    pub(super) fn around(&self, i: usize) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.rings.around(i).map(|(j, _)| j)
+    }
+
     /// Solves for three right-hand sides, one behind the other.
     pub(super) fn solve_in_place(&mut self, rhs: &mut [f64]) -> Result<(), ExtractionError> {
         self.factor.factor(&self.matrix).map_err(ExtractionError::from_sparse)?;
@@ -100,7 +105,7 @@ impl Rings {
         Self { starts, weights: vec![0.0; to.len()], to }
     }
 
-    fn around(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+    fn around(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let places = self.starts[i]..self.starts[i + 1];
         self.to[places.clone()].iter().zip(&self.weights[places]).map(|(j, w)| (*j as usize, *w))
     }

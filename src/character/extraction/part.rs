@@ -235,15 +235,7 @@ impl Job<'_> {
             tips::extend(&mut web, tree);
         }
         web = resampling::resample(&web, SPACING);
-        cones::take_crowns(&mut web, tree);
-        pruning::prune(&mut web, tree, self.options.prune);
-        if cones::take_crowns(&mut web, tree) {
-            pruning::prune(&mut web, tree, self.options.prune);
-        }
-        let mut radius = |web: &Web, v: u32| centering::radius(tree, &web.nodes[v as usize]);
-        pruning::join_junctions(&mut web, &mut radius, ONE_JUNCTION);
-        detours::cut(&mut web, tree);
-        cones::unhook(&mut web, tree);
+        self.take_away_what_says_nothing(&mut web);
         web = resampling::resample(&web, SPACING);
         tips::go_on(&mut web, tree);
         centering::center(&mut web, tree, closed, PASSES[1])?;
@@ -258,6 +250,20 @@ impl Job<'_> {
         bends::round_off(&mut web, tree);
         resampling::thin(&mut web, tree, SPACING);
         Ok(web)
+    }
+
+    /// Takes branches away that are no limbs, and ways there and back.
+    fn take_away_what_says_nothing(&self, web: &mut Web) {
+        let (tree, prune) = (&self.tree, self.options.prune);
+        let radii = centering::radii(web, tree);
+        cones::take_crowns(web, &radii);
+        pruning::prune(web, tree, &radii, prune);
+        if cones::take_crowns(web, &radii) {
+            pruning::prune(web, tree, &radii, prune);
+        }
+        pruning::join_junctions(web, &radii, ONE_JUNCTION);
+        detours::cut(web, tree, &radii);
+        cones::unhook(web, &radii);
     }
 
     /// Where a surface has no inside, everything counts as inside.
@@ -354,11 +360,12 @@ fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usi
     let alive: Vec<u32> = web.alive().collect();
     let mut number = vec![0_u32; web.nodes.len()];
     alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
+    let radii = centering::radii(web, tree);
     let joined = |v: &u32| web.neighbors(*v).iter().filter(|u| *v < **u).map(|u| [*v, *u]).collect::<Vec<_>>();
     Found {
         nodes: alive.iter().map(|v| frame.of_model(&web.nodes[*v as usize])).collect(),
         edges: alive.iter().flat_map(joined).map(|e| e.map(|v| number[v as usize])).collect(),
-        radius: alive.iter().map(|v| centering::radius(tree, &web.nodes[*v as usize]) * frame.scale).collect(),
+        radius: alive.iter().map(|v| radii[*v as usize] * frame.scale).collect(),
         node_of_vertex: (0..vertices).map(|v| number[web.node_of(v) as usize]).collect(),
         rounds,
         handles: 0,

@@ -17,7 +17,6 @@
 use nalgebra::Vector3;
 
 use super::aabb::AabbTree;
-use super::centering::radius;
 use super::order::Cost;
 use super::web::{Branch, Web};
 
@@ -30,17 +29,16 @@ const TILT: f64 = 0.8;
 /// Two branches at less than this angle run side by side, 60°.
 const HAIRPIN: f64 = 1.05;
 
-/// Takes away what is covered.
-pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
-    let radii = radii(web, tree);
+/// Takes away what is covered; `radii` are the distances of the nodes to the surface.
+pub(super) fn prune(web: &mut Web, tree: &AabbTree, radii: &[f64], prune: f64) {
     let mut widths = std::collections::HashMap::new();
     loop {
         let mut worst: Option<(Cost, Branch)> = None;
-        for branch in limbs(web) {
+        for branch in web.limbs() {
             let (junction, end) = (branch[0], branch[branch.len() - 1]);
             let width =
                 *widths.entry((junction, end)).or_insert_with(|| half_width(web, tree, &branch, radii[end as usize]));
-            let out = Cost::new(sticks_out(web, &branch, &radii).0 / width.max(f64::MIN_POSITIVE));
+            let out = Cost::new(sticks_out(web, &branch, radii).0 / width.max(f64::MIN_POSITIVE));
             if out < Cost::new(prune)
                 && !leaves_a_hairpin(web, &branch, radii[junction as usize])
                 && worst.as_ref().is_none_or(|(least, _)| out < *least)
@@ -49,31 +47,8 @@ pub(super) fn prune(web: &mut Web, tree: &AabbTree, prune: f64) {
             }
         }
         let Some((_, branch)) = worst else { return };
-        take_away(web, &branch);
+        web.take_away(&branch);
     }
-}
-
-/// Distance of each node to the surface.
-pub(super) fn radii(web: &Web, tree: &AabbTree) -> Vec<f64> {
-    let mut radii = vec![0.0; web.nodes.len()];
-    for v in web.alive() {
-        radii[v as usize] = radius(tree, &web.nodes[v as usize]);
-    }
-    radii
-}
-
-/// Branches from a junction to an end that is not pinned.
-pub(super) fn limbs(web: &Web) -> impl Iterator<Item = Branch> {
-    let from_junction = |mut branch: Branch| {
-        if web.degree(branch[0]) == 1 {
-            branch.reverse();
-        }
-        branch
-    };
-    web.branches().into_iter().map(from_junction).filter(|branch| {
-        let (junction, end) = (branch[0], branch[branch.len() - 1]);
-        web.degree(end) == 1 && web.degree(junction) >= 3 && !web.pinned[end as usize]
-    })
 }
 
 /// True where a branch goes on at the bend of two others that run side by side: without it the curve would go there and back.
@@ -89,20 +64,9 @@ fn leaves_a_hairpin(web: &Web, branch: &[u32], radius: f64) -> bool {
 
 /// From a node to where the branch toward `to` is `reach` away; none where that is shorter.
 fn direction(web: &Web, from: u32, to: u32, reach: f64) -> Option<Vector3<f64>> {
-    let (mut before, mut at) = (from, to);
-    while web.degree(at) == 2 && web.length(from, at) < reach {
-        let next = web.neighbors(at).iter().copied().find(|v| *v != before);
-        let Some(next) = next.filter(|v| *v != from) else { break };
-        (before, at) = (at, next);
-    }
+    let row = web.row(from, to, reach);
+    let at = row[row.len() - 1];
     (web.length(from, at) >= reach).then(|| web.nodes[at as usize] - web.nodes[from as usize])
-}
-
-/// Merges a branch into its first node.
-pub(super) fn take_away(web: &mut Web, branch: &[u32]) {
-    for pair in branch.windows(2).rev() {
-        web.merge(pair[1], pair[0]);
-    }
 }
 
 /// How far the ball at the end of a branch sticks out of the balls about the rest of the curve, and of which it does so least.
@@ -145,7 +109,8 @@ fn half_width(web: &Web, tree: &AabbTree, branch: &[u32], radius: f64) -> f64 {
 }
 
 /// Merges junctions that are one.
-pub(super) fn join_junctions(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) -> f64, share: f64) {
+pub(super) fn join_junctions(web: &mut Web, radii: &[f64], share: f64) {
+    let radius = |v: u32| radii[v as usize];
     loop {
         let mut nearest: Option<(Cost, Vec<u32>)> = None;
         for branch in web.branches() {
@@ -154,7 +119,7 @@ pub(super) fn join_junctions(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) ->
                 continue;
             }
             let length = web.branch_length(&branch);
-            let widest = radius(web, a).max(radius(web, b));
+            let widest = radius(a).max(radius(b));
             let rank = Cost::new(length / widest);
             if length < share * widest
                 && !closes_a_loop(web, &branch)
@@ -165,7 +130,7 @@ pub(super) fn join_junctions(web: &mut Web, radius: &mut dyn FnMut(&Web, u32) ->
         }
         let Some((_, branch)) = nearest else { return };
         let (a, b) = (branch[0], branch[branch.len() - 1]);
-        let (inner, keep) = if radius(web, a) >= radius(web, b) {
+        let (inner, keep) = if radius(a) >= radius(b) {
             (branch[1..].to_vec(), a)
         } else {
             let mut rest = branch.clone();

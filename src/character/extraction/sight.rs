@@ -8,7 +8,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
-use super::centering::radius;
+use super::centering::radii;
 use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::kd_tree::KdTree;
@@ -32,7 +32,7 @@ const MARGIN: f64 = 0.05;
 pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();
     let middle = web.nodes.clone();
-    let radii: Vec<f64> = middle.iter().map(|p| radius(tree, p)).collect();
+    let radii = radii(web, tree);
     let mut hidden = places.to_vec();
     for pass in 0..PASSES {
         if pass == PASSES / 2 {

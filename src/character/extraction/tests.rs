@@ -283,11 +283,12 @@ fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     for side in [0.3, 0.9] {
         let mut web = comb(0.0, 10.0, side);
-        pruning::prune(&mut web, &tree, 1.0);
+        let radii = centering::radii(&web, &tree);
+        pruning::prune(&mut web, &tree, &radii, 1.0);
         assert_eq!(web.alive().filter(|v| web.degree(*v) == 1).count(), 2, "a branch {side} long");
         assert!([0, 20].iter().all(|v| web.is_alive(*v)), "the ends of the capsule stay");
         let mut all = comb(0.0, 10.0, side);
-        pruning::prune(&mut all, &tree, 0.0);
+        pruning::prune(&mut all, &tree, &radii, 0.0);
         assert!(all.is_alive(21), "nothing goes at zero");
     }
 }
@@ -428,7 +429,8 @@ fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    detours::cut(&mut web, &tree);
+    let radii = centering::radii(&web, &tree);
+    detours::cut(&mut web, &tree, &radii);
     assert!(web.alive().all(|v| web.nodes[v as usize].y < 0.1), "the detour is left");
     assert!((web.branches().iter().map(|b| web.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
     let bent = capsule(10.0, |s| {
@@ -444,7 +446,8 @@ fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
         .collect();
     let mut web = row(&axis);
     let before = web.alive().count();
-    detours::cut(&mut web, &tree);
+    let radii = centering::radii(&web, &tree);
+    detours::cut(&mut web, &tree, &radii);
     assert_eq!(web.alive().count(), before);
 }
 
@@ -455,7 +458,8 @@ fn what_is_pinned_is_no_detour() {
     let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
     let top = web.alive().max_by(|a, b| web.nodes[*a as usize].y.total_cmp(&web.nodes[*b as usize].y)).unwrap();
     web.pinned[top as usize] = true;
-    detours::cut(&mut web, &tree);
+    let radii = centering::radii(&web, &tree);
+    detours::cut(&mut web, &tree, &radii);
     assert!(web.is_alive(top) && web.nodes[top as usize].y == 0.8);
 }
 
@@ -537,14 +541,16 @@ fn a_cone_that_goes_on_straight_is_a_tip_and_one_that_turns_aside_a_hook() {
     let top = [middle.x, middle.y, high.z - 0.5];
     let corner = [high.x - 0.01, high.y - 0.01, high.z - 0.01];
     let mut hooked = row(&[[middle.x, middle.y, low.z + 0.5], top, corner]);
-    cones::unhook(&mut hooked, &tree);
+    let radii = centering::radii(&hooked, &tree);
+    cones::unhook(&mut hooked, &radii);
     let end = hooked.alive().map(|v| hooked.nodes[v as usize].z).fold(f64::MIN, f64::max);
     assert!((end - top[2]).abs() < 0.06, "the end is at {end}");
     // The same corner, come upon straight: the bar is the cone's own limb.
     let straight = [0, 1, 2].map(|k| top[k] - (corner[k] - top[k]));
     let mut tip = row(&[straight, top, corner]);
     let before = tip.alive().count();
-    cones::unhook(&mut tip, &tree);
+    let radii = centering::radii(&tip, &tree);
+    cones::unhook(&mut tip, &radii);
     assert_eq!(tip.alive().count(), before);
 }
 

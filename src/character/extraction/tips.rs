@@ -63,9 +63,8 @@ pub(super) fn end_at(web: &mut Web, tips: &[(u32, Point3<f64>)]) {
 
 /// Takes end nodes away that are not `inside`, and those beyond the farthest node whose ball holds all of theirs.
 pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>) -> bool) {
-    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
-    for end in ends {
-        let mut row = row_back(web, end, f64::INFINITY);
+    for end in web.free_ends() {
+        let mut row = web.row_back(end, f64::INFINITY);
         row.retain(|v| web.degree(*v) < 3);
         let places: Vec<Point3<f64>> = row.iter().map(|v| web.nodes[*v as usize]).collect();
         let Some(first) = places.iter().position(inside) else { continue };
@@ -83,8 +82,7 @@ pub(super) fn trim(web: &mut Web, tree: &AabbTree, inside: &dyn Fn(&Point3<f64>)
 
 /// Lets every end inside a closed surface go on as far as its ball can.
 pub(super) fn extend(web: &mut Web, tree: &AabbTree) {
-    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
-    for end in ends {
+    for end in web.free_ends() {
         let Some(first) = direction(web, tree, end) else { continue };
         let start = web.nodes[end as usize];
         let farthest = FARTHEST * radius(tree, &start);
@@ -103,12 +101,14 @@ pub(super) fn extend(web: &mut Web, tree: &AabbTree) {
 /// Lets the last radius of every branch go on as the two before it bend: in the ball at the end of a limb all places are about as far from
 /// the surface, and facets decide where the middle is. Where its balls would become smaller, the branch stays.
 pub(super) fn go_on(web: &mut Web, tree: &AabbTree) {
-    let ends: Vec<u32> = web.alive().filter(|v| web.degree(*v) == 1 && !web.pinned[*v as usize]).collect();
-    for end in ends {
+    for end in web.free_ends() {
         let reach = LOOK_BACK * radius(tree, &web.nodes[end as usize]);
-        let row = row_back(web, end, 3.0 * reach);
+        let row = web.row_back(end, 3.0 * reach);
         let far = |k: f64| row.iter().position(|v| web.length(end, *v) >= k * reach);
         let [Some(base), Some(middle), Some(from)] = [1.0, 2.0, 3.0].map(far) else { continue };
+        if base == middle || middle == from {
+            continue;
+        }
         let bend = Parabola::through([from, middle, base].map(|i| web.nodes[row[i] as usize]));
         let places: Vec<Point3<f64>> = row[..base].iter().map(|v| bend.at(web.length(row[base], *v))).collect();
         let stays_wide = |(v, place): (&u32, &Point3<f64>)| {
@@ -142,21 +142,9 @@ impl Parabola {
     }
 }
 
-/// Nodes of a branch from its end until one is so far from it, or a junction.
-fn row_back(web: &Web, end: u32, reach: f64) -> Vec<u32> {
-    let (mut before, mut at) = (u32::MAX, end);
-    let mut row = vec![end];
-    while web.degree(at) <= 2 && web.length(end, at) < reach {
-        let Some(next) = web.neighbors(at).iter().copied().find(|v| *v != before) else { break };
-        row.push(next);
-        (before, at) = (at, next);
-    }
-    row
-}
-
 /// Direction of a branch at its end.
 fn direction(web: &Web, tree: &AabbTree, end: u32) -> Option<Vector3<f64>> {
-    let row = row_back(web, end, LOOK_BACK * radius(tree, &web.nodes[end as usize]));
+    let row = web.row_back(end, LOOK_BACK * radius(tree, &web.nodes[end as usize]));
     (web.nodes[end as usize] - web.nodes[row[row.len() - 1] as usize]).try_normalize(1e-9)
 }
 

@@ -106,7 +106,7 @@ impl Web {
         let knots: Vec<u32> = self.alive().filter(|v| self.degree(*v) != 2).collect();
         for &v in &knots {
             for &to in self.neighbors(v) {
-                let branch = self.walk(v, to);
+                let branch = self.row(v, to, f64::INFINITY);
                 let last = branch[branch.len() - 1];
                 let inner = branch.get(1..branch.len() - 1).unwrap_or_default();
                 let first_time = match inner.first() {
@@ -123,7 +123,7 @@ impl Web {
         }
         for v in self.alive() {
             if self.degree(v) == 2 && !seen[v as usize] {
-                let branch = self.walk(v, self.neighbors(v)[0]);
+                let branch = self.row(v, self.neighbors(v)[0], f64::INFINITY);
                 for v in &branch {
                     seen[*v as usize] = true;
                 }
@@ -133,15 +133,47 @@ impl Web {
         branches
     }
 
-    fn walk(&self, from: u32, to: u32) -> Branch {
-        let mut branch = vec![from, to];
+    /// Nodes from one toward its neighbor `to`, until one is `reach` away or the branch ends.
+    pub(super) fn row(&self, from: u32, to: u32, reach: f64) -> Branch {
+        let mut row = vec![from, to];
         let (mut before, mut at) = (from, to);
-        while self.degree(at) == 2 && at != from {
+        while self.degree(at) == 2 && at != from && self.length(from, at) < reach {
             let next = self.neighbors(at).iter().copied().find(|v| *v != before).unwrap_or(before);
-            branch.push(next);
+            row.push(next);
             (before, at) = (at, next);
         }
-        branch
+        row
+    }
+
+    /// Nodes of a branch from its end until one is `reach` away or the branch ends; only the end where it has been cut off.
+    pub(super) fn row_back(&self, end: u32, reach: f64) -> Branch {
+        self.neighbors(end).first().map_or_else(|| vec![end], |to| self.row(end, *to, reach))
+    }
+
+    /// Ends that are not pinned.
+    pub(super) fn free_ends(&self) -> Vec<u32> {
+        self.alive().filter(|v| self.degree(*v) == 1 && !self.pinned[*v as usize]).collect()
+    }
+
+    /// Branches from a junction to an end that is not pinned.
+    pub(super) fn limbs(&self) -> impl Iterator<Item = Branch> {
+        let from_junction = |mut branch: Branch| {
+            if self.degree(branch[0]) == 1 {
+                branch.reverse();
+            }
+            branch
+        };
+        self.branches().into_iter().map(from_junction).filter(|branch| {
+            let (junction, end) = (branch[0], branch[branch.len() - 1]);
+            self.degree(end) == 1 && self.degree(junction) >= 3 && !self.pinned[end as usize]
+        })
+    }
+
+    /// Merges a row of nodes into its first.
+    pub(super) fn take_away(&mut self, row: &[u32]) {
+        for pair in row.windows(2).rev() {
+            self.merge(pair[1], pair[0]);
+        }
     }
 
     /// Length of a branch.
