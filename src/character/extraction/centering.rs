@@ -21,7 +21,7 @@ use super::order::Cost;
 use super::web::Web;
 
 /// Over how many radii steps agree.
-const AGREE: f64 = 0.5;
+pub(super) const AGREE: f64 = 0.5;
 /// Over how many radii the curve is smoothed in each pass.
 const SMOOTH: f64 = 0.2;
 /// A step is at most this share of the distance to the surface.
@@ -45,18 +45,28 @@ pub(super) fn radius(tree: &AabbTree, c: &Point3<f64>) -> f64 {
 
 /// Likewise for each node of a curve.
 pub(super) fn radii(web: &Web, tree: &AabbTree) -> Vec<f64> {
-    let mut radii = vec![0.0; web.nodes.len()];
+    distances(web, &nearest(web, tree))
+}
+
+/// Distance of each node to the point of the surface nearest to it.
+pub(super) fn distances(web: &Web, nearest: &[Option<Point3<f64>>]) -> Vec<f64> {
+    web.nodes.iter().zip(nearest).map(|(c, p)| p.map_or(0.0, |p| nalgebra::distance(c, &p))).collect()
+}
+
+/// The point of the surface nearest to each node of a curve.
+pub(super) fn nearest(web: &Web, tree: &AabbTree) -> Vec<Option<Point3<f64>>> {
+    let mut all = vec![None; web.nodes.len()];
     let mut last = None;
     for v in web.alive() {
         let c = &web.nodes[v as usize];
-        // Nodes in a row have neighbors in a row.
+        // Nodes in a row are near to each other.
         last = match last {
             Some(guess) => Some(tree.nearest_from(c, &guess)),
             None => tree.nearest(c),
         };
-        radii[v as usize] = last.map_or(0.0, |p| nalgebra::distance(c, &p));
+        all[v as usize] = last;
     }
-    radii
+    all
 }
 
 /// Moves all nodes but pinned ones toward the middle, and back in where that took them out. Only a `closed` surface has an outside.
@@ -219,7 +229,7 @@ impl Foot {
 }
 
 /// Direction of the curve at a node with two neighbors; zero at ends and junctions, which move freely.
-fn tangent(web: &Web, v: u32) -> Vector3<f64> {
+pub(super) fn tangent(web: &Web, v: u32) -> Vector3<f64> {
     match web.neighbors(v) {
         [a, b] => (web.nodes[*b as usize] - web.nodes[*a as usize]).try_normalize(0.0).unwrap_or_default(),
         _ => Vector3::zeros(),

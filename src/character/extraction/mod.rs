@@ -19,6 +19,7 @@
 //! | branches that say nothing | `pruning.rs` |
 //! | the way to a tip that was none | `detours.rs` |
 //! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
+//! | to the axis of round limbs | `axis.rs` |
 //! | to where the surface sees it | `sight.rs` |
 //! | sharp bends and crowded nodes that this leaves | `bends.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
@@ -31,6 +32,7 @@
 //! Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012.
 
 mod aabb;
+mod axis;
 mod bends;
 mod caps;
 mod centering;

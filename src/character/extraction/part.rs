@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
+use super::axis;
 use super::complex::Complex;
 use super::contraction::{Contraction, Weights};
 use super::extremities::Top;
@@ -241,9 +242,9 @@ impl Job<'_> {
         centering::center(&mut web, tree, closed, PASSES[1])?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         tips::go_on(&mut web, tree);
+        axis::settle(&mut web, tree)?;
         web = resampling::resample(&web, SPACING);
         sight::draw(&mut web, tree, self.places)?;
-        web = resampling::resample(&web, SPACING);
         if closed {
             centering::keep_inside(&mut web, tree);
         }

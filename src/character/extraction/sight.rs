@@ -24,7 +24,7 @@ const EVEN: f64 = 0.1;
 /// Nodes that are tried for the nearest one in sight.
 const TRIED: usize = 40;
 /// How far a node goes from the middle, in radii.
-const FARTHEST: f64 = 0.5;
+const FARTHEST: f64 = 0.7;
 /// How much nearer than the hidden one the node in sight shall be.
 const MARGIN: f64 = 0.05;
 
