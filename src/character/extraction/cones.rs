@@ -4,12 +4,12 @@
 //! corner the balls shrink evenly and fast until nothing is left, like those in a cone: with `r` the radius of the first, and `s` that of the
 //! end at the distance `d`,
 //!
-//! `(r − s) / d > STEEP`,   `s < SMALL · r`,   every ball between within `UNEVEN · r` of the straight line,
+//! `(r − s) / d > STEEP`,   `s < SMALL · r`,   no ball between `THICKER · r` above the straight line or `THINNER · r` below,
 //!
-//! by `1/√3` of the way in the corner of a cube, `1/√2` in the rim of a cylinder. Legs and ears are thinner than that line near the
-//! trunk already. A blunt horn is such a cone, too; what tells them apart is their company. Where three or more are about one ball, they
-//! are the crown of a box; where one goes on from a limb and turns aside, it is a hook into a rim. A cone that goes on straight is the
-//! tip of the limb.
+//! by `1/√3` of the way in the corner of a cube, `1/√2` in the rim of a cylinder. Legs and ears, and the spines of a ball, are
+//! thinner than that line where they leave the body. A blunt horn is such a cone, too; what tells them apart is their company. Where
+//! three or more are about one ball, they are the crown of a box; where one goes on from a limb and turns aside, it is a hook into a
+//! rim. A cone that goes on straight is the tip of the limb.
 
 use super::order::Cost;
 use super::pruning::sticks_out;
@@ -19,8 +19,10 @@ use super::web::{Branch, Web};
 const STEEP: f64 = 0.45;
 /// Until they are as small as this share of the first: there is a little fillet at most.
 const SMALL: f64 = 0.35;
-/// How much larger or smaller they are between, as a share of the first.
-const UNEVEN: f64 = 0.25;
+/// How much larger they are between than the straight line says, as a share of the first: sheets of boxes bend the way to a corner.
+const THICKER: f64 = 0.25;
+/// And how much smaller: spines and ears are by .16 to .4, corners of boxes by .14 at most, nine of ten by less than .1.
+const THINNER: f64 = 0.15;
 /// An end in one of several corners sticks out of the ball that they are about by less than this share of its radius; and one in a rim.
 const OUT: f64 = 1.1;
 const OUT_OF_RIM: f64 = 0.9;
@@ -82,6 +84,9 @@ fn is_cone(web: &Web, radii: &[f64], base: u32, row: &[u32], out: f64) -> bool {
     let [r, s] = [base, end].map(|v| radii[v as usize]);
     let length = web.length(base, end);
     let slope = (r - s) / length;
-    let even = |v: &u32| (r - slope * web.length(base, *v) - radii[*v as usize]).abs() <= UNEVEN * r;
+    let even = |v: &u32| {
+        let more = (radii[*v as usize] - r + slope * web.length(base, *v)) / r;
+        (-THINNER..=THICKER).contains(&more)
+    };
     slope > STEEP && s < SMALL * r && length + s < (1.0 + out) * r && row.iter().all(even)
 }

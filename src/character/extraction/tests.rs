@@ -567,11 +567,14 @@ fn spiked_ball(spikes: &[Vector3<f64>], high: f64, wide: f64) -> TriMesh {
 fn arms_of_a_ball_are_found_and_bumps_are_not() {
     let aside = Rotation3::new(Vector3::z() * 0.6) * Vector3::x();
     let arms = [Vector3::x(), -Vector3::x(), Vector3::y(), Vector3::z(), aside];
-    let (curve, report) = curve_of(&spiked_ball(&arms, 0.8, 0.12));
-    assert_eq!(report.ends, arms.len());
-    for arm in &arms {
-        let nearest = curve.nodes.iter().map(|p| (p.coords - arm * 1.8).norm()).fold(f64::MAX, f64::min);
-        assert!(nearest < 0.15, "the curve is {nearest} from an end");
+    for (high, wide) in [(0.8, 0.12), (0.5, 0.1), (0.4, 0.1)] {
+        let (curve, report) = curve_of(&spiked_ball(&arms, high, wide));
+        assert_eq!(report.ends, arms.len(), "arms {high} long");
+        for arm in &arms {
+            let end = arm * (1.0 + high);
+            let nearest = curve.nodes.iter().map(|p| (p.coords - end).norm()).fold(f64::MAX, f64::min);
+            assert!(nearest < 0.15, "the curve is {nearest} from an end {high} long");
+        }
     }
     let (_, report) = curve_of(&spiked_ball(&arms, 0.05, 0.2));
     assert!(report.ends <= 2, "{} ends on bumps", report.ends);
