@@ -5,6 +5,9 @@
 //! lower one, with its top at `d'`, ends, and stands out by `d' − d`. Tops of hills that stand out far enough are tips: what is no more
 //! than a bump never counts, however many bumps there are.
 //!
+//! Lengths may count in units of their own at each vertex. In units of the radius of the shape there, slim limbs are long, and stand out
+//! though they turn aside or back: fingers of an armadillo by 2.4 and more, ears and horns by 2.2, lips and bumps by less than 2.2.
+//!
 //! # Reference
 //! H. Edelsbrunner, D. Letscher, A. Zomorodian, *Topological persistence and simplification*, Discrete Comput. Geom. 28 (2002); distances
 //! are those along edges (E. W. Dijkstra 1959).
@@ -28,23 +31,42 @@ pub(super) struct Top {
     pub(super) stands_out: f64,
 }
 
-/// Tops of all hills.
-pub(super) fn find(complex: &Complex) -> Vec<Top> {
-    let Some(first) = complex.vertices().next() else { return Vec::new() };
-    let mut around = vec![Vec::new(); complex.positions.len()];
-    complex.vertices().for_each(|v| complex.neighbors(v, &mut around[v as usize]));
+/// A surface seen from its middle.
+pub(super) struct Heights<'a> {
+    complex: &'a Complex,
+    around: Around,
+    middle: Option<u32>,
+}
+
+impl<'a> Heights<'a> {
+    pub(super) fn new(complex: &'a Complex) -> Self {
+        let mut around = vec![Vec::new(); complex.positions.len()];
+        complex.vertices().for_each(|v| complex.neighbors(v, &mut around[v as usize]));
+        let middle = complex.vertices().next().map(|first| middle(complex, &around, first));
+        Self { complex, around, middle }
+    }
+
+    /// Tops of the hills on which no vertex is `known`, with lengths in the `unit` at each vertex.
+    pub(super) fn tops(&self, unit: &dyn Fn(u32) -> f64, known: &[u32]) -> Vec<Top> {
+        let Some(middle) = self.middle else { return Vec::new() };
+        let height = distances(self.complex, &self.around, middle, unit);
+        tops(self.complex, &self.around, &height, known)
+    }
+}
+
+/// The vertex of the least sum of distances to a few far apart.
+fn middle(complex: &Complex, around: &Around, first: u32) -> u32 {
+    let distances = |from: u32| distances(complex, around, from, &|_| 1.0);
     let mut sum = vec![0.0; complex.positions.len()];
-    let mut nearest = distances(complex, &around, first);
+    let mut nearest = distances(first);
     for _ in 0..FAR_APART {
-        let far = farthest(complex, &nearest);
-        let from = distances(complex, &around, far);
+        let from = distances(farthest(complex, &nearest));
         for v in complex.vertices().map(|v| v as usize) {
             sum[v] += from[v];
             nearest[v] = nearest[v].min(from[v]);
         }
     }
-    let middle = complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first);
-    tops(complex, &around, &distances(complex, &around, middle))
+    complex.vertices().min_by_key(|v| (Cost::new(sum[*v as usize]), *v)).unwrap_or(first)
 }
 
 fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
@@ -52,8 +74,8 @@ fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
     complex.vertices().max_by_key(by).expect("there is a first vertex")
 }
 
-/// Lengths of shortest ways along edges.
-fn distances(complex: &Complex, around: &Around, from: u32) -> Vec<f64> {
+/// Lengths of shortest ways along edges, each in the mean of the units at its ends.
+fn distances(complex: &Complex, around: &Around, from: u32, unit: &dyn Fn(u32) -> f64) -> Vec<f64> {
     let mut distance = vec![f64::INFINITY; complex.positions.len()];
     distance[from as usize] = 0.0;
     let mut heap = BinaryHeap::from([Reverse((Cost::new(0.0), from))]);
@@ -63,8 +85,8 @@ fn distances(complex: &Complex, around: &Around, from: u32) -> Vec<f64> {
             continue;
         }
         for &u in &around[v as usize] {
-            let step = nalgebra::distance(&complex.positions[v as usize], &complex.positions[u as usize]);
-            let there = distance[v as usize] + step;
+            let length = nalgebra::distance(&complex.positions[v as usize], &complex.positions[u as usize]);
+            let there = distance[v as usize] + 2.0 * length / (unit(v) + unit(u));
             if there < distance[u as usize] {
                 distance[u as usize] = there;
                 heap.push(Reverse((Cost::new(there), u)));
@@ -83,13 +105,19 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
     hill
 }
 
-fn tops(complex: &Complex, around: &Around, height: &[f64]) -> Vec<Top> {
+fn tops(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Vec<Top> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
     let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
-    let highest = |v: &u32| Top { vertex: *v, stands_out: f64::INFINITY };
-    let mut tops: Vec<Top> = order.first().map(highest).into_iter().collect();
+    let mut is_known = vec![false; complex.positions.len()];
+    for v in known {
+        is_known[*v as usize] = true;
+    }
+    let mut tops = Vec::new();
+    if let Some(highest) = order.first().filter(|_| known.is_empty()) {
+        tops.push(Top { vertex: *highest, stands_out: f64::INFINITY });
+    }
     for &v in &order {
         let mut hills: Vec<u32> = around[v as usize]
             .iter()
@@ -103,9 +131,12 @@ fn tops(complex: &Complex, around: &Around, height: &[f64]) -> Vec<Top> {
             continue;
         };
         top[v as usize] = highest;
+        is_known[highest as usize] |= is_known[v as usize];
         for &lower in &hills[1..] {
-            let stands_out = height[lower as usize] - height[v as usize];
-            tops.push(Top { vertex: lower, stands_out });
+            if !is_known[lower as usize] {
+                tops.push(Top { vertex: lower, stands_out: height[lower as usize] - height[v as usize] });
+            }
+            is_known[highest as usize] |= is_known[lower as usize];
             into[lower as usize] = highest;
         }
     }

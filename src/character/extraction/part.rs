@@ -6,15 +6,13 @@ use super::aabb::AabbTree;
 use super::axis;
 use super::complex::Complex;
 use super::contraction::{Contraction, Weights};
-use super::extremities::Top;
+use super::extremities::{Heights, Top};
 use super::homology::Classes;
 use super::medial::{Ball, balls};
 use super::parts::{self, Part};
 use super::web::Web;
 use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
-use super::{
-    bends, caps, centering, cones, detours, extremities, pruning, reduction, resampling, sheet, sight, surgery, tips,
-};
+use super::{bends, caps, centering, cones, detours, pruning, reduction, resampling, sheet, sight, surgery, tips};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 
 /// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
@@ -43,6 +41,10 @@ const TIP: f64 = 0.15;
 /// And those that get a branch if they have none, in radii of the shape there, and at least: fingers of large bodies.
 const TIP_OF_RADIUS: f64 = 2.0;
 const LEAST_TIP: f64 = 0.04;
+/// Likewise those of slim limbs on which no other tip is, with lengths in radii of the shape on the way: ears, horns, fingers that turn
+/// back. Lips stand out by 2.1. And what counts as a radius at least.
+const SLIM_TIP: f64 = 2.2;
+const LEAST_RADIUS: f64 = 0.02;
 /// How far inside the surface a branch to a tip ends at least.
 const INSIDE: f64 = 0.01;
 /// Growth of the contraction per round.
@@ -141,6 +143,7 @@ pub(super) fn extract(
 }
 
 /// Vertices that ends of the curve belong to.
+#[derive(Default)]
 struct Tips {
     /// They stay for good.
     kept: Vec<u32>,
@@ -152,17 +155,24 @@ struct Tips {
 
 impl Tips {
     fn of(complex: &Complex, balls: &[Ball], keep: &Keep) -> Self {
-        let (mut kept, mut held, mut shown) = (Vec::new(), Vec::new(), Vec::new());
-        for Top { vertex, stands_out } in extremities::find(complex) {
-            let slim = LEAST_TIP.max(TIP_OF_RADIUS * balls[vertex as usize].radius);
-            match keep {
-                Keep::Extrema if stands_out >= STANDS_OUT => kept.push(vertex),
-                Keep::Nothing if stands_out >= TIP => held.push(vertex),
-                Keep::Nothing if stands_out >= slim => shown.push(vertex),
-                _ => {}
-            }
+        let vertices = |tops: Vec<Top>| tops.into_iter().map(|t| t.vertex).collect::<Vec<u32>>();
+        if let Keep::Vertices(_) = keep {
+            return Self::default();
         }
-        Self { kept, held, shown }
+        let heights = Heights::new(complex);
+        let mut far = heights.tops(&|_| 1.0, &[]);
+        if let Keep::Extrema = keep {
+            far.retain(|t| t.stands_out >= STANDS_OUT);
+            return Self { kept: vertices(far), ..Self::default() };
+        }
+        let radius = |v: u32| balls[v as usize].radius;
+        far.retain(|t| t.stands_out >= TIP.min(LEAST_TIP.max(TIP_OF_RADIUS * radius(t.vertex))));
+        let (held, less) = far.into_iter().partition(|t| t.stands_out >= TIP);
+        let (held, mut shown) = (vertices(held), vertices(less));
+        let mut slim = heights.tops(&|v| radius(v).max(LEAST_RADIUS), &[&held[..], &shown].concat());
+        slim.retain(|t| t.stands_out >= SLIM_TIP);
+        shown.extend(vertices(slim));
+        Self { kept: Vec::new(), held, shown }
     }
 }
 
@@ -217,13 +227,22 @@ impl Job<'_> {
             web.nodes[node] = self.fine.positions()[v];
         }
         let end = |v: &u32| {
-            let v = *v as usize;
-            let depth = self.balls[v].radius.max(INSIDE);
-            (web.node_of(v), self.fine.positions()[v] - self.normals[v] * depth)
+            let node = web.node_of(*v as usize);
+            (node, self.end_at(*v as usize, &web.nodes[node as usize]))
         };
         let ends: Vec<(u32, Point3<f64>)> = tips.held.iter().chain(&tips.shown).map(end).collect();
         tips::end_at(&mut web, &ends);
         Ok((self.finished(&web)?, rounds))
+    }
+
+    /// The center of the ball at a tip; where its normal leads astray, as on a needle, a place just below it on the way to the curve.
+    fn end_at(&self, tip: usize, curve: &Point3<f64>) -> Point3<f64> {
+        let place = self.fine.positions()[tip];
+        let center = place - self.normals[tip] * self.balls[tip].radius.max(INSIDE);
+        if self.is_inside(&center) {
+            return center;
+        }
+        place + (curve - place).try_normalize(0.0).unwrap_or_default() * INSIDE
     }
 
     /// Evened out, pruned, in the middle, in sight of the surface.

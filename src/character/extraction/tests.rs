@@ -581,6 +581,30 @@ fn arms_of_a_ball_are_found_and_bumps_are_not() {
 }
 
 #[test]
+fn tips_stand_out_by_their_length_and_hills_that_are_known_are_left_out() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let complex = complex::Complex::new(mesh.positions().to_vec(), mesh.triangles().to_vec());
+    let heights = extremities::Heights::new(&complex);
+    let tips = |unit: f64, known: &[u32]| -> Vec<extremities::Top> {
+        let mut tops = heights.tops(&|_| unit, known);
+        tops.retain(|t| t.stands_out > 3.0 / unit);
+        tops
+    };
+    let ends = [0, mesh.vertex_count() as u32 - 1];
+    let [first, second] = &tips(1.0, &[])[..] else { panic!("two ends") };
+    assert!(first.stands_out.is_infinite() && (3.0..4.5).contains(&second.stands_out), "{}", second.stands_out);
+    let on_a_cap = |v: u32| !(0.0..=10.0).contains(&mesh.positions()[v as usize].x);
+    assert!(on_a_cap(first.vertex) && on_a_cap(second.vertex));
+    assert!((tips(0.5, &[])[1].stands_out - 2.0 * second.stands_out).abs() < 1e-9);
+    let side = |v: u32| usize::from(mesh.positions()[v as usize].x > 5.0);
+    assert_ne!(side(first.vertex), side(second.vertex));
+    // Any place on a hill says that it is known.
+    let left = tips(1.0, &[ends[side(first.vertex)]]);
+    assert_eq!(left.iter().map(|t| t.vertex).collect::<Vec<_>>(), [second.vertex]);
+    assert!(tips(1.0, &[ends[side(second.vertex)]]).is_empty());
+}
+
+#[test]
 fn tips_that_became_one_node_get_ends_each() {
     let nodes = vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
     let ends = |node: u32| {
