@@ -146,7 +146,30 @@ fn faults_of_the_whole_file_read_well() {
     let none = format!("{GOOD}crf = 18\ncodec = \"ffv1\"\n");
     let trimmed = GOOD.replace("path = \"in.mp4\"", "path = \"in.mp4\"\nstart = 00:00:12\nend = 10");
     let no_batch = GOOD.replace("out.mp4", "${item.stem}.mp4");
-    let cases: [(&str, &str, &[&str]); 16] = [
+    let no_landmarks = r#"
+version = 1
+
+[stage.a]
+use  = "mesh.load"
+path = "a.obj"
+
+[stage.b]
+use  = "mesh.load"
+path = "b.obj"
+
+[stage.shapes]
+use    = "morph"
+inputs = { mesh = "a", other = "b" }
+over   = "sphere"
+refine = 0.01
+
+[stage.out]
+use    = "mesh.save"
+inputs = ["shapes"]
+path   = "shapes.ply"
+frames = 9
+"#;
+    let cases: [(&str, &str, &[&str]); 17] = [
         ("syntax", "version = 1\n[stage.a\nuse = 3", &[]),
         ("duplicate_key", "version = 1\nname = \"a\"\nname = \"b\"\n", &[]),
         ("no_version", "[stage.a]\nuse = \"video.decode\"\npath = \"a\"\n", &[]),
@@ -161,6 +184,7 @@ fn faults_of_the_whole_file_read_well() {
         ("crf_of_codec", &range, &[]),
         ("crf_of_lossless", &none, &[]),
         ("trim", &trimmed, &[]),
+        ("over_without_landmarks", no_landmarks, &[]),
         ("item_without_batch", &no_batch, &[]),
         (
             "set",

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::morph::correspondence::{CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions};
-use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::kind::{Conflict, OverTime, StageSettings};
 use crate::pipeline::port::{Port, PortType};
 
 /// How one mesh is laid over another.
@@ -90,6 +90,16 @@ impl StageSettings for MorphSettings {
 
     fn over_time(&self) -> OverTime {
         OverTime::Once
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        let by_landmarks = [("over", self.over != OverWish::default()), ("refine", self.refine.is_some())];
+        let asked = by_landmarks.into_iter().filter(|(_, is_given)| *is_given && self.landmarks.is_none());
+        let message =
+            "without landmarks the meshes are two poses of one, and neither is laid over the other".to_owned();
+        asked
+            .map(|(key, _)| Conflict { key, message: message.clone(), help: "give `landmarks`, or leave it out" })
+            .collect()
     }
 
     fn reads(&self) -> Vec<&str> {
