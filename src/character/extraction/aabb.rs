@@ -130,7 +130,9 @@ impl AabbTree {
     /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first, and with whether the ray leaves there; it returns
     /// up to where others matter.
     fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64, bool) -> f64) {
-        if self.nodes.first().and_then(|root| root.entry(ray)).is_some() {
+        // A direction of no length enters every box and meets nothing.
+        let leads_on = ray.direction.norm_squared() > 0.0;
+        if leads_on && self.nodes.first().and_then(|root| root.entry(ray)).is_some() {
             self.follow(0, ray, &mut until, meet);
         }
     }
@@ -278,6 +280,9 @@ mod tests {
             assert!((nalgebra::distance(&tree.nearest_from(&p, &guess), &p) - near).abs() < 1e-14);
             assert_eq!(tree.first_hit(&p, &d).unwrap_or(f64::INFINITY), hit);
             assert_eq!(tree.is_hit(&p, &d, 0.7), hit <= 0.7);
+        }
+        for nowhere in [Vector3::zeros(), Vector3::repeat(f64::NAN)] {
+            assert!(tree.first_hit(&Point3::origin(), &nowhere).is_none());
         }
     }
 

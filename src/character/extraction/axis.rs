@@ -31,7 +31,8 @@ pub(super) fn settle(web: &mut Web, tree: &AabbTree) -> Result<(), ExtractionErr
     let alive: Vec<u32> = web.alive().collect();
     let feet = nearest(web, tree);
     let mut fairing = Fairing::new(web, &alive, &distances(web, &feet), AGREE, |_| false)?;
-    let mut round: Vec<(u32, Point3<f64>)> = alive.iter().filter_map(|v| Some((*v, feet[*v as usize]?))).collect();
+    let between_two = alive.iter().filter(|v| web.degree(**v) == 2);
+    let mut round: Vec<(u32, Point3<f64>)> = between_two.filter_map(|v| Some((*v, feet[*v as usize]?))).collect();
     for _ in 0..PASSES {
         let mut steps = vec![Vector3::zeros(); web.nodes.len()];
         // Nodes that are not on round limbs at first are not asked again.
