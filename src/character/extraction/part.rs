@@ -86,8 +86,10 @@ pub(super) fn extract(
     let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
     let mut closed = parts::is_closed(&surface);
     if !closed {
-        if sheet::is_solid(&surface, &surface.vertex_normals()) {
-            surface = caps::closed(&surface);
+        let turned = inside_out(&surface);
+        let solid = [&surface, &turned].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals())).map(caps::closed);
+        if let Some(solid) = solid {
+            surface = solid;
         } else if let Some((thick, sources)) = sheet::thickened(&surface) {
             (surface, over) = (thick, sources);
         }
@@ -306,6 +308,12 @@ fn point(part: &Part) -> Found {
         rounds: 0,
         handles: 0,
     }
+}
+
+/// The surface with all triangles turned: an open one may have come with its inside out.
+fn inside_out(surface: &TriMesh) -> TriMesh {
+    let turned = surface.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    TriMesh::new(surface.positions().to_vec(), turned).expect("the same corners and positions")
 }
 
 /// The surface with each triangle cut into four, until there are vertices enough. Vertices keep their numbers.

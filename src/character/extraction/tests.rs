@@ -519,6 +519,18 @@ fn a_limb_that_is_cut_open_is_like_one_with_a_lid() {
 }
 
 #[test]
+fn an_open_limb_may_come_inside_out() {
+    let whole = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let kept = |t: &usize| !t.is_multiple_of(97);
+    let turned = (0..whole.triangle_count()).filter(kept).map(|t| whole.triangles()[t]).map(|[a, b, c]| [a, c, b]);
+    let open = TriMesh::new(whole.positions().to_vec(), turned.collect()).unwrap();
+    let (curve, report) = curve_of(&open);
+    assert_eq!((report.ends, report.junctions), (2, 0));
+    let off = curve.nodes.iter().map(|p| p.y.hypot(p.z)).fold(0.0, f64::max);
+    assert!(off < 0.05, "{off} off the axis");
+}
+
+#[test]
 fn corners_of_a_box_and_rims_of_a_cut_are_no_limbs() {
     for size in [[1.0, 1.0, 2.0], [1.0, 1.0, 3.0], [1.0, 1.0, 5.0]] {
         let bar = shapes::bar([10, 10, (10.0 * size[2]) as usize], size);
