@@ -27,6 +27,7 @@ pub mod pipeline;
 pub mod raster;
 pub mod render;
 pub mod report;
+pub mod run;
 pub mod sparse;
 pub mod surface;
 pub mod time;
