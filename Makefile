@@ -18,18 +18,18 @@ test: deps lint unit oracle ## formatting, lints, all tests, documentation, orac
 	@echo "make test: all passed"
 
 lint: deps
-	cargo fmt --check
-	cargo clippy --locked --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	cargo fmt --all --check
+	cargo clippy --workspace --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --locked --no-deps
 
 unit: deps
-	cargo test --locked
+	cargo test --workspace --locked
 
 oracle: deps .venv/ready
 	.venv/bin/python tests/oracle/run.py
 
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
-	cargo bench --locked
+	cargo bench --workspace --locked
 
 media: deps-build ## renders the clips and meshes of media/ again
 	cargo run --release --locked --example make_meshes media

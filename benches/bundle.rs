@@ -4,10 +4,10 @@
 //! unknowns another 0.12·10⁹; an observation some 400 for its derivatives and their products.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plumbline::energy::Loss;
-use plumbline::motion::sfm::bundle::{BundleOptions, Freedom, RobustFit, adjust};
-use plumbline::motion::sfm::synthetic::{Disturbance, Shot, ShotOptions};
-use plumbline::optim::levenberg_marquardt::DampingOptions;
+use plumbline::num::energy::Loss;
+use plumbline::num::optim::levenberg_marquardt::DampingOptions;
+use plumbline::video::motion::sfm::bundle::{BundleOptions, Freedom, RobustFit, adjust};
+use plumbline::video::motion::sfm::synthetic::{Disturbance, Shot, ShotOptions};
 
 /// Iterations per run: what is paid once is spread as in a real run.
 const ITERATIONS: usize = 10;

@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plumbline::image::{Plane, Pyramid};
-use plumbline::track::{KltOptions, track};
+use plumbline::video::track::{KltOptions, track};
 
 fn waves(dx: f64, dy: f64) -> Pyramid {
     let mut rng = fastrand::Rng::with_seed(1);

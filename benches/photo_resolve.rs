@@ -11,10 +11,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plumbline::camera::{FieldAxis, FieldOfView, Lens, Projection, Vec3};
-use plumbline::feature::Importance;
 use plumbline::image::Plane;
-use plumbline::math::{Point2, Rect, Vec2};
-use plumbline::mesh::GridMesh;
+use plumbline::image::feature::Importance;
+use plumbline::image::grid::GridMesh;
+use plumbline::num::math::{Point2, Rect, Vec2};
 use plumbline::photo::rectify::{Rectifier, RectifyInput, RectifyOptions};
 use plumbline::photo::retarget::{RetargetOptions, Retargeter};
 use plumbline::photo::{Line, Orientation};

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plumbline::feature::{CornerDetector, CornerOptions};
+use plumbline::image::feature::{CornerDetector, CornerOptions};
 use plumbline::image::{Frame, Layout, PixelFormat, Plane, PlaneRef, Pyramid, analysis_luma};
 
 /// Overlapping rectangles under a little noise.

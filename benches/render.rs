@@ -6,11 +6,11 @@
 #![allow(missing_docs)] // made by `criterion_group!`
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use plumbline::image::grid::GridMesh;
+use plumbline::image::render::{Border, Interpolation, RenderOptions, Renderer};
+use plumbline::image::warp::{Lattice, WarpField};
 use plumbline::image::{Frame, Layout, PixelFormat};
-use plumbline::math::{Point2, Similarity2, Vec2};
-use plumbline::mesh::GridMesh;
-use plumbline::render::{Border, Interpolation, RenderOptions, Renderer};
-use plumbline::warp::{Lattice, WarpField};
+use plumbline::num::math::{Point2, Similarity2, Vec2};
 
 const WIDTH: usize = 1920;
 const HEIGHT: usize = 1080;

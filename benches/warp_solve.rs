@@ -10,10 +10,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plumbline::energy::{Complex, Ordering, QuadraticEnergy, Scalar};
-use plumbline::math::{Homography, Point2, Vec2};
-use plumbline::mesh::Grid;
-use plumbline::warp::{ContentPreserving, ContentPreservingOptions, PointPair};
+use plumbline::image::grid::Grid;
+use plumbline::image::warp::{ContentPreserving, ContentPreservingOptions, PointPair};
+use plumbline::num::energy::{Complex, Ordering, QuadraticEnergy, Scalar};
+use plumbline::num::math::{Homography, Point2, Vec2};
 
 const GRID: Grid = Grid { cols: 64, rows: 36, width: 1920.0, height: 1080.0 };
 
@@ -55,7 +55,7 @@ fn bench(c: &mut Criterion) {
     let mut warp = ContentPreserving::new(64, 36, w, h, ContentPreservingOptions::default()).expect("valid grid");
     let (points, pre_warp) = (points(), pre_warp());
     let mut mesh = warp.grid().to_mesh();
-    let checksum = |mesh: &plumbline::mesh::GridMesh| mesh.vertices.iter().map(|v| v.x + v.y).sum::<f64>();
+    let checksum = |mesh: &plumbline::image::grid::GridMesh| mesh.vertices.iter().map(|v| v.x + v.y).sum::<f64>();
     let (first, report) = warp.solve(&pre_warp, &points, &[]).expect("regular");
     assert!(report.raised == 0 && report.rms_px < 0.9 * report.prewarp_rms_px, "{report:?}");
     c.bench_function("warp frame (pre-warp, assemble, factor, solve)", |b| {

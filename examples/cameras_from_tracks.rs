@@ -4,8 +4,8 @@
 //! (px, pixel centers at integer + 0.5), ids ascending. Argument: `--global` takes all rows to be captured at once. Output: the
 //! verdict, its figures, the lens, per frame `{"q": [w, x, y, z], "t": [x, y, z]}` (`cam_from_world`) or `null`.
 
-use plumbline::math::Point2;
-use plumbline::motion::sfm::{SfmOptions, TrackTable, reconstruct};
+use plumbline::num::math::Point2;
+use plumbline::video::motion::sfm::{SfmOptions, TrackTable, reconstruct};
 use serde_json::json;
 
 #[allow(clippy::print_stdout)]

@@ -7,7 +7,7 @@
 
 use std::error::Error;
 
-use plumbline::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
+use plumbline::num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use nalgebra::Point3;
-use plumbline::mesh::{ReadLimits, read_model};
-use plumbline::surface::{
+use plumbline::shape::mesh::{ReadLimits, read_model};
+use plumbline::shape::surface::{
     Convergence, DeformOptions, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning, bind,
 };
 

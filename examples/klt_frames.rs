@@ -9,7 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use plumbline::image::{Plane, PlaneRef, Pyramid};
-use plumbline::track::{KltOptions, track};
+use plumbline::video::track::{KltOptions, track};
 
 type Failure = Box<dyn std::error::Error>;
 

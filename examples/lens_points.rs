@@ -10,7 +10,7 @@ use std::error::Error;
 use std::path::Path;
 
 use plumbline::camera::{ExifFacts, Vec3, read_lens};
-use plumbline::math::Point2;
+use plumbline::num::math::Point2;
 use serde::Deserialize;
 use serde_json::json;
 

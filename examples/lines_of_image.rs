@@ -10,7 +10,7 @@ use std::time::Instant;
 use image::{Rgb, RgbImage};
 use plumbline::camera::{FieldAxis, FieldOfView, Lens, Projection};
 use plumbline::image::Plane;
-use plumbline::math::Point2;
+use plumbline::num::math::Point2;
 use plumbline::photo::line_detection::{LineDetectionOptions, LineGroup, detect_lines};
 use plumbline::photo::marks::LinesFile;
 

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use plumbline::mesh::io::{WriteOptions, encode_model, write_model};
-use plumbline::mesh::{Group, MeshFormat, Model, ModelBuilder, NO_VALUE, TriMesh, shapes};
+use plumbline::shape::mesh::io::{WriteOptions, encode_model, write_model};
+use plumbline::shape::mesh::{Group, MeshFormat, Model, ModelBuilder, NO_VALUE, TriMesh, shapes};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -18,7 +18,7 @@ fn main() -> Result<(), Failure> {
     write("mesh-bar.ply", shapes::bar([6, 6, 30], [1.0, 1.0, 5.0]))?;
     write("mesh-zero-area.obj", with_zero_area())?;
     write_model(&folder.join("mesh-polygons.obj"), &polygons()?)?;
-    let person = plumbline::character::humanoid::humanoid(0.036)?;
+    let person = plumbline::shape::character::humanoid::humanoid(0.036)?;
     write_model(&folder.join("humanoid.glb"), &person.to_model(None)?)?;
     broken(&folder)
 }

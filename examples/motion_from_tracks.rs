@@ -4,8 +4,8 @@
 //! integer + 0.5). Output, one line per frame: quality, model, points, inliers, coverage, residual, the nine entries of the
 //! homography, then `a b tx ty` of the similarity, then the ids of the points judged background.
 
-use plumbline::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, ReadoutEstimator, TrackPoint};
-use plumbline::time::Timestamp;
+use plumbline::num::time::Timestamp;
+use plumbline::video::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, ReadoutEstimator, TrackPoint};
 
 #[allow(clippy::print_stdout)]
 fn main() {

@@ -9,10 +9,10 @@ use std::error::Error;
 use std::hint::black_box;
 
 use nalgebra::Matrix4;
-use plumbline::character::humanoid::humanoid;
-use plumbline::character::regression::{Example, RegressionModel, RegressionOptions};
-use plumbline::character::skinning::{Skinner, SkinningMethod};
-use plumbline::character::{Character, Outside};
+use plumbline::shape::character::humanoid::humanoid;
+use plumbline::shape::character::regression::{Example, RegressionModel, RegressionOptions};
+use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
+use plumbline::shape::character::{Character, Outside};
 
 /// Poses of each movement.
 const POSES: u32 = 6;

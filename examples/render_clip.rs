@@ -14,8 +14,8 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
-use plumbline::raster::Canvas;
-use plumbline::raster::scene::{HandHeld, Polygon, Pose, RATE_HZ, Scene, View, Walk, passer_by, street_sound};
+use plumbline::image::canvas::Canvas;
+use plumbline_testkit::scene::{HandHeld, Polygon, Pose, RATE_HZ, Scene, View, Walk, passer_by, street_sound};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Preset {

@@ -15,8 +15,8 @@ use nalgebra::UnitQuaternion;
 use plumbline::camera::{
     CameraPose, ExifFacts, FieldAxis, FieldOfView, Lens, LensFile, Point3, Projection, Unified, Vec3, read_lens,
 };
-use plumbline::math::{Point2, Vec2};
-use plumbline::raster::room::{LineKind, Room, RoomView};
+use plumbline::num::math::{Point2, Vec2};
+use plumbline_testkit::room::{LineKind, Room, RoomView};
 use serde_json::{Value, json};
 
 #[derive(Parser)]

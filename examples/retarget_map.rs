@@ -11,9 +11,9 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::time::Instant;
 
-use plumbline::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
+use plumbline::image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
 use plumbline::image::{Frame, Layout, PixelFormat};
-use plumbline::math::{Point2, PointMap};
+use plumbline::num::math::{Point2, PointMap};
 use plumbline::photo::retarget::{RetargetOptions, Retargeter};
 use plumbline::photo::{Line, Orientation};
 

@@ -6,8 +6,8 @@
 use std::io::Write;
 use std::time::Instant;
 
-use plumbline::feature::{SegmentOptions, segments};
 use plumbline::image::Plane;
+use plumbline::image::feature::{SegmentOptions, segments};
 
 const PASSES: usize = 3;
 

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use nalgebra::{Matrix4, Point3};
-use plumbline::character::skinning::{PackedSkin, Skinner, SkinningMethod};
-use plumbline::character::{Joint, Skeleton, Skin, SkinWeights};
-use plumbline::math::Trs;
-use plumbline::mesh::TriMesh;
+use plumbline::num::math::Trs;
+use plumbline::shape::character::skinning::{PackedSkin, Skinner, SkinningMethod};
+use plumbline::shape::character::{Joint, Skeleton, Skin, SkinWeights};
+use plumbline::shape::mesh::TriMesh;
 
 #[derive(Parser)]
 struct Arguments {

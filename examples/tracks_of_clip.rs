@@ -4,7 +4,7 @@
 use std::io::Write;
 
 use plumbline::media::{Input, ReadOptions, VideoReader};
-use plumbline::track::{FrameTracks, TrackOptions, Tracker};
+use plumbline::video::track::{FrameTracks, TrackOptions, Tracker};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();

@@ -3,18 +3,20 @@
 
 use std::io::Cursor;
 
+use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
-use plumbline::character::Outside;
-use plumbline::character::io::{Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text};
-use plumbline::character::regression::SkinModel;
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
-use plumbline::math::Point2;
-use plumbline::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
-use plumbline::mesh::{HalfEdges, RepairOptions, Weld, repair, shapes};
-use plumbline::motion::ClipMotion;
-use plumbline::pipeline::{Source, print, read};
-use plumbline::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
-use plumbline::surface::handle_file::HandleFile;
+use plumbline::num::math::Point2;
+use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
+use plumbline::shape::character::Outside;
+use plumbline::shape::character::io::{
+    Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text,
+};
+use plumbline::shape::character::regression::SkinModel;
+use plumbline::shape::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
+use plumbline::shape::mesh::{HalfEdges, RepairOptions, Weld, repair, shapes};
+use plumbline::shape::surface::handle_file::HandleFile;
+use plumbline::video::motion::ClipMotion;
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
 pub fn motion_file(bytes: &[u8]) {
@@ -89,7 +91,7 @@ fn mesh_file(bytes: &[u8], format: MeshFormat) {
     write_and_read(&model.with_positions(moved).expect("half of a number is one"));
 }
 
-fn write_and_read(model: &plumbline::mesh::Model) {
+fn write_and_read(model: &plumbline::shape::mesh::Model) {
     use MeshFormat::{Glb, Gltf, Obj, Off, Ply, Stl};
     for (format, ascii) in
         [(Obj, true), (Ply, true), (Ply, false), (Off, true), (Stl, true), (Stl, false), (Gltf, true), (Glb, false)]

@@ -1,35 +1,21 @@
 //! **plumbline**: hold shaky video steady, make straight lines straight, bend shapes the way they would bend.
 //!
-//! Everything here chooses vertex positions `x` that minimise a sparse energy under point constraints,
+//! Everything here chooses vertex positions `x` that minimize a sparse energy under point constraints,
 //!
 //! ```text
 //! E(x) = Σᵣ wᵣ ‖Σⱼ aᵣⱼ xⱼ − bᵣ‖²      s.t.  x_f = c_f  for f in the fixed set,
 //! ```
 //!
-//! which on a grid laid over an image is a *warp* and on a surface a *deformation*. The modules stand in strict layers;
-//! `docs/ARCHITECTURE.md` holds the table of allowed imports, and a test reads it from there.
+//! which on a grid laid over an image is a *warp* and on a surface a *deformation*. Each part is a crate of its own;
+//! `docs/ARCHITECTURE.md` holds the table of what each may use, and a test reads it from there.
 
-pub mod camera;
-pub mod character;
-pub mod cli;
-pub mod energy;
-pub mod feature;
-pub mod image;
-pub mod math;
-pub mod media;
-pub mod mesh;
-pub mod morph;
-pub mod motion;
-pub mod optim;
-pub mod path;
-pub mod photo;
-pub mod pipeline;
-pub mod raster;
-pub mod render;
-pub mod report;
-pub mod run;
-pub mod sparse;
-pub mod surface;
-pub mod time;
-pub mod track;
-pub mod warp;
+#[cfg(feature = "cli")]
+pub use plumbline_app as app;
+pub use plumbline_camera as camera;
+pub use plumbline_image as image;
+#[cfg(feature = "media")]
+pub use plumbline_media as media;
+pub use plumbline_num as num;
+pub use plumbline_photo as photo;
+pub use plumbline_shape as shape;
+pub use plumbline_video as video;

@@ -9,7 +9,7 @@
 //! action cameras at their widest as equidistant, everything else as rectilinear.
 
 use super::{Lens, Projection};
-use crate::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Diagonal of a 36 × 24 mm picture, mm.
 pub(super) const DIAGONAL_35_MM: f64 = 43.266_615_305_567_87;
@@ -148,7 +148,7 @@ fn believed(name: &'static str, value: f64, unit: &'static str, (low, high): (f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::FieldAxis;
+    use crate::FieldAxis;
 
     fn phone() -> ExifFacts {
         ExifFacts {

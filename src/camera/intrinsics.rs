@@ -7,7 +7,7 @@
 use nalgebra::Matrix2;
 
 use super::{Point3, Vec3};
-use crate::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Steps of Newton's method in [`Intrinsics::undistorted`]; it converges quadratically and starts near.
 const NEWTON_STEPS: usize = 20;

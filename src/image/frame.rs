@@ -7,7 +7,7 @@ use std::any::Any;
 use std::sync::Arc;
 
 use super::{ColorDescription, PixelFormat, PlaneMut, PlaneRef};
-use crate::time::Timestamp;
+use plumbline_num::time::Timestamp;
 
 /// Raw rows of one plane: bytes from the first sample of the first row, and the distance between rows in **bytes**.
 pub type PlaneRows<'a> = (&'a [u8], usize);
@@ -161,7 +161,7 @@ impl std::fmt::Debug for Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Layout;
+    use crate::Layout;
 
     #[test]
     fn depth_decides_which_view_exists() {

@@ -219,7 +219,7 @@ multiversion! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PixelFormat;
+    use crate::PixelFormat;
 
     fn filled(layout: Layout, bits: u8, width: usize, height: usize, f: impl Fn(usize, usize, usize) -> u16) -> Frame {
         let mut frame = Frame::new(PixelFormat::opaque(layout, bits), width, height);

@@ -218,7 +218,7 @@ multiversion! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
+    use crate::Plane;
 
     fn noise(width: usize, height: usize) -> Plane<u8> {
         let mut rng = fastrand::Rng::with_seed(7);

@@ -5,6 +5,7 @@
 //! multiply and an add), so they agree bit for bit and results do not depend on the machine.
 
 /// Defines a function whose body is also compiled for AVX2 and dispatched at run time.
+#[macro_export]
 macro_rules! multiversion {
     ($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident : $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block) => {
         $(#[$meta])*
@@ -30,4 +31,4 @@ macro_rules! multiversion {
     };
 }
 
-pub(crate) use multiversion;
+pub use crate::multiversion;

@@ -21,7 +21,7 @@
 
 use super::Deinterlace;
 use super::av::PlanarFrame;
-use crate::image::{FrameBuffer, PixelFormat};
+use plumbline_image::{FrameBuffer, PixelFormat};
 
 /// Change below which a place counts as still, as a fraction of the full range. Camera noise is about 1 %; smaller makes
 /// still areas lose vertical detail, larger lets slow motion comb.
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn lines_of_the_earlier_field_are_kept_bit_for_bit() {
-        let format = PixelFormat::opaque(crate::image::Layout::Gray, 8);
+        let format = PixelFormat::opaque(plumbline_image::Layout::Gray, 8);
         for width in [1, 2, 4] {
             let current: Vec<u8> = (0..5 * width).map(|i| (i * 37 % 251) as u8).collect();
             for (rebuilt, kept) in [(1, [0, 2, 4]), (0, [1, 3, 3])] {

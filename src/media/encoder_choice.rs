@@ -7,7 +7,7 @@
 use super::av::{EncoderCodec, Pix, Route, find_encoder};
 use super::encoders::{encoders, opens};
 use super::{Codec, EncoderWish, MediaError};
-use crate::image::PixelFormat;
+use plumbline_image::PixelFormat;
 
 /// How planes become what the encoder takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,7 +181,7 @@ pub(super) fn loss(from: PixelFormat, to: Pix) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Layout;
+    use plumbline_image::Layout;
 
     fn chosen(codec: Codec, format: PixelFormat) -> (String, Fit) {
         let choice = first(codec, format);

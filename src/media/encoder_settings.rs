@@ -4,7 +4,7 @@ use super::av::{Dictionary, EncoderSettings, Rational};
 use super::encoder_choice::Choice;
 use super::info::{Ratio, VideoInfo};
 use super::{MediaError, WriteOptions};
-use crate::image::ColorDescription;
+use plumbline_image::ColorDescription;
 
 /// Presets of x264, slowest last; other encoders' scales are laid along them.
 const PRESETS: [&str; 9] =

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::av::{Dictionary, Encoder, EncoderSettings, Rational, find_encoder};
 use super::encoder_choice::{choose, fit, hardware, software};
 use super::{Codec, EncoderWish, MediaError};
-use crate::image::{ColorDescription, Layout, PixelFormat};
+use plumbline_image::{ColorDescription, Layout, PixelFormat};
 
 /// An encoder that works here.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::av::{Chapter, Rational};
-use crate::image::{ColorDescription, Layout, PixelFormat};
-use crate::time::Timebase;
+use plumbline_image::{ColorDescription, Layout, PixelFormat};
+use plumbline_num::time::Timebase;
 
 /// How the lines of interlaced frames belong together in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -7,7 +7,7 @@ use super::MediaError;
 use super::av::Pix;
 use super::encoder_choice::{Choice, Fit};
 use super::info::VideoInfo;
-use crate::image::{Layout, PixelFormat};
+use plumbline_image::{Layout, PixelFormat};
 
 /// Encoders that keep odd sizes in subsampled formats.
 const KEEPS_ODD: [&str; 8] = ["ffv1", "libaom-av1", "librav1e", "prores_ks", "mjpeg", "png", "tiff", "dpx"];

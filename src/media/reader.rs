@@ -18,8 +18,8 @@ use super::losses::Losses;
 use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
 use super::{Input, MediaError, ReadOptions, ReadReport};
-use crate::image::{Frame, FrameBuffer};
-use crate::time::{Timebase, Timestamp};
+use plumbline_image::{Frame, FrameBuffer};
+use plumbline_num::time::{Timebase, Timestamp};
 
 /// Read errors in a row after which a file counts as ended: a demuxer that makes no headway would never stop.
 const MAX_BAD_READS: u32 = 256;

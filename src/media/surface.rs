@@ -6,7 +6,7 @@ use super::MediaError;
 use super::av::{self, AvError, AvFrame, Pix, PlanarFrame, Scaler, SideData};
 use super::encoder_choice::{Choice, Fit};
 use super::info::{VideoInfo, describe};
-use crate::image::{ColorDescription, Frame, FrameBuffer, PixelFormat};
+use plumbline_image::{ColorDescription, Frame, FrameBuffer, PixelFormat};
 
 /// Writable frames whose memory is used again: taken on any thread, given back by being dropped or written.
 #[derive(Clone)]

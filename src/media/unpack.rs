@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::MediaError;
 use super::av::{AvError, AvFrame, FramePool, Pix, PlanarFrame, Route, Scaler, unpack};
 use super::info::describe;
-use crate::image::{ColorDescription, PixelFormat};
+use plumbline_image::{ColorDescription, PixelFormat};
 
 /// Turns pictures of one size and format into planar ones.
 pub(super) struct Unpacker {

@@ -15,7 +15,7 @@ use super::info::{VideoInfo, describe};
 use super::output::Partial;
 use super::surface::Surface;
 use super::{Companions, Input, MediaError, Output, WriteOptions, WriteReport, av};
-use crate::image::Frame;
+use plumbline_image::Frame;
 
 /// A file being written.
 pub struct VideoWriter {

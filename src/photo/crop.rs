@@ -6,7 +6,7 @@
 //! it: with `t(i)`, `b(i)` the ends of the covered run of column `i` through the box, all pairs of a left and a right column
 //! are tried, whose rows are bounded by the extremes of `t` and `b` on either side of the box.
 
-use crate::math::{Point2, Rect};
+use plumbline_num::math::{Point2, Rect};
 
 /// Which points of a rectangle are covered, as a raster of square pixels.
 pub(super) struct Coverage {
@@ -24,7 +24,7 @@ impl Coverage {
         let pixel = bounds.width().max(bounds.height()) / across as f64;
         let count = |length: f64| ((length / pixel).round() as usize).max(1);
         let (cols, rows) = (count(bounds.width()), count(bounds.height()));
-        let corner = |i: usize, j: usize| bounds.min + crate::math::Vec2::new(i as f64, j as f64) * pixel;
+        let corner = |i: usize, j: usize| bounds.min + plumbline_num::math::Vec2::new(i as f64, j as f64) * pixel;
         let line = |j: usize| (0..=cols).map(|i| covered(corner(i, j))).collect::<Vec<_>>();
         let corners: Vec<Vec<bool>> = (0..=rows).into_par_iter().map(line).collect();
         let whole = |k: usize| {
@@ -178,12 +178,12 @@ impl Coverage {
         };
         let x = i as f64 + slack(cols, width, i, kept.map(|[x0, _, x1, _]| (x0, x1)));
         let y = j as f64 + slack(rows, height, j, kept.map(|[_, y0, _, y1]| (y0, y1)));
-        let min = self.bounds.min + crate::math::Vec2::new(x, y) * self.pixel;
-        Some(Rect { min, max: min + crate::math::Vec2::new(width, height) * self.pixel })
+        let min = self.bounds.min + plumbline_num::math::Vec2::new(x, y) * self.pixel;
+        Some(Rect { min, max: min + plumbline_num::math::Vec2::new(width, height) * self.pixel })
     }
 
     fn rect(&self, [x0, y0, x1, y1]: [usize; 4]) -> Rect {
-        let at = |x: usize, y: usize| self.bounds.min + crate::math::Vec2::new(x as f64, y as f64) * self.pixel;
+        let at = |x: usize, y: usize| self.bounds.min + plumbline_num::math::Vec2::new(x as f64, y as f64) * self.pixel;
         Rect { min: at(x0, y0), max: at(x1, y1) }
     }
 }

@@ -16,9 +16,9 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SymmetricEigen};
 
-use crate::camera::Lens;
-use crate::camera::Vec3;
-use crate::math::Point2;
+use plumbline_camera::Lens;
+use plumbline_camera::Vec3;
+use plumbline_num::math::Point2;
 
 /// Rounds of reweighting: the distances change by less than a thousandth after the second.
 const ROUNDS: usize = 3;
@@ -87,7 +87,7 @@ pub fn best_circle(sights: &[Sight]) -> Option<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{FieldAxis, FieldOfView, Projection};
+    use plumbline_camera::{FieldAxis, FieldOfView, Projection};
 
     fn lens() -> Lens {
         let fov = FieldOfView::degrees(150.0, FieldAxis::Horizontal);

@@ -1,6 +1,6 @@
 //! A marked line: something straight in the world, as the picture shows it.
 
-use crate::math::Point2;
+use plumbline_num::math::Point2;
 
 /// How a line shall lie in the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

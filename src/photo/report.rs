@@ -2,8 +2,8 @@
 
 use super::warp::{FittedLine, LineReport, PhotoWarp};
 use super::{Line, Orientation};
-use crate::camera::{Lens, Vec3};
-use crate::math::{Point2, Rect};
+use plumbline_camera::{Lens, Vec3};
+use plumbline_num::math::{Point2, Rect};
 
 /// Points into which a line of two points is cut to be measured.
 const SAMPLES: usize = 33;

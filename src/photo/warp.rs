@@ -1,8 +1,8 @@
 //! What both commands give: a map, its grid, and how the marked lines fared.
 
-use crate::math::{Point2, Vec2};
-use crate::mesh::GridMesh;
-use crate::warp::WarpField;
+use plumbline_image::grid::GridMesh;
+use plumbline_image::warp::WarpField;
+use plumbline_num::math::{Point2, Vec2};
 
 /// A line off straightness by more than this, px, and by more than a thousandth of its length is called bent.
 const BENT_PX: f64 = 1.0;

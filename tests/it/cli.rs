@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::Output;
 
-use plumbline::cli::pipeline_of;
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::{check, print, read};
+use plumbline::app::cli::pipeline_of;
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::{check, print, read};
 
 use crate::pipeline::source;
 use crate::support::program::{err, out, plumbline_in};
@@ -46,7 +46,7 @@ fn help_says_what_there_is() {
 #[test]
 fn stage_kinds_are_described_from_the_registry() {
     insta::assert_snapshot!("stages", out(&plumbline(&["stages"])));
-    for kind in plumbline::pipeline::kinds::KINDS {
+    for kind in plumbline::app::pipeline::kinds::KINDS {
         insta::assert_snapshot!(format!("stages_{}", kind.name), out(&plumbline(&["stages", kind.name])));
     }
 }
@@ -118,7 +118,7 @@ fn plan_graph_and_schema_print_results() {
     assert!(out(&plumbline(&["graph", "stabilize", "--format", "mermaid"])).starts_with("flowchart LR\n"));
     assert!(out(&plumbline(&["graph", "stabilize", "--format", "dot"])).starts_with("digraph"));
     let schema: serde_json::Value = serde_json::from_slice(&plumbline(&["schema"]).stdout).expect("JSON");
-    assert_eq!(schema, plumbline::pipeline::schema());
+    assert_eq!(schema, plumbline::app::pipeline::schema());
     for (format, word) in [
         ("lines", "plumbline.lines"),
         ("faces", "plumbline.faces"),
@@ -244,7 +244,7 @@ fn print_pipeline_of_the_program_is_a_file_that_check_accepts() {
 #[test]
 fn the_document_on_commands_names_every_command_and_exit_status() {
     let document = std::fs::read_to_string("docs/COMMANDS.md").expect("a document");
-    for command in plumbline::cli::command().get_subcommands() {
+    for command in plumbline::app::cli::command().get_subcommands() {
         assert!(document.contains(&format!("| `{}` |", command.get_name())), "{}", command.get_name());
     }
     for status in [0, 1, 2, 3, 65, 73, 75] {

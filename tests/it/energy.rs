@@ -1,11 +1,11 @@
 //! Laws of the energy core, with dense algebra as oracle.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector1, Vector2};
-use plumbline::energy::{
+use plumbline::num::energy::{
     Convergence, EnergyError, FixedSet, LeastSquares, LocalGlobal, Loss, Ordering, PlaneExpr, QuadraticEnergy,
     Reweighted, Term, Value,
 };
-use plumbline::math::Vec2;
+use plumbline::num::math::Vec2;
 
 use crate::allocations::allocations_of;
 
@@ -226,8 +226,9 @@ fn expressions_keep_the_algebra_of_vectors() {
 #[test]
 fn bad_energies_are_refused_with_their_reason() {
     let (e, _) = springs();
-    let error =
-        |r: Result<_, EnergyError>| r.map(|_: plumbline::energy::Factored<2>| ()).expect_err("refused").to_string();
+    let error = |r: Result<_, EnergyError>| {
+        r.map(|_: plumbline::num::energy::Factored<2>| ()).expect_err("refused").to_string()
+    };
     assert_eq!(
         error(e.factor(&FixedSet::none())),
         "nothing holds the component of 35 unknown(s) that contains unknown 0: fix one of them or give it a target"
@@ -286,7 +287,7 @@ fn arap() -> (LeastSquares<2>, Vec<(usize, usize, Term)>) {
 
 fn fit_rotations(
     directed: &[(usize, usize, Term)],
-) -> impl FnMut(&[Value<2>], &mut plumbline::energy::Targets<2>) + '_ {
+) -> impl FnMut(&[Value<2>], &mut plumbline::num::energy::Targets<2>) + '_ {
     move |x, targets| {
         let mut covariance = vec![Matrix2::zeros(); N];
         for &(i, j, _) in directed {

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use plumbline::motion::ClipMotion;
-use plumbline::motion::exchange::colmap::Model;
+use plumbline::video::motion::ClipMotion;
+use plumbline::video::motion::exchange::colmap::Model;
 use serde_json::{Value, json};
 
 use crate::support::clips::{make, picture_sums, shaky, workshop};
@@ -158,10 +158,10 @@ fn motion_files_are_written_by_the_stage_that_says_where() {
     let text = "version = 1\n[stage.source]\nuse = \"video.decode\"\npath = \"a.mp4\"\n\
                 [stage.motion]\nuse = \"video.motion_import\"\ninputs = [\"source\"]\npath = \"m.json\"\n\
                 [stage.files]\nuse = \"video.motion_export\"\ninputs = [\"motion\", \"motion.tracks\"]\n";
-    let problems = plumbline::pipeline::read(crate::pipeline::source(text), &[]).expect_err("it writes nothing");
+    let problems = plumbline::app::pipeline::read(crate::pipeline::source(text), &[]).expect_err("it writes nothing");
     assert!(problems.render(false, 100).contains("it writes nothing"), "{}", problems.render(false, 100));
     let overwritten = format!("{text}path = \"m.json\"\n");
-    let pipeline = plumbline::pipeline::read(crate::pipeline::source(&overwritten), &[]).expect("a graph");
+    let pipeline = plumbline::app::pipeline::read(crate::pipeline::source(&overwritten), &[]).expect("a graph");
     assert!(pipeline.instances().expect_err("its own input").render(false, 100).contains("written over its input"));
 }
 

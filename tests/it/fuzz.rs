@@ -6,15 +6,15 @@ mod bodies;
 
 use std::io::Cursor;
 
-use plumbline::character::SkinWeights;
-use plumbline::character::io::parse_skel;
-use plumbline::character::regression::{Example, RegressionModel, RegressionOptions, SkinModel};
 use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
-use plumbline::mesh::io::{WriteOptions, decode_model, encode_model};
-use plumbline::mesh::{MeshFormat, Model, ReadLimits, shapes};
-use plumbline::motion::{ClipMotion, FrameMotion, MotionQuality};
-use plumbline::time::{Timebase, Timestamp};
-use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
+use plumbline::num::time::{Timebase, Timestamp};
+use plumbline::shape::character::SkinWeights;
+use plumbline::shape::character::io::parse_skel;
+use plumbline::shape::character::regression::{Example, RegressionModel, RegressionOptions, SkinModel};
+use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
+use plumbline::shape::mesh::{MeshFormat, Model, ReadLimits, shapes};
+use plumbline::video::motion::{ClipMotion, FrameMotion, MotionQuality};
+use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore};
 
 /// Mutated inputs for each target.
 const ROUNDS: usize = 30_000;
@@ -104,8 +104,8 @@ fn no_pipeline_file_makes_the_reader_panic() {
             .to_vec(),
     ];
     let all = ["plumbline", "stabilize", "f/%d.png", "-o", "x.mkv", "--fps", "29.97", "--border", "fill", "--compare"];
-    let built = plumbline::cli::pipeline_of(all).expect("options in order");
-    examples.push(plumbline::pipeline::print(&built).into_bytes());
+    let built = plumbline::app::cli::pipeline_of(all).expect("options in order");
+    examples.push(plumbline::app::pipeline::print(&built).into_bytes());
     hammer(&examples, bodies::pipeline_file, 1);
 }
 

@@ -91,10 +91,6 @@ fn help(subcommand: &[&str]) -> Option<String> {
 
 #[test]
 fn commands_in_the_readme_exist() {
-    if !root().join("src/cli").exists() {
-        println!("skipped: no command line yet");
-        return;
-    }
     let readme = fs::read_to_string(root().join("README.md")).expect("README.md");
     let lines = commands(&readme);
     assert!(!lines.is_empty(), "the README shows no command");

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use plumbline::motion::ClipMotion;
-use plumbline::motion::sfm::SfmVerdict;
+use plumbline::video::motion::ClipMotion;
+use plumbline::video::motion::sfm::SfmVerdict;
 use serde_json::{Value, json};
 
 use crate::support::clips::workshop;

@@ -1,23 +1,25 @@
-//! The import table of `docs/ARCHITECTURE.md`, enforced on the source text.
+//! The tables of `docs/ARCHITECTURE.md`, enforced on manifests and source text.
 //!
-//! Every path that starts at the crate's root (`crate::a::b`, `use crate::{a, b::c}`, enough `super::`) is resolved to
-//! its first module and looked up in the table. Crates that the table gives a single room are looked for by name.
+//! Between crates Cargo enforces the first table; a test holds the manifests against it. Inside a crate every path that
+//! starts at its root (`crate::a::b`, `use crate::{a, b::c}`, enough `super::`) is resolved to its first module and looked
+//! up in the second table. Crates from outside that only one place may name are looked for by name.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-/// Crates that only one place may name, and the place.
+/// Crates from outside that only one place may name, and the place.
 const ROOMS: [(&str, &str); 9] = [
-    ("faer", "sparse"),
-    ("feral_metis", "sparse"),
-    ("clarabel", "optim"),
+    ("faer", "num::sparse"),
+    ("feral_metis", "num::sparse"),
+    ("clarabel", "num::optim"),
     ("ffmpeg_next", "media"),
     ("ffmpeg_sys_next", "media"),
     ("exr", "image"),
-    ("kornia_image", "feature image"),
-    ("kornia_imgproc", "feature image"),
-    ("rustface", "feature"),
+    ("kornia_image", "image::feature"),
+    ("kornia_imgproc", "image::feature"),
+    ("rustface", "image::feature"),
 ];
 
 /// Module → modules that it may import, and the order of the rows.
@@ -27,9 +29,10 @@ struct Table {
 }
 
 impl Table {
-    fn parse(document: &str) -> Self {
-        let (_, rest) = document.split_once("<!-- layers:begin -->").expect("the table's first mark");
-        let (table, _) = rest.split_once("<!-- layers:end -->").expect("the table's last mark");
+    /// The table between the marks `name:begin` and `name:end`.
+    fn parse(document: &str, name: &str) -> Self {
+        let (_, rest) = document.split_once(&format!("<!-- {name}:begin -->")).expect("the table's first mark");
+        let (table, _) = rest.split_once(&format!("<!-- {name}:end -->")).expect("the table's last mark");
         let (mut order, mut allowed) = (Vec::new(), BTreeMap::new());
         for row in table.lines().filter(|l| l.starts_with("| `")) {
             let cells: Vec<_> = row.trim_matches('|').split('|').map(str::trim).collect();
@@ -42,23 +45,30 @@ impl Table {
         Self { order, allowed }
     }
 
-    /// Why `file`, which belongs to `module`, breaks the rule; empty where it does not.
-    fn violations(&self, file: &str, module: &[&str], source: &str) -> Vec<String> {
-        let top = module[0];
-        let Some(allowed) = self.allowed.get(top) else {
-            return vec![format!("{file}: the table has no row for module `{top}`")];
+    /// The row that a module of a crate belongs to: its own, or the crate's.
+    fn row_of(&self, krate: &str, module: Option<&str>) -> String {
+        let own = module.map(|m| format!("{krate}::{m}"));
+        own.filter(|row| self.allowed.contains_key(row)).unwrap_or_else(|| krate.to_owned())
+    }
+
+    /// Why `file`, which is `module` of `krate`, breaks the rule; empty where it does not.
+    fn violations(&self, file: &str, krate: &str, module: &[&str], source: &str) -> Vec<String> {
+        let row = self.row_of(krate, module.first().copied());
+        let Some(allowed) = self.allowed.get(&row) else {
+            return vec![format!("{file}: the table has no row for `{row}`")];
         };
         let tokens = tokens(source);
         let mut found = Vec::new();
         for (line, target) in root_paths(&tokens, module) {
-            if target != top && !allowed.contains(&target) {
-                found.push(format!("{file}:{line}: `{top}` may not import `{target}`"));
+            let target = self.row_of(krate, Some(&target));
+            if target != row && !allowed.contains(&target) {
+                found.push(format!("{file}:{line}: `{row}` may not import `{target}`"));
             }
         }
         for (i, token) in tokens.iter().enumerate() {
             for (name, room) in ROOMS {
                 let named = token.text == name && is_path_start(&tokens, i);
-                if named && !room.split(' ').any(|r| r == top) {
+                if named && room != row {
                     found.push(format!("{file}:{}: only `{room}` may name the crate `{name}`", token.line));
                 }
             }
@@ -239,8 +249,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn table() -> Table {
-    Table::parse(&fs::read_to_string(root().join("docs/ARCHITECTURE.md")).expect("docs/ARCHITECTURE.md"))
+fn table(name: &str) -> Table {
+    Table::parse(&fs::read_to_string(root().join("docs/ARCHITECTURE.md")).expect("docs/ARCHITECTURE.md"), name)
 }
 
 fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -255,47 +265,122 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// `src/a/b.rs` → `[a, b]`, `src/a/mod.rs` → `[a]`.
+/// `a/b.rs` → `[a, b]`, `a/mod.rs` → `[a]`, `lib.rs` → `[]`, relative to the crate.
 fn module_of(relative: &Path) -> Vec<String> {
     let stem = relative.with_extension("");
     let parts = stem.components().map(|c| c.as_os_str().to_string_lossy().into_owned());
-    parts.filter(|p| p != "mod").collect()
+    parts.filter(|p| p != "mod" && p != "lib").collect()
+}
+
+/// Folders of `src/` with a manifest.
+fn members() -> Vec<String> {
+    let entries = fs::read_dir(root().join("src")).expect("src/").map(|e| e.expect("an entry").path());
+    let mut names: Vec<String> = entries
+        .filter(|p| p.join("Cargo.toml").is_file())
+        .map(|p| p.file_name().expect("a name").to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn manifest(member: &str) -> String {
+    fs::read_to_string(root().join("src").join(member).join("Cargo.toml")).expect("a manifest")
+}
+
+#[test]
+fn crates_use_only_what_the_table_allows() {
+    let table = table("crates");
+    let members = members();
+    let listed: BTreeSet<_> = table.order.iter().cloned().collect();
+    assert_eq!(listed, members.iter().cloned().collect(), "rows of the table and folders of src/");
+    for member in &members {
+        let manifest = manifest(member);
+        let dependencies = manifest.split("[dev-dependencies]").next().expect("a first part");
+        let ours = dependencies.lines().filter_map(|l| l.strip_prefix("plumbline-")?.split(['.', ' ']).next());
+        for used in ours {
+            assert!(table.allowed[member].contains(used), "`{member}` may not use `{used}`");
+        }
+    }
+}
+
+#[test]
+fn members_share_the_lints_and_have_no_hidden_targets() {
+    for member in members() {
+        let manifest = manifest(&member);
+        assert!(manifest.contains("\n[lints]\nworkspace = true\n"), "{member}: lints.workspace = true is missing");
+        for line in ["build = false", "autotests = false", "autobenches = false", "autoexamples = false"] {
+            assert!(manifest.lines().any(|l| l == line), "{member}: `{line}` is missing");
+        }
+    }
+}
+
+#[test]
+fn cargo_lines_of_the_makefile_cover_the_workspace() {
+    let makefile = fs::read_to_string(root().join("Makefile")).expect("Makefile");
+    let checks = ["fmt", "clippy", "doc", "test", "bench"].map(|c| format!("cargo {c}"));
+    let mut found = 0;
+    for line in makefile.lines().filter(|l| checks.iter().any(|c| l.contains(c.as_str()))) {
+        let all = if line.contains("cargo fmt") { "--all" } else { "--workspace" };
+        assert!(line.contains(all), "`{}` lacks {all}", line.trim());
+        found += 1;
+    }
+    assert!(found >= checks.len(), "{found} cargo lines in the Makefile");
+}
+
+/// Crates whose names mean FFmpeg, clang or the command line.
+const FOREIGN: [&str; 5] = ["ffmpeg-next", "ffmpeg-sys-next", "bindgen", "clang-sys", "clap"];
+
+#[test]
+fn libraries_build_without_ffmpeg_clang_and_clap() {
+    for member in ["num", "image", "camera", "photo", "video", "shape", "testkit"] {
+        let package = format!("plumbline-{member}");
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(["tree", "--locked", "--offline", "--all-features", "--prefix", "none", "--format", "{p}"]);
+        let out = cargo.args(["--package", &package]).current_dir(root()).output().expect("cargo runs");
+        let tree = String::from_utf8_lossy(&out.stdout);
+        assert!(out.status.success() && tree.contains(&package), "{}", String::from_utf8_lossy(&out.stderr));
+        for name in tree.lines().filter_map(|l| l.split(' ').next()) {
+            assert!(!FOREIGN.contains(&name), "{package} depends on {name}");
+        }
+    }
 }
 
 #[test]
 fn every_import_is_in_the_table() {
-    let (table, src) = (table(), root().join("src"));
-    let mut files = Vec::new();
-    rust_files(&src, &mut files);
+    let table = table("modules");
     let mut found = Vec::new();
-    for path in files {
-        let relative = path.strip_prefix(&src).expect("below src");
-        let module = module_of(relative);
-        if module == ["lib"] || module == ["main"] {
-            continue;
+    for member in members() {
+        let folder = root().join("src").join(&member);
+        let mut files = Vec::new();
+        rust_files(&folder, &mut files);
+        for path in files {
+            let relative = path.strip_prefix(&folder).expect("below the crate");
+            let module = module_of(relative);
+            let names: Vec<_> = module.iter().map(String::as_str).collect();
+            let source = fs::read_to_string(&path).expect("a source file");
+            let file = format!("src/{member}/{}", relative.display());
+            found.extend(table.violations(&file, &member, &names, &source));
         }
-        let names: Vec<_> = module.iter().map(String::as_str).collect();
-        let source = fs::read_to_string(&path).expect("a source file");
-        found.extend(table.violations(&format!("src/{}", relative.display()), &names, &source));
     }
     assert!(found.is_empty(), "imports against docs/ARCHITECTURE.md:\n{}", found.join("\n"));
 }
 
 #[test]
-fn the_table_is_in_layers() {
-    let table = table();
-    for (i, module) in table.order.iter().enumerate() {
-        for import in &table.allowed[module] {
-            assert!(table.order[..i].contains(import), "`{module}` imports `{import}`, which is not above it");
+fn the_tables_are_in_layers() {
+    for table in [table("crates"), table("modules")] {
+        for (i, module) in table.order.iter().enumerate() {
+            for import in &table.allowed[module] {
+                assert!(table.order[..i].contains(import), "`{module}` imports `{import}`, which is not above it");
+            }
         }
     }
 }
 
-/// What the scan says of `source` as a file of module `a::b`, where `a` may import `low` only.
+/// What the scan says of `source` as a file of module `c::a::b`, where `c::a` may import `c::low` only.
 fn planted(source: &str) -> Vec<String> {
-    let table =
-        "<!-- layers:begin -->\n| `low` | x | – |\n| `a` | x | low |\n| `up` | x | low a |\n<!-- layers:end -->";
-    Table::parse(table).violations("a/b.rs", &["a", "b"], source)
+    let table = "<!-- modules:begin -->\n| `c::low` | x | – |\n| `c::a` | x | c::low |\n| `c::up` | x | c::low c::a |\n\
+                 <!-- modules:end -->";
+    Table::parse(table, "modules").violations("a/b.rs", "c", &["a", "b"], source)
 }
 
 #[test]
@@ -354,7 +439,10 @@ fn allowed_imports_comments_and_strings_are_left_alone() {
 
 #[test]
 fn a_module_without_a_row_is_found_and_a_finding_names_its_line() {
-    let table = Table::parse("<!-- layers:begin -->\n| `a` | x | – |\n<!-- layers:end -->");
-    assert_eq!(table.violations("z.rs", &["z"], ""), ["z.rs: the table has no row for module `z`"]);
-    assert_eq!(table.violations("a.rs", &["a"], "\n/*\n*/\nuse crate::z;"), ["a.rs:4: `a` may not import `z`"]);
+    let table = Table::parse("<!-- modules:begin -->\n| `c::a` | x | – |\n<!-- modules:end -->", "modules");
+    assert_eq!(table.violations("z.rs", "c", &["z"], ""), ["z.rs: the table has no row for `c`"]);
+    assert_eq!(
+        table.violations("a.rs", "c", &["a"], "\n/*\n*/\nuse crate::z;"),
+        ["a.rs:4: `c::a` may not import `c`"]
+    );
 }

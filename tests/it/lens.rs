@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Rotation3, UnitQuaternion};
 use plumbline::camera::rotation::nearest_rotation;
 use plumbline::camera::{ExifFacts, Lens, Vec3, read_lens};
-use plumbline::math::Point2;
+use plumbline::num::math::Point2;
 
 /// A file of the folder of real media, wherever in it; `None` with the reason printed.
 fn photo_file(name: &str) -> Option<PathBuf> {

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use plumbline::mesh::io::{WriteOptions, decode_model, encode_model};
-use plumbline::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair};
+use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
+use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair};
 use serde_json::Value;
 
 use crate::support::program::{err, names, out, plumbline_in, succeed};

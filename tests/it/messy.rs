@@ -2,9 +2,9 @@
 //! what it did; a coordinate that is no number is refused by its vertex.
 
 use nalgebra::{Point3, Vector3};
-use plumbline::mesh::io::{WriteOptions, decode_model, encode_model};
-use plumbline::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, Weld, repair, shapes};
-use plumbline::surface::{Convergence, DeformOptions, HandlePose, Handles, Method, Start, Unheld, bind};
+use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
+use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, Weld, repair, shapes};
+use plumbline::shape::surface::{Convergence, DeformOptions, HandlePose, Handles, Method, Start, Unheld, bind};
 
 /// Every seventh triangle turned over.
 fn flipped() -> TriMesh {

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use plumbline::cli::pipeline_of;
-use plumbline::mesh::{HalfEdges, Model, ReadLimits, TriMesh, read_model, shapes, write_model};
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::{check, print, read};
+use plumbline::app::cli::pipeline_of;
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::{check, print, read};
+use plumbline::shape::mesh::{HalfEdges, Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 use serde_json::Value as Json;
 
 use crate::pipeline::source;

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use plumbline::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline::motion::{
+use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
+use plumbline::num::time::{Timebase, Timestamp};
+use plumbline::video::motion::{
     self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, MotionEstimator, MotionOptions, MotionQuality,
     Pair, PlanarModel, ReadoutEstimator, RowMotion, Tier, TrackPoint,
 };
-use plumbline::time::{Timebase, Timestamp};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;

@@ -2,9 +2,9 @@
 
 use std::io::Cursor;
 
-use plumbline::math::{Point2, Vec2};
-use plumbline::motion::{self, ClipMotion, MotionFileError, MotionQuality};
-use plumbline::track::{FrameQuality, FrameTracks, Observation, TrackStore};
+use plumbline::num::math::{Point2, Vec2};
+use plumbline::video::motion::{self, ClipMotion, MotionFileError, MotionQuality};
+use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore};
 
 use crate::motion::{clip, gap};
 

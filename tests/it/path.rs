@@ -1,7 +1,7 @@
 //! Laws of the virtual path, on motion made here.
 
-use plumbline::math::{Point2, Similarity2, Vec2};
-use plumbline::path::{Clip, InterFrame, PathKind, PathOptions, Tier, VirtualPath, Zoom, plan};
+use plumbline::num::math::{Point2, Similarity2, Vec2};
+use plumbline::video::path::{Clip, InterFrame, PathKind, PathOptions, Tier, VirtualPath, Zoom, plan};
 
 const SIZE: (u32, u32) = (640, 360);
 const FPS: f64 = 30.0;
@@ -220,7 +220,7 @@ fn shots_do_not_know_of_each_other() {
     let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &both, shots: &[0..90, 90..210] };
     let together = plan(&clip, &options).expect("a valid clip");
     let (first, second) = together.out_from_src.split_at(90);
-    let near = |x: &[plumbline::math::Homography], y: &VirtualPath| {
+    let near = |x: &[plumbline::num::math::Homography], y: &VirtualPath| {
         x.iter().zip(&y.out_from_src).all(|(p, q)| (p.matrix() - q.matrix()).abs().max() < 1e-3)
     };
     assert!(near(first, &alone_a) && near(second, &alone_b));
@@ -332,7 +332,7 @@ fn a_few_lost_frames_are_bridged() {
         steps[lost].similarity = Similarity2 { a: f64::NAN, ..Similarity2::IDENTITY };
     }
     let bridged = plan_steps(&steps, SIZE, &PathOptions::default());
-    assert!(bridged.out_from_src.iter().all(plumbline::math::Homography::is_finite));
+    assert!(bridged.out_from_src.iter().all(plumbline::num::math::Homography::is_finite));
     let apart = distance(&whole, &bridged, SIZE);
     assert!(apart < 25.0, "{apart} px for three lost steps");
 }

@@ -4,14 +4,14 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use plumbline::cli::pipeline_of;
+use plumbline::app::cli::pipeline_of;
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::{check, print, read};
 use plumbline::image::still::{
     ExifTags, LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame, size,
 };
 use plumbline::image::{Frame, Layout, PixelFormat};
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::{check, print, read};
 
 use crate::pipeline::source;
 use crate::support::program::{err, names, plumbline_in};

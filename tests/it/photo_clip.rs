@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use plumbline::cli::pipeline_of;
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::plan::Plan;
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::{check, print, read};
+use plumbline::app::cli::pipeline_of;
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::plan::Plan;
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::{check, print, read};
 
 use crate::pipeline::source;
 use crate::support::clips::{make, packet_sums, shaky, times, video_field, workshop};

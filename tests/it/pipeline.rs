@@ -1,10 +1,10 @@
 //! Pipeline files: what is refused and how that reads, what is drawn and planned.
 
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::memory::ClipShape;
-use plumbline::pipeline::port::PortType;
-use plumbline::pipeline::shipped::{SHIPPED, shipped};
-use plumbline::pipeline::{Pipeline, Plan, Problems, Source, read};
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::memory::ClipShape;
+use plumbline::app::pipeline::port::PortType;
+use plumbline::app::pipeline::shipped::{SHIPPED, shipped};
+use plumbline::app::pipeline::{Pipeline, Plan, Problems, Source, read};
 
 pub(crate) fn source(text: &str) -> Source {
     Source { name: "test.toml".into(), text: text.into(), base: None }
@@ -321,7 +321,7 @@ fn a_disabled_stage_and_an_optional_edge_to_it_fall_away() {
     );
     let pipeline = read(source(&text), &[]).expect("no faults");
     assert!(pipeline.graph.stage("extra").is_none());
-    let printed = read(source(&plumbline::pipeline::print(&pipeline.file)), &[]).expect("no faults");
+    let printed = read(source(&plumbline::app::pipeline::print(&pipeline.file)), &[]).expect("no faults");
     assert_eq!(printed, pipeline, "printing keeps it disabled");
     let kept = read(source(&text), &["extra.enable=true".into()]).expect("no faults");
     assert!(kept.graph.stage("extra").is_some());

@@ -1,15 +1,15 @@
 //! Laws that hold for every pipeline: printing and reading, schemas and checks, noise.
 
-use plumbline::pipeline::file::{Input, PipelineFile, StageEntry};
-use plumbline::pipeline::kinds::{
+use plumbline::app::pipeline::file::{Input, PipelineFile, StageEntry};
+use plumbline::app::pipeline::kinds::{
     Border, Codec, DecodeSettings, EncodeSettings, Interpolation, KINDS, MotionSettings, RenderSettings,
     RollingShutter, SmoothSettings, TrackSettings, WarpSettings,
 };
-use plumbline::pipeline::reference::escape;
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::syntax::{Entry, Value};
-use plumbline::pipeline::units::{BitRate, ByteSize, ClipTime};
-use plumbline::pipeline::{check, print, read, schema};
+use plumbline::app::pipeline::reference::escape;
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::syntax::{Entry, Value};
+use plumbline::app::pipeline::units::{BitRate, ByteSize, ClipTime};
+use plumbline::app::pipeline::{check, print, read, schema};
 use proptest::prelude::*;
 use serde_json::Value as Json;
 
@@ -143,7 +143,7 @@ proptest! {
 
 /// Every setting with a range, of every kind: `(kind, key, least, most)`.
 fn ranges() -> Vec<(&'static str, String, Option<f64>, Option<f64>)> {
-    let of = |kind: &'static plumbline::pipeline::kind::StageKind| {
+    let of = |kind: &'static plumbline::app::pipeline::kind::StageKind| {
         let schema = (kind.schema)();
         let properties = schema["properties"].as_object().cloned().unwrap_or_default();
         properties.into_iter().map(move |(key, p)| (kind.name, key, p["minimum"].as_f64(), p["maximum"].as_f64()))
@@ -204,10 +204,10 @@ fn the_schema_is_draft_07_and_has_a_branch_for_every_kind() {
 
 #[test]
 fn defaults_are_those_of_the_modules_that_do_the_work() {
-    let (smooth, path) = (SmoothSettings::default(), plumbline::path::PathOptions::default());
+    let (smooth, path) = (SmoothSettings::default(), plumbline::video::path::PathOptions::default());
     assert_eq!((smooth.smoothness, smooth.min_crop), (path.smoothness_s, path.min_crop));
     assert_eq!(format!("{:?} {:?}", smooth.method, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
-    assert_eq!(TrackSettings::default().points as usize, plumbline::track::TrackOptions::default().points);
-    let render = plumbline::render::RenderOptions::default();
+    assert_eq!(TrackSettings::default().points as usize, plumbline::video::track::TrackOptions::default().points);
+    let render = plumbline::image::render::RenderOptions::default();
     assert_eq!(format!("{:?}", RenderSettings::default().interpolation), format!("{:?}", render.interpolation));
 }

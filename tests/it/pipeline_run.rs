@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use plumbline::pipeline::execute::{Report, execute};
-use plumbline::pipeline::progress::{Event, Progress, Silent};
-use plumbline::pipeline::{
+use plumbline::app::pipeline::execute::{Report, execute};
+use plumbline::app::pipeline::progress::{Event, Progress, Silent};
+use plumbline::app::pipeline::{
     Backend, Exit, InputSummary, Job, Pass, Probed, RunError, SegmentSummary, Shake, ShakeSummary, Source, Summary,
     Values, read,
 };

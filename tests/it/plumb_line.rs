@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use plumbline::camera::{FieldAxis, Lens, Projection};
-use plumbline::math::{Point2, Vec2};
+use plumbline::num::math::{Point2, Vec2};
 use plumbline::photo::calibration::{Calibration, CalibrationOptions, LineRole, calibrate};
 use plumbline::photo::marks::LinesFile;
 

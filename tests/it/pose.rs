@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::Point3;
-use plumbline::character::Outside;
-use plumbline::character::io::character_of;
-use plumbline::character::skinning::{Skinner, SkinningMethod};
-use plumbline::mesh::{Model, ReadLimits, read_model};
-use plumbline::pipeline::read;
-use plumbline::pipeline::shipped::shipped;
+use plumbline::app::pipeline::read;
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::shape::character::Outside;
+use plumbline::shape::character::io::character_of;
+use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
+use plumbline::shape::mesh::{Model, ReadLimits, read_model};
 
 use crate::support::program::{err, names, plumbline_in, succeed};
 
@@ -56,7 +56,7 @@ fn a_rig_that_is_kept_stands_as_the_baked_surface_does() {
     succeed(folder, &[&pose[..], &["-o", "baked.glb", "--render", "p.png"]].concat());
     succeed(folder, &[&pose[..], &["-o", "rig.glb", "--rig"]].concat());
     let person = character_of(&model(&folder.join("rig.glb"))).expect("it keeps its skin");
-    let names: Vec<&str> = person.clips.iter().map(plumbline::character::Clip::name).collect();
+    let names: Vec<&str> = person.clips.iter().map(plumbline::shape::character::Clip::name).collect();
     assert_eq!(names, ["walk", "wave"]);
     let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
     let matrices = person.skin.joint_matrices(&person.skeleton.rest_globals()).expect("valid");
@@ -135,7 +135,7 @@ fn the_shipped_pipeline_is_what_the_command_builds() {
         "--render",
         "posed.png",
     ];
-    let built = plumbline::cli::pipeline_of(args).expect("options in order");
+    let built = plumbline::app::cli::pipeline_of(args).expect("options in order");
     assert_eq!(file.file.stages.len(), built.stages.len());
 }
 
@@ -186,24 +186,24 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
     let rest = person.model.mesh();
     let larger: Vec<Point3<f64>> = rest.positions().iter().map(|p| Point3::from(p.coords * 40.0)).collect();
     let mesh = Model::of_mesh(rest.with_positions(larger).expect("finite"));
-    plumbline::mesh::write_model(&folder.join("giant.off"), &mesh).expect("written");
+    plumbline::shape::mesh::write_model(&folder.join("giant.off"), &mesh).expect("written");
     let told = succeed(folder, &["skeleton", "giant.off", "--template", &humanoid(), "-o", "rig.glb"]);
     let told = String::from_utf8_lossy(&told.stderr).into_owned() + &String::from_utf8_lossy(&told.stdout);
     assert!(told.contains("6 of 6 limbs on the curve"), "{told}");
     let rigged = character_of(&model(&folder.join("rig.glb"))).expect("a character");
-    let names = |c: &plumbline::character::Character| -> Vec<String> {
+    let names = |c: &plumbline::shape::character::Character| -> Vec<String> {
         c.skeleton.joints().iter().map(|j| j.name.clone()).collect()
     };
     assert_eq!(names(&rigged), names(&person));
     // The movements come along.
-    let clips = |c: &plumbline::character::Character| -> Vec<String> {
+    let clips = |c: &plumbline::shape::character::Character| -> Vec<String> {
         c.clips.iter().map(|clip| clip.name().to_owned()).collect()
     };
     assert_eq!(clips(&rigged), clips(&person));
     succeed(folder, &["pose", "rig.glb", "--clip", "walk", "--frames", "2", "-o", "walk.obj"]);
     // A tenth of a forearm's 0.24, and of the head what the curve ends before the surface does.
     for (name, allowed) in [("hand.L", 0.03), ("forearm.R", 0.03), ("shin.L", 0.03), ("foot.R", 0.03), ("head", 0.1)] {
-        let at = |c: &plumbline::character::Character| {
+        let at = |c: &plumbline::shape::character::Character| {
             c.skeleton.rest_positions()[c.skeleton.named(name).expect("there") as usize]
         };
         let off = (at(&rigged).coords / 40.0 - at(&person).coords).norm();
@@ -212,9 +212,9 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
 
     fs::write(folder.join("point.tgf"), "1 0 0 0\n#\n").expect("writable");
     let corner = Point3::new(1.4, 1.4, 1.4);
-    let ball = plumbline::mesh::shapes::level_set(|p| p.coords.norm() - 1.0, -corner, corner, 0.2);
+    let ball = plumbline::shape::mesh::shapes::level_set(|p| p.coords.norm() - 1.0, -corner, corner, 0.2);
     let ball = Model::of_mesh(ball);
-    plumbline::mesh::write_model(&folder.join("ball.off"), &ball).expect("written");
+    plumbline::shape::mesh::write_model(&folder.join("ball.off"), &ball).expect("written");
     let out = plumbline_in(folder, &["skeleton", "ball.off", "--template", &humanoid(), "-o", "no.glb"]);
     assert!(out.status.code() == Some(65) && err(&out).contains("ball.off: the curve"), "{}", err(&out));
     for (args, rc, expected) in [

@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use plumbline::image::grid::GridMesh;
+use plumbline::image::render::{
+    Border, FillOptions, FillReport, Filler, Interpolation, RenderError, RenderOptions, Renderer,
+};
+use plumbline::image::warp::{Lattice, WarpField};
 use plumbline::image::{ColorDescription, Frame, Layout, PixelFormat};
-use plumbline::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline::mesh::GridMesh;
-use plumbline::render::{Border, FillOptions, FillReport, Filler, Interpolation, RenderError, RenderOptions, Renderer};
-use plumbline::warp::{Lattice, WarpField};
+use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
 
 const KERNELS: [Interpolation; 3] = [Interpolation::Bilinear, Interpolation::Bicubic, Interpolation::Lanczos3];
 const BORDERS: [Border; 3] = [Border::Black, Border::Replicate, Border::Mirror];
@@ -169,7 +171,7 @@ fn simd_and_portable_code_agree_bit_for_bit() {
         turn(size, 3.0, 1.0),
         shift(500.0, 0.25),
         WarpField::from_forward_mesh(&bent, 149.0, 83.0).expect("well formed"),
-        WarpField { chain: vec![plumbline::warp::Map::Homography(undefined)] },
+        WarpField { chain: vec![plumbline::image::warp::Map::Homography(undefined)] },
     ];
     for (bits, interpolation) in [8, 10, 16].into_iter().flat_map(|b| KERNELS.map(|k| (b, k))) {
         let src = noise(PixelFormat { layout: Layout::Yuv420, bits, alpha: true }, size);
@@ -238,7 +240,7 @@ fn borders_repeat_or_reflect_the_edge() {
 #[test]
 fn time_and_color_pass_through() {
     let mut src = noise(PixelFormat::opaque(Layout::Gray, 8), (32, 32));
-    src.pts = plumbline::time::Timestamp(42);
+    src.pts = plumbline::num::time::Timestamp(42);
     src.color.transfer = 16;
     let dst = rendered(&Renderer::new(RenderOptions::default()), &src, &WarpField::identity());
     assert_eq!((dst.pts, dst.color), (src.pts, src.color));

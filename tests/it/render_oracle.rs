@@ -1,10 +1,10 @@
 //! Rendered values against `tests/oracle/render.py`, which sums in floating point what the renderer does with tables,
 //! fixed-point positions and a lattice.
 
+use plumbline::image::render::{Border, Interpolation, RenderOptions, Renderer};
+use plumbline::image::warp::{Lattice, Map, WarpField};
 use plumbline::image::{Frame, Layout, PixelFormat};
-use plumbline::math::Homography;
-use plumbline::render::{Border, Interpolation, RenderOptions, Renderer};
-use plumbline::warp::{Lattice, Map, WarpField};
+use plumbline::num::math::Homography;
 
 const POINTS: [(usize, usize); 8] =
     [(20, 20), (77, 31), (150, 100), (151, 100), (233, 57), (201, 144), (64, 171), (290, 180)];

@@ -1,10 +1,10 @@
 //! Sharpness of what the renderer makes of real video, against Lanczos-3 summed in floating point under the same maps.
 
+use plumbline::image::render::{RenderOptions, Renderer};
+use plumbline::image::warp::{Lattice, WarpField};
 use plumbline::image::{Frame, Layout, PixelFormat};
-use plumbline::math::{Point2, PointMap, Similarity2, Vec2};
 use plumbline::media::{Input, ReadOptions, VideoReader};
-use plumbline::render::{RenderOptions, Renderer};
-use plumbline::warp::{Lattice, WarpField};
+use plumbline::num::math::{Point2, PointMap, Similarity2, Vec2};
 
 use crate::support::clips::real_clip;
 

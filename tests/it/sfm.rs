@@ -1,11 +1,11 @@
 //! Laws of structure from motion as a whole, on shots made up.
 
 use plumbline::camera::CameraPose;
-use plumbline::math::Point2;
-use plumbline::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
+use plumbline::num::math::Point2;
+use plumbline::video::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
 use std::ops::Range;
 
-use plumbline::motion::sfm::{
+use plumbline::video::motion::sfm::{
     Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, Windows, reconstruct, reconstruct_shot,
 };
 
@@ -96,7 +96,7 @@ fn points_that_all_wander_by_themselves_give_no_cameras() {
     let mut at: Vec<Point2> = (0..200).map(|_| Point2::new(640.0 * random.f64(), 360.0 * random.f64())).collect();
     let frames = (0..40).map(|_| {
         for p in &mut at {
-            *p += plumbline::math::Vec2::new(random.f64() - 0.5, random.f64() - 0.5) * 16.0;
+            *p += plumbline::num::math::Vec2::new(random.f64() - 0.5, random.f64() - 0.5) * 16.0;
         }
         (0..).zip(at.iter().copied()).collect()
     });

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use plumbline::character::regression::SkinModel;
-use plumbline::character::skeleton_file::SkeletonFile;
-use plumbline::character::skinning::{Skinner, SkinningMethod};
-use plumbline::character::weights::{WeightOptions, bone_weights};
-use plumbline::character::{Pose, Skin, WeightsFile};
-use plumbline::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
+use plumbline::shape::character::regression::SkinModel;
+use plumbline::shape::character::skeleton_file::SkeletonFile;
+use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
+use plumbline::shape::character::weights::{WeightOptions, bone_weights};
+use plumbline::shape::character::{Pose, Skin, WeightsFile};
+use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 
 use crate::support::program::{err, names, plumbline_in, succeed};
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use plumbline::sparse::read_matrix_market;
+use plumbline::num::sparse::read_matrix_market;
 
 use crate::support::program::{err, out, plumbline_in};
 

@@ -1,7 +1,7 @@
 //! Laws of the solvers for any matrix, with dense algebra as oracle.
 
 use nalgebra::{DMatrix, DVector};
-use plumbline::sparse::{
+use plumbline::num::sparse::{
     Eliminated, Factor, GeneralMatrix, Method, Multipliers, Ordering, Permutation, SparseBuilder, SparseError,
     backward_error, inverse_norm_1,
 };

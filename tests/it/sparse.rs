@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Complex as C, DMatrix, DVector};
-use plumbline::sparse::{Cholesky, Complex, Ordering, Pattern, Permutation, SparseError, SparseMatrix};
+use plumbline::num::sparse::{Cholesky, Complex, Ordering, Pattern, Permutation, SparseError, SparseMatrix};
 
 use crate::allocations::allocations_of;
 

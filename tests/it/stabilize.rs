@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use plumbline::math::Point2;
-use plumbline::motion::ClipMotion;
+use plumbline::num::math::Point2;
+use plumbline::video::motion::ClipMotion;
 
 use crate::support::clips::{filtered_sums, make, packet_sums, picture_sums, shaky, times, video_field, workshop};
 use crate::support::program::{err, names, out, plumbline_fed, plumbline_in, succeed};

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
-use plumbline::cli::pipeline_of;
+use plumbline::app::cli::pipeline_of;
+use plumbline::app::pipeline::draw::{GraphFormat, draw};
+use plumbline::app::pipeline::shipped::shipped;
+use plumbline::app::pipeline::{check, print, read};
 use plumbline::image::still::{LoadOptions, load, rgb_of_frame};
-use plumbline::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
-use plumbline::pipeline::draw::{GraphFormat, draw};
-use plumbline::pipeline::shipped::shipped;
-use plumbline::pipeline::{check, print, read};
+use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 use serde_json::Value as Json;
 
 use crate::pipeline::source;
@@ -97,7 +97,7 @@ fn handles_that_move_as_one_body_move_everything_as_one_body() {
     let turn = nalgebra::Rotation3::new(Vector3::new(1.0, 1.0, 0.0).normalize() * 100_f64.to_radians());
     let pivot = Point3::new(1.0, 2.0, 3.0);
     let wanted: Vec<_> = bar().positions().iter().map(|p| pivot + turn * (p - pivot) + Vector3::x() * 5.0).collect();
-    for method in plumbline::surface::Method::ALL.map(plumbline::surface::Method::name) {
+    for method in plumbline::shape::surface::Method::ALL.map(plumbline::shape::surface::Method::name) {
         let args = ["deform", "bar.off", "--handles", "h.json", "-o", "moved.off", "--overwrite", "--method", method];
         succeed(folder, &args);
         let error = rms(&positions(folder, "moved.off"), &wanted);
@@ -389,8 +389,8 @@ fn schemas_of_handles_are_printed_and_accept_the_documented_example() {
     let schema = succeed(Path::new("."), &["schema", "handles"]);
     let schema: Json = serde_json::from_slice(&schema.stdout).expect("JSON");
     assert!(schema["properties"]["handles"].is_object());
-    let source = fs::read_to_string("src/surface/handle_file/mod.rs").expect("the module");
+    let source = fs::read_to_string("src/shape/surface/handle_file/mod.rs").expect("the module");
     let lines = source.lines().skip_while(|l| !l.contains("```json")).skip(1).take_while(|l| !l.contains("```"));
     let example: String = lines.map(|l| l.trim_start_matches("//!")).collect();
-    plumbline::surface::handle_file::HandleFile::parse(&example).expect("what the document shows can be read");
+    plumbline::shape::surface::handle_file::HandleFile::parse(&example).expect("what the document shows can be read");
 }

@@ -1,10 +1,10 @@
 //! Synthetic truth for tracking: a textured plane seen through known homographies.
 
-use plumbline::feature::Mask;
+use plumbline::image::feature::Mask;
 use plumbline::image::{Frame, Layout, PixelFormat, Plane};
-use plumbline::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline::time::Timestamp;
-use plumbline::track::{FrameTracks, Observation, TrackError, TrackOptions, TrackStore, Tracker};
+use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
+use plumbline::num::time::Timestamp;
+use plumbline::video::track::{FrameTracks, Observation, TrackError, TrackOptions, TrackStore, Tracker};
 
 const W: usize = 640;
 const H: usize = 360;

@@ -1,9 +1,9 @@
 //! Laws of the content-preserving warp, with the paper's sum evaluated naively and solved densely as oracle.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
-use plumbline::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline::mesh::{Grid, GridMesh, Quad};
-use plumbline::warp::{ContentPreserving, ContentPreservingOptions, PointPair, WarpError};
+use plumbline::image::grid::{Grid, GridMesh, Quad};
+use plumbline::image::warp::{ContentPreserving, ContentPreservingOptions, PointPair, WarpError};
+use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
 
 use crate::allocations::allocations_of;
 

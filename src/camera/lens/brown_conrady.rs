@@ -23,8 +23,8 @@ use nalgebra::{Matrix2, Matrix2x3};
 use super::radial::Radial;
 use super::unified::Unified;
 use super::{LensError, PlaneModel, invert, polynomial};
-use crate::camera::Vec3;
-use crate::math::Vec2;
+use crate::Vec3;
+use plumbline_num::math::Vec2;
 
 /// Radius to which an unbounded plane is followed: 89.99° off the axis.
 const FARTHEST: f64 = 1e4;

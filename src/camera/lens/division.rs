@@ -83,7 +83,7 @@ impl RadialModel for ArcTangent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::lens::radial::Radial;
+    use crate::lens::radial::Radial;
 
     #[test]
     fn a_quarter_divides_stereographically() {

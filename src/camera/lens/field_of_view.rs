@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use super::{Lens, LensError, Projection};
-use crate::camera::Vec3;
-use crate::math::{Point2, Vec2};
+use crate::Vec3;
+use plumbline_num::math::{Point2, Vec2};
 
 /// Along which line through the middle of the picture a field of view is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -37,7 +37,7 @@ pub use radial_polynomial::RadialPolynomial;
 pub use unified::Unified;
 
 use super::Vec3;
-use crate::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Aspects that differ by less than this are the same: scaled pictures round their sides, video sides to multiples of 8.
 const SAME_ASPECT: f64 = 0.005;

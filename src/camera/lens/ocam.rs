@@ -15,8 +15,8 @@ use nalgebra::{Matrix2, Matrix2x3};
 
 use super::radial::RadialModel;
 use super::{LensError, PlaneModel, invert, polynomial};
-use crate::camera::Vec3;
-use crate::math::Vec2;
+use crate::Vec3;
+use plumbline_num::math::Vec2;
 
 /// Radius, focal lengths, to which the polynomial is followed at most: an equidistant lens shows 180° off the axis at π.
 const FARTHEST: f64 = 50.0;

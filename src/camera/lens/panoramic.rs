@@ -21,8 +21,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix2x3, RowVector3};
 
 use super::PlaneModel;
-use crate::camera::Vec3;
-use crate::math::Vec2;
+use crate::Vec3;
+use plumbline_num::math::Vec2;
 
 /// A projection that is told by longitude and latitude.
 #[derive(Clone, Copy, Debug, PartialEq)]

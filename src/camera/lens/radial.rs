@@ -18,8 +18,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix2, Matrix2x3};
 
 use super::PlaneModel;
-use crate::camera::Vec3;
-use crate::math::Vec2;
+use crate::Vec3;
+use plumbline_num::math::Vec2;
 
 /// A projection that is told by the distance `r` from the center at which an angle `θ` off the axis is seen; `r` increases
 /// with `θ` up to the limit.

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::*;
 
 /// One of each kind, and more where the parameters change the branch.
-pub(in crate::camera) fn projections() -> Vec<Projection> {
+pub(crate) fn projections() -> Vec<Projection> {
     vec![
         Projection::Rectilinear,
         Projection::Equidistant,

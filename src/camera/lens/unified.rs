@@ -22,8 +22,8 @@
 use nalgebra::{Matrix2x3, RowVector3};
 
 use super::{LensError, PlaneModel};
-use crate::camera::Vec3;
-use crate::math::Vec2;
+use crate::Vec3;
+use plumbline_num::math::Vec2;
 
 /// `m = (1 + ξ) (x, y) / (α d₂ + (1 − α) z₁)`.
 #[derive(Clone, Copy, Debug, PartialEq)]

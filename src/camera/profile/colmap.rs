@@ -20,8 +20,8 @@ use std::f64::consts::TAU;
 use super::kalibr::{fov_scale, the_one};
 use super::opencv::standard;
 use super::{ExifFacts, Pinhole, Profile, ProfileError};
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Projection, Unified};
-use crate::math::{Point2, Vec2};
+use crate::{BrownConrady, DistortedPlane, DistortionTerms, Projection, Unified};
+use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "COLMAP";
 const KNOWN: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
@@ -69,7 +69,7 @@ fn exactly<const N: usize>(model: &str, p: &[f64], line: usize) -> Result<[f64; 
     p.try_into().map_err(|_| ProfileError::value(format!("line {line}"), format!("{} parameters", p.len()), expected()))
 }
 
-fn of_model(model: &str, p: &[f64], size: (f64, f64), line: usize) -> Result<crate::camera::Lens, ProfileError> {
+fn of_model(model: &str, p: &[f64], size: (f64, f64), line: usize) -> Result<crate::Lens, ProfileError> {
     // One focal length or two, then the center, then the rest.
     let one =
         ["SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_DIVISION"];

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::camera::LensError;
+use crate::LensError;
 
 /// A lens file that was not read, by its name.
 #[derive(Debug, thiserror::Error)]

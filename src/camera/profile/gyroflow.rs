@@ -5,8 +5,8 @@
 use super::opencv::standard;
 use super::tree::At;
 use super::{Pinhole, Profile, ProfileError};
-use crate::camera::Projection;
-use crate::math::{Point2, Vec2};
+use crate::Projection;
+use plumbline_num::math::{Point2, Vec2};
 
 const KNOWN: &str = "opencv_fisheye, opencv_standard";
 

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::tree::At;
 use super::{Pinhole, Profile, ProfileError};
-use crate::camera::{
+use crate::{
     AnglePolynomial, BrownConrady, DistortedPlane, DistortionTerms, Lens, Ocam, Projection, RadialPolynomial, Unified,
 };
-use crate::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "lens JSON";
 const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthographic, kannala-brandt (kb), angle-polynomial, \

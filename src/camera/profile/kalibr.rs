@@ -13,8 +13,8 @@
 use super::opencv::standard;
 use super::tree::At;
 use super::{ExifFacts, Pinhole, Profile, ProfileError};
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Projection, Unified};
-use crate::math::{Point2, Vec2};
+use crate::{BrownConrady, DistortedPlane, DistortionTerms, Projection, Unified};
+use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "Kalibr";
 

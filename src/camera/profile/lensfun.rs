@@ -19,9 +19,9 @@ use roxmltree::{Document, Node};
 
 use super::names::{likeness, words};
 use super::{ExifFacts, Pinhole, Profile, ProfileError, text_of, xml};
-use crate::camera::exif_lens::DIAGONAL_35_MM;
-use crate::camera::{Projection, RadialPolynomial};
-use crate::math::{Point2, Vec2};
+use crate::exif_lens::DIAGONAL_35_MM;
+use crate::{Projection, RadialPolynomial};
+use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "lensfun";
 const DEFAULT_ASPECT: f64 = 1.5;

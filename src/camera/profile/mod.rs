@@ -41,7 +41,7 @@ pub use json::{LensFile, lens_file_schema};
 pub use lensfun::lensfun_lens;
 
 use super::{ExifFacts, Lens};
-use crate::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Larger files are refused: the largest lens files, those of databases, have 0.4 MB.
 const LARGEST_BYTES: u64 = 8 << 20;

@@ -11,8 +11,8 @@
 use nalgebra::Matrix2;
 
 use super::{Pinhole, Profile, ProfileError};
-use crate::camera::{Ocam, Projection};
-use crate::math::{Point2, Vec2};
+use crate::{Ocam, Projection};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Degrees that calibrations have: 3 to 7.
 const LONGEST: usize = 24;

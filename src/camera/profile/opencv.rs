@@ -9,8 +9,8 @@ use serde_json::Value;
 
 use super::tree::At;
 use super::{ExifFacts, Pinhole, Profile, ProfileError};
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Projection};
-use crate::math::{Point2, Vec2};
+use crate::{BrownConrady, DistortedPlane, DistortionTerms, Projection};
+use plumbline_num::math::{Point2, Vec2};
 
 const MATRIX: &[&str] = &["camera_matrix", "K", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "mtx"];
 const COEFFICIENTS: &[&str] =

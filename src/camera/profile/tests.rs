@@ -4,7 +4,7 @@ use nalgebra::Matrix2;
 use proptest::prelude::*;
 
 use super::*;
-use crate::camera::{Projection, Vec3};
+use crate::{Projection, Vec3};
 
 /// Nothing known of the picture.
 fn unknown() -> ExifFacts {
@@ -417,7 +417,7 @@ fn what_is_not_in_the_database_is_refused_with_the_nearest() {
 
 #[test]
 fn our_own_file_keeps_every_lens() {
-    for projection in crate::camera::lens::tests::projections() {
+    for projection in crate::lens::tests::projections() {
         let lens = Lens {
             projection,
             focal: Vec2::new(310.125, 305.5),

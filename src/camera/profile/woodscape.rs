@@ -8,8 +8,8 @@
 
 use super::tree::At;
 use super::{Pinhole, Profile, ProfileError};
-use crate::camera::{AnglePolynomial, Projection};
-use crate::math::{Point2, Vec2};
+use crate::{AnglePolynomial, Projection};
+use plumbline_num::math::{Point2, Vec2};
 
 pub(super) fn lens(root: &At<'_>) -> Result<Profile, ProfileError> {
     let at = root.get("intrinsic").unwrap_or_else(|| root.clone());

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::save::check_side;
 use super::{StillError, StillFormat};
-use crate::image::{Frame, Layout, PlaneRef};
+use crate::{Frame, Layout, PlaneRef};
 
 /// Quality from which chroma keeps its resolution.
 const FULL_CHROMA: u8 = 90;

@@ -14,7 +14,7 @@ use image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
 use super::packed::unpack;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
 use super::{ExifTags, Photo, StillError, StillFormat, Turn, exif, jpeg, tiff};
-use crate::image::{Layout, PixelFormat};
+use crate::{Layout, PixelFormat};
 
 /// Bytes beyond the pixels that a decoder may take: rows, tables, metadata.
 const SPARE: u64 = 64 << 20;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::reduce::{over_white, to_8_bit};
 use super::{StillError, Turn};
-use crate::image::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
+use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
 
 /// Rows per parallel task.
 const ROWS: usize = 32;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::StillError;
 use super::packed::Sample;
-use crate::image::{Frame, Layout, PixelFormat};
+use crate::{Frame, Layout, PixelFormat};
 
 /// Calls `f` with each row of plane `i` of `to`.
 fn each_row<S: Sample>(to: &mut Frame, i: usize, f: impl Fn(usize, &mut [S]) + Sync) -> Result<(), StillError> {

@@ -8,7 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::packed::{is_still, pack};
 use super::{Photo, StillError, StillFormat, exif, jpeg, reduce, tiff};
-use crate::image::{Frame, Layout};
+use crate::{Frame, Layout};
 
 /// Longest block that fits into the one segment of a JPEG file that EXIF may have, bytes.
 const MOST_EXIF_IN_JPEG: usize = 65_527;

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use super::exif::{Order, orientation, tests::sample as exif_block};
 use super::packed::{Sample, planes_of, unpack};
 use super::*;
-use crate::image::{Layout, PixelFormat};
+use crate::{Layout, PixelFormat};
 
 const FORMATS: [StillFormat; 4] = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
 

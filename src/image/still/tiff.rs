@@ -18,7 +18,7 @@ use exif::{Context, In, Reader, Tag};
 use super::exif::{LONG, Order, SHORT, first_directory};
 use super::packed::{Sample, pack_rows, planes_of};
 use super::{StillError, exif as block};
-use crate::image::{Frame, Layout};
+use crate::{Frame, Layout};
 
 /// Bytes of a strip, about.
 const STRIP: usize = 1 << 20;

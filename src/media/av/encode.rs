@@ -7,7 +7,7 @@ use ffmpeg_next::ffi;
 use super::dict::{c_string, string};
 use super::error::check;
 use super::{AvError, AvFrame, Dictionary, Packet, Pix, Rational};
-use crate::image::ColorDescription;
+use plumbline_image::ColorDescription;
 
 /// An encoder that FFmpeg was built with.
 #[derive(Clone, Copy)]

@@ -8,7 +8,7 @@ use ffmpeg_next::ffi;
 use super::error::check;
 use super::packet::some_ts;
 use super::{AvError, Pix, Rational};
-use crate::image::{ColorDescription, FrameBuffer, PixelFormat, PlaneRows};
+use plumbline_image::{ColorDescription, FrameBuffer, PixelFormat, PlaneRows};
 
 /// An owned `AVFrame`; its pixels are reference-counted and may be shared with a decoder or an encoder.
 pub(crate) struct AvFrame(NonNull<ffi::AVFrame>);

@@ -3,7 +3,7 @@
 use ffmpeg_next::ffi;
 
 use super::dict::{c_string, string};
-use crate::image::{Layout, PixelFormat};
+use plumbline_image::{Layout, PixelFormat};
 
 /// A valid pixel format of the linked FFmpeg.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

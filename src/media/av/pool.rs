@@ -6,7 +6,7 @@ use ffmpeg_next::ffi;
 
 use super::frame::PlanarFrame;
 use super::{AvError, AvFrame, Pix};
-use crate::image::PixelFormat;
+use plumbline_image::PixelFormat;
 
 /// Rows start at multiples of this many bytes, the widest vector register.
 const ROW_ALIGN: usize = 64;
@@ -90,7 +90,7 @@ impl Drop for FramePool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{FrameBuffer, Layout};
+    use plumbline_image::{FrameBuffer, Layout};
 
     #[test]
     fn memory_is_used_again_and_outlives_the_pool() {

@@ -8,7 +8,7 @@ use ffmpeg_next::ffi;
 use super::frame::PlanarFrame;
 use super::pixel::plane_of;
 use super::{AvError, AvFrame, Pix};
-use crate::image::{FrameBuffer, Layout, PixelFormat};
+use plumbline_image::{FrameBuffer, Layout, PixelFormat};
 
 /// Component and plane pairs of a packed format: palettes hold blue, green, red, alpha in memory order, gray stands for
 /// all three of red, green and blue where alpha follows it.

@@ -7,7 +7,7 @@ use std::ptr::{self, NonNull};
 use ffmpeg_next::ffi;
 
 use super::{AvError, AvFrame, Pix};
-use crate::image::ColorDescription;
+use plumbline_image::ColorDescription;
 
 /// A converter from one format to another at one size.
 pub(crate) struct Scaler(NonNull<ffi::SwsContext>);

@@ -4,11 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::model::{PARAMETERS, Parameters};
 use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, log_focal};
-use crate::camera::{FieldAxis, FieldOfView, Lens};
-use crate::math::Point2;
-use crate::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
-use crate::photo::Line;
-use crate::photo::great_circle::{Sight, best_circle};
+use crate::Line;
+use crate::great_circle::{Sight, best_circle};
+use plumbline_camera::{FieldAxis, FieldOfView, Lens};
+use plumbline_num::math::Point2;
+use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
 
 /// Fields of view along the width from which fits start, degrees: basins of attraction are wider than their distances.
 const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];

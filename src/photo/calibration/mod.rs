@@ -51,8 +51,8 @@ pub use model::LensModel;
 
 use rayon::prelude::*;
 
-use crate::camera::{FieldAxis, FieldOfView, Lens, Projection};
-use crate::math::{Point2, Vec2};
+use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
+use plumbline_num::math::{Point2, Vec2};
 
 use super::Line;
 use fit::{Fit, Samples};

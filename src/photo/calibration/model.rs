@@ -3,8 +3,8 @@
 use nalgebra::SVector;
 
 use super::middle;
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, Lens, Projection};
-use crate::math::{Point2, Vec2};
+use plumbline_camera::{BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, Lens, Projection};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Most parameters of a model: focal length, center, two radial terms.
 pub(super) const PARAMETERS: usize = 5;

@@ -1,8 +1,8 @@
 use std::f64::consts::PI;
 
 use super::*;
-use crate::camera::{BrownConrady, DistortedPlane, DistortionTerms, Vec3};
-use crate::photo::Orientation;
+use crate::Orientation;
+use plumbline_camera::{BrownConrady, DistortedPlane, DistortionTerms, Vec3};
 
 const SIZE: (f64, f64) = (1000.0, 750.0);
 
@@ -65,7 +65,7 @@ fn bend(truth: &Lens, lens: &Lens) -> f64 {
 
 /// Largest distance from the line of least squares.
 fn off_line(points: &[Point2]) -> f64 {
-    let Some(line) = crate::photo::FittedLine::through(points) else { return 0.0 };
+    let Some(line) = crate::FittedLine::through(points) else { return 0.0 };
     points.iter().map(|p| line.off(*p).abs()).fold(0.0, f64::max)
 }
 

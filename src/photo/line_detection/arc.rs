@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, SymmetricEigen};
 
 use super::view::View;
-use crate::camera::Vec3;
-use crate::feature::Segment;
-use crate::math::Vec2;
+use plumbline_camera::Vec3;
+use plumbline_image::feature::Segment;
+use plumbline_num::math::Vec2;
 
 /// Distance of samples along an edge, px of the view.
 const SAMPLE: f64 = 4.0;

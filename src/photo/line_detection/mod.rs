@@ -24,10 +24,10 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::{Line, Orientation};
-use crate::camera::{Lens, Projection, Vec3};
-use crate::feature::{SegmentOptions, segments};
-use crate::image::PlaneRef;
-use crate::math::{Point2, Rect, Vec2};
+use plumbline_camera::{Lens, Projection, Vec3};
+use plumbline_image::PlaneRef;
+use plumbline_image::feature::{SegmentOptions, segments};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 use arc::Arc;
 use vanishing::Directions;

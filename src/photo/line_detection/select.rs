@@ -3,8 +3,8 @@
 use super::arc::Arc;
 use super::vanishing::Directions;
 use super::{DetectedLine, Line, LineDetectionOptions, LineGroup, Orientation, PI};
-use crate::camera::{Lens, Vec3};
-use crate::math::Point2;
+use plumbline_camera::{Lens, Vec3};
+use plumbline_num::math::Point2;
 
 /// Distance of points along a line, shares of the photo's diagonal.
 const SPACING: f64 = 0.02;

@@ -1,7 +1,7 @@
 use super::*;
-use crate::camera::{FieldAxis, FieldOfView};
-use crate::image::Plane;
-use crate::photo::marks::LinesFile;
+use crate::marks::LinesFile;
+use plumbline_camera::{FieldAxis, FieldOfView};
+use plumbline_image::Plane;
 
 /// A room of dark slats on bright walls, seen by a lens: slats along x, y and z in a frame that is pitched and yawed.
 struct Room {
@@ -50,9 +50,8 @@ impl Room {
 
 /// Largest distance of a line's points from its best great circle, px.
 fn bend(line: &DetectedLine, lens: &Lens) -> f64 {
-    let sights: Vec<_> =
-        line.line.points.iter().filter_map(|p| crate::photo::great_circle::Sight::new(lens, *p)).collect();
-    let n = crate::photo::great_circle::best_circle(&sights).expect("two points");
+    let sights: Vec<_> = line.line.points.iter().filter_map(|p| crate::great_circle::Sight::new(lens, *p)).collect();
+    let n = crate::great_circle::best_circle(&sights).expect("two points");
     sights.iter().map(|s| s.distance(&n).abs()).fold(0.0, f64::max)
 }
 
@@ -205,7 +204,7 @@ fn lines_on_faces_are_no_lines_of_buildings() {
     let at = |x: f64, y: f64| Point2::new(x, y);
     let line =
         |points: &[Point2]| Line { name: String::new(), points: points.to_vec(), orientation: Orientation::Free };
-    let face = crate::math::Rect { min: at(100.0, 100.0), max: at(200.0, 220.0) };
+    let face = plumbline_num::math::Rect { min: at(100.0, 100.0), max: at(200.0, 220.0) };
     let glasses = line(&[at(110.0, 150.0), at(190.0, 155.0)]);
     let hair = line(&[at(90.0, 90.0), at(90.0, 200.0)]);
     let shelf = line(&[at(0.0, 150.0), at(150.0, 150.0), at(600.0, 150.0)]);

@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, SymmetricEigen};
 
 use super::LineGroup;
 use super::arc::Arc;
-use crate::camera::Vec3;
+use plumbline_camera::Vec3;
 
 /// Longest lines that are paired.
 const PAIRED: usize = 90;

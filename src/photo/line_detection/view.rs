@@ -4,9 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use rayon::prelude::*;
 
-use crate::camera::{Lens, Projection, Vec3};
-use crate::image::{Plane, PlaneRef};
-use crate::math::{Point2, Vec2};
+use plumbline_camera::{Lens, Projection, Vec3};
+use plumbline_image::{Plane, PlaneRef};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Half the field of a view of many: 45° is a face of a cube; the rest overlaps, so that no line is cut short at a seam
 /// before the next view sees enough of it.
@@ -170,7 +170,7 @@ fn shrink(luma: PlaneRef<'_, f32>, factor: usize) -> Plane<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{FieldAxis, FieldOfView};
+    use plumbline_camera::{FieldAxis, FieldOfView};
 
     #[test]
     fn the_views_of_a_fisheye_show_every_direction_that_the_photo_shows() {

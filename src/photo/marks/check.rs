@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use super::orientation::Written;
 use super::{MarkedLine, MarksError};
-use crate::math::{Point2, Rect};
-use crate::photo::Orientation;
+use crate::Orientation;
+use plumbline_num::math::{Point2, Rect};
 
 /// Most lines of a file.
 pub(super) const MOST_MARKS: usize = 10_000;

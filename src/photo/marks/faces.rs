@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text};
 use super::lines::Id;
 use super::{MarksError, check};
-use crate::math::{Point2, Rect, Vec2};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 const KIND: Kind = Kind { name: "faces", format: "plumbline.faces" };
 

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text, shift};
 use super::orientation::Written;
 use super::{MarksError, check};
-use crate::math::{Point2, Vec2};
-use crate::photo::Line;
+use crate::Line;
+use plumbline_num::math::{Point2, Vec2};
 
 const KIND: Kind = Kind { name: "lines", format: "plumbline.lines" };
 

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::photo::Orientation;
+use crate::Orientation;
 
 /// What may stand in a file.
 const EXPECTED: &str = "\"free\", \"horizontal\", \"vertical\", null, or an angle from -360 to 360 degrees";

@@ -1,6 +1,6 @@
 use super::*;
-use crate::math::{Point2, Rect};
-use crate::photo::{Line, Orientation};
+use crate::{Line, Orientation};
+use plumbline_num::math::{Point2, Rect};
 
 const SIZE: (u32, u32) = (400, 300);
 

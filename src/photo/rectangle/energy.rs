@@ -18,11 +18,11 @@
 
 use std::f64::consts::PI;
 
-use crate::energy::{EnergyError, Ordering, QuadraticEnergy};
-use crate::math::{Point2, PointMap, Vec2};
-use crate::mesh::{Grid, GridMesh, Quad};
-use crate::photo::Line;
-use crate::warp::InverseMesh;
+use crate::Line;
+use plumbline_image::grid::{Grid, GridMesh, Quad};
+use plumbline_image::warp::InverseMesh;
+use plumbline_num::energy::{EnergyError, Ordering, QuadraticEnergy};
+use plumbline_num::math::{Point2, PointMap, Vec2};
 
 /// Ranges of directions.
 const BINS: usize = 50;

@@ -1,7 +1,7 @@
 //! Why a picture cannot be made a rectangle.
 
-use crate::energy::EnergyError;
-use crate::warp::FieldError;
+use plumbline_image::warp::FieldError;
+use plumbline_num::energy::EnergyError;
 
 /// What can be wrong. Unless said otherwise the fault is the caller's.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

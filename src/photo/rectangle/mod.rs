@@ -28,11 +28,11 @@ pub use outline::Outline;
 use super::rectify::drawn_back;
 use super::warp::PhotoWarp;
 use super::{Line, report};
-use crate::image::PlaneRef;
-use crate::math::{Point2, PointMap, Rect};
-use crate::mesh::{Grid, GridMesh};
-use crate::warp::{InverseMesh, Map, WarpField};
 use energy::Rectangling;
+use plumbline_image::PlaneRef;
+use plumbline_image::grid::{Grid, GridMesh};
+use plumbline_image::warp::{InverseMesh, Map, WarpField};
+use plumbline_num::math::{Point2, PointMap, Rect};
 
 /// Largest side of an output, px: what the renderer takes.
 const MAX_SIDE: usize = 16_384;

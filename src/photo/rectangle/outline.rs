@@ -11,10 +11,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::image::Frame;
-use crate::image::still::rgb_of_frame;
-use crate::math::{Point2, Rect, Vec2};
-use crate::photo::Line;
+use crate::Line;
+use plumbline_image::Frame;
+use plumbline_image::still::rgb_of_frame;
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Blocks along the longer side, at most.
 const RASTER: usize = 480;

@@ -7,9 +7,9 @@
 use super::RectangleError;
 use super::outline::{Depth, Outline};
 use super::seams::Canvas;
-use crate::image::PlaneRef;
-use crate::math::{Point2, Vec2};
-use crate::mesh::{Grid, GridMesh};
+use plumbline_image::PlaneRef;
+use plumbline_image::grid::{Grid, GridMesh};
+use plumbline_num::math::{Point2, Vec2};
 
 /// How deep inside the outline the border of the grid runs, blocks.
 const MARGIN: f64 = 0.4;

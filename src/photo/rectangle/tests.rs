@@ -3,10 +3,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::image::still::frame_of_rgb;
-use crate::image::{Frame, Plane, analysis_luma};
-use crate::math::Vec2;
-use crate::photo::Orientation;
+use crate::Orientation;
+use plumbline_image::still::frame_of_rgb;
+use plumbline_image::{Frame, Plane, analysis_luma};
+use plumbline_num::math::Vec2;
 
 const SIZE: (usize, usize) = (640, 400);
 
@@ -176,7 +176,7 @@ fn a_pale_sky_beside_a_white_border_is_not_taken_for_it() {
 #[test]
 fn a_transparent_border_counts_whatever_its_color() {
     let frame = wall(&|_, _| true);
-    let format = crate::image::PixelFormat { alpha: true, ..frame.format };
+    let format = plumbline_image::PixelFormat { alpha: true, ..frame.format };
     let mut clear = Frame::new(format, frame.width, frame.height);
     let shown = outlines()[3].1;
     for (plane, y) in (0..4).flat_map(|p| (0..SIZE.1).map(move |y| (p, y))) {

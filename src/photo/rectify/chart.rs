@@ -17,8 +17,8 @@
 
 use nalgebra::Rotation3;
 
-use crate::camera::{Lens, Projection, Vec3};
-use crate::math::{Point2, Vec2};
+use plumbline_camera::{Lens, Projection, Vec3};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Directions of camera and view, and the plane in which the energies are written. Unit: radians at the center of the view.
 #[derive(Clone, Debug, PartialEq)]

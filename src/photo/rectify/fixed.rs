@@ -7,10 +7,10 @@ use super::chart::Chart;
 use super::error::RectifyError;
 use super::frame::Unframed;
 use super::sphere_grid::{SphereGrid, Window};
-use crate::camera::{Lens, Projection, Vec3};
-use crate::math::{Point2, PointMap, Vec2};
-use crate::mesh::GridMesh;
-use crate::warp::Map;
+use plumbline_camera::{Lens, Projection, Vec3};
+use plumbline_image::grid::GridMesh;
+use plumbline_image::warp::Map;
+use plumbline_num::math::{Point2, PointMap, Vec2};
 
 /// Farthest from the middle that a rectilinear picture reaches, rad: 65°, where it stretches 2.4-fold.
 const RECTILINEAR_REACH: f64 = 1.134_464_014;

@@ -4,12 +4,12 @@ use nalgebra::Matrix2x3;
 
 use super::RectifyOptions;
 use super::error::RectifyError;
-use crate::camera::Lens;
-use crate::math::{Point2, Rect, Vec2};
-use crate::mesh::GridMesh;
-use crate::photo::crop::Coverage;
-use crate::photo::warp::{Forward, PhotoWarp};
-use crate::warp::{Lattice, Map, WarpField};
+use crate::crop::Coverage;
+use crate::warp::{Forward, PhotoWarp};
+use plumbline_camera::Lens;
+use plumbline_image::grid::GridMesh;
+use plumbline_image::warp::{Lattice, Map, WarpField};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Pixels along the longer side of the raster on which the crop is found.
 const RASTER: usize = 800;

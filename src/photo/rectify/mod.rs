@@ -29,9 +29,9 @@ pub use sphere_grid::Window;
 
 use super::warp::PhotoWarp;
 use super::{Line, report};
-use crate::camera::{Lens, Projection, Vec3};
-use crate::image::Plane;
-use crate::math::Rect;
+use plumbline_camera::{Lens, Projection, Vec3};
+use plumbline_image::Plane;
+use plumbline_num::math::Rect;
 /// What the output shall look like.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Target {

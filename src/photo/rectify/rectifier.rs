@@ -11,11 +11,11 @@ use super::sphere_grid::{SphereGrid, chart_for};
 use super::straight::{GridLine, sides};
 use super::weights::{CellWeights, FaceTarget};
 use super::{RectifyInput, RectifyOptions, check, fixed};
-use crate::camera::Lens;
-use crate::math::Rect;
-use crate::mesh::GridMesh;
-use crate::photo::{Line, PhotoWarp, report};
-use crate::warp::{InverseMesh, Map};
+use crate::{Line, PhotoWarp, report};
+use plumbline_camera::Lens;
+use plumbline_image::grid::GridMesh;
+use plumbline_image::warp::{InverseMesh, Map};
+use plumbline_num::math::Rect;
 
 /// A view of a picture, to be solved for any lines.
 #[derive(Debug)]

@@ -36,9 +36,9 @@
 use super::sphere_grid::SphereGrid;
 use super::straight::GridLine;
 use super::weights::{CellWeights, FaceTarget};
-use crate::energy::{BorderedEnergy, EnergyError, Ordering};
-use crate::math::{Point2, Vec2};
-use crate::mesh::{CellPoint, Grid, GridMesh, Quad};
+use plumbline_image::grid::{CellPoint, Grid, GridMesh, Quad};
+use plumbline_num::energy::{BorderedEnergy, EnergyError, Ordering};
+use plumbline_num::math::{Point2, Vec2};
 
 /// `ε`: far below what conformality weighs and far above rounding. The sheet is scaled afterwards, so its size does not count.
 const PULL: f64 = 1e-6;
@@ -368,7 +368,7 @@ pub(super) fn halved(mesh: &GridMesh) -> GridMesh {
 }
 
 /// The sheet farthest on the straight way from a sheet without folds to another that has none either.
-pub(in crate::photo) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
+pub(crate) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
     let mut mesh = sound.clone();
     for k in 1..=BACKTRACKS {
         let t = 0.5_f64.powi(k);

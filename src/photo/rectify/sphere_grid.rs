@@ -3,9 +3,9 @@
 use nalgebra::{Matrix2, Matrix3x2};
 
 use super::chart::Chart;
-use crate::camera::{Lens, Vec3};
-use crate::math::{Point2, PointMap, Rect, Vec2};
-use crate::mesh::{CellPoint, Grid};
+use plumbline_camera::{Lens, Vec3};
+use plumbline_image::grid::{CellPoint, Grid};
+use plumbline_num::math::{Point2, PointMap, Rect, Vec2};
 
 /// Farthest from the center of the view that a stereographic chart reaches, rad: 110°, where it magnifies threefold.
 const MAX_ANGLE: f64 = 1.919_862_177;

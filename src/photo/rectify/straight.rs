@@ -22,11 +22,11 @@
 //! Carroll et al. 2009, section 4.2.
 
 use super::sphere_grid::SphereGrid;
-use crate::camera::{Lens, Vec3};
-use crate::math::{Point2, Rect, Vec2};
-use crate::mesh::{CellPoint, GridMesh};
-use crate::photo::warp::FittedLine;
-use crate::photo::{Line, Orientation};
+use crate::warp::FittedLine;
+use crate::{Line, Orientation};
+use plumbline_camera::{Lens, Vec3};
+use plumbline_image::grid::{CellPoint, GridMesh};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Largest distance of virtual vertices, cells.
 const SPACING: f64 = 0.5;

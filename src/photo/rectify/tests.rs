@@ -5,10 +5,10 @@ use proptest::prelude::*;
 
 use super::chart::Chart;
 use super::*;
-use crate::camera::{FieldAxis, FieldOfView};
-use crate::math::{PointMap, Vec2};
-use crate::mesh::GridMesh;
-use crate::photo::Orientation;
+use crate::Orientation;
+use plumbline_camera::{FieldAxis, FieldOfView};
+use plumbline_image::grid::GridMesh;
+use plumbline_num::math::{PointMap, Vec2};
 
 const SIZE: (f64, f64) = (1200.0, 900.0);
 
@@ -23,12 +23,12 @@ fn wide() -> Lens {
 }
 
 /// The picture of a straight line in space through two directions.
-fn seen(lens: &Lens, from: Vec3, to: Vec3, count: usize) -> Vec<crate::math::Point2> {
+fn seen(lens: &Lens, from: Vec3, to: Vec3, count: usize) -> Vec<plumbline_num::math::Point2> {
     let at = |k: usize| lens.project(&(from + (to - from) * (k as f64 / (count - 1) as f64))).expect("in the field");
     (0..count).map(at).collect()
 }
 
-fn line(name: &str, points: Vec<crate::math::Point2>, orientation: Orientation) -> Line {
+fn line(name: &str, points: Vec<plumbline_num::math::Point2>, orientation: Orientation) -> Line {
     Line { name: name.to_owned(), points, orientation }
 }
 
@@ -56,7 +56,8 @@ fn input<'a>(lens: &'a Lens, lines: &'a [Line], faces: &'a [Rect]) -> RectifyInp
 /// Largest residual `e_v − R e_u` of a map in the middles of cells, relative to the cells: the Cauchy–Riemann equations
 /// by central differences in the stereographic chart.
 fn cauchy_riemann(projection: Projection, points: usize) -> f64 {
-    let lens = Lens { projection, focal: Vec2::repeat(1.0), center: crate::math::Point2::origin(), size: (1.0, 1.0) };
+    let lens =
+        Lens { projection, focal: Vec2::repeat(1.0), center: plumbline_num::math::Point2::origin(), size: (1.0, 1.0) };
     let chart = Chart::stereographic(Rotation3::identity());
     let h = 1.6 / (points - 1) as f64;
     let at = |i: usize, j: usize| {
@@ -87,7 +88,7 @@ fn without_lines_and_faces_the_picture_is_stereographic() {
     let options = RectifyOptions { crop, ..RectifyOptions::default() };
     let fixed = RectifyOptions { target: Target::Fixed(Projection::Stereographic), ..options.clone() };
     let warps = [options, fixed].map(|o| rectify(&input(&lens, &[], &[]), &o).expect("a warp"));
-    let src = crate::math::Point2::new(333.0, 222.0);
+    let src = plumbline_num::math::Point2::new(333.0, 222.0);
     // Crops are found on grids of their own: compare shapes, not places.
     let spread = |warp: &PhotoWarp| {
         let at = |x: f64, y: f64| (warp.forward)(src + Vec2::new(x, y)).expect("shown");
@@ -174,7 +175,7 @@ fn lines_without_any_orientation_settle_without_turning_the_picture() {
     let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
     assert!(warp.iterations < 20, "{} solves", warp.iterations);
     assert!(warp.lines.iter().all(|l| l.max_px < 0.25), "{:?}", warp.lines);
-    let out = |x: f64| (warp.forward)(crate::math::Point2::new(450.0 + x, 450.0)).expect("shown");
+    let out = |x: f64| (warp.forward)(plumbline_num::math::Point2::new(450.0 + x, 450.0)).expect("shown");
     let across = out(200.0) - out(-200.0);
     assert!(across.y.abs() < 0.1 * across.x, "{across}");
 }
@@ -219,7 +220,7 @@ fn the_frame_changes_without_a_solve() {
 fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
     let lens = fisheye();
     let at = |x: f64, y: f64| {
-        let min = crate::math::Point2::new(x, y);
+        let min = plumbline_num::math::Point2::new(x, y);
         Rect { min, max: min + Vec2::new(90.0, 120.0) }
     };
     let solved = |faces: &[Rect], crop| {
@@ -257,7 +258,8 @@ fn a_line_that_is_not_straight_in_the_world_is_told() {
 #[test]
 fn faces_at_the_edge_keep_their_shape() {
     let lens = wide();
-    let face = Rect { min: crate::math::Point2::new(40.0, 60.0), max: crate::math::Point2::new(240.0, 280.0) };
+    let face =
+        Rect { min: plumbline_num::math::Point2::new(40.0, 60.0), max: plumbline_num::math::Point2::new(240.0, 280.0) };
     // None of them runs through the face.
     let lines: Vec<Line> =
         room(&lens).into_iter().filter(|l| !["ceiling", "left post"].contains(&l.name.as_str())).collect();
@@ -293,7 +295,7 @@ fn the_field_and_the_way_forward_are_inverse() {
     let lines = room(&lens);
     let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
     for (x, y) in [(600.0, 450.0), (100.0, 120.0), (1100.0, 700.0), (30.0, 860.0)] {
-        let src = crate::math::Point2::new(x, y);
+        let src = plumbline_num::math::Point2::new(x, y);
         let back = warp.field.map((warp.forward)(src).expect("shown")).expect("covered");
         assert!((back - src).norm() < 1e-6, "{src} came back as {back}");
     }
@@ -333,7 +335,7 @@ fn an_exact_size_is_had_without_stretch() {
     let size = OutputSize::Exact(800, 300);
     let warp = rectify(&input(&lens, &[], &[]), &RectifyOptions { size, ..RectifyOptions::default() }).expect("a warp");
     assert_eq!(warp.size, (800, 300));
-    let j = warp.field.jacobian(crate::math::Point2::new(400.0, 150.0)).expect("covered");
+    let j = warp.field.jacobian(plumbline_num::math::Point2::new(400.0, 150.0)).expect("covered");
     let s = j.singular_values();
     assert!(s.max() / s.min() < 1.1, "{s}");
 }

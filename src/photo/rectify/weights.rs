@@ -9,10 +9,10 @@
 
 use super::sphere_grid::SphereGrid;
 use super::straight::GridLine;
-use crate::camera::{Lens, Vec3};
-use crate::image::Plane;
-use crate::math::{Point2, PointMap, Rect, Vec2};
-use crate::mesh::{CellPoint, Quad};
+use plumbline_camera::{Lens, Vec3};
+use plumbline_image::Plane;
+use plumbline_image::grid::{CellPoint, Quad};
+use plumbline_num::math::{Point2, PointMap, Rect, Vec2};
 
 /// Spread of the weight about the end of a line, as a share of the grid's longer side.
 const END_SPREAD: f64 = 0.04;

@@ -19,9 +19,9 @@
 //! (Eurographics) 31 (2012).
 
 use super::RetargetError;
-use crate::math::Point2;
-use crate::mesh::{Grid, GridMesh};
-use crate::optim::qp::{Affine, QuadraticProgram};
+use plumbline_image::grid::{Grid, GridMesh};
+use plumbline_num::math::Point2;
+use plumbline_num::optim::qp::{Affine, QuadraticProgram};
 
 /// Times that cells are weighed by their size of the last solution. The first moves most, the fourth a few percent.
 const REWEIGHTINGS: usize = 4;
@@ -46,18 +46,18 @@ pub(super) fn axis_aligned(
 
 /// What scales may be.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::photo) struct Bounds {
+pub(crate) struct Bounds {
     /// `m`: least scale relative to the plain resize along the axis.
-    pub(in crate::photo) least: f64,
+    pub(crate) least: f64,
     /// `M`: largest scale relative to the larger of the plain resize, above 1.
-    pub(in crate::photo) most: f64,
+    pub(crate) most: f64,
 }
 
 /// Scales of columns and rows relative to the plain resize: `a_c / s_x`, `d_r / s_y`, means 1.
 ///
 /// # Errors
 /// [`RetargetError::Start`] where the program is not solved.
-pub(in crate::photo) fn scales(
+pub(crate) fn scales(
     grid: &Grid,
     weights: &[f64],
     (sx, sy): (f64, f64),
@@ -103,7 +103,7 @@ fn made_exact(scales: &[f64], least: f64) -> Vec<f64> {
 }
 
 /// Where the lines between cells come to lie: from 0 to `extent`, both exact.
-pub(in crate::photo) fn places(scales: &[f64], extent: f64) -> Vec<f64> {
+pub(crate) fn places(scales: &[f64], extent: f64) -> Vec<f64> {
     let share = extent / scales.len() as f64;
     let mut places = vec![0.0; scales.len() + 1];
     for (i, s) in scales.iter().enumerate() {

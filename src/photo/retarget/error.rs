@@ -1,9 +1,9 @@
 //! What retargeting can refuse.
 
-use crate::energy::EnergyError;
-use crate::math::Rect;
-use crate::optim::qp::QpError;
-use crate::warp::FieldError;
+use plumbline_image::warp::FieldError;
+use plumbline_num::energy::EnergyError;
+use plumbline_num::math::Rect;
+use plumbline_num::optim::qp::QpError;
 
 /// Why a picture cannot be given another shape.
 #[derive(Debug, thiserror::Error)]

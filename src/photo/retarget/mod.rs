@@ -19,13 +19,13 @@ mod window;
 use nalgebra::Matrix2x3;
 
 use super::{FittedLine, Line, LineReport, Orientation, PhotoWarp};
-use crate::feature::{Face, Importance};
-use crate::math::{Point2, Rect, Vec2};
-use crate::mesh::{Grid, GridMesh};
-use crate::warp::{Map, WarpField};
 use axis_aligned::{Bounds, axis_aligned};
 use error::MAX_SIDE;
 pub use error::RetargetError;
+use plumbline_image::feature::{Face, Importance};
+use plumbline_image::grid::{Grid, GridMesh};
+use plumbline_image::warp::{Map, WarpField};
+use plumbline_num::math::{Point2, Rect, Vec2};
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
 use virtual_points::virtual_points;

@@ -35,9 +35,9 @@
 
 use super::RetargetError;
 use super::straight::{Lie, Straight};
-use crate::energy::{Ordering, QuadraticEnergy};
-use crate::math::Point2;
-use crate::mesh::{Grid, GridMesh, Quad};
+use plumbline_image::grid::{Grid, GridMesh, Quad};
+use plumbline_num::energy::{Ordering, QuadraticEnergy};
+use plumbline_num::math::Point2;
 
 /// `κ`: at 0.01 the least important cells end at 1.05 `m`, at 1 near 2 `m`.
 const STRAIN: f64 = 0.1;

@@ -13,9 +13,9 @@
 //! where `n` does not see them, and the line turns with `q₀` and `q₁`. Carroll et al. alternate between a step that allows the one
 //! (direction kept) and a step that allows the other (places kept); this Gauss–Newton step allows both.
 
-use crate::math::{Point2, Vec2};
-use crate::mesh::{CellPoint, GridMesh};
-use crate::photo::{FittedLine, Orientation};
+use crate::{FittedLine, Orientation};
+use plumbline_image::grid::{CellPoint, GridMesh};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Weight of a squared distance, in cells, of a line whose direction is given. Linear terms bear any weight: what is left of
 /// the distance is the pull of the cells over it, 1e-8 of a cell.

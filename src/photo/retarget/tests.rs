@@ -1,8 +1,8 @@
 //! Laws of retargeting.
 
 use super::*;
-use crate::image::Plane;
-use crate::math::PointMap;
+use plumbline_image::Plane;
+use plumbline_num::math::PointMap;
 use proptest::prelude::*;
 
 const SOURCE: (usize, usize) = (640, 420);

@@ -9,9 +9,9 @@
 //! R. Carroll, M. Agrawala, A. Agarwala, *Optimizing content-preserving projections for wide-angle images*, ACM Trans.
 //! Graph. (SIGGRAPH) 28 (2009), section 3.3: virtual vertices.
 
-use crate::math::{Point2, Rect, Vec2};
-use crate::mesh::{CellPoint, Grid};
-use crate::photo::Line;
+use crate::Line;
+use plumbline_image::grid::{CellPoint, Grid};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Pieces shorter than this share of a cell are not worth two conditions: they would weigh a corner of a cell like a whole
 /// crossing.
@@ -91,7 +91,7 @@ fn crossings(a: Point2, b: Point2, grid: &Grid) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photo::Orientation;
+    use crate::Orientation;
 
     const GRID: Grid = Grid { cols: 6, rows: 4, width: 600.0, height: 400.0 };
 

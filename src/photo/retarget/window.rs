@@ -4,8 +4,8 @@
 //! that does not: below some 50 % no warp looks right. Then the side squeezed more is cropped first, to the window that
 //! leaves just that factor to the warp, and the window is laid where it keeps most of the importance.
 
-use crate::feature::Importance;
-use crate::math::{Point2, Rect};
+use plumbline_image::feature::Importance;
+use plumbline_num::math::{Point2, Rect};
 
 /// Importance counts to this power: a face outweighs a hundred times its area of sky.
 const POWER: i32 = 2;
@@ -31,12 +31,12 @@ pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importanc
 }
 
 /// The share of the side squeezed more that a window keeps under the scales `(s_x, s_y)`; 1 where `ρ ≥ least`.
-pub(in crate::photo) fn kept_share((sx, sy): (f64, f64), least: f64) -> f64 {
+pub(crate) fn kept_share((sx, sy): (f64, f64), least: f64) -> f64 {
     if sx.min(sy) >= least * sx.max(sy) { 1.0 } else { sx.min(sy) / (least * sx.max(sy)) }
 }
 
 /// Importance of columns (or rows), summed, in so many strips.
-pub(in crate::photo) fn strip_profile(importance: &Importance, columns: bool, strips: usize) -> Vec<f64> {
+pub(crate) fn strip_profile(importance: &Importance, columns: bool, strips: usize) -> Vec<f64> {
     const ACROSS: usize = 100;
     let whole = Rect::of_size(1.0, 1.0);
     let (cols, rows) = if columns { (strips, ACROSS) } else { (ACROSS, strips) };
@@ -78,7 +78,7 @@ fn worth_spread(starts: usize, share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Plane;
+    use plumbline_image::Plane;
 
     fn spot(s: f64) -> Importance {
         let plane = Plane::from_fn(200, 100, |x, _| if (x as f64 / 200.0 - s).abs() < 0.05 { 1.0 } else { 0.1 });

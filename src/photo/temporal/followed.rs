@@ -15,9 +15,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{ClipData, ClipImportance};
-use crate::feature::Importance;
-use crate::image::Plane;
-use crate::math::{Homography, Point2, PointMap, Similarity2};
+use plumbline_image::Plane;
+use plumbline_image::feature::Importance;
+use plumbline_num::math::{Homography, Point2, PointMap, Similarity2};
 
 /// Reach of the Gaussian, standard deviations.
 const REACH: f64 = 2.5;

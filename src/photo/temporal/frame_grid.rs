@@ -8,8 +8,8 @@
 
 use nalgebra::Matrix2;
 
-use crate::math::{Point2, PointMap, Rect};
-use crate::mesh::GridMesh;
+use plumbline_image::grid::GridMesh;
+use plumbline_num::math::{Point2, PointMap, Rect};
 
 /// An axis-aligned grid: columns and rows of equal size in the source, as they lie in the output.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Importance of a clip's moments, small.
 
-use crate::feature::Importance;
-use crate::math::Rect;
+use plumbline_image::feature::Importance;
+use plumbline_num::math::Rect;
 
 /// Cells that a moment is kept in, about: 48 × 27 of a wide picture.
 const CELLS: f64 = 1300.0;

@@ -26,11 +26,11 @@ use rayon::prelude::*;
 use super::retarget::RetargetError;
 use super::retarget::axis_aligned::{self, Bounds};
 use super::retarget::{is_size, kept_share, strip_profile};
-use crate::math::{Homography, Point2, PointMap, Rect, Similarity2};
-use crate::mesh::Grid;
 use followed::Followed;
 pub use frame_grid::FrameGrid;
 pub use importance::ClipImportance;
+use plumbline_image::grid::Grid;
+use plumbline_num::math::{Homography, Point2, PointMap, Rect, Similarity2};
 use window_path::Sight;
 
 /// Cells of a grid, about. Half of what a still picture takes: fewer, broader rows and columns are calmer.

@@ -1,7 +1,7 @@
 use super::*;
-use crate::feature::Importance;
-use crate::image::Plane;
-use crate::math::{PointMap, Vec2};
+use plumbline_image::Plane;
+use plumbline_image::feature::Importance;
+use plumbline_num::math::{PointMap, Vec2};
 use proptest::prelude::*;
 
 const SIZE: (usize, usize) = (1920, 1080);

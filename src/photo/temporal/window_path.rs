@@ -16,7 +16,7 @@
 //!
 //! Places and times are in shares of the picture and seconds.
 
-use crate::optim::qp::{Affine, QpError, QuadraticProgram};
+use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
 
 /// What importance at the border of a window counts for, relative to its middle.
 const BORDER: f64 = 0.3;

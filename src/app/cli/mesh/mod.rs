@@ -1,0 +1,218 @@
+//! `plumbline mesh`: what is in mesh files, repair, and conversion between formats.
+
+mod files;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use serde_json::{Value, json};
+
+use super::failure::Failure;
+use super::tell;
+use crate::pipeline::Exit;
+use files::{Target, TargetArgs, all_inputs};
+use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_with};
+use plumbline_shape::mesh::{
+    MeshError, MeshFacts, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair,
+};
+
+/// Options of `plumbline mesh`.
+#[derive(Debug, Args)]
+pub(super) struct MeshArgs {
+    #[command(subcommand)]
+    command: MeshCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum MeshCommand {
+    /// Tell what is in mesh files, and what repair would do
+    Info(InfoArgs),
+    /// Make meshes oriented manifolds, and tell what was done
+    Repair(RepairArgs),
+    /// Write meshes in another format
+    Convert(ConvertArgs),
+}
+
+/// What all three take.
+#[derive(Debug, Args)]
+struct ReadArgs {
+    /// Mesh files (obj ply off stl gltf glb mesh), or folders of them
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Print JSON, a list with an item per input
+    #[arg(long)]
+    json: bool,
+    /// Most bytes of an input, the files that it refers to included
+    #[arg(long, default_value_t = ReadLimits::default().max_bytes, value_name = "N")]
+    max_bytes: u64,
+}
+
+#[derive(Debug, Args)]
+struct InfoArgs {
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+/// What repair takes for a fault.
+#[derive(Debug, Args)]
+struct FaultArgs {
+    /// Join vertices with equal coordinates (exact), none (never), or those within this fraction of the diagonal
+    #[arg(long, default_value = "exact", value_name = "exact|never|FRACTION", value_parser = weld)]
+    weld: Weld,
+    /// A triangle whose height is at most this fraction of its longest side has no area
+    #[arg(long, default_value_t = RepairOptions::default().flat, value_name = "FRACTION", value_parser = fraction)]
+    flat: f64,
+}
+
+#[derive(Debug, Args)]
+struct RepairArgs {
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    target: TargetArgs,
+    #[command(flatten)]
+    faults: FaultArgs,
+}
+
+#[derive(Debug, Args)]
+struct ConvertArgs {
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    target: TargetArgs,
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if (0.0..=0.1).contains(&value) { Ok(value) } else { Err(format!("{value} is out of range (0 to 0.1)")) }
+}
+
+fn weld(text: &str) -> Result<Weld, String> {
+    match text {
+        "exact" => Ok(Weld::Exact),
+        "never" => Ok(Weld::Never),
+        _ => fraction(text).map(Weld::Within).map_err(|e| format!("{e}; exact and never are the other choices")),
+    }
+}
+
+/// What is told of one input.
+struct Told {
+    text: String,
+    json: Value,
+}
+
+impl MeshArgs {
+    pub(super) fn run(self) -> Result<Exit, Failure> {
+        match self.command {
+            MeshCommand::Info(args) => args.read.each(|_, model, format| Ok(info(model, format))),
+            MeshCommand::Repair(args) => {
+                let options = RepairOptions { weld: args.faults.weld, flat: args.faults.flat };
+                let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
+                args.read.each(|k, model, _| repaired(model, &options, &targets[k]))
+            }
+            MeshCommand::Convert(args) => {
+                let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
+                args.read.each(|k, model, _| written(model, &targets[k]))
+            }
+        }
+    }
+}
+
+impl ReadArgs {
+    /// Does `work` with each input; one that fails does not stop the others.
+    fn each(
+        &self,
+        work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Told, MeshError>,
+    ) -> Result<Exit, Failure> {
+        let limits = ReadLimits { max_bytes: self.max_bytes, ..ReadLimits::default() };
+        let inputs = all_inputs(&self.inputs)?;
+        let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
+        for (k, path) in inputs.iter().enumerate() {
+            let format = MeshFormat::of_name(path);
+            let told = read_model(path, &limits).and_then(|model| work(k, &model, format));
+            match told {
+                Ok(told) => {
+                    let name = path.display().to_string();
+                    if self.json {
+                        items.push(with_file(&name, told.json));
+                    } else {
+                        let heading = if inputs.len() > 1 { format!("{name}\n") } else { String::new() };
+                        tell(&format!("{heading}{}\n", told.text.trim_end()));
+                    }
+                }
+                Err(error) => {
+                    failed += 1;
+                    last = if error.is_output() { Exit::Output } else { Exit::Input };
+                    Failure { exit: last, message: error.to_string(), drawn: false }.tell();
+                    items.push(json!({ "file": path.display().to_string(), "error": error.to_string() }));
+                }
+            }
+        }
+        if self.json {
+            tell(&format!("{:#}\n", Value::Array(items)));
+        }
+        Ok(if failed == 0 || failed == inputs.len() { last } else { Exit::Partial })
+    }
+}
+
+fn with_file(name: &str, mut told: Value) -> Value {
+    told["file"] = json!(name);
+    told
+}
+
+fn info(model: &Model, format: Option<MeshFormat>) -> Told {
+    let facts = MeshFacts::of(model.mesh());
+    let report = repair(model.mesh(), &RepairOptions::default()).report;
+    let mut text = format!("{facts}\n");
+    let polygons = model.faces().iter().filter(|face| face.len() > 3).count();
+    let lists = [
+        (polygons, "polygons of more than three corners"),
+        (model.texture().map_or(0, |t| t.values.len()), "texture coordinates"),
+        (model.normals().map_or(0, |n| n.values.len()), "normals"),
+        (model.colors().map_or(0, <[_]>::len), "colors"),
+        (model.groups().all.len(), "groups"),
+        (model.materials().all.len(), "materials"),
+    ];
+    for (count, what) in lists.iter().filter(|(count, _)| *count > 0) {
+        let _ = writeln!(text, "{count} {what}");
+    }
+    for warning in model.warnings() {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text += "repair: ";
+    text +=
+        &if report.is_clean() { "nothing to do".to_owned() } else { report.changes().collect::<Vec<_>>().join("; ") };
+    let groups: Vec<_> = model.groups().all.iter().map(|g| json!({ "object": g.object, "group": g.name })).collect();
+    let json = json!({
+        "format": format.map(|f| f.to_string()),
+        "facts": facts,
+        "polygons": polygons,
+        "texture_coordinates": lists[1].0,
+        "normals": lists[2].0,
+        "colors": lists[3].0,
+        "groups": groups,
+        "materials": model.materials().all.iter().map(|m| &m.name).collect::<Vec<_>>(),
+        "notes": model.warnings(),
+        "repair": report,
+    });
+    Told { text, json }
+}
+
+fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<Told, MeshError> {
+    let repaired = repair(model.mesh(), options);
+    let told = written(&model.repaired(&repaired), target)?;
+    let text = format!("{}\n{}", repaired.report, told.text);
+    Ok(Told { text, json: json!({ "repair": repaired.report, "written": told.json }) })
+}
+
+fn written(model: &Model, target: &Target) -> Result<Told, MeshError> {
+    let Target { path, ascii } = target;
+    write_model_with(path, model, &WriteOptions { ascii: *ascii })?;
+    let lost = MeshFormat::of_name(path).map(|format| losses(model, format)).unwrap_or_default();
+    let mut text = format!("written: {}", path.display());
+    if !lost.is_empty() {
+        let _ = write!(text, "\nnot held by the format: {}", lost.join(", "));
+    }
+    Ok(Told { text, json: json!({ "path": path.display().to_string(), "lost": lost }) })
+}

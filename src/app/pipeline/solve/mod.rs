@@ -1,0 +1,274 @@
+//! `plumbline solve`: a linear system from files, solved, judged and drawn.
+
+mod picture;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value as Json, json};
+
+use super::run_error::RunError;
+use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline_media::Unfinished;
+pub use plumbline_num::sparse::Method;
+use plumbline_num::sparse::{
+    FactorStructure, GeneralMatrix, IncompleteCholesky, Ordering, Pattern, SparseError, Stop, backward_error,
+    conjugate_gradients, read_matrix_market, write_matrix_market,
+};
+
+/// Largest file that is read, bytes: a matrix of some ten million entries.
+const LARGEST_FILE: u64 = 1 << 30;
+
+/// Most values of all right-hand sides together: a gibibyte.
+const LARGEST_SIDES: usize = 1 << 27;
+
+/// The orderings that are compared, by name.
+pub const ORDERINGS: [(&str, Ordering); 4] = [
+    ("natural", Ordering::Natural),
+    ("rcm", Ordering::ReverseCuthillMcKee),
+    ("amd", Ordering::Amd),
+    ("nd", Ordering::GraphDissection),
+];
+
+/// How a system is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Approach {
+    /// By a factorization.
+    Direct(Method),
+    /// By conjugate gradients with incomplete Cholesky.
+    ConjugateGradients,
+}
+
+/// What to solve, how, and what to write.
+#[derive(Clone, Debug)]
+pub struct SolveJob {
+    /// The matrix, Matrix Market.
+    pub matrix: PathBuf,
+    /// Right-hand sides, Matrix Market; without, those whose solution is 1 throughout.
+    pub rhs: Option<PathBuf>,
+    /// Index into [`ORDERINGS`].
+    pub ordering: usize,
+    /// How.
+    pub approach: Approach,
+    /// Where the solution goes.
+    pub output: Option<PathBuf>,
+    /// Where the report goes, JSON.
+    pub report: Option<PathBuf>,
+    /// Where the picture of the factors goes, PNG.
+    pub picture: Option<PathBuf>,
+}
+
+/// Solves; returns what is to be told.
+///
+/// # Errors
+/// [`RunError::Input`] where a file is not a matrix or the system has no solution, [`RunError::Usage`] where files or methods
+/// do not fit each other, [`RunError::Output`].
+pub fn solve(job: &SolveJob) -> Result<String, RunError> {
+    let a = read(&job.matrix)?;
+    let (b, given) = match &job.rhs {
+        Some(path) => (dense(&read(path)?, &a, path)?, true),
+        None => (a.multiply(&vec![1.0; a.columns()]), false),
+    };
+    let symmetric = a.rows() == a.columns() && a.first_asymmetry().is_none();
+    let pattern = symmetric.then(|| a.symmetric_pattern()).transpose().map_err(|e| said(&job.matrix, &e))?;
+    if job.picture.is_some() && pattern.is_none() {
+        return Err(RunError::Usage("--picture needs a symmetric matrix: it shows Cholesky factors".to_owned()));
+    }
+    let structures = structures(pattern.as_ref()).map_err(|e| said(&job.matrix, &e))?;
+    let began = Instant::now();
+    let solved = solved(job, &a, &b).map_err(|e| said(&job.matrix, &e))?;
+    let seconds = began.elapsed().as_secs_f64();
+    let report = report(job, &a, &b, given, &structures, &solved, seconds);
+    if let Some(path) = &job.output {
+        write(path, |out| out.write_all(write_matrix_market(a.columns(), &solved.x).as_bytes()))?;
+    }
+    if let Some(path) = &job.report {
+        write(path, |out| out.write_all(format!("{report:#}\n").as_bytes()))?;
+    }
+    if let Some(path) = &job.picture {
+        draw(path, &structures)?;
+    }
+    Ok(words(&report))
+}
+
+fn said(path: &Path, error: &SparseError) -> RunError {
+    let text = format!("{}: {error}", path.display());
+    match error {
+        SparseError::OutOfMemory { .. } => RunError::Temporary(text),
+        SparseError::NotSquare { .. } | SparseError::NotSymmetric { .. } | SparseError::Underdetermined { .. } => {
+            RunError::Usage(text)
+        }
+        _ => RunError::Input(text),
+    }
+}
+
+fn read(path: &Path) -> Result<GeneralMatrix, RunError> {
+    let cannot = |why: &dyn std::fmt::Display| RunError::Input(format!("{}: cannot be read: {why}", path.display()));
+    let size = std::fs::metadata(path).map_err(|e| cannot(&e))?.len();
+    if size > LARGEST_FILE {
+        return Err(cannot(&format!("the file has {size} bytes (at most {LARGEST_FILE})")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|e| cannot(&e))?;
+    read_matrix_market(&text).map_err(|e| said(path, &e))
+}
+
+/// The right-hand sides, column by column.
+fn dense(b: &GeneralMatrix, a: &GeneralMatrix, path: &Path) -> Result<Vec<f64>, RunError> {
+    if b.rows() != a.rows() {
+        let (given, expected) = (b.rows(), a.rows());
+        return Err(RunError::Usage(format!("{}: has {given} rows (expected {expected})", path.display())));
+    }
+    let size = b.rows().saturating_mul(b.columns());
+    if size > LARGEST_SIDES {
+        let columns = b.columns();
+        let text =
+            format!("{}: has {columns} right-hand sides, {size} values (at most {LARGEST_SIDES})", path.display());
+        return Err(RunError::Usage(text));
+    }
+    let mut values = vec![0.0; size];
+    b.entries().for_each(|(i, j, v)| values[i + j * b.rows()] = v);
+    Ok(values)
+}
+
+type Structures<'a> = Vec<(&'static str, FactorStructure<'a>)>;
+
+fn structures(pattern: Option<&Pattern>) -> Result<Structures<'_>, SparseError> {
+    let Some(pattern) = pattern else { return Ok(Vec::new()) };
+    ORDERINGS.iter().map(|(name, ordering)| Ok((*name, FactorStructure::new(pattern, ordering)?))).collect()
+}
+
+/// A solution and what is known of it.
+struct Solved {
+    x: Vec<f64>,
+    method: &'static str,
+    condition: Option<f64>,
+    /// Refinement steps, or iterations.
+    steps: usize,
+}
+
+fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+    let ordering = &ORDERINGS[job.ordering].1;
+    let (m, n) = (a.rows(), a.columns());
+    let Approach::Direct(method) = job.approach else { return iterated(a, b) };
+    let mut factor = a.factor(method, ordering)?;
+    let mut x = factor.solve(b)?;
+    let mut steps = 0;
+    if m == n && n > 0 {
+        for (b, x) in b.chunks_exact(n).zip(x.chunks_exact_mut(n)) {
+            steps = steps.max(factor.refine(a, b, x)?.steps);
+        }
+    }
+    let name = match factor.method() {
+        Method::Auto | Method::Cholesky => "cholesky",
+        Method::SimplicialCholesky => "simplicial",
+        Method::Ldlt => "ldlt",
+        Method::Lu => "lu",
+        Method::Qr => "qr",
+    };
+    Ok(Solved { x, method: name, condition: factor.condition(a), steps })
+}
+
+fn iterated(a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+    let a = a.symmetric()?;
+    let mut preconditioner = IncompleteCholesky::new(&a)?;
+    let mut x = vec![0.0; b.len()];
+    let mut steps = 0;
+    for (b, x) in b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1))) {
+        let report = conjugate_gradients(&a, b, x, &mut preconditioner, &Stop::default())?;
+        steps = steps.max(report.iterations);
+    }
+    Ok(Solved { x, method: "cg", condition: None, steps })
+}
+
+fn report(
+    job: &SolveJob,
+    a: &GeneralMatrix,
+    b: &[f64],
+    given: bool,
+    structures: &Structures<'_>,
+    solved: &Solved,
+    seconds: f64,
+) -> Json {
+    let orderings: Vec<Json> = structures
+        .iter()
+        .map(|(name, s)| json!({"ordering": name, "nnz": s.nnz(), "fill": s.fill(), "flops": s.flops()}))
+        .collect();
+    let columns = b.chunks(a.rows().max(1)).zip(solved.x.chunks(a.columns().max(1)));
+    let judged: Vec<Json> = columns.map(|(b, x)| judge(a, b, x, given)).collect();
+    json!({
+        "matrix": {"rows": a.rows(), "columns": a.columns(), "entries": a.nnz(), "symmetric": !structures.is_empty()},
+        "ordering": ORDERINGS[job.ordering].0,
+        "method": solved.method,
+        "orderings": orderings,
+        "condition": solved.condition,
+        "steps": solved.steps,
+        "solutions": judged,
+        "seconds": seconds,
+    })
+}
+
+/// How good one solution is.
+fn judge(a: &GeneralMatrix, b: &[f64], x: &[f64], given: bool) -> Json {
+    let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let r: Vec<f64> = a.multiply(x).iter().zip(b).map(|(y, b)| b - y).collect();
+    let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { part };
+    let mut judged = json!({"residual": share(norm(&r), norm(b))});
+    if a.rows() == a.columns() {
+        judged["backward_error"] = json!(backward_error(a, b, x));
+    } else {
+        let slope = norm(&a.multiply_transposed(&r));
+        judged["slope"] = json!(share(slope, a.norm_1() * norm(b)));
+    }
+    if !given {
+        judged["error"] = json!(x.iter().map(|x| (x - 1.0).abs()).fold(0.0, f64::max));
+    }
+    judged
+}
+
+/// The report for people.
+fn words(report: &Json) -> String {
+    let matrix = &report["matrix"];
+    let kind = if matrix["symmetric"] == true { "symmetric" } else { "not symmetric" };
+    let mut text =
+        format!("matrix     {}×{}, {} entries, {kind}\n", matrix["rows"], matrix["columns"], matrix["entries"]);
+    for ordering in report["orderings"].as_array().into_iter().flatten() {
+        let chosen = if ordering["ordering"] == report["ordering"] { "←" } else { "" };
+        let number = |key: &str| ordering[key].as_f64().unwrap_or(0.0);
+        let name = ordering["ordering"].as_str().unwrap_or_default();
+        let (nnz, fill, flops) = (&ordering["nnz"], number("fill"), number("flops"));
+        let line = format!("{name:<10} nnz(L) {nnz:>12}   fill {fill:>8.2}   flops {flops:>9.2e}   {chosen}");
+        let _ = writeln!(text, "{}", line.trim_end());
+    }
+    let _ = writeln!(text, "method     {} ({} steps)", report["method"].as_str().unwrap_or_default(), report["steps"]);
+    if let Some(condition) = report["condition"].as_f64() {
+        let _ = writeln!(text, "condition  about {condition:.1e} (1-norm)");
+    }
+    for solution in report["solutions"].as_array().into_iter().flatten() {
+        let parts = [("residual", ""), ("backward_error", "backward error "), ("slope", "slope "), ("error", "error ")];
+        let told: Vec<String> =
+            parts.iter().filter_map(|(key, word)| Some(format!("{word}{:.1e}", solution[key].as_f64()?))).collect();
+        let _ = writeln!(text, "residual   {}", told.join(", "));
+    }
+    text
+}
+
+fn draw(path: &Path, structures: &Structures<'_>) -> Result<(), RunError> {
+    let canvas = picture::draw(structures);
+    let cannot = |e| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
+    let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(cannot)?;
+    let tags = ExifTags::default();
+    let photo = Photo { frame, exif: None, tags, icc: None, format: None, warnings: Vec::new() };
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(cannot)?;
+    write(path, |out| out.write_all(bytes.get_ref()))
+}
+
+/// Writes under a temporary name, then gives the file its own.
+fn write(path: &Path, fill: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<(), RunError> {
+    let cannot = |e: std::io::Error| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
+    let unfinished = Unfinished::beside(path).map_err(cannot)?;
+    let mut file = std::fs::File::options().write(true).open(unfinished.path()).map_err(cannot)?;
+    fill(&mut file).map_err(cannot)?;
+    unfinished.publish(path).map_err(cannot)
+}

@@ -1,0 +1,82 @@
+//! A slow zoom that keeps the source over the output where windows were moved after they had been planned.
+//!
+//! With `W_t` (`out_from_src`) and the output's center `c`, the part of the output about `c` that the source covers is
+//!
+//! ```text
+//! s_t = max { s ≤ 1 : W_t⁻¹(c + s (p − c)) inside the source for all corners p of the output }
+//! ```
+//!
+//! and the zoom `z_t ≥ 1/s_t` that covers all of it is the running maximum of `1/s`, evened out: a mean over no more time than
+//! the maximum was taken over stays above what it must stay above.
+
+use std::ops::Range;
+
+use plumbline_num::math::{Point2, Similarity2};
+use plumbline_video::path::lowpass;
+
+/// Standard deviation, s, of the mean over time: a zoom that takes a second or two is not seen.
+const SIGMA_S: f64 = 0.4;
+/// Reach of that mean, standard deviations.
+const REACH: f64 = 4.0;
+
+/// Zoom about the output's center for the windows of every frame of a shot, shown every `period_s`: from 1 to `most`. What
+/// that does not cover is left to the mesh.
+pub(super) fn covering_zoom(windows: &[Similarity2], size: (f64, f64), period_s: f64, most: f64) -> Vec<f64> {
+    let sigma = SIGMA_S / period_s;
+    let reach = (REACH * sigma).ceil() as usize + 1;
+    let needed: Vec<f64> = windows.iter().map(|w| 1.0 / covered_part(w, size)).collect();
+    let near = |t: usize| -> Range<usize> { t.saturating_sub(reach)..(t + reach + 1).min(needed.len()) };
+    let widest: Vec<f64> = (0..needed.len()).map(|t| needed[near(t)].iter().copied().fold(1.0, f64::max)).collect();
+    lowpass(&widest, sigma).iter().map(|z| z.clamp(1.0, most)).collect()
+}
+
+/// `s_t`.
+fn covered_part(out_from_src: &Similarity2, (width, height): (f64, f64)) -> f64 {
+    let Some(src_from_out) = out_from_src.inverse() else { return 1.0 };
+    let center = Point2::new(width / 2.0, height / 2.0);
+    let from = src_from_out.apply(center);
+    let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(x, y)| Point2::new(x, y));
+    corners.iter().fold(1.0_f64, |part, corner| {
+        let way = src_from_out.apply(*corner) - from;
+        let until = |from: f64, way: f64, end: f64| {
+            let room = if way > 0.0 { end - from } else { -from };
+            if way == 0.0 { f64::INFINITY } else { room / way }
+        };
+        part.min(until(from.x, way.x, width)).min(until(from.y, way.y, height))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_num::math::Vec2;
+
+    const SIZE: (f64, f64) = (640.0, 360.0);
+
+    fn window(zoom: f64, shift: Vec2) -> Similarity2 {
+        Similarity2::about(Point2::new(320.0, 180.0), 0.0, zoom, shift)
+    }
+
+    #[test]
+    fn a_window_inside_the_frame_asks_for_no_zoom() {
+        let windows = vec![window(1.1, Vec2::new(10.0, -5.0)); 50];
+        assert!(covering_zoom(&windows, SIZE, 0.03, 2.0).iter().all(|z| (*z - 1.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_window_that_leaves_the_frame_for_a_moment_is_covered_by_a_zoom_without_a_jump() {
+        let shift = |t: usize| if t == 100 { 20.0 } else { 0.0 };
+        let windows: Vec<_> = (0..200).map(|t| window(1.02, Vec2::new(shift(t), 0.0))).collect();
+        let zoom = covering_zoom(&windows, SIZE, 1.0 / 30.0, 2.0);
+        let shown = windows[100].inverse().expect("regular");
+        let left = shown.apply(Point2::new(320.0 - 320.0 / zoom[100], 180.0));
+        assert!(left.x >= 0.0, "the left edge of the output shows {}", left.x);
+        assert!(zoom.windows(2).all(|z| (z[1] - z[0]).abs() < 0.005) && zoom[0] < 1.0 + 1e-6);
+    }
+
+    #[test]
+    fn no_more_zoom_than_allowed() {
+        let windows = vec![window(1.0, Vec2::new(60.0, 0.0)); 30];
+        assert!(covering_zoom(&windows, SIZE, 0.03, 1.05).iter().all(|z| (*z - 1.05).abs() < 1e-12));
+    }
+}

@@ -1,0 +1,111 @@
+//! `mesh.modes`: low modes as a NumPy archive, parts as JSON, both by the vertices of the file.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+
+use nalgebra::Vector3;
+use serde_json::json;
+
+use super::deform::surface_error;
+use super::mesh_at;
+use super::solvable::Solvable;
+use crate::pipeline::kinds::MeshModesSettings;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::context::Context;
+use crate::pipeline::stages::npz::{Array, write_npz};
+use crate::pipeline::stages::photo::{begin, cannot};
+use plumbline_shape::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
+
+/// Computes and writes them.
+pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshModesSettings) -> Result<(), RunError> {
+    if settings.modes.is_none() && settings.parts.is_none() {
+        let name = &context.stage(stage).name;
+        return Err(RunError::Usage(format!("`{name}` would write nothing; name `modes`, `parts` or both")));
+    }
+    let posed = mesh_at(context, stage)?;
+    let mesh = posed.model.mesh();
+    let solvable = Solvable::new(mesh)?;
+    let options = ModesOptions { cotangents: settings.cotangents.rule(), ..ModesOptions::default() };
+    let found = modes(&solvable.mesh, settings.count as usize, &options).map_err(surface_error)?;
+    context.job.check_cancel()?;
+    let options = PartsOptions {
+        count: settings.part_count.map_or(PartsOptions::default().count, |n| PartCount::Exactly(n as usize)),
+    };
+    let divided = settings.parts.as_ref().map(|_| parts(&solvable.mesh, &found, &options));
+    tell(context, &solvable, &found, divided.as_ref(), settings);
+    if let Some(path) = settings.modes.as_deref().map(Path::new) {
+        let unfinished = begin(path)?;
+        let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
+        write_npz(BufWriter::new(file), &arrays(&found, &solvable)).map_err(|e| cannot(path, &e))?;
+        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        context.summary.outputs.push(path.to_owned());
+    }
+    if let (Some(path), Some(divided)) = (settings.parts.as_deref().map(Path::new), &divided) {
+        let unfinished = begin(path)?;
+        std::fs::write(unfinished.path(), format!("{}\n", told(divided, &solvable))).map_err(|e| cannot(path, &e))?;
+        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        context.summary.outputs.push(path.to_owned());
+    }
+    Ok(())
+}
+
+fn tell(
+    context: &mut Context<'_, '_>,
+    solvable: &Solvable,
+    found: &Modes,
+    divided: Option<&Parts>,
+    settings: &MeshModesSettings,
+) {
+    let range = match found.values.as_slice() {
+        [] => String::new(),
+        [first, .., last] => format!(", values {first:.3e} to {last:.3e}"),
+        [only] => format!(", value {only:.3e}"),
+    };
+    let mut line = format!("{} beside {} rigid motions{range}", found.values.len(), found.rigid);
+    if let Some(divided) = divided {
+        let left = divided.unexplained.last().copied().unwrap_or(1.0);
+        let _ = write!(line, "; {} parts leave {:.1} % of the motion unexplained", divided.count, 100.0 * left);
+    }
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs = solvable.report.changes().collect();
+        surface.modes = Some(line);
+    }
+    if !found.converged {
+        let worst = found.residuals.iter().copied().fold(0.0, f64::max);
+        context.warn(format!("not all modes are exact: the largest residual is {worst:.1e}"));
+    }
+    if found.values.len() < settings.count as usize {
+        context.warn(format!("the surface has no more than {} modes", found.values.len()));
+    }
+}
+
+/// `values` (#modes), `vectors` (#modes × #V × 3) by the vertices of the file, `residuals` (#modes).
+fn arrays(found: &Modes, solvable: &Solvable) -> Vec<Array<'static>> {
+    let (count, vertices) = (found.values.len(), solvable.vertex_of_source.len());
+    let still = Vector3::zeros();
+    let of_file = |mode: &Vec<Vector3<f64>>| -> Vec<f64> {
+        let moved = solvable.vertex_of_source.iter().map(|v| v.map_or(&still, |v| &mode[v as usize]));
+        moved.flat_map(|u| [u.x, u.y, u.z]).collect()
+    };
+    let vectors = found.vectors.iter().flat_map(of_file).collect();
+    vec![
+        Array { name: "values", shape: vec![count], values: found.values.clone() },
+        Array { name: "vectors", shape: vec![count, vertices, 3], values: vectors },
+        Array { name: "residuals", shape: vec![count], values: found.residuals.clone() },
+    ]
+}
+
+/// The part of each vertex of the file; null where it is on no triangle.
+fn told(divided: &Parts, solvable: &Solvable) -> serde_json::Value {
+    let of_vertex: Vec<Option<u32>> =
+        solvable.vertex_of_source.iter().map(|v| v.map(|v| divided.of_vertex[v as usize])).collect();
+    json!({
+        "format": "plumbline.parts",
+        "version": 1,
+        "count": divided.count,
+        "unexplained": divided.unexplained,
+        "of_vertex": of_vertex,
+    })
+}

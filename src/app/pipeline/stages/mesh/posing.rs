@@ -1,0 +1,239 @@
+//! `skeleton.load` and `pose`: a character from a surface and a skeleton, and its poses.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{Matrix4, Point3};
+
+use super::{Posed, binding, mesh_at};
+use crate::pipeline::kinds::{PoseSettings, SkeletonLoadSettings};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::context::Context;
+use plumbline_shape::character::ik::between;
+use plumbline_shape::character::io::{Rig, RigFileError, character_of, read_rig};
+use plumbline_shape::character::pose_file::WantedPose;
+use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
+use plumbline_shape::character::skinning::{Skinner, SkinningMethod};
+use plumbline_shape::character::{
+    Character, CharacterError, DetailRefiner, Outside, Pose, Skeleton, Skin, SkinWeights,
+};
+use plumbline_shape::mesh::{Model, TriMesh};
+
+/// How far a target may be missed before it is told, of the model's diagonal.
+const MISSED: f64 = 1e-4;
+
+/// Reads a skeleton.
+pub(super) fn load(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &SkeletonLoadSettings,
+) -> Result<(), RunError> {
+    let path = Path::new(&settings.path);
+    let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+    rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
+    context.values.put(stage, "skeleton", Arc::new(rig));
+    Ok(())
+}
+
+/// Poses the surface.
+pub(super) fn pose(context: &mut Context<'_, '_>, stage: usize, settings: &PoseSettings) -> Result<(), RunError> {
+    let surface = mesh_at(context, stage)?;
+    let rig = match context.edge(stage, "skeleton") {
+        Some(edge) => Some(context.values.get::<Arc<Rig>>(edge)?.clone()),
+        None => None,
+    };
+    let trained = settings.model.as_deref().map(|file| Trained::read(Path::new(file))).transpose()?;
+    let character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), settings)?;
+    let wanted = poses(context, &character, settings)?;
+    let posed = if settings.rig {
+        let last = wanted.last().map(|(pose, _)| pose);
+        let mut kept = character;
+        kept.clips.retain(|clip| settings.clip.as_deref().is_none_or(|name| clip.name() == name));
+        // A movement is shown from rest; a pose is where the joints stand.
+        let stand = if settings.clip.is_some() { None } else { last };
+        let model = kept.to_model(stand).map_err(|e| RunError::Internal(e.to_string()))?;
+        Posed::at_rest(model)
+    } else {
+        let positions = skinned(context, &character, &wanted, trained.as_ref(), settings)?;
+        Posed { model: Arc::new(character.model), poses: Arc::new(positions), handles: Arc::default() }
+    };
+    context.values.put(stage, "mesh", posed);
+    Ok(())
+}
+
+/// The surface with its own skin, or bound to the skeleton that is given.
+fn character(
+    context: &mut Context<'_, '_>,
+    model: &Model,
+    rig: Option<&Rig>,
+    trained: Option<&Trained<'_>>,
+    settings: &PoseSettings,
+) -> Result<Character, RunError> {
+    let Some(rig) = rig else {
+        let character = character_of(model).map_err(|e| match e {
+            RigFileError::NoSkin => RunError::Input(format!("{e}; `--skeleton` (the input `skeleton`) names one")),
+            other => RunError::Input(other.to_string()),
+        })?;
+        let known = model.warnings();
+        character.warnings.iter().filter(|w| !known.contains(w)).for_each(|w| context.warn(w.clone()));
+        return Ok(character);
+    };
+    let weights = match trained {
+        Some(trained) => trained.weights(model.mesh(), &rig.skeleton)?,
+        None => binding::weights(context, model.mesh(), &rig.skeleton, settings.binding, settings.weights.as_ref())?,
+    };
+    let skin = Skin::bound(weights, &rig.skeleton).map_err(refused)?;
+    let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
+    let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin)).map_err(refused)?;
+    Ok(Character { clips: rig.clips.clone(), ..character })
+}
+
+/// A pose and the weights of the morph targets.
+type Wanted = (Pose, Vec<f64>);
+
+fn poses(
+    context: &mut Context<'_, '_>,
+    character: &Character,
+    settings: &PoseSettings,
+) -> Result<Vec<Wanted>, RunError> {
+    let rest = || (character.skeleton.rest_pose(), character.rest_weights());
+    let share = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
+    if let Some(path) = settings.pose.as_deref().map(Path::new) {
+        let refused = |e: plumbline_shape::character::pose_file::PoseFileError| {
+            RunError::Input(format!("{}: {e}", path.display()))
+        };
+        let wanted = WantedPose::read(path, character).map_err(refused)?;
+        let found = wanted.solve(character, settings.iterations as usize).map_err(refused)?;
+        let far = MISSED * character.model.mesh().diagonal();
+        for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
+            let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
+                "units"
+            } else {
+                "rad"
+            };
+            context.warn(format!("{}: target {k} is missed by {missed:.3} {unit}", path.display()));
+        }
+        let (from, weights) = rest();
+        let pose = |k: u32| {
+            let pose = between(&character.skeleton, &from, &found.pose, share(k))
+                .map_err(|e| RunError::Internal(e.to_string()))?;
+            let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * share(k)).collect();
+            Ok((pose, mixed))
+        };
+        return (0..settings.frames).map(pose).collect();
+    }
+    let Some(name) = &settings.clip else { return Ok(vec![rest(); settings.frames as usize]) };
+    let refused = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    let clip = character.clip(name).map_err(|e| refused(&e))?;
+    let (first, last) = clip.span().unwrap_or((0.0, 0.0));
+    let (start, end) = (settings.start.unwrap_or(first), settings.end.unwrap_or(last));
+    let pose = |k: u32| {
+        let time = start + (end - start) * share(k);
+        let pose = clip.pose(&character.skeleton, time, Outside::Hold).map_err(|e| refused(&e))?;
+        Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Hold).map_err(|e| refused(&e))?))
+    };
+    (0..settings.frames).map(pose).collect()
+}
+
+/// A model of a file.
+struct Trained<'a> {
+    path: &'a Path,
+    model: SkinModel,
+}
+
+impl<'a> Trained<'a> {
+    fn read(path: &'a Path) -> Result<Self, RunError> {
+        let model = SkinModel::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+        Ok(Self { path, model })
+    }
+
+    fn refused(&self, error: &dyn std::fmt::Display) -> RunError {
+        RunError::Input(format!("{}: {error}", self.path.display()))
+    }
+
+    /// The weights that fitted its examples best.
+    fn weights(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<SkinWeights, RunError> {
+        self.model.check(mesh, skeleton).map_err(|e| self.refused(&e))?;
+        self.model.weights().for_skeleton(skeleton).map_err(|e| self.refused(&e))
+    }
+}
+
+/// What puts the surface into a pose.
+enum Follower {
+    Blend(Box<Skinner>, SkinningMethod),
+    /// With the weights of the morph targets that its surface at rest has.
+    Trained(Box<TrainedSkin>, Vec<f64>),
+}
+
+impl Follower {
+    fn new(character: &Character, trained: Option<&Trained<'_>>, settings: &PoseSettings) -> Result<Self, RunError> {
+        let mesh = character.model.mesh();
+        match (settings.skinning.method(), trained) {
+            (Some(method), _) => Ok(Self::Blend(Box::new(blend(character, mesh, method)?), method)),
+            (None, None) => Err(RunError::Usage("regression needs a trained skin (`model`)".to_owned())),
+            (None, Some(file)) => {
+                let bound = file.model.bound(mesh, &character.skeleton).map_err(|e| file.refused(&e))?;
+                Ok(Self::Trained(Box::new(bound), vec![0.0; character.targets.len()]))
+            }
+        }
+    }
+
+    /// Positions in a pose, with weights of the morph targets.
+    fn positions(
+        &mut self,
+        character: &Character,
+        matrices: &[Matrix4<f64>],
+        morphs: &[f64],
+    ) -> Result<Vec<Point3<f64>>, RunError> {
+        let morphed = morphs.iter().any(|w| *w != 0.0);
+        match self {
+            Self::Trained(trained, at_rest) => {
+                if at_rest.as_slice() != morphs {
+                    trained.set_rest(&character.morphed(morphs).map_err(refused)?).map_err(refused)?;
+                    morphs.clone_into(at_rest);
+                }
+                trained.positions(matrices).map_err(refused)
+            }
+            Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
+            Self::Blend(_, method) => {
+                let places = character.morphed(morphs).map_err(refused)?;
+                let mesh = character.model.mesh().with_positions(places).map_err(|e| RunError::Input(e.to_string()))?;
+                blend(character, &mesh, *method)?.positions(matrices).map_err(refused)
+            }
+        }
+    }
+}
+
+fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod) -> Result<Skinner, RunError> {
+    Skinner::new(mesh, None, &character.skeleton, &character.skin, method).map_err(refused)
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+fn refused(error: CharacterError) -> RunError {
+    RunError::Input(error.to_string())
+}
+
+/// Positions of the surface in each pose.
+fn skinned(
+    context: &Context<'_, '_>,
+    character: &Character,
+    wanted: &[Wanted],
+    trained: Option<&Trained<'_>>,
+    settings: &PoseSettings,
+) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
+    let skin = &character.skin;
+    let mut follower = Follower::new(character, trained, settings)?;
+    let refiner = |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold).map_err(refused);
+    let mut refiner = settings.details.map(refiner).transpose()?;
+    let mut positions = Vec::with_capacity(wanted.len());
+    for (pose, morphs) in wanted {
+        context.job.check_cancel()?;
+        let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
+        let skinned = follower.positions(character, &matrices, morphs)?;
+        positions.push(match &mut refiner {
+            Some(refiner) => refiner.refined(skinned, &matrices).map_err(refused)?,
+            None => skinned,
+        });
+    }
+    Ok(positions)
+}

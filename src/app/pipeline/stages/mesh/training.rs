@@ -1,0 +1,323 @@
+//! `skin.train`: a skin learnt from poses of the mesh, how well it does, and its file.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nalgebra::{Matrix4, Point3};
+use serde_json::{Value as Json, json};
+
+use super::{binding, mesh_at, mesh_error};
+use crate::pipeline::items::{MESH_EXTENSIONS, expand};
+use crate::pipeline::kinds::{PoseSettings, SkinTrainSettings};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::context::Context;
+use crate::pipeline::stages::photo::{begin, cannot};
+use plumbline_shape::character::io::{Rig, RigFileError, character_of};
+use plumbline_shape::character::pose_file::WantedPose;
+use plumbline_shape::character::regression::{
+    Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
+};
+use plumbline_shape::character::{Character, CharacterError, Skeleton, Skin, SkinWeights};
+use plumbline_shape::mesh::{Model, ReadLimits, TriMesh, read_model};
+
+/// Examples at least: of one alone nothing is learnt about what changes between poses, and none can be left out.
+const FEWEST: usize = 2;
+/// Files that are named where several are wrong.
+const NAMED: usize = 10;
+/// Size of an example, by the root of its area, over that at rest.
+const SIZES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
+/// What examples are of.
+struct Subject {
+    model: Model,
+    skeleton: Skeleton,
+    weights: SkinWeights,
+    /// How the mesh is bound in its own file, where no other skeleton is given.
+    own: Option<Arc<Skin>>,
+}
+
+/// A pose, and the file it is from.
+struct Named {
+    file: PathBuf,
+    example: Example,
+}
+
+/// The model in the form that is written.
+enum Trained {
+    Full(Box<RegressionModel>),
+    Reduced(Box<Reduced>),
+}
+
+/// Root mean squares over the vertices of one mesh, units of the mesh.
+struct Errors {
+    file: PathBuf,
+    model: f64,
+    linear: f64,
+}
+
+/// Trains and writes.
+pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTrainSettings) -> Result<(), RunError> {
+    let (kept, held) = files(settings)?;
+    let subject = subject(context, stage, settings)?;
+    let (kept, held) = (examples(&subject, &kept, settings)?, examples(&subject, &held, settings)?);
+    context.job.check_cancel()?;
+    let examples: Vec<Example> = kept.iter().map(|e| e.example.clone()).collect();
+    let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
+    let options = options(&subject, &examples, settings)?;
+    context.job.check_cancel()?;
+    let (full, _) = RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options).map_err(refused)?;
+    let linear = full.clone();
+    let (mut model, file) = form(&subject, full, &examples, settings.prototypes)?;
+    let (kept, held) = (errors(&mut model, &linear, kept)?, errors(&mut model, &linear, held)?);
+    if let Some(surface) = &mut context.summary.surface {
+        surface.training = Some(told(&kept, &held, mesh.diagonal()));
+    }
+    write(context, &settings.path, &file.to_bytes())?;
+    let Some(path) = &settings.report else { return Ok(()) };
+    let prototypes = if let Trained::Reduced(reduced) = &model { Some(reduced.shape_count()) } else { None };
+    let report = json!({
+        "version": 1,
+        "joints": skeleton.joint_count(),
+        "diagonal": mesh.diagonal(),
+        "ridge": options.ridge,
+        "hold": options.hold,
+        "found_by_leaving_out": settings.ridge.is_none() || settings.hold.is_none(),
+        "prototypes": prototypes,
+        "examples": entries(&kept),
+        "held_out": entries(&held),
+        "rms": [mean(&kept, |e| e.model), mean(&held, |e| e.model)],
+        "linear_rms": [mean(&kept, |e| e.linear), mean(&held, |e| e.linear)],
+    });
+    write(context, path, format!("{report:#}\n").as_bytes())
+}
+
+/// The model in the form that is wanted, and for a file.
+fn form(
+    subject: &Subject,
+    full: RegressionModel,
+    examples: &[Example],
+    prototypes: Option<u32>,
+) -> Result<(Trained, SkinModel), RunError> {
+    let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
+    let Some(most) = prototypes else {
+        let file = SkinModel::of(mesh, skeleton, &full).map_err(internal)?;
+        return Ok((Trained::Full(Box::new(full)), file));
+    };
+    let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
+    let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
+    let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
+    Ok((Trained::Reduced(Box::new(reduced)), file))
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+fn refused(error: CharacterError) -> RunError {
+    RunError::Input(error.to_string())
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
+fn internal(error: CharacterError) -> RunError {
+    RunError::Internal(error.to_string())
+}
+
+/// Files to learn from, and those that are held out.
+fn files(settings: &SkinTrainSettings) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunError> {
+    let found = |patterns: &[String]| {
+        let files = expand(patterns, None, &MESH_EXTENSIONS).map_err(RunError::Input)?;
+        if files.is_empty() && !patterns.is_empty() {
+            return Err(RunError::Input(format!("no mesh matches {}", patterns.join(", "))));
+        }
+        Ok(files)
+    };
+    let (mut kept, held) = (found(&settings.examples)?, found(&settings.held_out)?);
+    kept.retain(|file| !held.contains(file));
+    if kept.len() < FEWEST {
+        let count = kept.len();
+        let aside = if held.is_empty() { String::new() } else { format!(", {} held out", held.len()) };
+        let message = format!("{count} examples are too few to learn from (at least {FEWEST}{aside})");
+        return Err(RunError::Input(format!("{message}; give more poses of the mesh")));
+    }
+    Ok((kept, held))
+}
+
+fn subject(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTrainSettings) -> Result<Subject, RunError> {
+    let posed = mesh_at(context, stage)?;
+    let model = posed.model.with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+    let file = settings.weights.as_ref();
+    let Some(edge) = context.edge(stage, "skeleton") else {
+        let Character { skeleton, skin, .. } = own_character(&posed.model)?;
+        let weights = match file {
+            Some(_) => binding::weights(context, model.mesh(), &skeleton, settings.binding, file)?,
+            None => skin.weights().clone(),
+        };
+        return Ok(Subject { model, skeleton, weights, own: Some(skin) });
+    };
+    let skeleton = context.values.get::<Arc<Rig>>(edge)?.skeleton.clone();
+    let weights = binding::weights(context, model.mesh(), &skeleton, settings.binding, file)?;
+    Ok(Subject { model, skeleton, weights, own: None })
+}
+
+/// What the file of the mesh itself says of its joints.
+fn own_character(model: &Model) -> Result<Character, RunError> {
+    character_of(model).map_err(|e| match e {
+        RigFileError::NoSkin => RunError::Input(format!("{e}; `--skeleton` (the input `skeleton`) names one")),
+        other => RunError::Input(other.to_string()),
+    })
+}
+
+/// Reads poses of the mesh; every file that is no pose of it is named.
+fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) -> Result<Vec<Named>, RunError> {
+    let (mut read, mut faults) = (Vec::with_capacity(files.len()), Vec::new());
+    for file in files {
+        let model = read_model(file, &ReadLimits::default()).map_err(|e| mesh_error(file, &e))?;
+        match other(&subject.model, &model).or_else(|| of_other_size(subject.model.mesh(), model.mesh())) {
+            Some(fault) => faults.push(format!("{}: {fault}", file.display())),
+            None => read.push((file, model.mesh().positions().to_vec())),
+        }
+    }
+    if !faults.is_empty() {
+        let more = faults.len().saturating_sub(NAMED);
+        faults.truncate(NAMED);
+        if more > 0 {
+            faults.push(format!("and {more} more"));
+        }
+        let list = faults.join("; ");
+        return Err(RunError::Input(format!("examples must be poses of the mesh at rest: {list}")));
+    }
+    let poses = Poses::new(subject, settings)?;
+    let named = |(file, positions): (&PathBuf, Vec<Point3<f64>>)| {
+        let matrices = poses.matrices(subject, file, &positions)?;
+        Ok(Named { file: file.clone(), example: Example { matrices, positions } })
+    };
+    read.into_iter().map(named).collect()
+}
+
+/// How a mesh is no other pose of the one at rest. Polygons are compared as they stand in the files: how they are cut into
+/// triangles depends on the pose.
+fn other(rest: &Model, model: &Model) -> Option<String> {
+    let counts = |m: &Model| (m.mesh().vertex_count(), m.faces().len());
+    let ((vertices, faces), (expected_vertices, expected_faces)) = (counts(model), counts(rest));
+    if rest.mesh().triangles() == model.mesh().triangles() && vertices == expected_vertices {
+        return None;
+    }
+    if (vertices, faces) != (expected_vertices, expected_faces) {
+        let expected = format!("expected {expected_vertices} and {expected_faces}");
+        return Some(format!("{vertices} vertices and {faces} faces ({expected})"));
+    }
+    let first = (0..faces).find(|&f| rest.faces().get(f) != model.faces().get(f))?;
+    let (found, expected) = (model.faces().get(first), rest.faces().get(first));
+    Some(format!("face {first} has the vertices {found:?} (expected {expected:?})"))
+}
+
+/// How a mesh is too large or small for a pose of the one at rest: joints turn, they do not scale.
+fn of_other_size(rest: &TriMesh, mesh: &TriMesh) -> Option<String> {
+    let times = (mesh.area() / rest.area()).sqrt();
+    let expected = format!("expected {} to {}", SIZES.start(), SIZES.end());
+    (!SIZES.contains(&times)).then(|| format!("{times:.3} times as large ({expected}); bring both to the same unit"))
+}
+
+/// Pose files that say how the joints stand in examples, where there are any.
+struct Poses(Option<(Vec<PathBuf>, Character)>);
+
+impl Poses {
+    fn new(subject: &Subject, settings: &SkinTrainSettings) -> Result<Self, RunError> {
+        if settings.poses.is_empty() {
+            return Ok(Self(None));
+        }
+        let files = expand(&settings.poses, None, &["json"]).map_err(RunError::Input)?;
+        let bound = || Skin::bound(subject.weights.clone(), &subject.skeleton).map(Arc::new).map_err(refused);
+        let skin = subject.own.clone().map_or_else(bound, Ok)?;
+        let character = Character::new(subject.model.clone(), subject.skeleton.clone(), skin);
+        Ok(Self(Some((files, character.map_err(refused)?))))
+    }
+
+    /// How space moves with each joint in the pose that a mesh shows.
+    fn matrices(
+        &self,
+        subject: &Subject,
+        file: &Path,
+        positions: &[Point3<f64>],
+    ) -> Result<Vec<Matrix4<f64>>, RunError> {
+        let Some((files, character)) = &self.0 else {
+            return fit_joints(subject.model.mesh(), &subject.skeleton, &subject.weights, positions).map_err(refused);
+        };
+        let pose = files.iter().find(|pose| pose.file_stem() == file.file_stem());
+        let pose = pose.ok_or_else(|| {
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            RunError::Input(format!("{}: no pose file is called `{stem}`, as the mesh is", file.display()))
+        })?;
+        let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", pose.display()));
+        let wanted = WantedPose::read(pose, character).map_err(|e| of_file(&e))?;
+        let steps = PoseSettings::default().iterations as usize;
+        let found = wanted.solve(character, steps).map_err(|e| of_file(&e))?;
+        let globals = subject.skeleton.globals(&found.pose).map_err(|e| of_file(&e))?;
+        character.skin.joint_matrices(&globals).map_err(|e| of_file(&e))
+    }
+}
+
+/// Those that are set, and those that leaving examples out finds.
+fn options(
+    subject: &Subject,
+    examples: &[Example],
+    settings: &SkinTrainSettings,
+) -> Result<RegressionOptions, RunError> {
+    let found = match (settings.ridge, settings.hold) {
+        (Some(ridge), Some(hold)) => RegressionOptions { ridge, hold },
+        _ => tuned(subject.model.mesh(), &subject.skeleton, &subject.weights, examples).map_err(refused)?,
+    };
+    Ok(RegressionOptions { ridge: settings.ridge.unwrap_or(found.ridge), hold: settings.hold.unwrap_or(found.hold) })
+}
+
+/// How well poses come back, by the model that is written and by the best linear blend.
+fn errors(model: &mut Trained, linear: &RegressionModel, named: Vec<Named>) -> Result<Vec<Errors>, RunError> {
+    let of = |Named { file, example }: Named| {
+        let matrices = &example.matrices;
+        let posed = match model {
+            Trained::Full(model) => model.positions(matrices),
+            Trained::Reduced(model) => model.positions(matrices),
+        };
+        let blended = linear.linear_positions(matrices).map_err(refused)?;
+        let model = rms(&posed.map_err(refused)?, &example.positions);
+        Ok(Errors { file, model, linear: rms(&blended, &example.positions) })
+    };
+    named.into_iter().map(of).collect()
+}
+
+fn rms(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum();
+    (sum / a.len().max(1) as f64).sqrt()
+}
+
+fn mean(errors: &[Errors], of: impl Fn(&Errors) -> f64) -> Option<f64> {
+    (!errors.is_empty()).then(|| errors.iter().map(of).sum::<f64>() / errors.len() as f64)
+}
+
+/// In a line.
+fn told(kept: &[Errors], held: &[Errors], diagonal: f64) -> String {
+    let share = |errors: &[Errors], of: fn(&Errors) -> f64| {
+        100.0 * mean(errors, of).unwrap_or(0.0) / diagonal.max(f64::MIN_POSITIVE)
+    };
+    let both = |errors: &[Errors]| {
+        let (model, linear) = (share(errors, |e| e.model), share(errors, |e| e.linear));
+        format!("{model:.3} % of the diagonal off (linear blend {linear:.3} %)")
+    };
+    let mut line = format!("{} poses, {}", kept.len(), both(kept));
+    if !held.is_empty() {
+        let _ = write!(line, "; {} held out, {}", held.len(), both(held));
+    }
+    line
+}
+
+fn entries(errors: &[Errors]) -> Vec<Json> {
+    let entry = |e: &Errors| json!({"file": e.file.display().to_string(), "rms": e.model, "linear_rms": e.linear});
+    errors.iter().map(entry).collect()
+}
+
+fn write(context: &mut Context<'_, '_>, path: &str, bytes: &[u8]) -> Result<(), RunError> {
+    let path = Path::new(path);
+    let unfinished = begin(path)?;
+    std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+    context.summary.outputs.push(path.to_owned());
+    Ok(())
+}

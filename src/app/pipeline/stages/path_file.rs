@@ -1,0 +1,230 @@
+//! The path file: where a person or another program wants the camera.
+//!
+//! ```json
+//! { "wanted": [ { "time_s": 0.0, "q": [1,0,0,0], "t": [0,0,0] }, … ],
+//!   "input":  [ { "q": [1,0,0,0], "t": [0,0,0] }, … ] }
+//! ```
+//!
+//! Poses are `cam_from_world`, rotations a quaternion `q = [w, x, y, z]` or a matrix `R`. `input` holds the input's own
+//! cameras `I_t`, one per frame, in the same world: a similarity lays them over those that were recovered, `P_t`, and the wanted
+//! ones `W_t` with them. What it leaves is the drift of the recovered cameras, which the points recovered with them share; so the
+//! virtual cameras follow it,
+//!
+//! ```text
+//! V_t = W_t Ē_t,      Ē: low-pass of E_t = I_t⁻¹ P_t
+//! ```
+//!
+//! (the low-pass, since what single frames have of their own would shake the path). `wanted` has one pose per frame, or poses with times between which it is interpolated. `stable` and `shaky` are
+//! understood for `wanted` and `input`.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::pipeline::run_error::RunError;
+use plumbline_camera::{CameraPose, Vec3, align};
+use plumbline_video::motion::{ClipCameras, FrameCamera};
+use plumbline_video::path::smoothed_poses;
+
+/// How far a rotation may be from one.
+const SLACK: f64 = 1e-3;
+
+/// Standard deviation, s, of the low-pass over the drift: errors of recovered cameras that are faster would be seen as shake.
+const DRIFT_S: f64 = 0.25;
+
+/// A path file: where the camera is wanted.
+#[derive(Deserialize, JsonSchema)]
+struct Document {
+    /// The wanted cameras: one per frame, or with times between which they are interpolated.
+    #[serde(alias = "stable")]
+    wanted: Vec<Entry>,
+    /// The input's own cameras in the same world, one per frame.
+    #[serde(alias = "shaky")]
+    input: Vec<Entry>,
+}
+
+/// A pose `cam_from_world`, its rotation as a quaternion or a matrix.
+#[derive(Deserialize, JsonSchema)]
+struct Entry {
+    /// When the camera is there, s.
+    #[serde(default)]
+    time_s: Option<f64>,
+    /// Rotation `[w, x, y, z]`.
+    #[serde(default)]
+    q: Option<[f64; 4]>,
+    /// Rotation matrix, row by row.
+    #[serde(default, rename = "R")]
+    r: Option<[[f64; 3]; 3]>,
+    /// Translation.
+    t: [f64; 3],
+}
+
+/// The JSON schema of the path file.
+pub(in crate::pipeline) fn path_file_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+/// The wanted cameras of every frame, in the coordinates of the recovered ones.
+pub(super) struct WantedPath {
+    pub(super) poses: Vec<Option<CameraPose>>,
+    /// RMS distance of the input's cameras from the recovered ones, as a share of their path's length.
+    pub(super) residual: f64,
+}
+
+/// Reads a path file for a clip whose frames are shown at `times_s`.
+pub(super) fn read(path: &str, cameras: &ClipCameras, times_s: &[f64]) -> Result<WantedPath, RunError> {
+    let bad = |what: String| RunError::Input(format!("{path}: {what}"));
+    let bytes = std::fs::read(Path::new(path)).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let document: Document = serde_json::from_slice(&bytes).map_err(|e| bad(format!("not a path file: {e}")))?;
+    let poses = |name: &str, entries: &[Entry]| {
+        let pose = |(k, e): (usize, &Entry)| e.pose().ok_or_else(|| bad(format!("{name}[{k}] is no pose")));
+        entries.iter().enumerate().map(pose).collect::<Result<Vec<_>, _>>()
+    };
+    let (wanted, input) = (poses("wanted", &document.wanted)?, poses("input", &document.input)?);
+    if input.len() != times_s.len() {
+        return Err(bad(format!("input has {} cameras for {} frames; give one per frame", input.len(), times_s.len())));
+    }
+    let wanted = at_frames(&document.wanted, &wanted, times_s).map_err(bad)?;
+    let known = |(given, found): (&CameraPose, &Option<FrameCamera>)| Some((*given, found.as_ref()?.pose));
+    let pairs: Vec<_> = input.iter().zip(&cameras.frames).filter_map(known).collect();
+    let (ours_from_file, rms) = align(&pairs)
+        .ok_or_else(|| bad("the clip's cameras were not recovered, so nothing can be aligned".to_owned()))?;
+    let length: f64 = pairs.windows(2).map(|w| (w[1].1.center() - w[0].1.center()).norm()).sum();
+    let residual = if length > 0.0 { rms / length } else { 0.0 };
+    let aligned = |poses: &[CameraPose]| poses.iter().map(|p| ours_from_file.camera(p)).collect::<Vec<_>>();
+    let (mut poses, input) = (aligned(&wanted), aligned(&input));
+    let found: Vec<_> = cameras.frames.iter().map(|c| c.map(|c| c.pose)).collect();
+    for segment in cameras.shots.iter().map(|s| s.frames.clone()) {
+        let (input, found) = (&input[segment.clone()], &found[segment.clone()]);
+        follow_drift(&mut poses[segment.clone()], input, found, &times_s[segment]);
+    }
+    Ok(WantedPath { poses: poses.into_iter().map(Some).collect(), residual })
+}
+
+/// `W_t ← W_t Ē_t` over a segment: `input` as it was given, `found` as it was recovered.
+fn follow_drift(wanted: &mut [CameraPose], input: &[CameraPose], found: &[Option<CameraPose>], times_s: &[f64]) {
+    let drift: Vec<_> = input.iter().zip(found).map(|(i, found)| found.map(|p| i.inverse() * p)).collect();
+    for (wanted, drift) in wanted.iter_mut().zip(smoothed_poses(times_s, &drift, DRIFT_S)) {
+        *wanted = drift.map_or(*wanted, |drift| *wanted * drift);
+    }
+}
+
+/// One pose per frame: as they are, or interpolated between their times.
+fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result<Vec<CameraPose>, String> {
+    let times: Option<Vec<f64>> = entries.iter().map(|e| e.time_s).collect();
+    let Some(times) = times.filter(|t| !t.is_empty()) else {
+        let (found, frames) = (poses.len(), times_s.len());
+        let wrong = format!("wanted has {found} poses for {frames} frames; give one per frame, or `time_s` to each");
+        return if found == frames { Ok(poses.to_vec()) } else { Err(wrong) };
+    };
+    if !times.windows(2).all(|w| w[0] < w[1]) {
+        return Err("the times of wanted do not ascend".to_owned());
+    }
+    let start = times_s.first().copied().unwrap_or(0.0);
+    let at = |time: &f64| {
+        let time = time - start + times[0];
+        let after = times.partition_point(|t| *t <= time).clamp(1, times.len().max(2) - 1);
+        if times.len() == 1 {
+            return poses[0];
+        }
+        let share = ((time - times[after - 1]) / (times[after] - times[after - 1])).clamp(0.0, 1.0);
+        poses[after - 1].toward(&poses[after], share)
+    };
+    Ok(times_s.iter().map(at).collect())
+}
+
+impl Entry {
+    fn pose(&self) -> Option<CameraPose> {
+        let rotation = match (self.q, self.r) {
+            (Some([w, x, y, z]), None) => {
+                let q = Quaternion::new(w, x, y, z);
+                ((q.norm() - 1.0).abs() <= SLACK).then(|| UnitQuaternion::new_normalize(q))?
+            }
+            (None, Some(r)) => {
+                let m = Matrix3::from_fn(|i, j| r[i][j]);
+                let off = (m * m.transpose() - Matrix3::identity()).amax();
+                if !(off <= SLACK && m.determinant() > 0.0) {
+                    return None;
+                }
+                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m))
+            }
+            _ => return None,
+        };
+        let finite = self.t.iter().all(|v| v.is_finite()) && rotation.coords.iter().all(|v| v.is_finite());
+        finite.then(|| CameraPose { rotation, translation: Vec3::from(self.t) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_camera::Point3;
+
+    const FRAMES: usize = 120;
+
+    fn times_s() -> Vec<f64> {
+        (0..FRAMES).map(|t| t as f64 / 30.0).collect()
+    }
+
+    /// Cameras that pan and walk, shaken where asked.
+    fn cameras(shake: f64) -> Vec<CameraPose> {
+        let mut random = fastrand::Rng::with_seed(4);
+        let mut noise = move || shake * (random.f64() - 0.5);
+        let camera = |s: f64| {
+            let turn = Vec3::new(0.1 * s.sin() + noise(), 0.2 * s + noise(), noise());
+            let center = Point3::new(s + noise(), 0.3 * (0.5 * s).cos() + noise(), noise());
+            CameraPose::looking_from(center, UnitQuaternion::from_scaled_axis(turn))
+        };
+        times_s().into_iter().map(camera).collect()
+    }
+
+    /// How far two cameras are apart, in turn and place.
+    fn apart(a: &CameraPose, b: &CameraPose) -> f64 {
+        a.rotation.angle_to(&b.rotation) + (a.center() - b.center()).norm()
+    }
+
+    /// What a recovered world drifts by at a moment.
+    fn drift(s: f64) -> CameraPose {
+        let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.004 * s, -0.01 * s, 0.003 * (0.4 * s).sin()));
+        CameraPose { rotation: turn, translation: Vec3::new(0.02 * s, 0.0, -0.01 * s) }
+    }
+
+    #[test]
+    fn a_virtual_camera_stands_to_the_recovered_one_as_the_wanted_one_to_the_input() {
+        let (input, wanted) = (cameras(0.05), cameras(0.0));
+        let found: Vec<_> = input.iter().zip(times_s()).map(|(i, s)| Some(*i * drift(s))).collect();
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &found, &times_s());
+        let (mut worst, mut left) = (0.0_f64, 0.0_f64);
+        for t in 0..FRAMES {
+            let (real, asked) = (found[t].expect("known").inverse(), wanted[t] * input[t].inverse());
+            worst = worst.max(apart(&(followed[t] * real), &asked));
+            left = left.max(apart(&(wanted[t] * real), &asked));
+        }
+        assert!(worst < 1e-3 && left > 0.05, "{worst} with the drift, {left} without");
+    }
+
+    #[test]
+    fn what_single_frames_have_of_their_own_does_not_shake_the_path() {
+        let (input, wanted) = (cameras(0.0), cameras(0.0));
+        let found: Vec<_> = cameras(0.01).into_iter().map(Some).collect();
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &found, &times_s());
+        let step = |path: &[CameraPose]| {
+            let miss = |t: usize| apart(&(path[t] * path[t - 1].inverse()), &(wanted[t] * wanted[t - 1].inverse()));
+            (1..FRAMES).map(miss).sum::<f64>() / (FRAMES - 1) as f64
+        };
+        let found: Vec<_> = found.into_iter().flatten().collect();
+        assert!(step(&followed) < 0.1 * step(&found), "{} of {}", step(&followed), step(&found));
+    }
+
+    #[test]
+    fn frames_without_a_camera_keep_the_wanted_one() {
+        let (input, wanted) = (cameras(0.0), cameras(0.0));
+        let mut followed = wanted.clone();
+        follow_drift(&mut followed, &input, &[None; FRAMES], &times_s());
+        assert_eq!(followed, wanted);
+    }
+}

@@ -1,0 +1,198 @@
+//! `video.render`: each frame through its map, once.
+
+use std::sync::Arc;
+
+use crossbeam::channel::{self, Receiver};
+
+use super::analysis::Tracks;
+use super::chain::{Chain, ChainMaps};
+use super::context::{Context, media_error};
+use super::filling::Filling;
+use super::stream::{QUEUE, hand_on};
+use super::tiers::Tiers;
+use crate::pipeline::job::Job;
+use crate::pipeline::kinds::{self, RenderSettings, WarpSettings};
+use crate::pipeline::run_error::RunError;
+use plumbline_image::Frame;
+use plumbline_image::render::{Border, Interpolation, RenderOptions, Renderer};
+use plumbline_image::warp::Lattice;
+use plumbline_media::{FramePool, VideoInfo};
+use plumbline_video::motion::ClipMotion;
+use plumbline_video::path::VirtualPath;
+
+/// What feeds a render stage.
+#[derive(Clone, Copy)]
+pub(super) struct Feed<'v> {
+    pub(super) tracks: &'v Tracks,
+    pub(super) path: &'v VirtualPath,
+    pub(super) motion: Option<&'v ClipMotion>,
+    pub(super) warp: &'v WarpSettings,
+}
+
+impl<'v> Feed<'v> {
+    /// What earlier passes handed on to the warp stage `stage`.
+    pub(super) fn of(context: &'v Context<'_, '_>, stage: usize) -> Result<Self, RunError> {
+        let not_a_warp = || RunError::Internal(format!("`{}` gives no map", context.stage(stage).name));
+        Ok(Self {
+            tracks: context.values.get(context.required(stage, "tracks")?)?,
+            path: context.values.get(context.required(stage, "path")?)?,
+            motion: context.edge(stage, "motion").map(|edge| context.values.get(edge)).transpose()?,
+            warp: context.stage(stage).settings.get::<WarpSettings>().ok_or_else(not_a_warp)?,
+        })
+    }
+}
+
+/// A frame of the source and what was made of it.
+pub(super) struct Sampled {
+    /// The source's frame, where the result is another.
+    source: Option<Arc<Frame>>,
+    /// The frame to show.
+    pub(super) result: Frame,
+}
+
+impl Sampled {
+    /// `result`, made of `source`.
+    pub(super) fn new(source: Arc<Frame>, result: Frame) -> Self {
+        Self { source: Some(source), result }
+    }
+
+    /// A frame that stays as it is.
+    pub(super) fn untouched(frame: Frame) -> Self {
+        Self { source: None, result: frame }
+    }
+
+    /// The frame of the source.
+    pub(super) fn original(&self) -> &Frame {
+        self.source.as_deref().unwrap_or(&self.result)
+    }
+}
+
+/// Map and render of one stream.
+pub(super) struct Sampler<'v> {
+    maps: ChainMaps<'v>,
+    drawer: Drawer,
+    filling: Option<Filling<'v>>,
+}
+
+impl<'v> Sampler<'v> {
+    pub(super) fn new(
+        chain: &Chain<'v>,
+        tiers: Option<&'v Tiers>,
+        settings: &RenderSettings,
+        video: &VideoInfo,
+    ) -> Result<Self, RunError> {
+        Ok(Self {
+            maps: chain.maps(tiers, settings.border == kinds::Border::Crop, video)?,
+            drawer: Drawer {
+                renderer: Renderer::new(options(settings)),
+                pool: FramePool::new(&chain.shown(video)).map_err(media_error)?,
+                averages: chain.shrinks(),
+            },
+            filling: (settings.border == kinds::Border::Fill).then(|| filling(chain, settings)).transpose()?,
+        })
+    }
+
+    /// Hands every frame to `sink` in order: mapped on a thread of its own, rendered here.
+    pub(super) fn run(
+        self,
+        job: &Job<'_>,
+        frames: Receiver<Frame>,
+        mut sink: impl FnMut(Sampled) -> Result<(), RunError>,
+    ) -> Result<(), RunError> {
+        let Self { mut maps, drawer, filling } = self;
+        let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
+        std::thread::scope(|scope| {
+            let mapper = scope.spawn(move || {
+                frames.iter().try_for_each(|frame| {
+                    job.check_cancel()?;
+                    let lattice = maps.next(&frame)?;
+                    hand_on(&to_render, (frame, lattice))
+                })
+            });
+            let sampled = match filling {
+                Some(filling) => fill_all(&mapped, filling, &drawer, &mut sink),
+                None => render_all(&mapped, &drawer, &mut sink),
+            };
+            drop(mapped);
+            let mapped = mapper.join().map_err(|_| RunError::Internal("the mapper's thread failed".to_owned()))?;
+            sampled.and(mapped)
+        })
+    }
+}
+
+type Mapped = Receiver<(Frame, Lattice)>;
+
+fn render_all(
+    mapped: &Mapped,
+    drawer: &Drawer,
+    sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    mapped.iter().try_for_each(|(frame, lattice)| {
+        let result = drawer.draw(&frame, &lattice)?;
+        sink(Sampled::new(Arc::new(frame), result))
+    })
+}
+
+fn fill_all(
+    mapped: &Mapped,
+    mut filling: Filling<'_>,
+    drawer: &Drawer,
+    sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    for (frame, lattice) in mapped {
+        filling.push(frame, lattice);
+        while let Some(sampled) = filling.pop(false, &drawer.renderer, &drawer.pool)? {
+            sink(sampled)?;
+        }
+    }
+    while let Some(sampled) = filling.pop(true, &drawer.renderer, &drawer.pool)? {
+        sink(sampled)?;
+    }
+    Ok(())
+}
+
+/// What makes a frame of one.
+struct Drawer {
+    renderer: Renderer,
+    pool: FramePool,
+    /// Pixels become means where the map shrinks.
+    averages: bool,
+}
+
+impl Drawer {
+    fn draw(&self, frame: &Frame, lattice: &Lattice) -> Result<Frame, RunError> {
+        let mut result = self.pool.get().map_err(media_error)?;
+        let drawn = if self.averages {
+            self.renderer.render_averaged(frame, lattice, &mut result)
+        } else {
+            self.renderer.render(frame, lattice, &mut result)
+        };
+        drawn.map_err(|e| RunError::Internal(e.to_string()))?;
+        Ok(result)
+    }
+}
+
+fn filling<'v>(chain: &Chain<'v>, settings: &RenderSettings) -> Result<Filling<'v>, RunError> {
+    if chain.shrinks() {
+        let help = "take `border = \"crop\"`, or another";
+        return Err(RunError::Usage(format!("borders can be filled only where a clip keeps shape and lens; {help}")));
+    }
+    let no_motion = || RunError::Internal("a border cannot be filled without the clip's motion".to_owned());
+    let motion = chain.steady.and_then(|feed| feed.motion);
+    Ok(Filling::new(settings, motion.ok_or_else(no_motion)?))
+}
+
+fn options(settings: &RenderSettings) -> RenderOptions {
+    RenderOptions {
+        interpolation: match settings.interpolation {
+            kinds::Interpolation::Bicubic => Interpolation::Bicubic,
+            kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
+        },
+        border: match settings.border {
+            kinds::Border::Mirror | kinds::Border::Fill => Border::Mirror,
+            // Nothing outside is shown, but kernels reach over the edge: black would darken the outermost pixels.
+            kinds::Border::Replicate | kinds::Border::Crop => Border::Replicate,
+            kinds::Border::Black => Border::Black,
+        },
+    }
+}

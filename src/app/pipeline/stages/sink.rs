@@ -1,0 +1,111 @@
+//! One file being written: the shape of its pictures, and its encoder on a thread of its own.
+
+use crossbeam::channel::{Receiver, Sender};
+
+use super::beside::{Beside, paste};
+use super::context::media_error;
+use super::sampling::Sampled;
+use super::stream::hand_on;
+use crate::pipeline::job::Job;
+use crate::pipeline::kinds::EncodeSettings;
+use crate::pipeline::run_error::RunError;
+use plumbline_image::Frame;
+use plumbline_media::{Companions, FramePool, Input, Output, VideoInfo, VideoWriter, WriteOptions, WriteReport};
+
+/// A file being written.
+pub(super) struct Sink {
+    pub(super) output: Output,
+    /// Width and height of its pictures, px.
+    pub(super) size: (usize, usize),
+    beside: Option<Beside>,
+    writer: VideoWriter,
+}
+
+/// The way to a sink's encoder.
+pub(super) struct Branch {
+    beside: Option<Beside>,
+    pool: FramePool,
+    queue: Sender<Frame>,
+}
+
+impl Sink {
+    /// Starts the file that `settings` ask for, with `companions` beside the pictures; `beside`: with the original at the
+    /// result's side.
+    pub(super) fn create(
+        settings: &EncodeSettings,
+        job: &Job<'_>,
+        source: &Input,
+        video: &VideoInfo,
+        companions: Companions,
+        beside: bool,
+    ) -> Result<Self, RunError> {
+        let output = Output::parse(&settings.path);
+        let beside = beside.then(|| Beside::of(video));
+        let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
+        let options = WriteOptions { companions, ..write_options(settings, job) };
+        let writer = VideoWriter::create(&output, source, &video, &options).map_err(media_error)?;
+        Ok(Self { output, size: (video.width, video.height), beside, writer })
+    }
+
+    /// The way to this sink through `queue`.
+    pub(super) fn branch(&self, queue: Sender<Frame>) -> Branch {
+        Branch { beside: self.beside, pool: self.writer.frame_pool(), queue }
+    }
+
+    /// Encodes what comes; the file stays unfinished.
+    pub(super) fn encode(mut self, job: &Job<'_>, frames: &Receiver<Frame>) -> Result<Self, RunError> {
+        for frame in frames {
+            job.check_cancel()?;
+            self.writer.write(frame).map_err(media_error)?;
+        }
+        Ok(self)
+    }
+
+    /// Finishes the file and gives it its name.
+    pub(super) fn finish(self) -> Result<(Output, (usize, usize), WriteReport), RunError> {
+        Ok((self.output, self.size, self.writer.finish().map_err(media_error)?))
+    }
+}
+
+impl Branch {
+    /// True where the result goes to the file as it is.
+    fn takes_result(&self) -> bool {
+        self.beside.is_none()
+    }
+
+    /// A picture for this sink, which leaves `sampled` to the others.
+    fn picture(&self, sampled: &Sampled) -> Result<Frame, RunError> {
+        let mut picture = self.pool.get().map_err(media_error)?;
+        let result = &sampled.result;
+        let made = if let Some(beside) = self.beside {
+            beside.join(sampled.original(), result, &mut picture)
+        } else {
+            picture.copy_properties(result);
+            paste(result, &mut picture, (0, 0), (result.width, result.height))
+        };
+        if made { Ok(picture) } else { Err(RunError::Internal("a frame of the pool is shared".to_owned())) }
+    }
+}
+
+/// Gives every branch its picture; the first that takes the result as it is gets it without a copy.
+pub(super) fn distribute(sampled: Sampled, branches: &[Branch]) -> Result<(), RunError> {
+    let owner = branches.iter().position(Branch::takes_result);
+    for (_, branch) in branches.iter().enumerate().filter(|(i, _)| Some(*i) != owner) {
+        hand_on(&branch.queue, branch.picture(&sampled)?)?;
+    }
+    owner.map_or(Ok(()), |i| hand_on(&branches[i].queue, sampled.result))
+}
+
+fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
+    WriteOptions {
+        codec: settings.codec,
+        encoder: settings.encoder.clone(),
+        crf: settings.crf,
+        preset: settings.preset.clone(),
+        bitrate: settings.bitrate.map(|b| b.0),
+        threads: job.threads,
+        overwrite: job.overwrite,
+        strict: settings.strict,
+        companions: Companions::None,
+    }
+}

@@ -1,0 +1,167 @@
+//! What virtual cameras make of a clip, as the planner needs it and as it answers.
+
+use std::ops::Range;
+
+use super::fit::{Fit, Lives};
+use super::places::Places;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages::analysis::{Tracks, store_error};
+use crate::pipeline::stages::covering::covering_zoom;
+use plumbline_camera::{CameraPose, Intrinsics, Point3};
+use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
+use plumbline_video::path::{Clip, InterFrame, VirtualCamera, VirtualPath};
+
+/// Zoom that steadied windows may cost: for one part in a hundred of the picture the mesh need not bend the border.
+const MOST_ZOOM: f64 = 1.01;
+
+/// Where a virtual camera is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::pipeline::stages) struct Wanted {
+    /// `cam_from_world`; in the world's origin where it only turns.
+    pub(in crate::pipeline::stages) pose: CameraPose,
+    /// It stands where the real one stood.
+    pub(in crate::pipeline::stages) turns: bool,
+}
+
+impl Wanted {
+    fn show(&self, lens: &Intrinsics, place: &Point3) -> Option<Point2> {
+        lens.project(&self.pose.apply(place))
+    }
+}
+
+/// What virtual cameras make of the frames of a clip.
+pub(in crate::pipeline::stages) struct Views {
+    frames: Vec<Option<View>>,
+}
+
+/// One frame under its virtual camera.
+struct View {
+    wanted: Wanted,
+    intrinsics: Intrinsics,
+    /// `G_t`.
+    shown_from_src: Similarity2,
+    /// `P_t`, where the frame before has a view of the same points.
+    step: Option<Similarity2>,
+}
+
+impl Views {
+    /// The views of the cameras `wanted`, one per frame of a clip that is shown at `times_s`.
+    pub(in crate::pipeline::stages) fn new(
+        tracks: &Tracks,
+        places: &Places<'_>,
+        wanted: &[Option<Wanted>],
+        times_s: &[f64],
+    ) -> Result<Self, RunError> {
+        let lives = Lives::of(tracks)?;
+        let mut frames = Vec::with_capacity(wanted.len());
+        let mut before: Option<(Wanted, Intrinsics)> = None;
+        for (frame, wanted) in wanted.iter().enumerate() {
+            let Some((wanted, camera)) = wanted.zip(places.camera(frame)) else {
+                before = None;
+                frames.push(None);
+                continue;
+            };
+            if places.starts_at(frame) {
+                before = None;
+            }
+            let seen = tracks.store.read(frame).map_err(store_error)?.observations;
+            let intrinsics = camera.intrinsics;
+            let (mut shown, mut moved) = (Fit::default(), Fit::default());
+            for o in &seen {
+                let Some(place) = places.of(frame, o, wanted.turns) else { continue };
+                let Some(now) = wanted.show(&intrinsics, &place) else { continue };
+                let weight = lives.weight(o.id, frame, times_s);
+                shown.add(Point2::new(f64::from(o.x), f64::from(o.y)), now, weight);
+                if let Some(then) = before.and_then(|(camera, lens)| camera.show(&lens, &place)) {
+                    moved.add(then, now, weight);
+                }
+            }
+            let step = moved.similarity();
+            let view = |shown_from_src| View { wanted, intrinsics, shown_from_src, step };
+            frames.push(shown.similarity().map(view));
+            before = Some((wanted, intrinsics));
+        }
+        Ok(Self { frames })
+    }
+
+    /// Number of frames with a view.
+    pub(in crate::pipeline::stages) fn known(&self) -> usize {
+        self.frames.iter().flatten().count()
+    }
+
+    /// Replaces the measured motion by `F_t` wherever it is known.
+    pub(in crate::pipeline::stages) fn retarget(&self, steps: &mut [InterFrame]) {
+        for (t, pair) in self.frames.windows(2).enumerate() {
+            let [Some(before), Some(now)] = pair else { continue };
+            if let Some((step, back)) = now.step.zip(now.shown_from_src.inverse()) {
+                let similarity = back * step * before.shown_from_src;
+                steps[t + 1] = InterFrame { similarity, homography: similarity.to_homography(), reliable: true };
+            }
+        }
+    }
+
+    /// `G_t` of the frames that have a view.
+    pub(in crate::pipeline::stages) fn shown_from_src(&self) -> Vec<Option<Similarity2>> {
+        self.frames.iter().map(|view| view.as_ref().map(|v| v.shown_from_src)).collect()
+    }
+
+    /// `G_t` of every frame; where there is none, that of the frame before, or of the first that has one.
+    pub(in crate::pipeline::stages) fn out_from_src(&self) -> Vec<Similarity2> {
+        let mut last = self.frames.iter().flatten().next().map_or(Similarity2::IDENTITY, |v| v.shown_from_src);
+        let held = self.frames.iter().map(|view| {
+            last = view.as_ref().map_or(last, |v| v.shown_from_src);
+            last
+        });
+        held.collect()
+    }
+
+    /// Gives the path of one shot its virtual cameras, and the windows that follow from their corrections: under a slow zoom
+    /// where those leave the frame and `smallest`, the least crop, forbids it.
+    pub(in crate::pipeline::stages) fn show(
+        &self,
+        path: &mut VirtualPath,
+        cameras: &[Option<VirtualCamera>],
+        shot: &Range<usize>,
+        clip: &Clip<'_>,
+        smallest: Option<f64>,
+    ) {
+        let window = |t: usize| {
+            let drawn = self.frames[t].as_ref().zip(cameras[t].as_ref());
+            drawn.map_or_else(|| similarity_of(&path.out_from_src[t]), |(view, c)| c.correction * view.shown_from_src)
+        };
+        let windows: Vec<Similarity2> = shot.clone().map(window).collect();
+        let size = (f64::from(clip.width), f64::from(clip.height));
+        let zoom = smallest.map_or_else(
+            || vec![1.0; windows.len()],
+            |min_crop| {
+                let room = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).fold(MOST_ZOOM, f64::min);
+                covering_zoom(&windows, size, clip.period_s(shot), room.max(1.0))
+            },
+        );
+        for ((t, window), zoom) in shot.clone().zip(windows).zip(zoom) {
+            let center = Point2::new(size.0 / 2.0, size.1 / 2.0);
+            let zoom = Similarity2::about(center, 0.0, zoom, Vec2::zeros());
+            let zoomed = zoom * window;
+            path.out_from_src[t] = zoomed.to_homography();
+            path.crop[t] = 1.0 / zoomed.scale();
+            path.cameras[t] = cameras[t].map(|c| VirtualCamera { correction: zoom * c.correction, ..c });
+        }
+    }
+
+    /// The virtual cameras with what the planned path makes of their pictures.
+    pub(in crate::pipeline::stages) fn cameras(&self, path: &VirtualPath) -> Vec<Option<VirtualCamera>> {
+        let camera = |(view, out_from_src): (&Option<View>, &Homography)| {
+            let view = view.as_ref()?;
+            let correction = similarity_of(out_from_src) * view.shown_from_src.inverse()?;
+            let Wanted { pose, turns } = view.wanted;
+            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, turns })
+        };
+        self.frames.iter().zip(&path.out_from_src).map(camera).collect()
+    }
+}
+
+/// The map of a planned path, which is a similarity, as one.
+fn similarity_of(h: &Homography) -> Similarity2 {
+    let m = h.matrix();
+    Similarity2 { a: m[(0, 0)], b: m[(1, 0)], t: Vec2::new(m[(0, 2)], m[(1, 2)]) }
+}

@@ -1,0 +1,164 @@
+//! `lens.undistort`: the one map that takes a lens out of every frame of a clip.
+//!
+//! Points that are tracked in the clip's own frames are carried through the map as they are stored; motion, path and what
+//! bends a frame then live in the undistorted picture, and the renderer composes both maps.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix2;
+
+use super::analysis::told_focal_px;
+use super::context::Context;
+use super::photo::clip_lens;
+use crate::pipeline::kinds::LensUndistortSettings;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::CropWish;
+use plumbline_media::VideoInfo;
+use plumbline_num::math::{Point2, PointMap};
+use plumbline_photo::PhotoWarp;
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, rectify};
+use plumbline_video::track::FrameTracks;
+
+/// The map of a clip's lens.
+#[derive(Clone)]
+pub(super) struct Undistorted {
+    warp: Arc<PhotoWarp>,
+    /// Size of the clip's own pictures, px.
+    pub(super) source: (usize, usize),
+}
+
+/// Finds the map.
+pub(super) fn run(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    settings: &LensUndistortSettings,
+) -> Result<(), RunError> {
+    let decode = context.required(stage, "frames")?.from;
+    let (input, reader) = context.open(decode)?;
+    let video = reader.info().clone();
+    drop(reader);
+    let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height), || {
+        told_focal_px(&input)
+    })?;
+    found.warnings.into_iter().for_each(|w| context.warn(w));
+    let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
+    let mut options = options(settings, &video);
+    let mut warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+    let even = even_size((warp.size.0 as f64, warp.size.1 as f64), &video);
+    if even != warp.size {
+        options.size = OutputSize::Exact(even.0, even.1);
+        warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+    }
+    context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
+    Ok(())
+}
+
+/// What the settings ask for; if they do not say, the clip's own shape and size.
+fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOptions {
+    let own = OutputSize::Exact(video.width, video.height);
+    RectifyOptions {
+        target: super::photo::target(settings.to),
+        view: super::photo::view(settings.view),
+        crop: match settings.crop {
+            CropWish::Auto | CropWish::Rectangle => Crop::Rectangle,
+            CropWish::None => Crop::None,
+            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
+        },
+        size: match (settings.size, settings.crop) {
+            (Some(size), _) => OutputSize::Exact(size.width as usize, size.height as usize),
+            (None, CropWish::Shape(_)) => OutputSize::Source,
+            (None, _) => own,
+        },
+        ..RectifyOptions::default()
+    }
+}
+
+/// The size in whole px; where chroma is subsampled, with the nearest even sides, which is what encoders take.
+pub(super) fn even_size((width, height): (f64, f64), video: &VideoInfo) -> (usize, usize) {
+    let format = video.format;
+    let shared =
+        (0..format.planes()).map(|i| format.subsampling(i)).fold((0, 0), |(x, y), (sx, sy)| (x.max(sx), y.max(sy)));
+    let even = |side: f64, shift: u32, own: usize| {
+        let exact = shift == 0 || (side - own as f64).abs() < 1e-9;
+        if exact { (side.round() as usize).max(1) } else { 2 * ((side / 2.0).round() as usize).max(1) }
+    };
+    (even(width, shared.0, video.width), even(height, shared.1, video.height))
+}
+
+fn rectify_error(error: &RectifyError) -> RunError {
+    match error {
+        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
+            RunError::Usage(error.to_string())
+        }
+        other => RunError::Input(other.to_string()),
+    }
+}
+
+impl Undistorted {
+    /// The map `warp` of a clip of `source` px.
+    pub(super) fn new(warp: PhotoWarp, source: (usize, usize)) -> Self {
+        Self { warp: Arc::new(warp), source }
+    }
+
+    /// Size of the undistorted picture, px.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.warp.size
+    }
+
+    /// Carries points of a frame to where the undistorted picture shows them; leaves out those that it does not show.
+    pub(super) fn carry(&self, tracks: &mut FrameTracks) {
+        let (width, height) = (self.warp.size.0 as f64, self.warp.size.1 as f64);
+        tracks.observations.retain_mut(|o| {
+            let shown = (self.warp.forward)(Point2::new(f64::from(o.x), f64::from(o.y)));
+            let inside = shown.filter(|p| p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height);
+            if let Some(p) = inside {
+                (o.x, o.y) = (p.x as f32, p.y as f32);
+            }
+            inside.is_some()
+        });
+    }
+}
+
+impl PointMap for Undistorted {
+    fn map(&self, p: Point2) -> Option<Point2> {
+        self.warp.field.map(p)
+    }
+
+    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
+        self.warp.field.jacobian(p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
+    use plumbline_num::time::Timestamp;
+    use plumbline_photo::rectify::Target;
+    use plumbline_video::track::{FrameQuality, Observation};
+
+    fn undistorted() -> Undistorted {
+        let fov = FieldOfView::degrees(110.0, FieldAxis::Horizontal);
+        let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
+        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
+        let target = Target::Fixed(Projection::Rectilinear);
+        let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
+        Undistorted::new(rectify(&input, &options).expect("a map"), (640, 360))
+    }
+
+    #[test]
+    fn a_point_is_carried_to_where_the_picture_shows_it() {
+        let lens = undistorted();
+        let places = [(320.0, 180.0), (100.0, 90.0), (500.0, 300.0), (1.0, 1.0)];
+        let observation = |(id, (x, y)): (usize, (f32, f32))| Observation { id: id as u32, x, y, background: true };
+        let observations = places.into_iter().enumerate().map(observation).collect();
+        let mut tracks = FrameTracks { pts: Timestamp(0), observations, quality: FrameQuality::default() };
+        lens.carry(&mut tracks);
+        assert_eq!(tracks.observations.len(), 3, "the corner is cut away");
+        for o in &tracks.observations {
+            let back = lens.map(Point2::new(f64::from(o.x), f64::from(o.y))).expect("shown");
+            let (x, y) = places[o.id as usize];
+            assert!((back - Point2::new(f64::from(x), f64::from(y))).norm() < 0.01, "{back} of {x}, {y}");
+        }
+    }
+}

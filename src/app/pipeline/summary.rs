@@ -1,0 +1,279 @@
+//! What a finished instance tells: filled by the stages, printed by the command.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use plumbline_media::{Input, VideoInfo};
+
+/// What was read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InputSummary {
+    /// As the user named it.
+    pub name: String,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// Mean frame rate, 1/s, where it is known.
+    pub fps: Option<f64>,
+    /// The rate was not given: pictures have none of their own.
+    pub fps_assumed: bool,
+}
+
+impl InputSummary {
+    /// Of a clip and what its decoder tells.
+    pub fn of(input: &Input, video: &VideoInfo) -> Self {
+        Self {
+            name: input.name().to_owned(),
+            size: (video.width as u32, video.height as u32),
+            fps: video.frame_rate.map(plumbline_media::Ratio::value),
+            fps_assumed: input.assumed_rate().is_some(),
+        }
+    }
+}
+
+/// How far the picture strays from its course, RMS: the sum of its motions against their Gaussian mean over 0.5 s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Shake {
+    /// Of its center, px of the source.
+    pub px: f64,
+    /// Of its angle, degrees.
+    pub deg: f64,
+}
+
+/// Shake of the clip as measured, and of what is shown of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShakeSummary {
+    /// As the camera held it.
+    pub before: Shake,
+    /// As the virtual camera shows it.
+    pub after: Shake,
+}
+
+/// The warp of one stretch of frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SegmentSummary {
+    /// Frames, from 0.
+    pub frames: Range<u64>,
+    /// Mode in use: `mesh`, `homography`, `similarity` or `unchanged`.
+    pub mode: String,
+    /// Why this mode.
+    pub reason: String,
+    /// Part of the picture's width and height that was kept, mean over its frames.
+    pub crop: Option<f64>,
+    /// Shake before and after.
+    pub shake: Option<ShakeSummary>,
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// The clip that was read.
+    pub input: Option<InputSummary>,
+    /// Files written.
+    pub outputs: Vec<PathBuf>,
+    /// Frames written.
+    pub frames: u64,
+    /// Width and height of the output, px.
+    pub size: Option<(u32, u32)>,
+    /// FFmpeg's name of the encoder.
+    pub encoder: Option<String>,
+    /// Mode per segment.
+    pub segments: Vec<SegmentSummary>,
+    /// Shake before and after, over the whole clip.
+    pub shake: Option<ShakeSummary>,
+    /// Part of the picture's width and height that was kept, mean over the frames; 1 = all.
+    pub crop: Option<f64>,
+    /// Least part kept in any frame.
+    pub least_crop: Option<f64>,
+    /// Readout time of the sensor that was corrected for, seconds.
+    pub readout_s: Option<f64>,
+    /// What the user should know: concealed packets, streams left out, a clip that passed unchanged.
+    pub warnings: Vec<String>,
+    /// The window that a clip's new shape shows of its pictures.
+    pub window: Option<WindowSummary>,
+    /// How straight the lines of a still picture became.
+    pub lines: Option<LinesSummary>,
+    /// The mesh that was read, and what became of it.
+    pub surface: Option<SurfaceSummary>,
+    /// Wall time, seconds; filled by the executor.
+    pub seconds: f64,
+}
+
+/// The window that a clip's new shape shows of its pictures, before they are warped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WindowSummary {
+    /// Part of width and height kept.
+    pub kept: [f64; 2],
+    /// First and last place of its left (or upper) side, px.
+    pub range_px: [f64; 2],
+}
+
+impl fmt::Display for WindowSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([across, down], [first, last]) = (self.kept, self.range_px);
+        let (share, side, from) = if across < 1.0 { (across, "width", "left") } else { (down, "height", "top") };
+        write!(f, "{:.1} % of the {side} shown, from {first:.0} to {last:.0} px off the {from}", 100.0 * share)
+    }
+}
+
+/// How straight the lines of a still picture became.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinesSummary {
+    /// How many there are.
+    pub count: usize,
+    /// Name of the one that is least straight, and how far it is off, px of the output.
+    pub worst: Option<(String, f64)>,
+}
+
+/// A mesh, and what was done to it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SurfaceSummary {
+    /// The file, as the user named it.
+    pub name: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of polygons.
+    pub faces: usize,
+    /// Low and high corner of its box, in its own units.
+    pub bounds: [[f64; 3]; 2],
+    /// What was mended before it was deformed.
+    pub repairs: Vec<String>,
+    /// How it was deformed.
+    pub deformation: Option<String>,
+    /// Its modes and parts.
+    pub modes: Option<String>,
+    /// How it follows a skeleton.
+    pub weights: Option<String>,
+    /// What was learnt of how it follows a skeleton.
+    pub training: Option<String>,
+    /// Its skeleton.
+    pub skeleton: Option<String>,
+    /// What became of it and another.
+    pub morph: Vec<String>,
+}
+
+impl SurfaceSummary {
+    fn tell(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.bounds;
+        let place = |p: [f64; 3]| format!("({})", p.map(short).join(", "));
+        let (low, high) = (place(low), place(high));
+        let Self { name, vertices, faces, .. } = self;
+        writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, from {low} to {high}")?;
+        self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
+        self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
+        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
+        self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))?;
+        self.training.iter().try_for_each(|told| writeln!(f, "  train     {told}"))?;
+        self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))?;
+        self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
+    }
+}
+
+/// Five digits at most.
+fn short(v: f64) -> String {
+    format!("{v:.4e}").parse::<f64>().unwrap_or(v).to_string()
+}
+
+impl fmt::Display for LinesSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.worst {
+            None => f.write_str("none"),
+            Some((name, px)) => write!(f, "{}, off straight by at most {px:.2} px (`{name}`)", self.count),
+        }
+    }
+}
+
+impl Summary {
+    /// Frames written per second of wall time.
+    pub fn fps(&self) -> f64 {
+        if self.seconds > 0.0 { self.frames as f64 / self.seconds } else { 0.0 }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(input) = &self.input {
+            writeln!(f, "  read      {input}")?;
+        }
+        self.surface.iter().try_for_each(|surface| surface.tell(f))?;
+        let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
+        writeln!(f, "  wrote     {}", outputs.join(", "))?;
+        let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();
+        let encoder = self.encoder.as_ref().map(|e| format!(", {e}")).unwrap_or_default();
+        if self.frames > 0 {
+            writeln!(
+                f,
+                "  frames    {}{size}{encoder}, in {:.1} s ({:.1} fps)",
+                self.frames,
+                self.seconds,
+                self.fps()
+            )?;
+        } else if let Some((width, height)) = self.size {
+            writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
+        } else if self.surface.is_some() {
+            writeln!(f, "  took      {:.2} s", self.seconds)?;
+        }
+        if let Some(window) = &self.window {
+            writeln!(f, "  window    {window}")?;
+        }
+        if let Some(lines) = &self.lines {
+            writeln!(f, "  lines     {lines}")?;
+        }
+        if let Some(ShakeSummary { before, after }) = self.shake {
+            writeln!(f, "  shake     before {before}, after {after} (RMS, against the mean over 0.5 s)")?;
+        }
+        if let Some(crop) = self.crop {
+            let least = self.least_crop.map(|c| format!(", least {:.1} %", 100.0 * c)).unwrap_or_default();
+            writeln!(f, "  crop      {:.1} % of width and height kept{least}", 100.0 * crop)?;
+        }
+        for segment in &self.segments {
+            write!(f, "  {segment}")?;
+            // One segment alone has the figures of the whole.
+            match segment.figures().filter(|_| self.segments.len() > 1) {
+                Some(figures) => writeln!(f, " ({figures})")?,
+                None => writeln!(f)?,
+            }
+        }
+        if let Some(readout) = self.readout_s {
+            writeln!(f, "  rolling shutter corrected, readout {:.1} ms", 1e3 * readout)?;
+        }
+        self.warnings.iter().try_for_each(|w| writeln!(f, "  warning   {w}"))
+    }
+}
+
+impl fmt::Display for InputSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (width, height) = self.size;
+        write!(f, "{}, {width}×{height}", self.name)?;
+        if let Some(fps) = self.fps {
+            let text = format!("{fps:.3}");
+            write!(f, ", {} fps", text.trim_end_matches('0').trim_end_matches('.'))?;
+        }
+        if self.fps_assumed { f.write_str(" (assumed; --fps sets another)") } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for Shake {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} px and {:.2}°", self.px, self.deg)
+    }
+}
+
+impl fmt::Display for SegmentSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Range { start, end } = self.frames;
+        write!(f, "{:<9} frames {start} to {}: {}", self.mode, end.saturating_sub(1).max(start), self.reason)
+    }
+}
+
+impl SegmentSummary {
+    /// Its crop and shake in short.
+    fn figures(&self) -> Option<String> {
+        let crop = self.crop.map(|c| format!("crop {:.1} %", 100.0 * c));
+        let shake = self.shake.map(|s| format!("shake {:.2} to {:.2} px", s.before.px, s.after.px));
+        let figures: Vec<String> = crop.into_iter().chain(shake).collect();
+        (!figures.is_empty()).then(|| figures.join(", "))
+    }
+}

@@ -1,0 +1,163 @@
+//! Sampling a frame through a warp field, once.
+//!
+//! For each sample `q` of each plane of the output, `dst(q) = Σⱼ k(j − src_from_out(q)) src(j)` with a separable kernel
+//! `k`, in the plane's own depth and siting: YUV stays YUV, 10-bit stays 10-bit. Weights are fixed-point and sum to one
+//! exactly; the identity returns the input bit for bit. Rows are rendered in parallel on the current rayon pool; the
+//! result does not depend on the number of threads, nor on whether SIMD kernels are available.
+//!
+//! Kernels are interpolating, not smoothing: where the field minifies by more than about 2:1 the result aliases. Video
+//! stabilisation magnifies by 1 to 1.5. For pictures that shrink there is [`Renderer::render_averaged`].
+
+#![allow(clippy::cast_possible_wrap)] // sizes are at most 16384, checked before any pixel is touched
+
+mod alpha;
+mod averaged;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod border;
+mod completion;
+mod fill;
+mod four_tap;
+mod kernel;
+mod plane;
+mod scan;
+mod source;
+mod still;
+
+pub use border::Border;
+pub use completion::complete;
+pub use fill::{FillOptions, FillReport, Filler};
+pub use kernel::Interpolation;
+
+use crate::warp::Lattice;
+use crate::{Frame, Layout, PixelFormat};
+use plane::{Backend, Job, Tables};
+use scan::{MAX_SIZE, Siting};
+use source::Source;
+
+/// Why a frame cannot be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// Caller's fault: source and destination differ in format.
+    #[error("cannot render {src:?} into {dst:?}; both frames need the same format")]
+    Format {
+        /// Format of the source.
+        src: PixelFormat,
+        /// Format of the destination.
+        dst: PixelFormat,
+    },
+    /// Caller's fault: the lattice was made for another output size.
+    #[error("the lattice covers {lattice:?} px and the destination has {dst:?}; sample the field for the frame's size")]
+    Size {
+        /// Width and height that the lattice covers, px.
+        lattice: (usize, usize),
+        /// Width and height of the destination, px.
+        dst: (usize, usize),
+    },
+    /// Unsupported: a frame without pixels, or too large for fixed-point positions.
+    #[error("frame of {width}×{height} px cannot be rendered (expected 1 to 16384 each)")]
+    Dimensions {
+        /// Width, px.
+        width: usize,
+        /// Height, px.
+        height: usize,
+    },
+    /// Caller's fault: a plane of the source cannot be read, or of the destination not be written (shared memory).
+    #[error("plane {plane} of the {role} is not accessible; its memory is shared, too short or misaligned")]
+    Plane {
+        /// Index of the plane.
+        plane: usize,
+        /// `"source"` or `"destination"`.
+        role: &'static str,
+    },
+}
+
+/// How to render.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RenderOptions {
+    /// Kernel between pixels.
+    pub interpolation: Interpolation,
+    /// What stands outside the source.
+    pub border: Border,
+}
+
+/// Weight tables and the choice of code path; make one and use it for every frame.
+#[derive(Debug)]
+pub struct Renderer {
+    border: Border,
+    tables: Tables,
+    backend: Backend,
+}
+
+impl Renderer {
+    /// A renderer with the fastest code path of this machine.
+    pub fn new(options: RenderOptions) -> Self {
+        Self { border: options.border, tables: Tables::new(options.interpolation), backend: Backend::detect() }
+    }
+
+    /// A renderer without SIMD kernels. Its results are the same.
+    pub fn portable(options: RenderOptions) -> Self {
+        Self { backend: Backend::Portable, ..Self::new(options) }
+    }
+
+    /// Renders `src` through `lattice` into `dst`, which takes over its time and color.
+    ///
+    /// # Errors
+    /// [`RenderError::Format`], [`RenderError::Size`], [`RenderError::Dimensions`], [`RenderError::Plane`].
+    pub fn render(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame) -> Result<(), RenderError> {
+        check(src, lattice, dst)?;
+        dst.copy_properties(src);
+        for i in 0..src.format.planes() {
+            let (job, black) = self.job(src, lattice, i);
+            let (bits, border) = (src.format.bits, self.border);
+            let unreadable = RenderError::Plane { plane: i, role: "source" };
+            let unwritable = RenderError::Plane { plane: i, role: "destination" };
+            if src.format.bytes_per_sample() == 1 {
+                let plane = src.plane8(i).ok_or(unreadable)?;
+                job.run(&Source::new(plane, border, black, bits), dst.plane8_mut(i).ok_or(unwritable)?);
+            } else {
+                let plane = src.plane16(i).ok_or(unreadable)?;
+                job.run(&Source::new(plane, border, black, bits), dst.plane16_mut(i).ok_or(unwritable)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// What to do with plane `i`, and the value that stands for black in it.
+    fn job<'a>(&'a self, src: &Frame, lattice: &'a Lattice, i: usize) -> (Job<'a>, i32) {
+        let siting = Siting::of(src.format, &src.color, i);
+        (Job { lattice, siting, tables: &self.tables, backend: self.backend }, black(src, i))
+    }
+}
+
+fn check(src: &Frame, lattice: &Lattice, dst: &Frame) -> Result<(), RenderError> {
+    if src.format != dst.format {
+        return Err(RenderError::Format { src: src.format, dst: dst.format });
+    }
+    for frame in [src, dst] {
+        let (width, height) = (frame.width, frame.height);
+        if !((1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height)) {
+            return Err(RenderError::Dimensions { width, height });
+        }
+    }
+    let dst = (dst.width, dst.height);
+    if lattice.size() == dst { Ok(()) } else { Err(RenderError::Size { lattice: lattice.size(), dst }) }
+}
+
+/// Sample value of black, or of transparency, in plane `i`. An unspecified range is limited for YUV and full otherwise.
+fn black(frame: &Frame, i: usize) -> i32 {
+    let format = frame.format;
+    let scale = 1 << (format.bits - 8);
+    let color = format.planes() - usize::from(format.alpha);
+    let limited = match frame.color.full_range {
+        Some(full) => !full,
+        None => format.layout != Layout::Gbr,
+    };
+    match i {
+        _ if i >= color => 0,
+        1 | 2 if format.is_yuv() => 128 * scale,
+        _ if limited => 16 * scale,
+        _ => 0,
+    }
+}

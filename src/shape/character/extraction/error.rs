@@ -1,0 +1,42 @@
+//! Why a skeleton could not be extracted.
+
+use plumbline_num::sparse::SparseError;
+
+/// Why a skeleton could not be extracted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExtractionError {
+    /// Input: no triangle with an area.
+    #[error("the mesh has no triangle with an area: there is nothing to find the middle of")]
+    Empty,
+    /// Usage: an option outside its range.
+    #[error("{option} {value} is invalid (expected {expected})")]
+    Option {
+        /// Its name.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// Usage: a vertex to keep that does not exist.
+    #[error("vertex {vertex} is to be kept, but the mesh has {vertices} vertices, numbered from 0")]
+    NoSuchVertex {
+        /// The vertex, numbered from 0.
+        vertex: u32,
+        /// Number of vertices of the mesh.
+        vertices: usize,
+    },
+    /// The caller asked to stop.
+    #[error("the extraction was interrupted")]
+    Interrupted,
+    /// Numerics: a system of the contraction could not be solved.
+    #[error("the contraction could not be solved: {0}")]
+    Numerics(SparseError),
+}
+
+impl ExtractionError {
+    pub(super) fn from_sparse(error: SparseError) -> Self {
+        Self::Numerics(error)
+    }
+}

@@ -1,0 +1,212 @@
+//! The matrix of a round of contraction, and its factorization.
+//!
+//! With `L` the cotangent Laplacian of the surface and `W` a weight for each of its rows,
+//!
+//! `A = Lᵀ W² L + D`,   `Lᵢⱼ = wᵢⱼ = ½ (cot αᵢⱼ + cot βᵢⱼ)`,   `Lᵢᵢ = −Σⱼ wᵢⱼ`,
+//!
+//! couples each vertex with those up to two edges away. Column `j` of the product is the sum of the rows of `L` around `j`, each times its
+//! entry at `j`.
+
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
+use super::complex::{Complex, NONE};
+use super::error::ExtractionError;
+use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
+
+/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
+/// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
+const STEEPEST: f64 = 1e3;
+
+/// The normal equations of one connectivity.
+pub(super) struct NormalEquations {
+    /// The vertices that are left, in order: the unknowns.
+    pub(super) vertices: Vec<u32>,
+    number: Vec<u32>,
+    rings: Rings,
+    matrix: SparseMatrix,
+    factor: Cholesky,
+}
+
+/// The unknowns around each, ascending, and the weights of the edges to them.
+struct Rings {
+    starts: Vec<usize>,
+    to: Vec<u32>,
+    weights: Vec<f64>,
+}
+
+impl NormalEquations {
+    /// Of a surface as it is connected now.
+    pub(super) fn analyze(complex: &Complex) -> Result<Self, ExtractionError> {
+        let vertices: Vec<u32> = complex.vertices().collect();
+        let mut number = vec![NONE; complex.positions.len()];
+        vertices.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
+        let rings = Rings::of(complex, &vertices, &number);
+        let pattern = Arc::new(Pattern::new(vertices.len(), rings.pairs()).map_err(ExtractionError::from_sparse)?);
+        let at = |v: &u32| complex.positions[*v as usize].coords.into();
+        let ordering = Ordering::NestedDissection(vertices.iter().map(at).collect());
+        let mut factor = Cholesky::analyze(&pattern, &ordering).map_err(ExtractionError::from_sparse)?;
+        factor.reserve_columns(3);
+        Ok(Self { vertices, number, rings, matrix: SparseMatrix::zeros(pattern), factor })
+    }
+
+    /// Sets the matrix to that of a surface, with `W` and `D` given by their diagonals; weights of edges are not negative.
+    pub(super) fn set(&mut self, complex: &Complex, w: &[f64], d: &[f64]) {
+        self.rings.weigh(complex, &self.number);
+        let n = self.vertices.len();
+        let rings = &self.rings;
+        let sums: Vec<f64> = (0..n).map(|i| rings.around(i).map(|(_, w)| w).sum()).collect();
+        let mut column = vec![0.0; n];
+        let pattern = Arc::clone(self.matrix.pattern());
+        for j in 0..n {
+            let mut add_row = |i: usize, entry: f64| {
+                let scaled = entry * w[i] * w[i];
+                column[i] -= scaled * sums[i];
+                for (k, weight) in rings.around(i) {
+                    column[k] += scaled * weight;
+                }
+            };
+            add_row(j, -sums[j]);
+            rings.around(j).for_each(|(i, weight)| add_row(i, weight));
+            column[j] += d[j];
+            for slot in pattern.column(j) {
+                self.matrix.values_mut()[slot] = column[pattern.rows()[slot] as usize];
+            }
+            column[j] = 0.0;
+            for (i, _) in rings.around(j) {
+                column[i] = 0.0;
+                rings.around(i).for_each(|(k, _)| column[k] = 0.0);
+            }
+        }
+    }
+
+    /// The unknowns around one.
+    pub(super) fn around(&self, i: usize) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.rings.around(i).map(|(j, _)| j)
+    }
+
+    /// Solves for three right-hand sides, one behind the other.
+    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64]) -> Result<(), ExtractionError> {
+        self.factor.factor(&self.matrix).map_err(ExtractionError::from_sparse)?;
+        self.factor.solve_in_place(rhs);
+        Ok(())
+    }
+}
+
+impl Rings {
+    fn of(complex: &Complex, vertices: &[u32], number: &[u32]) -> Self {
+        let (mut starts, mut to, mut around) = (vec![0], Vec::with_capacity(6 * vertices.len()), Vec::new());
+        for v in vertices {
+            complex.neighbors(*v, &mut around);
+            to.extend(around.iter().map(|u| number[*u as usize]));
+            starts.push(to.len());
+        }
+        Self { starts, weights: vec![0.0; to.len()], to }
+    }
+
+    fn around(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        let places = self.starts[i]..self.starts[i + 1];
+        self.to[places.clone()].iter().zip(&self.weights[places]).map(|(j, w)| (*j as usize, *w))
+    }
+
+    /// Pairs of unknowns up to two edges apart, each once.
+    fn pairs(&self) -> Vec<(usize, usize)> {
+        let n = self.starts.len() - 1;
+        let mut pairs = Vec::with_capacity(10 * n);
+        let mut seen_from = vec![usize::MAX; n];
+        for j in 0..n {
+            for (i, _) in self.around(j) {
+                for k in std::iter::once(i).chain(self.around(i).map(|(k, _)| k)) {
+                    if k > j && seen_from[k] != j {
+                        seen_from[k] = j;
+                        pairs.push((j, k));
+                    }
+                }
+            }
+        }
+        pairs
+    }
+
+    /// Sets the weights of the edges of a surface.
+    fn weigh(&mut self, complex: &Complex, number: &[u32]) {
+        self.weights.fill(0.0);
+        for t in complex.faces() {
+            let p = t.map(|v| complex.positions[v as usize]);
+            for k in 0..3 {
+                let (a, b) = (number[t[(k + 1) % 3] as usize], number[t[(k + 2) % 3] as usize]);
+                let cotangent = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
+                for (from, to) in [(a as usize, b), (b as usize, a)] {
+                    let first = self.starts[from];
+                    let place = self.to[first..self.starts[from + 1]].iter().position(|u| *u == to);
+                    self.weights[first + place.expect("edges join neighbors")] += cotangent;
+                }
+            }
+        }
+        for w in &mut self.weights {
+            *w = w.max(0.0);
+        }
+    }
+}
+
+/// Half the cotangent of the angle at `o`.
+fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
+    let (u, v) = (a - o, b - o);
+    let cross = u.cross(&v).norm();
+    let dot = u.dot(&v);
+    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn the_matrix_is_the_square_of_the_weighted_laplacian_and_the_diagonal() {
+        let ball = shapes::icosphere(1);
+        let squeezed: Vec<_> =
+            ball.positions().iter().map(|p| Point3::new(p.x, 1.5 * p.y + 0.2 * p.z, 0.7 * p.z)).collect();
+        let complex = Complex::new(squeezed.clone(), ball.triangles().to_vec());
+        let n = squeezed.len();
+        let w: Vec<f64> = (0..n).map(|i| 1.0 + 0.1 * (i as f64).sin()).collect();
+        let d: Vec<f64> = (0..n).map(|i| 2.0 + (i as f64).cos()).collect();
+        let mut l = DMatrix::zeros(n, n);
+        for t in complex.faces() {
+            let p = t.map(|v| squeezed[v as usize]);
+            for k in 0..3 {
+                let (a, b) = (t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize);
+                let cotangent = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
+                l[(a, b)] += cotangent;
+                l[(b, a)] += cotangent;
+            }
+        }
+        l.apply(|c: &mut f64| *c = c.max(0.0));
+        for i in 0..n {
+            l[(i, i)] = -l.row(i).sum();
+            l.row_mut(i).scale_mut(w[i]);
+        }
+        let wanted = l.transpose() * &l + DMatrix::from_diagonal(&d.clone().into());
+        let mut system = NormalEquations::analyze(&complex).unwrap();
+        // What was set before leaves nothing behind.
+        system.set(&complex, &d, &w);
+        system.set(&complex, &w, &d);
+        let mut outside = wanted.clone();
+        for (i, j, slot) in system.matrix.pattern().places() {
+            let (found, wanted) = (system.matrix.values()[slot], wanted[(i, j)]);
+            assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "({i}, {j}): {found}, not {wanted}");
+            outside[(i, j)] = 0.0;
+            outside[(j, i)] = 0.0;
+        }
+        assert_eq!(outside.amax(), 0.0);
+        let x: Vec<f64> = (0..3 * n).map(|i| (i as f64).sin()).collect();
+        let mut rhs: Vec<f64> = x
+            .chunks(n)
+            .flat_map(|x| (&wanted * nalgebra::DVector::from_row_slice(x)).as_slice().to_vec())
+            .collect::<Vec<f64>>();
+        system.solve_in_place(&mut rhs).unwrap();
+        assert!(rhs.iter().zip(&x).all(|(found, x)| (found - x).abs() < 1e-10));
+    }
+}

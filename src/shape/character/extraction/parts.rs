@@ -1,0 +1,101 @@
+//! The parts of a surface, each by itself.
+//!
+//! Repair drops what is degenerate or double and orients the rest, but takes sheets apart where more than two meet. A curve should
+//! run through such places: copies of a vertex are joined again, and triangles that hang together by a vertex are one part.
+
+use std::collections::HashMap;
+
+use crate::mesh::{RepairOptions, TriMesh, edge_groups, repair};
+use plumbline_num::union_find::numbered_components;
+
+/// A part of the surface.
+pub(super) struct Part {
+    pub(super) mesh: TriMesh,
+    /// For each vertex the vertices of the input that it is.
+    pub(super) sources: Vec<Vec<u32>>,
+}
+
+/// Number of handles; `None` where the surface is not a closed manifold.
+pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
+    let origins = mesh.triangles().as_flattened();
+    let mut edges = 0;
+    for edge in edge_groups(origins).iter() {
+        match *edge {
+            [(_, g), (_, h)] if origins[g as usize] != origins[h as usize] => edges += 1,
+            _ => return None,
+        }
+    }
+    let euler = mesh.vertex_count() as i64 - edges + mesh.triangle_count() as i64;
+    usize::try_from(2 - euler).ok().map(|twice| twice / 2)
+}
+
+/// True where a surface has an inside: it need not be a manifold, but no edge is one of a hole.
+pub(super) fn is_closed(mesh: &TriMesh) -> bool {
+    edge_groups(mesh.triangles().as_flattened()).iter().all(|edge| edge.len().is_multiple_of(2))
+}
+
+/// Parts in the order of their first vertex, and what repair did.
+pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
+    let repaired = repair(mesh, &RepairOptions::default());
+    let mut number: HashMap<[u64; 3], u32> = HashMap::new();
+    let mut positions = Vec::new();
+    let place = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
+    let joined: Vec<u32> = repaired
+        .mesh
+        .positions()
+        .iter()
+        .map(|p| {
+            let next = positions.len() as u32;
+            let v = *number.entry(place(p)).or_insert(next);
+            if v == next {
+                positions.push(*p);
+            }
+            v
+        })
+        .collect();
+    let triangles: Vec<[u32; 3]> = repaired.mesh.triangles().iter().map(|t| t.map(|v| joined[v as usize])).collect();
+    let mut sources = vec![Vec::new(); positions.len()];
+    for (source, v) in repaired.vertex_of_source.iter().enumerate() {
+        if let Some(v) = v {
+            sources[joined[*v as usize] as usize].push(source as u32);
+        }
+    }
+    let (component, count) = numbered_components(positions.len(), &triangles);
+    let mut own = vec![0_u32; positions.len()];
+    let mut parts = vec![(Vec::new(), Vec::new(), Vec::new()); count];
+    for (v, &c) in component.iter().enumerate() {
+        let (points, from, _) = &mut parts[c as usize];
+        own[v] = points.len() as u32;
+        points.push(positions[v]);
+        from.push(std::mem::take(&mut sources[v]));
+    }
+    for t in triangles {
+        parts[component[t[0] as usize] as usize].2.push(t.map(|v| own[v as usize]));
+    }
+    let made = |(points, sources, triangles): (_, _, Vec<[u32; 3]>)| {
+        let mesh = TriMesh::new(points, triangles).expect("corners exist and positions are those of a mesh");
+        Part { mesh, sources }
+    };
+    (parts.into_iter().map(made).collect(), repaired.report.changes().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn what_has_an_inside_is_closed_manifold_or_not() {
+        let places = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]];
+        let positions: Vec<_> = places.iter().map(|p| Point3::from(p.map(f64::from))).collect();
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];
+        let both = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
+        let hinged = TriMesh::new(positions.clone(), both.clone()).unwrap();
+        assert!(is_closed(&hinged) && handles(&hinged).is_none());
+        let open = TriMesh::new(positions, both[1..].to_vec()).unwrap();
+        assert!(!is_closed(&open) && !is_closed(&shapes::plane(3)));
+        assert!(is_closed(&shapes::icosphere(1)) && handles(&shapes::icosphere(1)) == Some(0));
+    }
+}

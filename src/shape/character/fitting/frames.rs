@@ -1,0 +1,159 @@
+//! Joints in their new places, with frames that follow the bones.
+//!
+//! ```text
+//! Q_j = argmin over rotations  Σ_children |b̂ − Q â|²,   of those the one nearest to the parent's
+//! ```
+//!
+//! with bones `a` of the template and `b` of the result: a joint with one child turns the shortest way. World frames of the template are
+//! turned by `Q` and keep their scales, so that limits mean the same about the bones. What the curve has nothing for goes with the joint
+//! it hangs on: `p = p_h + s_h Q_h (x − x_h)`, with `s_h` the stretch of the limbs there; what hangs on nothing, a root outside, with the
+//! whole.
+
+use nalgebra::{Matrix3, Matrix4, Rotation3, Unit, Vector3};
+
+use super::FittedLimb;
+use super::graph::Graph;
+use super::limbs::Layout;
+use crate::character::{CharacterError, Skeleton};
+use plumbline_num::math::{Trs, nearest_rotation};
+
+/// Weight of the parent's turn beside that of the children's directions: enough to choose among equals.
+const PARENT: f64 = 1e-6;
+
+/// Directions of a bone in the template and in the result.
+type Directions = (Unit<Vector3<f64>>, Unit<Vector3<f64>>);
+
+/// A joint in its place.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    place: Vector3<f64>,
+    turn: Matrix3<f64>,
+    scale: f64,
+}
+
+/// The template at rest in the places of a layout, and its limbs.
+pub(super) fn posed(
+    template: &Skeleton,
+    bones: &Graph,
+    branches: &Graph,
+    layout: &Layout,
+    places: &[Option<Vector3<f64>>],
+) -> Result<(Skeleton, Vec<FittedLimb>), CharacterError> {
+    let mut placed = on_the_curve(template, bones, layout, places);
+    let limbs = limbs(bones, layout, &placed);
+    let mut queue: Vec<u32> = (0..placed.len() as u32).filter(|j| placed[*j as usize].is_some()).collect();
+    let is_above = |j: u32, at: u32| template.joints()[at as usize].parent == Some(j);
+    let whole = (layout.alignment.rotation, layout.scale());
+    let mut next = 0;
+    while let Some(at) = queue.get(next).copied() {
+        next += 1;
+        let Some(held) = placed[at as usize] else { continue };
+        for &j in bones.neighbors(at) {
+            if placed[j as usize].is_none() {
+                let way = bones.points[j as usize] - bones.points[at as usize];
+                let (turn, scale) = if is_above(j, at) { whole } else { (held.turn, held.scale) };
+                placed[j as usize] = Some(Placed { place: held.place + turn * way * scale, turn, scale });
+                queue.push(j);
+            }
+        }
+    }
+    let all: Vec<Placed> = placed.into_iter().flatten().collect();
+    Ok((rebuilt(template, branches, &all)?, limbs))
+}
+
+/// The joints that have a place, with turns from their children and scales from their limbs.
+fn on_the_curve(
+    template: &Skeleton,
+    bones: &Graph,
+    layout: &Layout,
+    places: &[Option<Vector3<f64>>],
+) -> Vec<Option<Placed>> {
+    let mut lengths = vec![[0.0; 2]; places.len()];
+    for limb in &layout.limbs {
+        for j in &limb.joints {
+            let [old, new] = &mut lengths[*j as usize];
+            *old += limb.length;
+            *new += limb.path.length();
+        }
+    }
+    let mut placed: Vec<Option<Placed>> = vec![None; places.len()];
+    for &j in template.parents_first() {
+        let Some(place) = places[j as usize] else { continue };
+        let parent = template.joints()[j as usize].parent.and_then(|p| placed[p as usize]);
+        let base = parent.map_or(layout.alignment.rotation, |p| p.turn);
+        let bone = |c: &u32| {
+            let (old, new) = (bones.points[*c as usize] - bones.points[j as usize], places[*c as usize]? - place);
+            Some((Unit::try_new(old, 1e-12)?, Unit::try_new(new, 1e-12)?))
+        };
+        let directions: Vec<Directions> = template.children(j).iter().filter_map(bone).collect();
+        let [old, new] = lengths[j as usize];
+        placed[j as usize] = Some(Placed { place, turn: turn(&base, &directions), scale: new / old });
+    }
+    placed
+}
+
+/// The turn that carries the first of each pair best to the second.
+fn turn(base: &Matrix3<f64>, directions: &[Directions]) -> Matrix3<f64> {
+    match directions {
+        [] => *base,
+        [(old, new)] => shortest(&(base * old.into_inner()), new) * base,
+        several => {
+            let sum: Matrix3<f64> = several.iter().map(|(old, new)| new.into_inner() * old.transpose()).sum();
+            nearest_rotation(&(sum + base * PARENT))
+        }
+    }
+}
+
+/// The least turn that carries one direction to another; a half turn goes about some axis across.
+fn shortest(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
+    let (axis, cos) = (from.cross(to), from.dot(to));
+    let across = || Unit::new_normalize(from.cross(&Vector3::ith(from.iamin(), 1.0)));
+    let about = Unit::try_new(axis, 1e-12).unwrap_or_else(across);
+    Rotation3::from_axis_angle(&about, axis.norm().atan2(cos)).into_inner()
+}
+
+/// The skeleton whose world frames are those of the template, turned and moved.
+fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<Skeleton, CharacterError> {
+    let old = template.rest_globals();
+    let mut joints = template.joints().to_vec();
+    let mut worlds: Vec<Matrix4<f64>> = vec![Matrix4::identity(); joints.len()];
+    for &j in template.parents_first() {
+        let Placed { place, turn, .. } = placed[j as usize];
+        let mut world = turn.to_homogeneous() * old[j as usize];
+        world.fixed_view_mut::<3, 1>(0, 3).copy_from(&branches.of_model(&place).coords);
+        let above = joints[j as usize].parent.map_or_else(Matrix4::identity, |p| worlds[p as usize]);
+        let flat = || CharacterError::FlatJoint { joint: template.joints()[j as usize].name.clone() };
+        let rest = Trs::from_matrix(&(above.try_inverse().ok_or_else(flat)? * world));
+        worlds[j as usize] = above * rest.matrix();
+        joints[j as usize].rest = rest;
+    }
+    Skeleton::new(joints)
+}
+
+/// All limbs: those on the curve, and those that are not.
+fn limbs(bones: &Graph, layout: &Layout, placed: &[Option<Placed>]) -> Vec<FittedLimb> {
+    let scale = layout.scale();
+    let stretch = |l: &super::limbs::Limb| FittedLimb {
+        from: l.joints[0],
+        to: l.joints[l.joints.len() - 1],
+        stretch: Some(l.path.length() / (l.length * scale)),
+    };
+    let mut limbs: Vec<FittedLimb> = layout.limbs.iter().map(stretch).collect();
+    let is_placed = |v: u32| placed[v as usize].is_some();
+    let stops = |v: u32| is_placed(v) || bones.neighbors(v).len() != 2;
+    for from in (0..placed.len() as u32).filter(|v| stops(*v)) {
+        for &next in bones.neighbors(from) {
+            let (mut before, mut to) = (from, next);
+            while !stops(to) {
+                let on = bones.neighbors(to).iter().copied().find(|v| *v != before).unwrap_or(to);
+                (before, to) = (to, on);
+            }
+            // Told once: from what it hangs on, or from the lower number where both ends do not.
+            let first = is_placed(from) && !is_placed(to) || !is_placed(from) && !is_placed(to) && from < to;
+            if first {
+                limbs.push(FittedLimb { from, to, stretch: None });
+            }
+        }
+    }
+    limbs
+}

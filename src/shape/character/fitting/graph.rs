@@ -1,0 +1,173 @@
+//! Points in space joined by edges, in one piece; lengths in units of the sum of all edges, places about the mean of all points.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::FitError;
+use crate::character::{CurveSkeleton, Skeleton};
+use plumbline_num::union_find::UnionFind;
+
+/// No node.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Joints and bones, or nodes and edges of a curve.
+#[derive(Clone, Debug)]
+pub(super) struct Graph {
+    /// `(x − center) / size`.
+    pub(super) points: Vec<Vector3<f64>>,
+    /// Length of all edges, in units of the model.
+    pub(super) size: f64,
+    /// How thick what is around each point is; any unit.
+    thickness: Vec<f64>,
+    center: Point3<f64>,
+    neighbors: Vec<Vec<u32>>,
+}
+
+/// Shortest ways from a node.
+#[derive(Clone, Debug)]
+pub(super) struct Paths {
+    /// Length to each node.
+    pub(super) length: Vec<f64>,
+    /// The node before each on the way; [`NONE`] for the first.
+    before: Vec<u32>,
+}
+
+impl Paths {
+    /// The node before another on the way to it.
+    pub(super) fn before(&self, node: u32) -> Option<u32> {
+        Some(self.before[node as usize]).filter(|v| *v != NONE)
+    }
+
+    /// The nodes from `to` back to where the ways begin.
+    pub(super) fn back_from(&self, to: u32) -> Vec<u32> {
+        let mut way = vec![to];
+        let mut at = to;
+        while self.before[at as usize] != NONE {
+            at = self.before[at as usize];
+            way.push(at);
+        }
+        way
+    }
+}
+
+impl Graph {
+    /// Joints at rest and their bones; `None` where all are in one place.
+    pub(super) fn of_skeleton(skeleton: &Skeleton) -> Option<Self> {
+        let bones = skeleton.joints().iter().zip(0..).filter_map(|(joint, j)| Some([joint.parent?, j]));
+        Self::new(&skeleton.rest_positions(), &bones.collect::<Vec<_>>(), &[])
+    }
+
+    /// Nodes and edges of a curve.
+    pub(super) fn of_curve(curve: &CurveSkeleton) -> Result<Self, FitError> {
+        let nodes = curve.nodes.len();
+        if let Some(node) = curve.nodes.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return Err(FitError::NotFinite { node });
+        }
+        if let Some(&node) = curve.edges.iter().flatten().find(|n| **n as usize >= nodes) {
+            return Err(FitError::NoSuchNode { node, nodes });
+        }
+        let graph = Self::new(&curve.nodes, &curve.edges, &curve.radius).ok_or(FitError::Curve { nodes })?;
+        // What is left of a ball is a dash.
+        let thickest = curve.radius.iter().copied().fold(0.0, f64::max);
+        if graph.size < thickest { Err(FitError::Curve { nodes }) } else { Ok(graph) }
+    }
+
+    fn new(points: &[Point3<f64>], edges: &[[u32; 2]], radius: &[f64]) -> Option<Self> {
+        let first = *points.first()?;
+        let mut edges = edges.to_vec();
+        edges.extend(bridges(points, &edges));
+        let center = first + points.iter().map(|p| p - first).sum::<Vector3<f64>>() / points.len() as f64;
+        let length = |[a, b]: &[u32; 2]| nalgebra::distance(&points[*a as usize], &points[*b as usize]);
+        let size: f64 = edges.iter().map(length).sum();
+        if !(size > 0.0 && size.is_finite()) {
+            return None;
+        }
+        let mut neighbors = vec![Vec::new(); points.len()];
+        for &[a, b] in &edges {
+            neighbors[a as usize].push(b);
+            neighbors[b as usize].push(a);
+        }
+        // Curves made by hand have none.
+        let known = radius.len() == points.len() && radius.iter().all(|r| *r > 0.0 && r.is_finite());
+        let thickness = if known { radius.to_vec() } else { vec![1.0; points.len()] };
+        Some(Self { points: points.iter().map(|p| (p - center) / size).collect(), size, thickness, center, neighbors })
+    }
+
+    /// A place in units of the model.
+    pub(super) fn of_model(&self, x: &Vector3<f64>) -> Point3<f64> {
+        self.center + x * self.size
+    }
+
+    pub(super) fn neighbors(&self, v: u32) -> &[u32] {
+        &self.neighbors[v as usize]
+    }
+
+    pub(super) fn length(&self, a: u32, b: u32) -> f64 {
+        (self.points[a as usize] - self.points[b as usize]).norm()
+    }
+
+    /// What part of the surface around all edges is around some: cylinders as thick as their ends.
+    pub(super) fn share_around(&self, edges: impl Iterator<Item = [u32; 2]>) -> f64 {
+        let around = |[a, b]: [u32; 2]| self.length(a, b) * (self.thickness[a as usize] + self.thickness[b as usize]);
+        let each = |a: u32| self.neighbors(a).iter().filter(move |b| a < **b).map(move |b| [a, *b]);
+        let all: f64 = (0..self.points.len() as u32).flat_map(each).map(around).sum();
+        edges.map(around).sum::<f64>() / all
+    }
+
+    /// Nodes with one neighbor.
+    pub(super) fn ends(&self) -> Vec<u32> {
+        (0..self.points.len() as u32).filter(|v| self.neighbors(*v).len() == 1).collect()
+    }
+
+    /// Shortest ways from a node to all (E. W. Dijkstra, 1959).
+    pub(super) fn paths(&self, from: u32) -> Paths {
+        let mut paths = Paths { length: vec![f64::INFINITY; self.points.len()], before: vec![NONE; self.points.len()] };
+        paths.length[from as usize] = 0.0;
+        // Lengths are not negative: their bits are in the order of their values.
+        let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
+        while let Some(Reverse((bits, v))) = queue.pop() {
+            let length = f64::from_bits(bits);
+            if length > paths.length[v as usize] {
+                continue;
+            }
+            for &u in self.neighbors(v) {
+                let through = length + self.length(v, u);
+                if through < paths.length[u as usize] {
+                    (paths.length[u as usize], paths.before[u as usize]) = (through, v);
+                    queue.push(Reverse((through.to_bits(), u)));
+                }
+            }
+        }
+        paths
+    }
+}
+
+/// Edges that join all pieces, each between the nearest nodes of a piece and the rest.
+fn bridges(points: &[Point3<f64>], edges: &[[u32; 2]]) -> Vec<[u32; 2]> {
+    let mut pieces = UnionFind::new(points.len());
+    for &[a, b] in edges {
+        pieces.join(a, b);
+    }
+    let mut bridges = Vec::new();
+    // Grows the piece of the first node: the nearest node of any other is joined with it, and its piece comes along.
+    let mut nearest = vec![(f64::INFINITY, NONE); points.len()];
+    let mut fresh: Vec<u32> = (0..points.len() as u32).filter(|v| pieces.root(*v) == pieces.root(0)).collect();
+    loop {
+        let home = pieces.root(0);
+        let outside: Vec<u32> = (0..points.len() as u32).filter(|v| pieces.root(*v) != home).collect();
+        for (&v, &u) in outside.iter().flat_map(|v| fresh.iter().map(move |u| (v, u))) {
+            let d = nalgebra::distance_squared(&points[v as usize], &points[u as usize]);
+            if d < nearest[v as usize].0 {
+                nearest[v as usize] = (d, u);
+            }
+        }
+        let closest = |a: &&u32, b: &&u32| nearest[**a as usize].0.total_cmp(&nearest[**b as usize].0);
+        let Some(&v) = outside.iter().min_by(closest) else { return bridges };
+        let piece = pieces.root(v);
+        fresh = outside.into_iter().filter(|u| pieces.root(*u) == piece).collect();
+        bridges.push([nearest[v as usize].1, v]);
+        pieces.join(nearest[v as usize].1, v);
+    }
+}

@@ -1,0 +1,307 @@
+use nalgebra::Translation3;
+
+use super::*;
+use crate::character::{Joint, Limits};
+use plumbline_num::math::Trs;
+
+/// A chain of joints along x with bones of these lengths, turned frames, and an end.
+fn chain(lengths: &[f64], limits: Option<Limits>) -> Skeleton {
+    let mut joints = Vec::new();
+    for k in 0..=lengths.len() {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.1, -0.2, 0.3) * (k as f64).sin());
+        let along = if k == 0 { Vector3::new(0.3, -0.2, 0.1) } else { Vector3::x() * lengths[k - 1] };
+        let parent = k.checked_sub(1).map(|p| p as u32);
+        joints.push(Joint { name: format!("j{k}"), parent, rest: Trs::rigid(turn, along), limits });
+    }
+    Skeleton::new(joints).expect("valid")
+}
+
+fn tip_of(skeleton: &Skeleton, pose: &Pose) -> Point3<f64> {
+    Frames::chained(skeleton, pose).at(skeleton.joint_count() as u32 - 1)
+}
+
+/// Places about a chain, of which `share` of its length is the farthest.
+fn places(skeleton: &Skeleton, length: f64, share: f64) -> Vec<Point3<f64>> {
+    let root = Frames::chained(skeleton, &skeleton.rest_pose()).at(0);
+    let place = |k: u32| {
+        let k = f64::from(k);
+        let direction = Vector3::new((k * 1.3).sin(), (k * 2.1).cos(), (k * 0.7 + 0.4).sin()).normalize();
+        root + direction * length * share * (0.35 + 0.65 * (k * 0.41).sin().abs())
+    };
+    (0..24).map(place).collect()
+}
+
+fn bone_lengths(skeleton: &Skeleton, pose: &Pose) -> Vec<f64> {
+    let frames = Frames::chained(skeleton, pose);
+    (1..skeleton.joint_count() as u32).map(|j| (frames.at(j) - frames.at(j - 1)).norm()).collect()
+}
+
+fn within(skeleton: &Skeleton, pose: &Pose) -> bool {
+    skeleton.joints().iter().zip(&pose.locals).all(|(joint, local)| {
+        joint.limits.is_none_or(|limits| limits.allows(&(joint.rest.rotation.inverse() * local.rotation), 1e-9))
+    })
+}
+
+#[test]
+fn i1_targets_within_reach_are_reached_and_a_chain_out_of_reach_is_straight() {
+    let lengths = [0.7, 0.5, 0.6, 0.4];
+    let skeleton = chain(&lengths, None);
+    let (rest, length) = (skeleton.rest_pose(), 2.2);
+    for at in places(&skeleton, length, 0.95) {
+        let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default()).expect("valid");
+        assert!(found.missed[0] <= 1e-6 * length, "{at}: {} after {}", found.missed[0], found.iterations);
+    }
+    let root = Frames::chained(&skeleton, &rest).at(0);
+    for at in places(&skeleton, length, 1.0) {
+        let far = root + (at - root).normalize() * 1.7 * length;
+        let found = solve(&skeleton, &rest, &[Target::position(4, far)], &IkOptions::default()).expect("valid");
+        assert!(found.missed[0] - 0.7 * length <= 1e-6 * length, "{}", found.missed[0] - 0.7 * length);
+    }
+}
+
+#[test]
+fn i1_a_stretched_chain_reaches_inward() {
+    let skeleton = chain(&[1.0, 1.0], None);
+    let mut straight = skeleton.rest_pose();
+    straight.locals.iter_mut().for_each(|l| l.rotation = UnitQuaternion::identity());
+    let root = Frames::chained(&skeleton, &straight).at(0);
+    let at = root + Vector3::x();
+    let found = solve(&skeleton, &straight, &[Target::position(2, at)], &IkOptions::default());
+    assert!(found.expect("valid").missed[0] < 2e-6);
+}
+
+#[test]
+fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
+    let limits = Limits { swing: [0.6, 0.25], twist: [-0.1, 0.3], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
+    let hinge = Limits { swing: [0.0, 1.2], twist: [0.0, 0.0], ..limits };
+    for limits in [limits, hinge] {
+        let skeleton = chain(&[0.7, 0.5, 0.6, 0.4], Some(limits));
+        let mut pose = skeleton.rest_pose();
+        for at in places(&skeleton, 2.2, 1.2) {
+            for iterations in [1, 2, 3, 5, 200] {
+                let options = IkOptions { iterations, ..Default::default() };
+                let found = solve(&skeleton, &pose, &[Target::position(4, at)], &options).expect("valid");
+                assert!(within(&skeleton, &found.pose), "{at} after {iterations}");
+            }
+            let found = solve(&skeleton, &pose, &[Target::position(4, at)], &IkOptions::default()).expect("valid").pose;
+            for k in 0..=10 {
+                let on_the_way = between(&skeleton, &pose, &found, f64::from(k) / 10.0).expect("valid");
+                assert!(within(&skeleton, &on_the_way));
+            }
+            let (by_descent, _) = ccd(&skeleton, &pose, (4, 9), &at, (20, 1e-6)).expect("valid");
+            assert!(within(&skeleton, &by_descent));
+            pose = found;
+        }
+    }
+}
+
+#[test]
+fn i2_what_limits_allow_is_reached_within_them() {
+    let limits = Limits { swing: [0.8, 0.5], twist: [-0.4, 0.4], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
+    let skeleton = chain(&[0.7, 0.5, 0.6, 0.4], Some(limits));
+    for k in 0..30 {
+        // A pose at or within the limits, whose tip is the target.
+        let k = f64::from(k);
+        let mut there = skeleton.rest_pose();
+        for (j, (local, joint)) in there.locals.iter_mut().zip(skeleton.joints()).enumerate() {
+            let phase = k * 1.7 + j as f64;
+            let at = crate::character::SwingTwist {
+                swing: nalgebra::Vector2::new(0.95 * phase.sin(), 0.6 * (2.0 * phase).cos()),
+                twist: 0.5 * (3.0 * phase).sin(),
+            };
+            local.rotation = joint.rest.rotation * limits.turn(&limits.nearest(&at));
+        }
+        let at = tip_of(&skeleton, &there);
+        let found =
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default()).expect("valid");
+        assert!(found.missed[0] <= 2e-6 && within(&skeleton, &found.pose), "{k}: {}", found.missed[0]);
+    }
+}
+
+#[test]
+fn i3_a_chain_bends_toward_its_pole() {
+    let skeleton = chain(&[0.7, 0.6], None);
+    let rest = skeleton.rest_pose();
+    for (at, pole) in places(&skeleton, 1.3, 0.9).into_iter().zip(places(&skeleton, 9.0, 1.0).into_iter().rev()) {
+        let position = Target::position(2, at);
+        let toward = Target { goal: Goal::Pole { root: 0, middle: 1, at: pole }, ..position.clone() };
+        let found = solve(&skeleton, &rest, &[position, toward], &IkOptions::default()).expect("valid");
+        assert!(found.missed[0] < 2e-6 && found.missed[1] < 0.1_f64.to_radians(), "{:?}", found.missed);
+        let by_hand = two_bone(&skeleton, &rest, [0, 1, 2], &at, Some(&pole)).expect("valid");
+        assert!((tip_of(&skeleton, &by_hand) - at).norm() < 1e-12);
+        let ([a, b, c], root) = ([0, 1, 2].map(|j| Frames::chained(&skeleton, &by_hand).at(j)), pole);
+        let normal = (c - a).cross(&(root - a)).normalize();
+        assert!(
+            (b - a).dot(&normal).abs() < 1e-12 && (b - a).dot(&(normal.cross(&(c - a)))) > 0.0,
+            "in the plane, on its side"
+        );
+        let middles = [&found.pose, &by_hand].map(|p| Frames::chained(&skeleton, p).at(1));
+        assert!((middles[0] - middles[1]).norm() < 1e-5, "both find the one solution");
+    }
+}
+
+#[test]
+fn i4_a_target_that_moves_a_little_moves_joints_a_little() {
+    let limits = Limits { swing: [1.2, 1.2], twist: [-0.4, 0.4], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
+    for limits in [None, Some(limits)] {
+        let skeleton = chain(&[0.7, 0.5, 0.6], limits);
+        let root = Frames::chained(&skeleton, &skeleton.rest_pose()).at(0);
+        let mut pose = skeleton.rest_pose();
+        let mut first = true;
+        let step = 0.01;
+        for k in 0..400 {
+            let t = f64::from(k) * step;
+            let at = root + Vector3::new(1.2 + 0.2 * t.cos(), 0.5 * t.sin(), 0.4 * (0.7 * t).sin());
+            let found = solve(&skeleton, &pose, &[Target::position(3, at)], &IkOptions::default()).expect("valid").pose;
+            let turned = found.locals.iter().zip(&pose.locals).map(|(a, b)| a.rotation.angle_to(&b.rotation));
+            let most = turned.fold(0.0, f64::max);
+            assert!(first || most < 8.0 * step, "{limits:?}: {most} at {k}");
+            (pose, first) = (found, false);
+        }
+    }
+}
+
+#[test]
+fn i5_bones_keep_their_lengths() {
+    let lengths = [0.7, 0.5, 0.6, 0.4];
+    let skeleton = chain(&lengths, None);
+    let rest = skeleton.rest_pose();
+    for at in places(&skeleton, 2.2, 1.3) {
+        let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default()).expect("valid").pose;
+        let [(a, _), (b, _)] =
+            [ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9)), fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9))]
+                .map(|r| r.expect("valid"));
+        for pose in [found, a, b] {
+            for (found, length) in bone_lengths(&skeleton, &pose).iter().zip(lengths) {
+                assert!((found - length).abs() < 1e-12 * 2.2);
+            }
+        }
+    }
+}
+
+#[test]
+fn all_goals_are_met_together() {
+    let skeleton = chain(&[0.7, 0.5, 0.6, 0.4, 0.3], None);
+    let mut there = skeleton.rest_pose();
+    for (k, local) in there.locals.iter_mut().enumerate() {
+        local.rotation *= UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8 - k as f64 * 0.3, 0.5));
+    }
+    let frames = Frames::chained(&skeleton, &there);
+    let seen = frames.at(3) + frames.turn[3] * Vector3::z() * 5.0;
+    let target = |joint, goal| Target { joint, goal, weight: 1.0, chain: None };
+    let targets = [
+        Target::position(5, frames.at(5)),
+        target(5, Goal::Orientation(frames.turn[5])),
+        target(3, Goal::LookAt { axis: Vector3::z_axis(), at: seen }),
+        target(2, Goal::Pole { root: 0, middle: 1, at: frames.at(1) }),
+        target(
+            4,
+            Goal::Position { point: Point3::new(0.1, 0.2, 0.0), at: frames.point(4, &Point3::new(0.1, 0.2, 0.0)) },
+        ),
+    ];
+    let found = solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default()).expect("valid");
+    for (k, missed) in found.missed.iter().enumerate() {
+        assert!(*missed < 1e-5, "target {k}: {missed} after {}", found.iterations);
+    }
+}
+
+#[test]
+fn derivatives_are_those_of_differences_also_under_scaled_frames() {
+    let limits = Limits { swing: [2.0, 2.0], twist: [-2.0, 2.0], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
+    let mut joints = chain(&[0.7, 0.5, 0.6, 0.4], None).joints().to_vec();
+    joints[1].rest.scale = Vector3::new(1.5, 0.8, 1.2);
+    joints[2].limits = Some(limits);
+    let skeleton = Skeleton::new(joints).expect("valid");
+    let mut pose = skeleton.rest_pose();
+    for (k, local) in pose.locals.iter_mut().enumerate() {
+        local.rotation *= UnitQuaternion::from_scaled_axis(Vector3::new(0.2, 0.5, -0.4) * (1.0 + k as f64 * 0.2));
+    }
+    let target = |joint, goal| Target { joint, goal, weight: 0.7, chain: None };
+    let targets = [
+        target(4, Goal::Position { point: Point3::new(0.1, -0.3, 0.2), at: Point3::new(0.5, 0.9, -0.1) }),
+        target(3, Goal::Orientation(UnitQuaternion::from_scaled_axis(Vector3::new(1.0, 0.3, 0.1)))),
+        target(3, Goal::LookAt { axis: Vector3::y_axis(), at: Point3::new(2.0, 0.1, 0.3) }),
+        target(4, Goal::Pole { root: 1, middle: 2, at: Point3::new(-1.0, 2.0, 0.5) }),
+    ];
+    let options = IkOptions::default();
+    let variables = Variables::of(&skeleton, &targets, &options);
+    let frames = Frames::chained(&skeleton, &pose);
+    for each in &targets {
+        let cost = |pose: &Pose| {
+            let one = std::slice::from_ref(each);
+            let of = Variables::of(&skeleton, one, &options);
+            Problem::new(&skeleton, one, &of, &frames, pose.clone(), 0.3).cost()
+        };
+        let one = std::slice::from_ref(each);
+        let of = Variables::of(&skeleton, one, &options);
+        let mut problem = Problem::new(&skeleton, one, &of, &frames, pose.clone(), 0.3);
+        let gradient = problem.gradient();
+        for (k, &j) in of.joints.iter().enumerate() {
+            for axis in 0..3 {
+                let moved = |by: f64| {
+                    let (joint, mut pose) = (&skeleton.joints()[j as usize], pose.clone());
+                    let local = &mut pose.locals[j as usize];
+                    let step = Vector3::ith(axis, by);
+                    local.rotation = variables::Coordinates::of(joint, local).stepped(joint, local, step).0;
+                    pose
+                };
+                let difference = (cost(&moved(1e-5)) - cost(&moved(-1e-5))) / 2e-5;
+                assert!(
+                    (gradient[3 * k + axis] - difference).abs() < 1e-7,
+                    "{each:?}, joint {j}, {axis}: {} {difference}",
+                    gradient[3 * k + axis]
+                );
+            }
+        }
+    }
+    assert_eq!(variables.joints, [0, 1, 2, 3, 4]);
+}
+
+#[test]
+fn the_answer_moves_with_the_world_and_grows_with_the_model() {
+    let lengths = [0.7, 0.5, 0.6];
+    let skeleton = chain(&lengths, None);
+    let world = Translation3::new(5.0, -3.0, 1.0) * UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 1.0, -2.0));
+    let mut joints = skeleton.joints().to_vec();
+    for joint in &mut joints {
+        joint.rest.translation *= 3.0;
+    }
+    joints[0].rest.translation = world.transform_point(&Point3::from(joints[0].rest.translation)).coords;
+    joints[0].rest.rotation = world.rotation * joints[0].rest.rotation;
+    let other = Skeleton::new(joints).expect("valid");
+    for at in places(&skeleton, 1.8, 0.9) {
+        let a =
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(3, at)], &IkOptions::default()).expect("valid");
+        let moved = world.transform_point(&(at * 3.0));
+        let b = solve(&other, &other.rest_pose(), &[Target::position(3, moved)], &IkOptions::default()).expect("valid");
+        for (k, (a, b)) in a.pose.locals.iter().zip(&b.pose.locals).enumerate().skip(1) {
+            assert!(a.rotation.angle_to(&b.rotation) < 1e-4, "joint {k}");
+        }
+    }
+}
+
+#[test]
+fn locked_joints_and_joints_beyond_the_chain_stay() {
+    let skeleton = chain(&[0.7, 0.5, 0.6, 0.4], None);
+    let rest = skeleton.rest_pose();
+    let target = Target { chain: Some(3), ..Target::position(4, Point3::new(1.2, 0.9, 0.2)) };
+    let options = IkOptions { locked: vec![2], ..Default::default() };
+    let found = solve(&skeleton, &rest, &[target], &options).expect("valid").pose;
+    assert_eq!([0, 2].map(|j| found.locals[j]), [0, 2].map(|j| rest.locals[j]));
+    assert!([1, 3].iter().all(|&j| found.locals[j] != rest.locals[j]));
+}
+
+#[test]
+fn faults_are_told_with_target_and_value() {
+    let skeleton = chain(&[1.0, 1.0], None);
+    let told = |target: Target| {
+        let e = solve(&skeleton, &skeleton.rest_pose(), &[target], &IkOptions::default());
+        e.expect_err("to be refused").to_string()
+    };
+    let at = Target::position(2, Point3::origin());
+    assert_eq!(told(Target { joint: 7, ..at.clone() }), "target 0 names joint 7, but there are 3, numbered from 0");
+    assert_eq!(told(Target::position(2, Point3::new(f64::NAN, 0.0, 0.0))), "target 0 is not finite");
+    assert!(told(Target { weight: 0.0, ..at.clone() }).starts_with("the weight 0 of target 0 is invalid"));
+    let pole = Goal::Pole { root: 1, middle: 0, at: Point3::origin() };
+    assert!(told(Target { goal: pole, ..at }).starts_with("the joints of target 0 are no chain"));
+}

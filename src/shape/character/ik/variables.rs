@@ -1,0 +1,161 @@
+//! The joints that may turn, and the coordinates of their turns.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use super::{IkOptions, Target};
+use crate::character::{Joint, Limits, Pose, Skeleton, SwingTwist};
+use plumbline_num::math::Trs;
+
+/// At the border of its limits is a coordinate this close, rad.
+const AT_BORDER: f64 = 1e-9;
+
+/// Joints that may turn, each with three coordinates.
+pub(super) struct Variables {
+    pub(super) joints: Vec<u32>,
+    /// For each target the variables (numbers in `joints`) that move it.
+    pub(super) of_target: Vec<Vec<usize>>,
+}
+
+impl Variables {
+    pub(super) fn of(skeleton: &Skeleton, targets: &[Target], options: &IkOptions) -> Self {
+        let parent = |j: u32| skeleton.joints()[j as usize].parent;
+        let mut moves = vec![false; skeleton.joint_count()];
+        for target in targets {
+            let chain = std::iter::successors(Some(target.joint), |&j| parent(j));
+            let count = target.chain.map_or(usize::MAX, |n| n.saturating_add(1));
+            chain.take(count).for_each(|j| moves[j as usize] = true);
+        }
+        options.locked.iter().for_each(|&j| {
+            if let Some(moves) = moves.get_mut(j as usize) {
+                *moves = false;
+            }
+        });
+        let joints: Vec<u32> = skeleton.parents_first().iter().copied().filter(|&j| moves[j as usize]).collect();
+        let above = |target: &Target| {
+            let chain: Vec<u32> = std::iter::successors(Some(target.joint), |&j| parent(j)).collect();
+            (0..joints.len()).filter(|&k| chain.contains(&joints[k])).collect()
+        };
+        let of_target = targets.iter().map(above).collect();
+        Self { joints, of_target }
+    }
+
+    /// The pose with every joint that may turn bent a little, within its limits; the axes differ from joint to joint.
+    pub(super) fn bent(&self, skeleton: &Skeleton, pose: &Pose, angle: f64) -> Pose {
+        let mut pose = pose.clone();
+        for (k, &j) in self.joints.iter().enumerate() {
+            let k = k as f64;
+            let axis = Vector3::new(1.0, 0.3 * (k + 1.0).sin(), 0.7 * (2.0 * k + 0.5).cos()).normalize();
+            let local = &mut pose.locals[j as usize];
+            local.rotation *= UnitQuaternion::from_scaled_axis(axis * angle);
+        }
+        super::within_limits(skeleton, &pose)
+    }
+}
+
+/// The coordinates of a joint's turn, and how it moves with them.
+pub(super) enum Coordinates<'a> {
+    /// A rotation vector from here, in the joint's own frame.
+    Free,
+    /// Swing and twist from rest.
+    Limited(&'a Limits, SwingTwist),
+}
+
+impl<'a> Coordinates<'a> {
+    pub(super) fn of(joint: &'a Joint, local: &Trs) -> Self {
+        match &joint.limits {
+            None => Self::Free,
+            Some(limits) => Self::Limited(limits, limits.split(&(joint.rest.rotation.inverse() * local.rotation))),
+        }
+    }
+
+    /// Angular velocities, in the parent's frame, of the three coordinates; columns.
+    pub(super) fn velocities(&self, joint: &Joint, local: &Trs) -> Matrix3<f64> {
+        match self {
+            Self::Free => local.rotation.to_rotation_matrix().into_inner(),
+            Self::Limited(limits, at) => {
+                let (e1, e2) = (limits.across.into_inner(), limits.second().into_inner());
+                let swing = e1 * at.swing.x + e2 * at.swing.y;
+                let left = left_jacobian(&swing);
+                let twist = UnitQuaternion::from_scaled_axis(swing) * limits.axis.into_inner();
+                joint.rest.rotation.to_rotation_matrix().into_inner()
+                    * Matrix3::from_columns(&[left * e1, left * e2, twist])
+            }
+        }
+    }
+
+    /// The turn after a step, within limits, and the step that was possible.
+    pub(super) fn stepped(
+        &self,
+        joint: &Joint,
+        local: &Trs,
+        step: Vector3<f64>,
+    ) -> (UnitQuaternion<f64>, Vector3<f64>) {
+        match self {
+            Self::Free => (local.rotation * UnitQuaternion::from_scaled_axis(step), step),
+            Self::Limited(limits, at) => {
+                let wanted = SwingTwist { swing: at.swing + step.xy(), twist: at.twist + step.z };
+                let there = limits.nearest(&wanted);
+                let swing = there.swing - at.swing;
+                let turn = joint.rest.rotation * limits.turn(&there);
+                (turn, Vector3::new(swing.x, swing.y, there.twist - at.twist))
+            }
+        }
+    }
+
+    /// Directions in which the joint cannot go, of those in which it is pushed.
+    pub(super) fn blocked(&self, push: &Vector3<f64>) -> Vec<Vector3<f64>> {
+        let Self::Limited(limits, at) = self else { return Vec::new() };
+        let mut blocked = Vec::new();
+        let [a, b] = limits.swing;
+        for (half, axis) in [(a, Vector3::x()), (b, Vector3::y())] {
+            if half == 0.0 {
+                blocked.push(axis);
+            }
+        }
+        if a > 0.0 && b > 0.0 {
+            let measure = (at.swing.x / a).hypot(at.swing.y / b);
+            let outward = Vector3::new(at.swing.x / (a * a), at.swing.y / (b * b), 0.0);
+            if measure >= 1.0 - AT_BORDER && push.dot(&outward) > 0.0 {
+                blocked.push(outward.normalize());
+            }
+        } else {
+            // One axis of swing is left, between −a and a.
+            for (half, value, axis) in [(a, at.swing.x, Vector3::x()), (b, at.swing.y, Vector3::y())] {
+                if half > 0.0 && value.abs() >= half - AT_BORDER && push.dot(&axis) * value > 0.0 {
+                    blocked.push(axis);
+                }
+            }
+        }
+        let [least, largest] = limits.twist;
+        let (low, high) = (at.twist <= least + AT_BORDER, at.twist >= largest - AT_BORDER);
+        if low && push.z < 0.0 || high && push.z > 0.0 {
+            blocked.push(Vector3::z());
+        }
+        blocked
+    }
+
+    /// Turn from rest as coordinates, and how they change with ours.
+    pub(super) fn turn_from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
+        match self {
+            Self::Limited(_, at) => (Vector3::new(at.swing.x, at.swing.y, at.twist), Matrix3::identity()),
+            Self::Free => {
+                let turn = joint.rest.rotation.inverse() * local.rotation;
+                let turn = if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn };
+                let vector = turn.scaled_axis();
+                // log(R exp δ) = log R + J_r⁻¹ δ, and J_r(v) = J_l(−v).
+                (vector, left_jacobian(&-vector).try_inverse().unwrap_or_else(Matrix3::identity))
+            }
+        }
+    }
+}
+
+/// How `exp` of a rotation vector turns as the vector changes, in the frame turned to: `J_l`.
+pub(super) fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle, cross) = (vector.norm(), vector.cross_matrix());
+    let (b, c) = if angle < 1e-4 {
+        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
+    } else {
+        ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
+    };
+    Matrix3::identity() + cross * b + cross * cross * c
+}

@@ -1,0 +1,175 @@
+//! The reading of BVH.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::super::text::Words;
+use super::super::{Rig, RigFileError};
+use super::{END, FORMAT};
+use crate::character::clip::{Between, Curve, Keys, Track, rotations};
+use crate::character::{Clip, Joint, Skeleton};
+use plumbline_num::math::Trs;
+
+/// Most frames of a movement.
+const MOST_FRAMES: usize = 1 << 22;
+/// Most joints one below the other.
+const DEEPEST: usize = 1 << 12;
+
+/// What a number of a frame moves.
+#[derive(Clone, Copy)]
+enum Move {
+    Along(usize),
+    About(usize),
+}
+
+/// The numbers of a joint.
+struct Channels {
+    joint: usize,
+    moves: Vec<Move>,
+}
+
+/// Reads a skeleton and its movement, called `motion`.
+///
+/// # Errors
+/// [`RigFileError::Malformed`], and what the joints are refused for.
+pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
+    let mut words = Words::new(FORMAT, text);
+    words.expect("HIERARCHY")?;
+    let (mut joints, mut channels): (Vec<Joint>, Vec<Channels>) = (Vec::new(), Vec::new());
+    loop {
+        match words.word("ROOT or MOTION")? {
+            "ROOT" => tree(&mut words, &mut joints, &mut channels)?,
+            "MOTION" => break,
+            other => return Err(words.fault(format!("{other:?}, where ROOT or MOTION is expected"))),
+        }
+    }
+    unique(&mut joints);
+    let clip = movement(&mut words, &joints, &channels)?;
+    Ok(Rig { skeleton: Skeleton::new(joints)?, clips: clip.into_iter().collect(), warnings: Vec::new() })
+}
+
+/// A root with everything below it.
+fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Channels>) -> Result<(), RigFileError> {
+    let mut open: Vec<u32> = vec![begin(words, None, joints)?];
+    while let Some(&joint) = open.last() {
+        if open.len() > DEEPEST {
+            return Err(words.fault(format!("more than {DEEPEST} joints one below the other")));
+        }
+        match words.word("a part of the joint, or }")? {
+            "OFFSET" => joints[joint as usize].rest.translation = words.triple("the offset")?.into(),
+            "CHANNELS" => channels.push(Channels { joint: joint as usize, moves: moves(words)? }),
+            "JOINT" => open.push(begin(words, Some(joint), joints)?),
+            "End" => end(words, joint, joints)?,
+            "}" => drop(open.pop()),
+            other => {
+                return Err(
+                    words.fault(format!("{other:?}, where OFFSET, CHANNELS, JOINT, End Site or }} is expected"))
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+fn begin(words: &mut Words<'_>, parent: Option<u32>, joints: &mut Vec<Joint>) -> Result<u32, RigFileError> {
+    let mut name = words.rest_of_line();
+    let opened = name.last() == Some(&"{");
+    if opened {
+        name.pop();
+    }
+    if name.is_empty() {
+        return Err(words.fault("a joint without a name"));
+    }
+    let name = name.join(" ");
+    if !opened {
+        words.expect("{")?;
+    }
+    joints.push(Joint { name, parent, rest: Trs::identity(), limits: None });
+    Ok(joints.len() as u32 - 1)
+}
+
+fn end(words: &mut Words<'_>, parent: u32, joints: &mut Vec<Joint>) -> Result<(), RigFileError> {
+    words.expect("Site")?;
+    words.expect("{")?;
+    words.expect("OFFSET")?;
+    let offset = Vector3::from(words.triple("the offset")?);
+    words.expect("}")?;
+    if offset != Vector3::zeros() {
+        let name = format!("{}{END}", joints[parent as usize].name);
+        joints.push(Joint { name, parent: Some(parent), rest: Trs::from_translation(offset), limits: None });
+    }
+    Ok(())
+}
+
+fn moves(words: &mut Words<'_>) -> Result<Vec<Move>, RigFileError> {
+    let count = words.count("the number of channels", 6)?;
+    let mut moves = Vec::with_capacity(count);
+    for _ in 0..count {
+        let name = words.word("a channel")?;
+        let lower = name.to_ascii_lowercase();
+        let axis = b"xyz".iter().position(|axis| lower.as_bytes().first() == Some(axis));
+        moves.push(match (axis, lower.get(1..)) {
+            (Some(axis), Some("position")) => Move::Along(axis),
+            (Some(axis), Some("rotation")) => Move::About(axis),
+            _ => return Err(words.fault(format!("{name:?} is no channel (Xposition … Zrotation)"))),
+        });
+    }
+    Ok(moves)
+}
+
+/// Names that come twice get a number.
+fn unique(joints: &mut [Joint]) {
+    let mut taken = std::collections::HashSet::new();
+    for joint in joints {
+        let numbered = (1..).map(|k| if k == 1 { joint.name.clone() } else { format!("{} ({k})", joint.name) });
+        joint.name = numbered.into_iter().find(|name| !taken.contains(name)).expect("there is no end of numbers");
+        taken.insert(joint.name.clone());
+    }
+}
+
+fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> Result<Option<Clip>, RigFileError> {
+    words.expect("Frames:")?;
+    let frames = words.count("the number of frames", MOST_FRAMES)?;
+    words.expect("Frame")?;
+    words.expect("Time:")?;
+    let step = words.number("the time between frames")?;
+    if frames > 1 && !(step > 0.0) {
+        return Err(words.fault(format!("{step} s between frames (expected more than 0)")));
+    }
+    let mut turns = vec![Vec::new(); channels.len()];
+    let mut places = vec![Vec::new(); channels.len()];
+    for frame in 0..frames {
+        for (k, of_joint) in channels.iter().enumerate() {
+            let mut turn = UnitQuaternion::identity();
+            let mut place = joints[of_joint.joint].rest.translation;
+            for &each in &of_joint.moves {
+                let number =
+                    words.number(&format!("a number of {:?} in frame {frame}", joints[of_joint.joint].name))?;
+                match each {
+                    Move::Along(axis) => place[axis] += number,
+                    Move::About(axis) => {
+                        turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
+                    }
+                }
+            }
+            turns[k].push(turn);
+            places[k].push(<[f64; 3]>::from(place));
+        }
+    }
+    if let Some(more) = words.next() {
+        return Err(words.fault(format!("{more:?} after the last of {frames} frames")));
+    }
+    let times: Vec<f64> = (0..frames).map(|k| k as f64 * step).collect();
+    let mut tracks = Vec::new();
+    for (k, of_joint) in channels.iter().enumerate().filter(|_| frames > 0) {
+        let joint = of_joint.joint as u32;
+        if of_joint.moves.iter().any(|m| matches!(m, Move::Along(_))) {
+            let keys = Keys::new(times.clone(), std::mem::take(&mut places[k]), Between::Linear)?;
+            tracks.push(Track { joint, curve: Curve::Translation(keys) });
+        }
+        if of_joint.moves.iter().any(|m| matches!(m, Move::About(_))) {
+            let keys = rotations(times.clone(), &turns[k], Between::Linear)?;
+            tracks.push(Track { joint, curve: Curve::Rotation(keys) });
+        }
+    }
+    Ok(if frames > 0 { Some(Clip::new("motion", tracks, Vec::new())?) } else { None })
+}

@@ -1,0 +1,101 @@
+//! Which nodes are joints.
+
+use std::collections::HashSet;
+
+use nalgebra::Matrix4;
+
+use super::RigFileError;
+use crate::character::{Joint, Skeleton};
+use crate::mesh::NO_VALUE;
+use crate::mesh::model::articulation::{Articulation, Place};
+use plumbline_num::math::Trs;
+
+/// How much of a matrix may be lost as shear, of its largest number.
+const SHEAR: f64 = 1e-5;
+
+/// The nodes that move the surface.
+pub(super) struct Joints {
+    pub(super) skeleton: Skeleton,
+    /// The joint of each node; [`NO_VALUE`] for those that move nothing.
+    pub(super) of_node: Vec<u32>,
+    /// The node of each joint.
+    pub(super) nodes: Vec<u32>,
+}
+
+impl Joints {
+    /// Joints of skins first, in their order, then the nodes of meshes without a skin, then what they hang on.
+    pub(super) fn of(articulation: &Articulation, warnings: &mut Vec<String>) -> Result<Self, RigFileError> {
+        let used = |skin: usize| articulation.instances.iter().any(|i| i.skin == Some(skin as u32));
+        let skins = articulation.skins.iter().enumerate().filter(|(s, _)| used(*s)).flat_map(|(_, s)| &s.joints);
+        let rigid = articulation.instances.iter().filter(|i| i.skin.is_none()).map(|i| &i.node);
+        let mut nodes: Vec<u32> = Vec::new();
+        let mut of_node = vec![NO_VALUE; articulation.nodes.len()];
+        let mut add = |nodes: &mut Vec<u32>, node: u32| {
+            let new = of_node[node as usize] == NO_VALUE;
+            if new {
+                of_node[node as usize] = nodes.len() as u32;
+                nodes.push(node);
+            }
+            new
+        };
+        for &node in skins.chain(rigid) {
+            add(&mut nodes, node);
+        }
+        for first in 0..nodes.len() {
+            let mut above = articulation.nodes[nodes[first] as usize].parent;
+            while let Some(node) = above.filter(|&node| add(&mut nodes, node)) {
+                above = articulation.nodes[node as usize].parent;
+            }
+        }
+        if nodes.is_empty() {
+            return Err(RigFileError::NoSkin);
+        }
+        let names = names(articulation, &nodes, warnings);
+        let mut joints = Vec::with_capacity(nodes.len());
+        for (&node, name) in nodes.iter().zip(names) {
+            let described = &articulation.nodes[node as usize];
+            let rest = frame(&described.place).ok_or_else(|| RigFileError::Shear { node: name.clone() })?;
+            let parent = described.parent.map(|p| of_node[p as usize]).filter(|&p| p != NO_VALUE);
+            let limits = super::limits::read(described.extras.as_ref(), &name)?;
+            joints.push(Joint { name, parent, rest, limits });
+        }
+        Ok(Self { skeleton: Skeleton::new(joints)?, of_node, nodes })
+    }
+}
+
+/// A name for each node, no two alike.
+fn names(articulation: &Articulation, nodes: &[u32], warnings: &mut Vec<String>) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let mut renamed = 0;
+    let mut name = |&node: &u32| {
+        let own = articulation.nodes[node as usize].name.clone().filter(|name| !name.is_empty());
+        let named = own.is_some();
+        let base = own.unwrap_or_else(|| format!("node {node}"));
+        let unique = (1..).map(|k| if k == 1 { base.clone() } else { format!("{base} ({k})") });
+        let name = unique.into_iter().find(|name| !taken.contains(name)).expect("there is no end of numbers");
+        renamed += usize::from(named && name != base);
+        taken.insert(name.clone());
+        name
+    };
+    let names = nodes.iter().map(&mut name).collect();
+    if renamed > 0 {
+        warnings.push(format!("{renamed} joints have the name of another; a number is put behind theirs"));
+    }
+    names
+}
+
+fn frame(place: &Place) -> Option<Trs> {
+    match place {
+        Place::Trs { translation, scale, rotation: [x, y, z, w] } => {
+            let quaternion = nalgebra::Quaternion::new(*w, *x, *y, *z);
+            let rotation = nalgebra::UnitQuaternion::try_new(quaternion, 0.0).unwrap_or_default();
+            Some(Trs { translation: (*translation).into(), rotation, scale: (*scale).into() })
+        }
+        Place::Matrix(matrix) => {
+            let trs = Trs::from_matrix(matrix);
+            let lost: Matrix4<f64> = trs.matrix() - matrix;
+            let linear = matrix.fixed_view::<3, 3>(0, 0).amax();
+            (trs.is_finite() && lost.amax() <= SHEAR * linear).then_some(trs)
+        }
+    }
+}

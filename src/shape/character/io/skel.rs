@@ -1,0 +1,112 @@
+//! Skeletons of joints in world coordinates (`.skel`), and the movements that go with them (`.anim`).
+//!
+//! ```text
+//! .skel    number of joints, then for each   x y z name parent          the parent of a root is called `root`,
+//!                                                                       also of a root of that name
+//! .anim    poses and joints, then for each pose   time, an axis x y z per joint, an angle in rad per joint
+//! ```
+//!
+//! Frames at rest are turned as the world. A movement may give fewer joints than the skeleton has; the others rest. Files are found
+//! whose times do not ascend, because their program takes the poses one after the other; the numbers of the poses are taken then.
+
+use std::fmt::Write as _;
+
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+
+use super::RigFileError;
+use super::text::{Words, one_word};
+use crate::character::clip::{Between, Curve, Track, rotations};
+use crate::character::{Clip, Joint, Skeleton};
+use plumbline_num::math::Trs;
+
+/// What roots hang on.
+const ROOT: &str = "root";
+/// Most joints of a file, most poses.
+const MOST_JOINTS: usize = 1 << 16;
+const MOST_POSES: usize = 1 << 20;
+
+/// Reads a skeleton.
+///
+/// # Errors
+/// [`RigFileError::Malformed`], and what the joints are refused for.
+pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
+    let mut words = Words::new("skel", text);
+    let count = words.count("the number of joints", MOST_JOINTS)?;
+    let (mut at, mut names, mut parents) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..count {
+        at.push(Vector3::from(words.triple(&format!("the place of joint {k}"))?));
+        names.push(words.word(&format!("the name of joint {k}"))?);
+        let parent = words.word(&format!("the parent of joint {k}"))?;
+        parents
+            .push((parent, words.fault(format!("there is no joint {parent:?}; a joint without a parent has `root`"))));
+    }
+    let mut joints = Vec::with_capacity(count);
+    for (k, (parent, fault)) in parents.into_iter().enumerate() {
+        let number = names.iter().position(|name| *name == parent);
+        if number.is_none() && parent != ROOT {
+            return Err(fault);
+        }
+        // A root may be called as what it hangs on.
+        let number = number.filter(|p| parent != ROOT || *p != k);
+        let from = number.map_or_else(Vector3::zeros, |p| at[p]);
+        let rest = Trs::from_translation(at[k] - from);
+        joints.push(Joint { name: names[k].to_owned(), parent: number.map(|p| p as u32), rest, limits: None });
+    }
+    Ok(Skeleton::new(joints)?)
+}
+
+/// The joints at rest. A space in a name becomes `_`; so does the end of the name `root` where there are other roots, which would hang
+/// on it.
+pub fn skel_text(skeleton: &Skeleton) -> String {
+    let joints = skeleton.joints();
+    let several = joints.iter().filter(|j| j.parent.is_none()).count() > 1;
+    let one_word = |name: &str| if several && name == ROOT { "root_".to_owned() } else { one_word(name) };
+    let mut text = format!("{}\n", joints.len());
+    for (joint, p) in joints.iter().zip(skeleton.rest_positions()) {
+        let parent = joint.parent.map_or_else(|| ROOT.to_owned(), |j| one_word(&joints[j as usize].name));
+        let _ = writeln!(text, "{} {} {} {} {parent}", p.x, p.y, p.z, one_word(&joint.name));
+    }
+    text
+}
+
+/// Reads a movement of a skeleton.
+///
+/// # Errors
+/// [`RigFileError::Malformed`], and what the movement is refused for.
+pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, RigFileError> {
+    let mut words = Words::new("anim", text);
+    let poses = words.count("the number of poses", MOST_POSES)?;
+    let joints = words.count("the number of joints, no more than the skeleton has", skeleton.joint_count())?;
+    let mut times = Vec::new();
+    let mut turns: Vec<Vec<UnitQuaternion<f64>>> = vec![Vec::new(); joints];
+    for k in 0..poses {
+        let time = words.number(&format!("the time of pose {k}"))?;
+        times.push(time);
+        let mut axes = Vec::with_capacity(joints);
+        for j in 0..joints {
+            axes.push(Vector3::from(words.triple(&format!("the axis of joint {j} in pose {k}"))?));
+        }
+        for (j, axis) in axes.into_iter().enumerate() {
+            let angle = words.number(&format!("the angle of joint {j} in pose {k}"))?;
+            let axis = Unit::try_new(axis, 0.0);
+            if axis.is_none() && angle != 0.0 {
+                return Err(words.fault(format!("joint {j} turns by {angle} about an axis without length")));
+            }
+            turns[j].push(axis.map_or_else(UnitQuaternion::identity, |a| UnitQuaternion::from_axis_angle(&a, angle)));
+        }
+    }
+    if !times.windows(2).all(|t| t[0] < t[1]) {
+        times = (0..poses).map(|k| k as f64).collect();
+    }
+    let moves = |t: &Vec<UnitQuaternion<f64>>| t.iter().any(|q| *q != UnitQuaternion::identity());
+    let mut tracks = Vec::new();
+    for (j, turns) in turns.iter().enumerate().filter(|(_, t)| moves(t)) {
+        let rest = skeleton.joints()[j].rest.rotation;
+        let turns: Vec<_> = turns.iter().map(|turn| rest * turn).collect();
+        tracks.push(Track {
+            joint: j as u32,
+            curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear)?),
+        });
+    }
+    Ok(Clip::new(name, tracks, Vec::new())?)
+}

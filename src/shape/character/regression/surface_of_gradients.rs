@@ -1,0 +1,129 @@
+//! The surface whose triangles are mapped as given and whose vertices are where they are wanted, as nearly as both can be:
+//!
+//! ```text
+//! x = argmin Σ_t Σ_{edges of t} ½ cot · |(x_a − x_b) − D_t (p_a − p_b)|²  +  μ Σ_i s_i |x_i − y_i|²
+//! ```
+//!
+//! `s_i` is the share of vertex `i` in the area of its piece, so that `μ` has no unit: what is longer than `√(area / μ)` has the
+//! places, what is shorter the gradients. The middle of each piece is that of its places, whatever `μ` is.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::super::CharacterError;
+use crate::mesh::TriMesh;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering};
+use plumbline_num::union_find::UnionFind;
+
+/// The factored Laplacian.
+#[derive(Clone, Debug)]
+pub(super) struct SurfaceOfGradients {
+    rest: Vec<Point3<f64>>,
+    triangles: Vec<[u32; 3]>,
+    half: Vec<[f64; 3]>,
+    /// `μ s_i`, above 0.
+    hold: Vec<f64>,
+    factor: CompactFactor,
+    right: Vec<[f64; 3]>,
+}
+
+impl SurfaceOfGradients {
+    /// Factors the matrix. `hold` is `μ`, above 0.
+    pub(super) fn new(mesh: &TriMesh, hold: f64) -> Result<Self, CharacterError> {
+        let cotangents = Cotangents::new(mesh, CotangentRule::Raw).limited(LARGEST);
+        let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
+        let shares = shares(&barycentric_areas(mesh), &pieces(&edges));
+        let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(LEAST)).collect();
+        let mut matrix = edges.laplacian()?;
+        let starts = matrix.pattern().column_starts().to_vec();
+        for (start, hold) in starts.iter().zip(&hold) {
+            // The diagonal is the first of a column.
+            matrix.values_mut()[*start as usize] += hold;
+        }
+        let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
+        cholesky.factor(&matrix)?;
+        Ok(Self {
+            rest: mesh.positions().to_vec(),
+            triangles: mesh.triangles().to_vec(),
+            half: cotangents.half().to_vec(),
+            right: vec![[0.0; 3]; hold.len()],
+            hold,
+            factor: CompactFactor::new(&cholesky),
+        })
+    }
+
+    /// The surface at rest.
+    pub(super) fn rest(&self) -> &[Point3<f64>] {
+        &self.rest
+    }
+
+    /// Areas of the triangles at rest.
+    pub(super) fn areas(&self) -> Vec<f64> {
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| self.rest[v as usize]);
+            0.5 * (b - a).cross(&(c - a)).norm()
+        };
+        self.triangles.iter().map(area).collect()
+    }
+
+    /// Moves the surface at rest. What joins its triangles, the matrix, stays that of the surface that it was made for.
+    pub(super) fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
+        let (given, vertices) = (rest.len(), self.rest.len());
+        if given != vertices {
+            return Err(CharacterError::PerVertex { what: "positions at rest", given, vertices });
+        }
+        self.rest.copy_from_slice(rest);
+        Ok(())
+    }
+
+    /// The positions for a map per triangle and a place per vertex.
+    pub(super) fn solve(
+        &mut self,
+        gradient: impl Fn(usize) -> Matrix3<f64>,
+        place: impl Fn(usize) -> Vector3<f64>,
+    ) -> Vec<Point3<f64>> {
+        for (v, (right, hold)) in self.right.iter_mut().zip(&self.hold).enumerate() {
+            *right = (place(v) * *hold).into();
+        }
+        for (t, (corners, half)) in self.triangles.iter().zip(&self.half).enumerate() {
+            let map = gradient(t);
+            for (k, h) in half.iter().enumerate() {
+                let (a, b) = (corners[(k + 1) % 3] as usize, corners[(k + 2) % 3] as usize);
+                let edge = map * (self.rest[a] - self.rest[b]) * *h;
+                for c in 0..3 {
+                    self.right[a][c] += edge[c];
+                    self.right[b][c] -= edge[c];
+                }
+            }
+        }
+        self.factor.solve_3(&mut self.right);
+        self.right.iter().map(|x| Point3::from(*x)).collect()
+    }
+}
+
+/// The least hold of a vertex, for those of no area: far below any cotangent that counts, far above nothing.
+const LEAST: f64 = 1e-9;
+
+/// Half cotangents at most: needles of 1:2000 keep theirs.
+const LARGEST: f64 = 1e3;
+
+/// Lowest vertex of each vertex's piece.
+fn pieces(edges: &EdgeWeights) -> Vec<u32> {
+    let mut sets = UnionFind::new(edges.vertex_count());
+    for &[i, j] in edges.edges() {
+        sets.join(i, j);
+    }
+    sets.roots()
+}
+
+/// Areas over those of the pieces; the same for all vertices of a piece without area.
+fn shares(areas: &[f64], piece: &[u32]) -> Vec<f64> {
+    let (mut total, mut count) = (vec![0.0; areas.len()], vec![0.0; areas.len()]);
+    for (a, &p) in areas.iter().zip(piece) {
+        total[p as usize] += a;
+        count[p as usize] += 1.0;
+    }
+    let share =
+        |(a, &p): (&f64, &u32)| if total[p as usize] > 0.0 { a / total[p as usize] } else { 1.0 / count[p as usize] };
+    areas.iter().zip(piece).map(share).collect()
+}

@@ -1,0 +1,258 @@
+//! Joints in a forest, each with a frame in its parent's.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix4, Point3};
+
+use super::{CharacterError, Limits, Pose};
+use plumbline_num::math::Trs;
+
+/// Most joints of a skeleton: their numbers fit 16 bit, as in glTF.
+const MOST_JOINTS: usize = 1 << 16;
+
+/// A joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// No other joint of the skeleton has it.
+    pub name: String,
+    /// The joint it hangs on; `None` for a root.
+    pub parent: Option<u32>,
+    /// `parent_from_joint` at rest; `world_from_joint` of a root.
+    pub rest: Trs,
+    /// How far it may turn from rest; `None`: as far as it likes.
+    pub limits: Option<Limits>,
+}
+
+/// The segment between a joint and one of its children. It moves with the joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bone {
+    /// Whose frame it moves with.
+    pub joint: u32,
+    /// The joint at its end; `None` for a joint by itself, whose bone is a point.
+    pub child: Option<u32>,
+    /// Where the joint is.
+    pub from: Point3<f64>,
+    /// Where the child is.
+    pub to: Point3<f64>,
+}
+
+/// Joints in a forest. They keep the order in which they were given; a parent may come after its children.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Skeleton {
+    joints: Vec<Joint>,
+    children: Vec<Vec<u32>>,
+    /// Every joint, parents before children.
+    order: Vec<u32>,
+}
+
+impl Skeleton {
+    /// Joints that form a forest.
+    ///
+    /// # Errors
+    /// [`CharacterError`]: `NoJoints`, `TooManyJoints`, `NoSuchParent`, `Cycle`, `DuplicateName`, `JointNotFinite`, `Limits`.
+    pub fn new(joints: Vec<Joint>) -> Result<Self, CharacterError> {
+        if joints.is_empty() {
+            return Err(CharacterError::NoJoints);
+        }
+        if joints.len() > MOST_JOINTS {
+            return Err(CharacterError::TooManyJoints { joints: joints.len(), most: MOST_JOINTS });
+        }
+        check_each(&joints)?;
+        check_names(&joints)?;
+        let mut children = vec![Vec::new(); joints.len()];
+        for (j, joint) in joints.iter().enumerate() {
+            if let Some(parent) = joint.parent {
+                children[parent as usize].push(j as u32);
+            }
+        }
+        let order = parents_first(&joints, &children)?;
+        Ok(Self { joints, children, order })
+    }
+
+    /// The joints, in the order in which they were given.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// Number of joints.
+    pub fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// The joints that hang on a joint, ascending.
+    pub fn children(&self, joint: u32) -> &[u32] {
+        &self.children[joint as usize]
+    }
+
+    /// Joints without a parent, ascending.
+    pub fn roots(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.joints.len() as u32).filter(|&j| self.joints[j as usize].parent.is_none())
+    }
+
+    /// Every joint once, parents before their children.
+    pub fn parents_first(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The joint of a name.
+    pub fn find(&self, name: &str) -> Option<u32> {
+        self.joints.iter().position(|j| j.name == name).map(|j| j as u32)
+    }
+
+    /// The joint of a name.
+    ///
+    /// # Errors
+    /// [`CharacterError::UnknownJoint`], with the name most like it.
+    pub fn named(&self, name: &str) -> Result<u32, CharacterError> {
+        let names = || self.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>();
+        self.find(name).ok_or_else(|| unknown_name(name, &names()))
+    }
+
+    /// Every joint as at rest.
+    pub fn rest_pose(&self) -> Pose {
+        Pose { locals: self.joints.iter().map(|j| j.rest).collect() }
+    }
+
+    /// `world_from_joint` of every joint in a pose, by the order of the joints.
+    ///
+    /// # Errors
+    /// [`CharacterError::Pose`] for another number of joints, [`CharacterError::JointNotFinite`].
+    pub fn globals(&self, pose: &Pose) -> Result<Vec<Matrix4<f64>>, CharacterError> {
+        if pose.locals.len() != self.joints.len() {
+            return Err(CharacterError::Pose { given: pose.locals.len(), joints: self.joints.len() });
+        }
+        if let Some(j) = pose.locals.iter().position(|t| !t.is_finite()) {
+            return Err(CharacterError::JointNotFinite { what: "pose", joint: self.joints[j].name.clone() });
+        }
+        Ok(self.chained(&pose.locals))
+    }
+
+    /// `world_from_joint` of every joint at rest.
+    pub fn rest_globals(&self) -> Vec<Matrix4<f64>> {
+        self.chained(&self.rest_pose().locals)
+    }
+
+    fn chained(&self, locals: &[Trs]) -> Vec<Matrix4<f64>> {
+        let mut globals = vec![Matrix4::identity(); locals.len()];
+        for &j in &self.order {
+            let local = locals[j as usize].matrix();
+            globals[j as usize] = match self.joints[j as usize].parent {
+                Some(parent) => globals[parent as usize] * local,
+                None => local,
+            };
+        }
+        globals
+    }
+
+    /// Where the joints are at rest.
+    pub fn rest_positions(&self) -> Vec<Point3<f64>> {
+        self.rest_globals().iter().map(origin).collect()
+    }
+
+    /// The segments from each joint to its children, at rest; joints that are alone have a point.
+    ///
+    /// A joint at the end of a chain has no bone: what lies about it moves with the bone that ends there.
+    pub fn bones(&self) -> Vec<Bone> {
+        let at = self.rest_positions();
+        let mut bones = Vec::new();
+        for (j, children) in self.children.iter().enumerate() {
+            let (joint, from) = (j as u32, at[j]);
+            if children.is_empty() && self.joints[j].parent.is_none() {
+                bones.push(Bone { joint, child: None, from, to: from });
+            }
+            let segment = |&c: &u32| Bone { joint, child: Some(c), from, to: at[c as usize] };
+            bones.extend(children.iter().map(segment));
+        }
+        bones
+    }
+}
+
+/// The origin of a frame.
+fn origin(frame: &Matrix4<f64>) -> Point3<f64> {
+    Point3::new(frame[(0, 3)], frame[(1, 3)], frame[(2, 3)])
+}
+
+fn check_each(joints: &[Joint]) -> Result<(), CharacterError> {
+    for joint in joints {
+        let name = || joint.name.clone();
+        if let Some(parent) = joint.parent.filter(|p| *p as usize >= joints.len()) {
+            return Err(CharacterError::NoSuchParent { joint: name(), parent, joints: joints.len() });
+        }
+        if !joint.rest.is_finite() {
+            return Err(CharacterError::JointNotFinite { what: "rest frame", joint: name() });
+        }
+        if let Some(limits) = &joint.limits {
+            limits.check(&joint.name)?;
+        }
+    }
+    Ok(())
+}
+
+fn check_names(joints: &[Joint]) -> Result<(), CharacterError> {
+    let mut first_of = HashMap::with_capacity(joints.len());
+    for (second, joint) in joints.iter().enumerate() {
+        if let Some(first) = first_of.insert(joint.name.as_str(), second) {
+            return Err(CharacterError::DuplicateName { name: joint.name.clone(), first, second });
+        }
+    }
+    Ok(())
+}
+
+/// Every joint, each after its parent; breadth first.
+fn parents_first(joints: &[Joint], children: &[Vec<u32>]) -> Result<Vec<u32>, CharacterError> {
+    let mut order: Vec<u32> = (0..joints.len() as u32).filter(|&j| joints[j as usize].parent.is_none()).collect();
+    let mut next = 0;
+    while next < order.len() {
+        order.extend_from_slice(&children[order[next] as usize]);
+        next += 1;
+    }
+    if order.len() == joints.len() {
+        return Ok(order);
+    }
+    let mut reached = vec![false; joints.len()];
+    for &j in &order {
+        reached[j as usize] = true;
+    }
+    Err(cycle(joints, reached.iter().position(|r| !r).unwrap_or(0)))
+}
+
+/// The cycle above a joint that no root reaches.
+fn cycle(joints: &[Joint], start: usize) -> CharacterError {
+    let mut seen = vec![false; joints.len()];
+    let parent = |j: usize| joints[j].parent.map_or(j, |p| p as usize);
+    let mut at = start;
+    while !seen[at] {
+        seen[at] = true;
+        at = parent(at);
+    }
+    let (first, mut names) = (at, vec![joints[at].name.as_str()]);
+    loop {
+        at = parent(at);
+        names.push(&joints[at].name);
+        if at == first {
+            return CharacterError::Cycle { cycle: names.join(" → ") };
+        }
+    }
+}
+
+/// The refusal of a name, with the one most like it.
+pub(super) fn unknown_name(name: &str, known: &[&str]) -> CharacterError {
+    let like = |other: &&&str| edit_distance(name, other);
+    let nearest = known.iter().min_by_key(like).filter(|other| like(other) <= name.chars().count() / 2);
+    CharacterError::UnknownJoint { name: name.to_owned(), nearest: nearest.map(|n| (*n).to_owned()) }
+}
+
+/// Letters to insert, delete or replace.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}

@@ -1,0 +1,259 @@
+//! The shape of the file.
+
+use std::collections::HashMap;
+
+use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::skeleton::unknown_name;
+use super::super::{CurveSkeleton, Joint, Limits, Skeleton};
+use super::{FORMAT, SkeletonFile, SkeletonFileError};
+use plumbline_num::math::Trs;
+
+/// A skeleton at rest.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Document {
+    /// Always `plumbline.skeleton`.
+    format: String,
+    /// Always 1.
+    version: u32,
+    /// The joints; a parent may come after its children.
+    #[schemars(length(min = 1))]
+    joints: Vec<JointEntry>,
+    /// The curve that the joints were made of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    curve: Option<CurveEntry>,
+}
+
+/// A joint.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct JointEntry {
+    /// No other joint has it.
+    name: String,
+    /// Name of the joint it hangs on; left out for a root.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    parent: Option<String>,
+    /// Where it is in its parent's frame, units of the model.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    translation: [f64; 3],
+    /// How its frame is turned in its parent's: `[w, x, y, z]`, whose length does not count.
+    #[serde(default = "no_turn", skip_serializing_if = "is_no_turn")]
+    rotation: [f64; 4],
+    /// Factors along its axes.
+    #[serde(default = "ones", skip_serializing_if = "is_ones")]
+    scale: [f64; 3],
+    /// How far it may turn from rest; left out: as far as it likes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    limits: Option<LimitsEntry>,
+}
+
+/// How far a joint may turn from rest, in its own frame: a twist about an axis, then a swing that moves the axis.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct LimitsEntry {
+    /// Axis of the twist; its length does not count.
+    axis: [f64; 3],
+    /// First axis of the swing, across `axis`; its length does not count.
+    across: [f64; 3],
+    /// Largest turn about `across` and about `axis × across`, degrees, 0 to 180.
+    swing_deg: [f64; 2],
+    /// Least and largest twist, degrees, −180 to 180.
+    twist_deg: [f64; 2],
+}
+
+/// A curve in the middle of a surface.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct CurveEntry {
+    /// Places of the nodes, units of the model.
+    nodes: Vec<[f64; 3]>,
+    /// Pairs of nodes that are joined, numbered from 0.
+    edges: Vec<[u32; 2]>,
+    /// Radius of the surface about each node.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    radius: Vec<f64>,
+    /// The node of each vertex of the surface, in the order of its file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    node_of_vertex: Vec<u32>,
+}
+
+/// Enough of a file to tell what it is.
+#[derive(Deserialize)]
+struct Probe {
+    format: String,
+    version: u64,
+}
+
+/// The JSON schema of skeleton files.
+pub fn skeleton_file_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+fn is_zero(v: &[f64; 3]) -> bool {
+    *v == [0.0; 3]
+}
+
+fn ones() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn is_ones(v: &[f64; 3]) -> bool {
+    *v == ones()
+}
+
+fn no_turn() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+fn is_no_turn(q: &[f64; 4]) -> bool {
+    *q == no_turn()
+}
+
+impl Document {
+    pub(super) fn parse(text: &str) -> Result<Self, SkeletonFileError> {
+        let probe: Probe = serde_json::from_str(text).map_err(SkeletonFileError::Syntax)?;
+        if probe.format != FORMAT {
+            return Err(SkeletonFileError::Format { found: probe.format, expected: FORMAT });
+        }
+        if probe.version != 1 {
+            return Err(SkeletonFileError::Version { found: probe.version });
+        }
+        serde_json::from_str(text).map_err(SkeletonFileError::Syntax)
+    }
+
+    pub(super) fn into_skeleton(self) -> Result<SkeletonFile, SkeletonFileError> {
+        let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
+        // Of equal names any will do here: the skeleton refuses them.
+        let number: HashMap<&str, u32> = names.iter().copied().zip(0..).collect();
+        let joint = |entry: &JointEntry| {
+            let parent = match &entry.parent {
+                None => None,
+                Some(name) => Some(*number.get(name.as_str()).ok_or_else(|| unknown_name(name, &names))?),
+            };
+            Ok(Joint { name: entry.name.clone(), parent, rest: entry.rest()?, limits: entry.limits()? })
+        };
+        let joints: Result<Vec<_>, SkeletonFileError> = self.joints.iter().map(joint).collect();
+        let skeleton = Skeleton::new(joints?)?;
+        Ok(SkeletonFile { skeleton, curve: self.curve.map(CurveEntry::into_curve).transpose()? })
+    }
+
+    pub(super) fn of(file: &SkeletonFile) -> Self {
+        let joints = file.skeleton.joints();
+        let entry = |joint: &Joint| JointEntry::of(joint, joint.parent.map(|p| joints[p as usize].name.clone()));
+        Self {
+            format: FORMAT.to_owned(),
+            version: 1,
+            joints: joints.iter().map(entry).collect(),
+            curve: file.curve.as_ref().map(CurveEntry::of),
+        }
+    }
+
+    /// One joint a line, so that versions of a file can be compared.
+    pub(super) fn to_json(&self) -> String {
+        let line = |j: &JointEntry| format!("    {}", serde_json::to_string(j).expect("strings and numbers"));
+        let joints: Vec<String> = self.joints.iter().map(line).collect();
+        let curve = match &self.curve {
+            None => String::new(),
+            Some(c) => format!(",\n  \"curve\": {}", serde_json::to_string(c).expect("numbers")),
+        };
+        format!(
+            "{{\n  \"format\": \"{FORMAT}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}\n}}\n",
+            joints.join(",\n")
+        )
+    }
+}
+
+/// A refusal of a field.
+fn refused(place: &str, field: &'static str, value: String, expected: &'static str) -> SkeletonFileError {
+    SkeletonFileError::Value { place: place.to_owned(), field, value, expected }
+}
+
+impl JointEntry {
+    fn of(joint: &Joint, parent: Option<String>) -> Self {
+        let q = joint.rest.rotation;
+        Self {
+            name: joint.name.clone(),
+            parent,
+            translation: joint.rest.translation.into(),
+            rotation: [q.w, q.i, q.j, q.k],
+            scale: joint.rest.scale.into(),
+            limits: joint.limits.as_ref().map(LimitsEntry::of),
+        }
+    }
+
+    fn place(&self) -> String {
+        format!("joint {:?}", self.name)
+    }
+
+    fn rest(&self) -> Result<Trs, SkeletonFileError> {
+        let [w, x, y, z] = self.rotation;
+        let q = Quaternion::new(w, x, y, z);
+        // A quaternion that is a unit already keeps its bits, so that a file is read back as it was written.
+        let unit = if (q.norm_squared() - 1.0).abs() < 1e-15 {
+            Some(UnitQuaternion::new_unchecked(q))
+        } else {
+            UnitQuaternion::try_new(q, 0.0).filter(|q| q.coords.iter().all(|c| c.is_finite()))
+        };
+        let missing =
+            || refused(&self.place(), "rotation", format!("{:?}", self.rotation), "a quaternion, not all zeros");
+        Ok(Trs { translation: self.translation.into(), rotation: unit.ok_or_else(missing)?, scale: self.scale.into() })
+    }
+
+    fn limits(&self) -> Result<Option<Limits>, SkeletonFileError> {
+        let Some(entry) = &self.limits else { return Ok(None) };
+        let direction = |field, v: [f64; 3]| {
+            let unit = Unit::try_new(Vector3::from(v), 0.0).filter(|d| d.iter().all(|c| c.is_finite()));
+            unit.ok_or_else(|| refused(&self.place(), field, format!("{v:?}"), "a direction, not all zeros"))
+        };
+        let (axis, across) = (direction("axis", entry.axis)?, direction("across", entry.across)?);
+        let radians = |v: [f64; 2]| v.map(f64::to_radians);
+        Ok(Some(Limits { axis, across, swing: radians(entry.swing_deg), twist: radians(entry.twist_deg) }))
+    }
+}
+
+impl LimitsEntry {
+    fn of(limits: &Limits) -> Self {
+        let degrees = |v: [f64; 2]| v.map(f64::to_degrees);
+        Self {
+            axis: limits.axis.into_inner().into(),
+            across: limits.across.into_inner().into(),
+            swing_deg: degrees(limits.swing),
+            twist_deg: degrees(limits.twist),
+        }
+    }
+}
+
+impl CurveEntry {
+    fn of(curve: &CurveSkeleton) -> Self {
+        Self {
+            nodes: curve.nodes.iter().map(|p| p.coords.into()).collect(),
+            edges: curve.edges.clone(),
+            radius: curve.radius.clone(),
+            node_of_vertex: curve.node_of_vertex.clone(),
+        }
+    }
+
+    fn into_curve(self) -> Result<CurveSkeleton, SkeletonFileError> {
+        let count = self.nodes.len();
+        let beyond = |n: &&u32| **n as usize >= count;
+        if let Some(n) = self.edges.iter().flatten().find(beyond) {
+            return Err(refused("curve", "an end in edges", n.to_string(), "a number of a node, from 0"));
+        }
+        if let Some(n) = self.node_of_vertex.iter().find(beyond) {
+            return Err(refused("curve", "an entry of node_of_vertex", n.to_string(), "a number of a node, from 0"));
+        }
+        if !self.radius.is_empty() && self.radius.len() != count {
+            let value = format!("a list of {}", self.radius.len());
+            return Err(refused("curve", "radius", value, "one number per node"));
+        }
+        Ok(CurveSkeleton {
+            nodes: self.nodes.into_iter().map(Point3::from).collect(),
+            edges: self.edges,
+            radius: self.radius,
+            node_of_vertex: self.node_of_vertex,
+        })
+    }
+}

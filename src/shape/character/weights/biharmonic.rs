@@ -1,0 +1,283 @@
+//! Bounded biharmonic weights, on the surface:
+//!
+//! ```text
+//! min  Σⱼ ½ wⱼᵀ Q wⱼ      s.t.  w ≥ 0,  Σⱼ wⱼ = 1,  wⱼ(a) = p_j(a) at the anchors a        Q = L M⁻¹ L
+//! ```
+//!
+//! Anchors are the vertices whose nearest visible bone is met near its middle: there the surface goes rigidly with it. Between
+//! them weights are as smooth as the bounds allow. The paper solves in the volume and for one joint after the other, and divides
+//! by the sums; on the surface no volume is needed (open surfaces do), and all joints are solved at once with their sum held.
+//!
+//! The alternating direction method of multipliers splits the smooth from the bounded copy, `w = z`:
+//!
+//! ```text
+//! wⱼ ← (Q + ρ M)⁻¹ (ρ M (zⱼ − uⱼ))         one factor for all joints and rounds; anchors eliminated
+//! z  ← the nearest point of the simplex to w + u      vertex by vertex
+//! u  ← u + w − z
+//! ```
+//!
+//! with `w` over-relaxed. `ρ` is in units of the fourth power of an inverse length; what is smoother than that length is slow to
+//! leave the start, what is rougher slow to agree. Which one matters is told by the residuals, and `ρ` follows them: a factor costs
+//! as much as a few rounds. The start is bone heat.
+//!
+//! # Reference
+//! A. Jacobson, I. Baran, J. Popović, O. Sorkine, *Bounded biharmonic weights for real-time deformation*, ACM TOG 30 (2011);
+//! S. Boyd, N. Parikh, E. Chu, B. Peleato, J. Eckstein, *Distributed optimization and statistical learning via ADMM*, 2011;
+//! B. Stellato et al., *OSQP: an operator splitting solver for quadratic programs*, 2020, section 5.2 (the rule for `ρ`).
+
+use super::super::{Bone, CharacterError};
+use super::bone_distance::nearest;
+use super::heat::{Source, sources};
+use super::welded::Welded;
+use super::{Row, WeightReport, heat};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, SparseMatrix};
+
+/// The part of a bone about its middle that holds the surface.
+const ANCHOR: std::ops::RangeInclusive<f64> = 0.4..=0.6;
+/// Rounds at most: five joints converge in 300, sixty with fingers in 1100.
+const ROUNDS: usize = 2000;
+/// Both copies agree to this: below what is pruned.
+const TOLERANCE: f64 = 1e-4;
+/// Over-relaxation, as Boyd et al. advise.
+const RELAXATION: f64 = 1.6;
+/// Length of the first `ρ^(−1/4)`, in diagonals.
+const LENGTH: f64 = 0.03;
+/// Rounds between two looks at `ρ`.
+const LOOK: usize = 10;
+/// `ρ` is changed where it is off by more than this factor.
+const OFF: f64 = 2.0;
+/// Weights below this are left out of rows.
+const COLD: f64 = 1e-6;
+/// Half cotangents at most: squared, they make 10⁶ beside 1.
+const LARGEST: f64 = 1e3;
+/// Vertex areas at least, in parts of the mean.
+const LEAST_AREA: f64 = 1e-4;
+
+/// A row for each welded vertex; empty where its piece has no anchor.
+pub(super) fn rows(
+    welded: &Welded,
+    bones: &[Bone],
+    joints: usize,
+    report: &mut WeightReport,
+) -> Result<Vec<Row>, CharacterError> {
+    let start = heat::rows(welded, bones, joints)?;
+    let sources = sources(welded, bones);
+    let system = System::new(welded, &anchors(welded, bones, &sources))?;
+    let Some(system) = system else { return Ok(start) };
+    let mut used: Vec<u32> = bones.iter().map(|b| b.joint).collect();
+    used.dedup();
+    let mut rows = start;
+    system.solve(&used, &mut rows, report)?;
+    Ok(rows)
+}
+
+/// The joint that each vertex is held by, if any.
+fn anchors(welded: &Welded, bones: &[Bone], sources: &[Source]) -> Vec<Option<u32>> {
+    let anchor = |(p, source): (&nalgebra::Point3<f64>, &Source)| {
+        let [bone] = source.bones[..] else { return None };
+        let (_, _, t) = nearest(&bones[bone as usize], p);
+        (ANCHOR.contains(&t) || bones[bone as usize].child.is_none()).then_some(bones[bone as usize].joint)
+    };
+    welded.positions().iter().zip(sources).map(anchor).collect()
+}
+
+/// `Q + ρ M` over the free vertices of pieces that are anchored.
+struct System {
+    free: Vec<usize>,
+    /// `(unknown, joint, −Q_ua)` of free vertices beside anchors.
+    pull: Vec<(u32, u32, f64)>,
+    anchored: Vec<(usize, u32)>,
+    smoothness: SparseMatrix,
+    mass: Vec<f64>,
+    /// In powers of an inverse length.
+    rho: f64,
+    cholesky: Cholesky,
+    factor: CompactFactor,
+}
+
+impl System {
+    /// `None` where nothing is free.
+    fn new(welded: &Welded, anchors: &[Option<u32>]) -> Result<Option<Self>, SparseError> {
+        let mesh = welded.mesh();
+        let free = free_vertices(welded, anchors);
+        if free.is_empty() {
+            return Ok(None);
+        }
+        let mut number = vec![u32::MAX; anchors.len()];
+        free.iter().zip(0..).for_each(|(&v, u)| number[v] = u);
+        let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
+        let areas = barycentric_areas(mesh);
+        let mean = areas.iter().sum::<f64>() / areas.len() as f64;
+        let areas: Vec<f64> = areas.iter().map(|a| a.max(LEAST_AREA * mean)).collect();
+        let inverse: Vec<f64> = areas.iter().map(|a| 1.0 / a).collect();
+        let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).squared(&inverse);
+        let mut triplets = Vec::new();
+        let mut pull = Vec::new();
+        for (i, j, w) in edges.iter() {
+            for (a, b) in [(i, j), (j, i)] {
+                let u = number[a];
+                if u == u32::MAX {
+                    continue;
+                }
+                triplets.push((u as usize, u as usize, w));
+                match anchors[b] {
+                    Some(joint) => pull.push((u, joint, w)),
+                    None if number[b] < u => triplets.push((u as usize, number[b] as usize, -w)),
+                    None => {}
+                }
+            }
+        }
+        let smoothness = SparseMatrix::from_triplets(free.len(), &triplets)?;
+        let mass: Vec<f64> = free.iter().map(|&v| areas[v]).collect();
+        let rho = (LENGTH * mesh.diagonal()).powi(-4);
+        let mut cholesky = Cholesky::analyze(smoothness.pattern(), &Ordering::Amd)?;
+        cholesky.factor(&regularized(&smoothness, &mass, rho))?;
+        let factor = CompactFactor::new(&cholesky);
+        let anchored = anchors.iter().enumerate().filter_map(|(v, a)| a.map(|j| (v, j))).collect();
+        Ok(Some(Self { free, pull, anchored, smoothness, mass, rho, cholesky, factor }))
+    }
+
+    fn set_rho(&mut self, rho: f64) -> Result<(), SparseError> {
+        self.rho = rho;
+        self.cholesky.factor(&regularized(&self.smoothness, &self.mass, rho))?;
+        self.factor.refill(&self.cholesky);
+        Ok(())
+    }
+
+    /// Solves for the joints `used`, from `rows` on.
+    fn solve(mut self, used: &[u32], rows: &mut [Row], report: &mut WeightReport) -> Result<(), SparseError> {
+        let n = self.free.len();
+        let place = |joint: u32| used.binary_search(&joint).expect("a joint of a bone");
+        let mut copies = Copies::new(n, used.len());
+        for (u, &v) in self.free.iter().enumerate() {
+            rows[v].iter().for_each(|&(j, w)| copies.bounded[place(j) * n + u] = w);
+        }
+        let mut given = vec![0.0; copies.bounded.len()];
+        self.pull.iter().for_each(|&(u, j, w)| given[place(j) * n + u as usize] += w);
+        for round in 1..=ROUNDS {
+            for (i, x) in copies.smooth.iter_mut().enumerate() {
+                *x = given[i] + self.rho * self.mass[i % n] * (copies.bounded[i] - copies.dual[i]);
+            }
+            self.factor.solve_columns(&mut copies.smooth);
+            let step = copies.project(&self.mass);
+            (report.iterations, report.residual) = (round, step.apart.max(step.moved));
+            if report.residual < TOLERANCE {
+                break;
+            }
+            let change = step.change_of_rho();
+            if round % LOOK == 0 && !(1.0 / OFF..=OFF).contains(&change) {
+                self.set_rho(self.rho * change)?;
+                copies.dual.iter_mut().for_each(|u| *u /= change);
+            }
+        }
+        for (u, &v) in self.free.iter().enumerate() {
+            rows[v] = (0..used.len()).map(|c| (used[c], copies.bounded[c * n + u])).filter(|r| r.1 > COLD).collect();
+        }
+        for &(v, joint) in &self.anchored {
+            rows[v] = vec![(joint, 1.0)];
+        }
+        Ok(())
+    }
+}
+
+/// Vertices without an anchor, of pieces with one.
+fn free_vertices(welded: &Welded, anchors: &[Option<u32>]) -> Vec<usize> {
+    let mut held = vec![false; anchors.len() + 1];
+    for (v, _) in anchors.iter().enumerate().filter(|(_, a)| a.is_some()) {
+        let piece = welded.piece_of(v) as usize;
+        held[piece] = piece < welded.piece_count();
+    }
+    (0..anchors.len()).filter(|&v| anchors[v].is_none() && held[welded.piece_of(v) as usize]).collect()
+}
+
+/// `Q + ρ M`.
+fn regularized(smoothness: &SparseMatrix, mass: &[f64], rho: f64) -> SparseMatrix {
+    let mut matrix = smoothness.clone();
+    let starts = matrix.pattern().clone();
+    for (j, m) in mass.iter().enumerate() {
+        // Columns begin with the diagonal.
+        matrix.values_mut()[starts.column(j).start] += rho * m;
+    }
+    matrix
+}
+
+/// Weights joint by joint, so that each is one right-hand side.
+struct Copies {
+    unknowns: usize,
+    /// `w`
+    smooth: Vec<f64>,
+    /// `z`
+    bounded: Vec<f64>,
+    /// `u`
+    dual: Vec<f64>,
+}
+
+/// What a round did.
+#[derive(Default)]
+struct Step {
+    /// `max |w − z|`
+    apart: f64,
+    /// `max |Δz|`
+    moved: f64,
+    /// `‖w − z‖²`, `‖z‖²`, `‖Δz‖²`, `‖u‖²`, by area.
+    squares: [f64; 4],
+}
+
+impl Step {
+    /// The factor for `ρ` that would level the relative residuals.
+    fn change_of_rho(&self) -> f64 {
+        let [apart, bounded, moved, dual] = self.squares;
+        let ratio = (apart * dual) / (bounded * moved);
+        if ratio > 0.0 && ratio.is_finite() { ratio.sqrt().sqrt() } else { 1.0 }
+    }
+}
+
+impl Copies {
+    fn new(unknowns: usize, joints: usize) -> Self {
+        let zeros = vec![0.0; unknowns * joints];
+        Self { unknowns, smooth: zeros.clone(), bounded: zeros.clone(), dual: zeros }
+    }
+
+    /// `z` and the multipliers from `w`.
+    fn project(&mut self, mass: &[f64]) -> Step {
+        let n = self.unknowns;
+        let mut step = Step::default();
+        let mut point = vec![0.0; self.bounded.len() / n];
+        for (u, m) in mass.iter().enumerate() {
+            for (c, p) in point.iter_mut().enumerate() {
+                let i = c * n + u;
+                *p = RELAXATION * self.smooth[i] + (1.0 - RELAXATION) * self.bounded[i] + self.dual[i];
+            }
+            let raised = onto_simplex(&point);
+            for (c, p) in point.iter().enumerate() {
+                let i = c * n + u;
+                let next = (p - raised).max(0.0);
+                let (apart, moved) = (self.smooth[i] - next, self.bounded[i] - next);
+                (self.dual[i], self.bounded[i]) = (p - next, next);
+                (step.apart, step.moved) = (step.apart.max(apart.abs()), step.moved.max(moved.abs()));
+                let squares = [apart, next, moved, p - next];
+                step.squares.iter_mut().zip(squares).for_each(|(sum, x)| *sum += m * x * x);
+            }
+        }
+        step
+    }
+}
+
+/// The level to subtract so that what stays above 0 sums to 1.
+///
+/// J. Duchi, S. Shalev-Shwartz, Y. Singer, T. Chandra, *Efficient projections onto the ℓ1-ball*, ICML 2008.
+pub(super) fn onto_simplex(point: &[f64]) -> f64 {
+    let mut sorted = point.to_vec();
+    sorted.sort_unstable_by(|a, b| b.total_cmp(a));
+    let (mut sum, mut level) = (0.0, 0.0);
+    for (count, p) in (1..).zip(&sorted) {
+        sum += p;
+        let of_these = (sum - 1.0) / f64::from(count);
+        if *p <= of_these {
+            break;
+        }
+        level = of_these;
+    }
+    level
+}

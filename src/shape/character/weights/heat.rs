@@ -1,0 +1,152 @@
+//! Bone heat:
+//!
+//! ```text
+//! (L + M H) w_j = M H p_j        H_ii = 1/d(i)²,  p_j(i) = 1 where joint j has the nearest visible bone
+//! ```
+//!
+//! The temperature of the surface where the bones of joint `j` are at 1 and all others at 0: heat comes to each vertex from its
+//! nearest visible bone, faster the nearer it is (`d`), and spreads along the surface. Among bones that are equally near `p` is
+//! split evenly, so that symmetric models get symmetric weights. Since `Σⱼ pⱼ = 1`, the weights sum to one; since the Laplacian is
+//! that of the intrinsic Delaunay triangulation, whose weights are not negative, none leaves 0 … 1.
+//!
+//! One factor serves all joints. A piece without a vertex that sees a bone has no source of heat: it is left out, and its rows
+//! stay empty.
+//!
+//! # Reference
+//! I. Baran, J. Popović, *Automatic rigging and animation of 3D characters*, ACM TOG 26 (2007), section 4. `c = 1` as in Blender
+//! (the paper: 0.22 for models of unit size).
+
+use nalgebra::Point3;
+
+use super::super::{Bone, CharacterError};
+use super::Row;
+use super::bone_distance::nearest;
+use super::visibility::Occluders;
+use super::welded::Welded;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError};
+
+/// Bones whose distances differ by less than this fraction are equally near.
+const EQUALLY_NEAR: f64 = 1e-4;
+/// Distances below this fraction of the diagonal are taken as this: a vertex on a bone is as hot as the bone.
+const NEAREST: f64 = 1e-4;
+/// Temperatures below this are rounding and far away.
+const COLD: f64 = 1e-6;
+/// Half cotangents at most: beyond, needles would let the factor lose the heat of others.
+const LARGEST: f64 = 1e3;
+
+/// The nearest visible bones of a vertex.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Source {
+    /// Squared distance.
+    pub(super) d2: f64,
+    /// Numbers of the bones, all equally near; empty where none is visible.
+    pub(super) bones: Vec<u32>,
+}
+
+/// A row for each welded vertex; empty where its piece sees no bone.
+pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec<Row>, CharacterError> {
+    let sources = sources(welded, bones);
+    let mut warm = vec![false; welded.positions().len() + 1];
+    for (v, source) in sources.iter().enumerate() {
+        // A vertex without triangles has no area that heat could pass.
+        let piece = welded.piece_of(v) as usize;
+        warm[piece] |= !source.bones.is_empty() && piece < welded.piece_count();
+    }
+    // Unknowns: vertices of pieces that see a bone.
+    let is_warm = |v: usize| warm[welded.piece_of(v) as usize];
+    let unknown: Vec<usize> = (0..sources.len()).filter(|&v| is_warm(v)).collect();
+    let mut number = vec![u32::MAX; sources.len()];
+    for (u, &v) in unknown.iter().enumerate() {
+        number[v] = u as u32;
+    }
+    let mut rows = vec![Row::new(); sources.len()];
+    if unknown.is_empty() {
+        return Ok(rows);
+    }
+    let (mut factor, flow) = factored(welded, &sources, &unknown, &number)?;
+    let mut heated = vec![Vec::new(); joints];
+    for (u, &v) in unknown.iter().enumerate() {
+        for &b in &sources[v].bones {
+            heated[bones[b as usize].joint as usize].push((u, flow[u] / sources[v].bones.len() as f64));
+        }
+    }
+    for (joint, heated) in heated.iter().enumerate().filter(|(_, h)| !h.is_empty()) {
+        let mut temperature = vec![0.0; unknown.len()];
+        for &(u, heat) in heated {
+            temperature[u] += heat;
+        }
+        factor.solve(&mut temperature);
+        for (&v, &w) in unknown.iter().zip(&temperature) {
+            if w > COLD {
+                rows[v].push((joint as u32, w));
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// The factor of `L + M H` over the unknowns, and `M H`.
+fn factored(
+    welded: &Welded,
+    sources: &[Source],
+    unknown: &[usize],
+    number: &[u32],
+) -> Result<(CompactFactor, Vec<f64>), SparseError> {
+    let mesh = welded.mesh();
+    let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
+    let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
+    let areas = barycentric_areas(mesh);
+    let mean = areas.iter().sum::<f64>() / areas.len() as f64;
+    let least = (NEAREST * mesh.diagonal()).powi(2);
+    let flow = unknown.iter().map(|&v| {
+        // Corners of slivers have hardly an area, but must not lose the heat of their neighbors.
+        let area = areas[v].max(1e-6 * mean);
+        if sources[v].bones.is_empty() { 0.0 } else { area / sources[v].d2.max(least) }
+    });
+    let flow: Vec<f64> = flow.collect();
+    let mut triplets: Vec<(usize, usize, f64)> = flow.iter().enumerate().map(|(u, f)| (u, u, *f)).collect();
+    for (i, j, w) in edges.iter() {
+        let (a, b) = (number[i], number[j]);
+        if a == u32::MAX || b == u32::MAX {
+            continue;
+        }
+        // A piece must hold together even where all cotangents along an edge vanish.
+        let w = w.max(1e-9);
+        let (a, b) = (a as usize, b as usize);
+        triplets.extend([(a, a, w), (b, b, w), (a.max(b), a.min(b), -w)]);
+    }
+    let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(unknown.len(), &triplets)?;
+    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
+    cholesky.factor(&matrix)?;
+    Ok((CompactFactor::new(&cholesky), flow))
+}
+
+/// The nearest visible bones of every welded vertex.
+pub(super) fn sources(welded: &Welded, bones: &[Bone]) -> Vec<Source> {
+    let occluders = Occluders::new(welded.mesh());
+    let mut by_distance: Vec<(f64, u32, Point3<f64>)> = Vec::with_capacity(bones.len());
+    let source = |(v, p): (usize, &Point3<f64>)| {
+        by_distance.clear();
+        by_distance.extend(bones.iter().zip(0..).map(|(bone, b)| {
+            let (q, d2, _) = nearest(bone, p);
+            (d2, b, q)
+        }));
+        by_distance.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut source = Source::default();
+        for (d2, b, q) in &by_distance {
+            let found = !source.bones.is_empty();
+            if found && *d2 > source.d2 * (1.0 + EQUALLY_NEAR).powi(2) {
+                break;
+            }
+            if !occluders.between(v as u32, p, q) {
+                if !found {
+                    source.d2 = *d2;
+                }
+                source.bones.push(*b);
+            }
+        }
+        source
+    };
+    welded.positions().iter().enumerate().map(source).collect()
+}

@@ -1,0 +1,253 @@
+//! Weight files of our own:
+//!
+//! ```json
+//! { "format": "plumbline.weights", "version": 1,
+//!   "joints": ["hip", "knee"],
+//!   "rows": [[0, 1], [0, 0.7, 1, 0.3]] }
+//! ```
+//!
+//! A row per vertex, in the order of the mesh's file: numbers of joints (in `joints`, from 0), each followed by its weight. Rows
+//! sum to one. Joints are matched by name, so that their order in the skeleton may differ. Unknown keys are refused.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CharacterError, Skeleton, SkinWeights};
+
+/// What `format` says.
+const FORMAT: &str = "plumbline.weights";
+/// Largest file, bytes: eight joints for each of two million vertices.
+const LARGEST_FILE: u64 = 1 << 29;
+
+/// A file of weights that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WeightsFileError {
+    /// Input: not JSON of the expected shape; the message ends with line and column.
+    #[error("not a file of weights: {0}")]
+    Syntax(#[source] serde_json::Error),
+    /// Input: some other JSON.
+    #[error("format {found:?} is not a file of weights (expected {FORMAT:?})")]
+    Format {
+        /// What `format` says.
+        found: String,
+    },
+    /// Input: made by a program of another version.
+    #[error("version {found} of a file of weights is not supported (expected 1)")]
+    Version {
+        /// What `version` says.
+        found: u64,
+    },
+    /// Input: a row that is no list of joints and weights.
+    #[error("row {row}: {what} (expected numbers of joints, 0 to {most}, each followed by its weight)")]
+    Row {
+        /// Number of the row, from 0.
+        row: usize,
+        /// What is wrong.
+        what: String,
+        /// Largest number of a joint.
+        most: usize,
+    },
+    /// Input: weights that are none, or of other joints.
+    #[error(transparent)]
+    Weights(#[from] CharacterError),
+    /// Input: larger than any file of weights.
+    #[error("{bytes} bytes are too many for a file of weights (at most {most}): is this the right file?")]
+    TooLarge {
+        /// Its size.
+        bytes: u64,
+        /// The largest that is read.
+        most: u64,
+    },
+    /// Environment: reading failed.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+}
+
+/// Weights, and the names of their joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightsFile {
+    /// Names of the joints that the rows number.
+    pub joints: Vec<String>,
+    /// The weights.
+    pub weights: SkinWeights,
+}
+
+/// Weights of the vertices of a mesh.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    /// Always `plumbline.weights`.
+    format: String,
+    /// Always 1.
+    version: u64,
+    /// Names of joints.
+    #[serde(default)]
+    joints: Vec<String>,
+    /// Per vertex: numbers of joints, each followed by its weight.
+    #[serde(default)]
+    rows: Vec<Vec<f64>>,
+}
+
+/// Enough of a file to tell what it is.
+#[derive(Deserialize)]
+struct Probe {
+    format: String,
+    version: u64,
+}
+
+/// The JSON schema of weight files.
+pub fn weights_file_schema() -> schemars::Schema {
+    schemars::schema_for!(Document)
+}
+
+impl WeightsFile {
+    /// Weights for all joints of a skeleton.
+    ///
+    /// # Errors
+    /// [`CharacterError::Pose`] for another number of joints.
+    pub fn of(skeleton: &Skeleton, weights: &SkinWeights) -> Result<Self, CharacterError> {
+        let (given, joints) = (weights.joint_count(), skeleton.joint_count());
+        if given != joints {
+            return Err(CharacterError::Pose { given, joints });
+        }
+        let joints = skeleton.joints().iter().map(|j| j.name.clone()).collect();
+        Ok(Self { joints, weights: weights.clone() })
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// What [`Self::parse`] refuses; [`WeightsFileError::TooLarge`], [`WeightsFileError::Io`].
+    pub fn read(path: &Path) -> Result<Self, WeightsFileError> {
+        let file = File::open(path)?;
+        let bytes = file.metadata()?.len();
+        if bytes > LARGEST_FILE {
+            return Err(WeightsFileError::TooLarge { bytes, most: LARGEST_FILE });
+        }
+        let mut text = String::new();
+        file.take(LARGEST_FILE).read_to_string(&mut text)?;
+        Self::parse(&text)
+    }
+
+    /// Reads a text.
+    ///
+    /// # Errors
+    /// [`WeightsFileError`]: not JSON of this shape, another format or version, rows that are no lists of joints and weights or
+    /// do not sum to one.
+    pub fn parse(text: &str) -> Result<Self, WeightsFileError> {
+        let text = text.trim_start_matches('\u{feff}');
+        let probe: Probe = serde_json::from_str(text).map_err(WeightsFileError::Syntax)?;
+        if probe.format != FORMAT {
+            return Err(WeightsFileError::Format { found: probe.format });
+        }
+        if probe.version != 1 {
+            return Err(WeightsFileError::Version { found: probe.version });
+        }
+        let document: Document = serde_json::from_str(text).map_err(WeightsFileError::Syntax)?;
+        let joints = document.joints.len();
+        let rows = document.rows.iter().enumerate().map(|(row, numbers)| influences(row, numbers, joints));
+        let rows: Vec<Vec<(u32, f64)>> = rows.collect::<Result<_, _>>()?;
+        Ok(Self { weights: SkinWeights::new(joints, rows)?, joints: document.joints })
+    }
+
+    /// As text, which [`Self::parse`] reads back to the same bits.
+    pub fn to_json(&self) -> String {
+        let names = serde_json::to_string(&self.joints).expect("strings");
+        let mut text = format!("{{\n\"format\": \"{FORMAT}\", \"version\": 1,\n\"joints\": {names},\n\"rows\": [\n");
+        for (v, row) in self.weights.rows().enumerate() {
+            let separator = if v == 0 { "[" } else { ",\n[" };
+            text.push_str(separator);
+            for (k, i) in row.iter().enumerate() {
+                let comma = if k == 0 { "" } else { ", " };
+                write!(text, "{comma}{}, {}", i.joint, i.weight).expect("a string takes everything");
+            }
+            text.push(']');
+        }
+        text.push_str("\n]}\n");
+        text
+    }
+
+    /// The weights by the joints of a skeleton, matched by name. Joints that no vertex follows may be missing from it.
+    ///
+    /// # Errors
+    /// [`CharacterError::UnknownJoint`].
+    pub fn for_skeleton(&self, skeleton: &Skeleton) -> Result<SkinWeights, CharacterError> {
+        let mut followed = vec![false; self.joints.len()];
+        self.weights.rows().flatten().for_each(|i| followed[i.joint as usize] = true);
+        let number = |(name, followed): (&String, bool)| if followed { skeleton.named(name) } else { Ok(0) };
+        let numbers: Vec<u32> = self.joints.iter().zip(followed).map(number).collect::<Result<_, _>>()?;
+        let row =
+            |row: &[super::Influence]| row.iter().map(|i| (numbers[i.joint as usize], i.weight)).collect::<Vec<_>>();
+        SkinWeights::new(skeleton.joint_count(), self.weights.rows().map(row))
+    }
+}
+
+/// Pairs of a joint and its weight.
+fn influences(row: usize, numbers: &[f64], joints: usize) -> Result<Vec<(u32, f64)>, WeightsFileError> {
+    let refused = |what: String| WeightsFileError::Row { row, what, most: joints.saturating_sub(1) };
+    let (pairs, rest) = numbers.as_chunks::<2>();
+    if !rest.is_empty() {
+        return Err(refused(format!("{} numbers", numbers.len())));
+    }
+    let pair = |&[joint, weight]: &[f64; 2]| {
+        if joint.fract() == 0.0 && joint >= 0.0 && joint < joints as f64 {
+            Ok((joint as u32, weight))
+        } else {
+            Err(refused(format!("joint {joint}")))
+        }
+    };
+    pairs.iter().map(pair).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Joint;
+    use super::*;
+    use plumbline_num::math::Trs;
+
+    const TEXT: &str = r#"{"format": "plumbline.weights", "version": 1, "joints": ["hip", "knee", "toe"],
+        "rows": [[0, 1], [1, 0.7, 0, 0.3]]}"#;
+
+    fn skeleton(names: &[&str]) -> Skeleton {
+        let joint = |n: &&str| Joint { name: (*n).into(), parent: None, rest: Trs::identity(), limits: None };
+        Skeleton::new(names.iter().map(joint).collect()).expect("a forest")
+    }
+
+    #[test]
+    fn what_is_written_is_read_back_to_the_bit_and_joints_are_matched_by_name() {
+        let file = WeightsFile::parse(TEXT).expect("valid");
+        assert_eq!(WeightsFile::parse(&file.to_json()).expect("valid"), file);
+        let thirds = SkinWeights::new(3, [vec![(0, 1.0 / 3.0), (1, 2.0 / 3.0)]]).expect("sums to 1");
+        let of = WeightsFile::of(&skeleton(&["a", "b", "c"]), &thirds).expect("three joints");
+        assert_eq!(WeightsFile::parse(&of.to_json()).expect("valid").weights, thirds);
+        // No vertex follows the toe: it need not be there.
+        let weights = file.for_skeleton(&skeleton(&["knee", "hip"])).expect("found");
+        assert_eq!((weights.weight(1, 0), weights.weight(1, 1), weights.weight(0, 1)), (0.7, 0.3, 1.0));
+        let message = file.for_skeleton(&skeleton(&["hip", "kneel"])).expect_err("no knee").to_string();
+        assert!(message.contains("no joint \"knee\"; did you mean \"kneel\"?"), "{message}");
+    }
+
+    #[test]
+    fn refusals_name_what_is_wrong() {
+        let cases = [
+            ("plumbline.weights", "plumbline.skeleton", "not a file of weights"),
+            ("\"version\": 1", "\"version\": 2", "version 2"),
+            ("0.7, 0", "0.7, 3", "row 1: joint 3 (expected numbers of joints, 0 to 2"),
+            ("0.7, 0", "0.7, 0.5", "row 1: joint 0.5"),
+            ("[0, 1]", "[0]", "row 0: 1 numbers"),
+            ("0.3]", "0.4]", "vertex 1 sum to 1.1"),
+            ("[0, 1]", "[]", "1 vertices follow no joint"),
+            ("rows", "raws", "unknown field `raws`"),
+        ];
+        for (from, to, expected) in cases {
+            let message = WeightsFile::parse(&TEXT.replace(from, to)).expect_err(to).to_string();
+            assert!(message.contains(expected), "{to}: {message}");
+        }
+    }
+}

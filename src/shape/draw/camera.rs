@@ -1,0 +1,179 @@
+//! The camera around a model: a direction to look from, and the nearest place from which everything is seen.
+//!
+//! With the axes of the camera given, a vertex `(X, Y, Z)` is inside the picture of a camera at `c` where
+//! `|X − c_x| ≤ τ_x (Z − c_z)` and `|Y − c_y| ≤ τ_y (Z − c_z)`, `τ` the tangents of half the field of view. Each side of the
+//! frustum is a plane of known direction, so that the least feasible distance needs no search: with `A = max(X − τ_x Z)` and
+//! `B = max(−X − τ_x Z)`, `c_z = −(A + B)/2τ_x` is the largest that the width allows, and `c_x = (A − B)/2` its middle; likewise
+//! the height. The smaller `c_z` of both counts.
+
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+
+use plumbline_camera::CameraPose;
+use plumbline_num::math::Point2;
+
+/// Which axis of the model points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum UpAxis {
+    /// +y up, the front looks along +z: glTF, and most of OBJ.
+    #[default]
+    Y,
+    /// +z up, the front looks along −y: drawings of parts and buildings, scans.
+    Z,
+}
+
+/// From where a model is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewDirection {
+    /// Angle of the viewer about the up axis, rad: 0 before the front, π/2 at the model's left hand, which is +x.
+    pub yaw: f64,
+    /// Height of the viewer over the model's horizon, rad; π/2 above it.
+    pub pitch: f64,
+}
+
+impl ViewDirection {
+    /// Words for directions, and their angles, degrees.
+    pub const NAMED: [(&'static str, f64, f64); 7] = [
+        ("front", 0.0, 0.0),
+        ("back", 180.0, 0.0),
+        ("left", 90.0, 0.0),
+        ("right", -90.0, 0.0),
+        ("top", 0.0, 90.0),
+        ("bottom", 0.0, -90.0),
+        ("corner", 35.0, 25.0),
+    ];
+
+    /// From angles in degrees.
+    pub fn degrees(yaw: f64, pitch: f64) -> Self {
+        Self { yaw: yaw.to_radians(), pitch: pitch.to_radians() }
+    }
+
+    /// The direction that a word stands for.
+    pub fn named(name: &str) -> Option<Self> {
+        let (_, yaw, pitch) = Self::NAMED.iter().find(|(known, ..)| *known == name)?;
+        Some(Self::degrees(*yaw, *pitch))
+    }
+
+    /// Axes of the camera (rows: right, down, forward) in those of the model.
+    fn camera_from_model(self, up: UpAxis) -> Rotation3<f64> {
+        let ((sin_yaw, cos_yaw), (sin, cos)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
+        let right = Vector3::new(cos_yaw, 0.0, -sin_yaw);
+        let forward = -Vector3::new(sin_yaw * cos, sin, cos_yaw * cos);
+        let down = forward.cross(&right);
+        let y_up = Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()]);
+        let model = match up {
+            UpAxis::Y => Matrix3::identity(),
+            UpAxis::Z => Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0),
+        };
+        Rotation3::from_matrix_unchecked(y_up * model)
+    }
+}
+
+impl Default for ViewDirection {
+    /// A little from the side and above: three sides of a box are seen.
+    fn default() -> Self {
+        Self::degrees(35.0, 25.0)
+    }
+}
+
+/// A pinhole camera before a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceCamera {
+    /// Where it stands.
+    pub pose: CameraPose,
+    /// Focal length, px.
+    pub focal_px: f64,
+    /// Width and height of its picture, px.
+    pub size: (usize, usize),
+    /// Nearer than this nothing is drawn, in units of the model.
+    pub near: f64,
+}
+
+/// Share of the picture's half side that stays free around the model.
+const MARGIN: f64 = 0.06;
+/// Angle of view along the shorter side, rad: that of a portrait lens, 28°, under which shapes look neither flat nor bulged.
+const FIELD: f64 = 0.49;
+
+impl SurfaceCamera {
+    /// The camera of `size` px that looks at the points from `direction` and is as near as it can be with all of them in the
+    /// picture. Without points it looks at the origin.
+    pub fn fit<'p>(
+        points: impl IntoIterator<Item = &'p Point3<f64>>,
+        direction: ViewDirection,
+        up: UpAxis,
+        size: (usize, usize),
+    ) -> Self {
+        let rotation = direction.camera_from_model(up);
+        let size = (size.0.max(1), size.1.max(1));
+        let focal_px = size.0.min(size.1) as f64 / 2.0 / (FIELD / 2.0).tan();
+        let tangents = [size.0, size.1].map(|side| side as f64 / 2.0 / focal_px * (1.0 - MARGIN));
+        let mut extent = Extent::new(tangents);
+        points.into_iter().for_each(|p| extent.take(&rotation, p));
+        let (center, distance) = extent.center();
+        let world = extent.origin.unwrap_or_else(Point3::origin) + rotation.inverse() * center.coords;
+        let pose = CameraPose::looking_from(world, UnitQuaternion::from_rotation_matrix(&rotation));
+        Self { pose, focal_px, size, near: distance * 1e-3 }
+    }
+
+    /// Normalized ray `(X, Y)`, with Z = 1, through a place of the picture, px.
+    #[inline]
+    pub(super) fn ray(&self, x: f64, y: f64) -> (f64, f64) {
+        ((x - self.size.0 as f64 / 2.0) / self.focal_px, (y - self.size.1 as f64 / 2.0) / self.focal_px)
+    }
+
+    /// Where a point in the camera's axes is seen, px; without meaning where it is not in front of the camera.
+    #[inline]
+    pub(super) fn project(&self, p: &Point3<f64>) -> Point2 {
+        let scale = self.focal_px / p.z;
+        Point2::new(p.x * scale + self.size.0 as f64 / 2.0, p.y * scale + self.size.1 as f64 / 2.0)
+    }
+}
+
+/// How far points reach along the sides of a frustum, relative to the first of them so that distant models lose no digits.
+struct Extent {
+    tangents: [f64; 2],
+    origin: Option<Point3<f64>>,
+    /// `max(X − τ Z)` and `max(−X − τ Z)` of each axis.
+    reach: [[f64; 2]; 2],
+    nearest: f64,
+    farthest: f64,
+}
+
+impl Extent {
+    fn new(tangents: [f64; 2]) -> Self {
+        let none = f64::NEG_INFINITY;
+        Self { tangents, origin: None, reach: [[none; 2]; 2], nearest: f64::INFINITY, farthest: none }
+    }
+
+    fn take(&mut self, rotation: &Rotation3<f64>, p: &Point3<f64>) {
+        if !p.coords.iter().all(|c| c.is_finite()) {
+            return;
+        }
+        let origin = *self.origin.get_or_insert(*p);
+        let v = rotation * (p - origin);
+        for (axis, tangent) in self.tangents.into_iter().enumerate() {
+            let reach = &mut self.reach[axis];
+            reach[0] = reach[0].max(v[axis] - tangent * v.z);
+            reach[1] = reach[1].max(-v[axis] - tangent * v.z);
+        }
+        self.nearest = self.nearest.min(v.z);
+        self.farthest = self.farthest.max(v.z);
+    }
+
+    /// The camera's place, in its own axes from the first point, and how far off the middle of the depths is.
+    fn center(&self) -> (Point3<f64>, f64) {
+        if self.origin.is_none() {
+            return (Point3::new(0.0, 0.0, -1.0), 1.0);
+        }
+        let [x, y] = [0, 1].map(|i| (self.reach[i][0] - self.reach[i][1]) / 2.0);
+        let farthest_back = |i: usize| -(self.reach[i][0] + self.reach[i][1]) / (2.0 * self.tangents[i]);
+        let mut z = farthest_back(0).min(farthest_back(1));
+        let middle = 0.5 * (self.nearest + self.farthest);
+        // A point, or a line along the axis of the view, can be seen from as near as one likes: keep off by its own length,
+        // or by a unit.
+        let depth = self.farthest - self.nearest;
+        if !(self.nearest - z > 1e-6 * depth) {
+            z = self.nearest - if depth > 0.0 { depth } else { 1.0 };
+        }
+        (Point3::new(x, y, z), middle - z)
+    }
+}

@@ -1,0 +1,105 @@
+//! Points and segments in space over a picture: handles, skeletons. What the surface hides is drawn as faintly as it veils it.
+
+#![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
+
+use nalgebra::Point3;
+
+use super::SurfaceCamera;
+use super::veil::Veil;
+use plumbline_image::canvas::{Canvas, Rgb};
+use plumbline_num::math::Point2;
+
+/// Marks lie on the surface: they count as nearer by this share of their distance, or the surface would swallow half of them.
+const LIFT: f32 = 0.004;
+/// Width of the dark rim around points, px: they stand out on any color.
+const RIM: f64 = 1.2;
+
+/// Where a mark is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// A disk around a place.
+    Point(Point3<f64>),
+    /// A line from one place to another.
+    Segment(Point3<f64>, Point3<f64>),
+}
+
+/// A point or a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark {
+    /// Where.
+    pub shape: Shape,
+    /// Its color.
+    pub color: Rgb,
+    /// Diameter of a disk, width of a line, px.
+    pub width_px: f64,
+}
+
+/// A mark on the screen: both ends (of a point the same one) and how near they are, `1/z`.
+struct Drawn<'m> {
+    mark: &'m Mark,
+    ends: [(Point2, f32); 2],
+}
+
+/// Draws the marks, the farthest first.
+pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, veil: &Veil, canvas: &mut Canvas) {
+    let mut drawn: Vec<Drawn<'_>> = marks.iter().filter_map(|m| Drawn::of(m, camera)).collect();
+    let nearness = |d: &Drawn<'_>| d.ends[0].1 + d.ends[1].1;
+    drawn.sort_by(|a, b| nearness(a).total_cmp(&nearness(b)));
+    for mark in &drawn {
+        mark.draw(veil, canvas);
+    }
+}
+
+impl<'m> Drawn<'m> {
+    /// `None` behind the camera, and where a coordinate is not finite.
+    fn of(mark: &'m Mark, camera: &SurfaceCamera) -> Option<Self> {
+        let (a, b) = match mark.shape {
+            Shape::Point(p) => (p, p),
+            Shape::Segment(a, b) => (a, b),
+        };
+        let [mut a, mut b] = [a, b].map(|p| camera.pose.apply(&p));
+        if !(a.z.max(b.z) > camera.near) {
+            return None;
+        }
+        let cut = |from: Point3<f64>, to: Point3<f64>| from + (to - from) * ((camera.near - from.z) / (to.z - from.z));
+        if a.z <= camera.near {
+            a = cut(a, b);
+        } else if b.z <= camera.near {
+            b = cut(b, a);
+        }
+        let end = |p: Point3<f64>| (camera.project(&p), (1.0 / p.z) as f32);
+        let ends = [end(a), end(b)];
+        let finite = ends.iter().all(|(p, _)| p.x.is_finite() && p.y.is_finite()) && mark.width_px > 0.0;
+        finite.then_some(Self { mark, ends })
+    }
+
+    fn draw(&self, veil: &Veil, canvas: &mut Canvas) {
+        let radius = self.mark.width_px / 2.0;
+        let rim = if matches!(self.mark.shape, Shape::Point(_)) { RIM } else { 0.0 };
+        let reach = radius + rim + 1.0;
+        let [(a, near_a), (b, near_b)] = self.ends;
+        let range = |p: f64, q: f64, size: usize| {
+            let (low, high) = ((p.min(q) - reach).floor(), (p.max(q) + reach).ceil());
+            low.clamp(0.0, size as f64) as usize..high.clamp(0.0, size as f64) as usize
+        };
+        let (columns, rows) = (range(a.x, b.x, canvas.width()), range(a.y, b.y, canvas.height()));
+        let d = b - a;
+        let length2 = d.norm_squared();
+        for y in rows {
+            for x in columns.clone() {
+                let p = Point2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let t = if length2 > 0.0 { ((p - a).dot(&d) / length2).clamp(0.0, 1.0) } else { 0.0 };
+                let distance = (p - (a + d * t)).norm();
+                let cover = |r: f64| (r + 0.5 - distance).clamp(0.0, 1.0) as f32;
+                if cover(radius + rim) <= 0.0 {
+                    continue;
+                }
+                let strength = veil.share((x, y), (near_a + (near_b - near_a) * t as f32) * (1.0 + LIFT));
+                if rim > 0.0 {
+                    canvas.blend(x as i64, y as i64, [24, 26, 32], cover(radius + rim) * strength);
+                }
+                canvas.blend(x as i64, y as i64, self.mark.color, cover(radius) * strength);
+            }
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! What repair did, and what came of it.
+
+use std::fmt;
+
+use nalgebra::Point3;
+use serde::Serialize;
+
+use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::union_find::UnionFind;
+
+/// What was done to a mesh, and what the result is. Numbers of vertices and triangles are those of the input unless said
+/// otherwise.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct RepairReport {
+    /// Vertices of the input.
+    pub vertices_before: usize,
+    /// Vertices of the result.
+    pub vertices_after: usize,
+    /// Triangles of the input.
+    pub triangles_before: usize,
+    /// Triangles of the result.
+    pub triangles_after: usize,
+    /// Vertices that became one with another.
+    pub welded: usize,
+    /// Vertices that no triangle names: they are left out.
+    pub unreferenced: Vec<u32>,
+    /// Triangles that name a vertex twice, after joining: they are left out.
+    pub collapsed: Vec<u32>,
+    /// Triangles that an earlier one equals: they are left out.
+    pub duplicates: Vec<u32>,
+    /// Triangles without area whose short side became a vertex.
+    pub needles_collapsed: usize,
+    /// Triangles without area whose long side was flipped.
+    pub caps_flipped: usize,
+    /// Triangles without area that could only be left out.
+    pub flat_dropped: Vec<u32>,
+    /// Triangles that were turned around.
+    pub flipped: Vec<u32>,
+    /// Edges, by their ends, with more than two triangles: sheets are taken apart there.
+    pub non_manifold_edges: Vec<[u32; 2]>,
+    /// Vertices that became several, because several sheets met there.
+    pub non_manifold_vertices: Vec<u32>,
+    /// Edges along which a surface of one side only was cut open.
+    pub unorientable_cuts: usize,
+    /// Triangles that were cut off on all sides, because their sheet meets another along one edge only.
+    pub detached: Vec<u32>,
+    /// Connected parts of the result.
+    pub components: Vec<Component>,
+    /// Boundaries of the result.
+    pub boundary_loops: Vec<BoundaryLoop>,
+    /// Corners of the result with an angle above 90°, whose cotangent is negative.
+    pub obtuse_corners: usize,
+    /// Edges of the result whose cotangent weight is negative.
+    pub negative_weights: usize,
+}
+
+/// A connected part of a surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Component {
+    /// Lowest vertex of the result in it.
+    pub first_vertex: u32,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Number of boundaries; a closed part has none.
+    pub boundary_loops: usize,
+    /// Number of handles.
+    pub genus: usize,
+    /// Area, squared units of the positions.
+    pub area: f64,
+    /// Enclosed volume; `None` of an open part.
+    pub volume: Option<f64>,
+}
+
+/// A closed line where the surface ends.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BoundaryLoop {
+    /// Component to which it belongs.
+    pub component: u32,
+    /// A vertex of the result on it.
+    pub first_vertex: u32,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Length, units of the positions.
+    pub length: f64,
+}
+
+impl RepairReport {
+    /// Nothing had to be done.
+    pub fn is_clean(&self) -> bool {
+        self.changes().next().is_none()
+    }
+
+    /// What was done, in words.
+    pub fn changes(&self) -> impl Iterator<Item = String> {
+        let first = |list: &[u32]| list.first().map(|v| format!(" (first: {v})")).unwrap_or_default();
+        let edge = self.non_manifold_edges.first().map(|[a, b]| format!(" (first: {a} to {b})")).unwrap_or_default();
+        [
+            (self.welded, "vertices joined with another in the same place", String::new()),
+            (self.unreferenced.len(), "vertices left out that no triangle names", first(&self.unreferenced)),
+            (self.collapsed.len(), "triangles left out that name a vertex twice", first(&self.collapsed)),
+            (self.duplicates.len(), "triangles left out that stand twice", first(&self.duplicates)),
+            (self.needles_collapsed, "triangles without area collapsed", String::new()),
+            (self.caps_flipped, "triangles without area removed by flipping an edge", String::new()),
+            (self.flat_dropped.len(), "triangles without area left out", first(&self.flat_dropped)),
+            (self.flipped.len(), "triangles turned around", first(&self.flipped)),
+            (self.non_manifold_edges.len(), "edges with more than two triangles taken apart", edge),
+            (
+                self.non_manifold_vertices.len(),
+                "vertices split where several sheets meet",
+                first(&self.non_manifold_vertices),
+            ),
+            (self.unorientable_cuts, "edges cut open where the surface has only one side", String::new()),
+            (self.detached.len(), "triangles cut off where a sheet touches itself", first(&self.detached)),
+        ]
+        .into_iter()
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, what, first)| format!("{count} {what}{first}"))
+    }
+}
+
+impl fmt::Display for RepairReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_clean() {
+            writeln!(f, "nothing to repair")?;
+        }
+        self.changes().try_for_each(|change| writeln!(f, "{change}"))?;
+        write!(f, "{} vertices, {} triangles", self.vertices_after, self.triangles_after)?;
+        let s = if self.components.len() == 1 { "" } else { "s" };
+        writeln!(f, ", {} component{s}, {} boundaries", self.components.len(), self.boundary_loops.len())?;
+        write!(f, "{} edges with negative cotangent weight", self.negative_weights)
+    }
+}
+
+/// Adds what the result is; the component of each of its vertices.
+pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairReport, Vec<u32>) {
+    report.vertices_after = mesh.vertex_count();
+    report.triangles_after = mesh.triangle_count();
+    (report.obtuse_corners, report.negative_weights) = negative_cotangents(mesh);
+    let half_edges = HalfEdges::new(mesh).expect("repair makes oriented manifolds");
+    let (component_of, mut components) = components(mesh);
+    for line in half_edges.boundary_loops() {
+        let component = component_of[line[0] as usize];
+        components[component as usize].boundary_loops += 1;
+        let place = |k: usize| mesh.positions()[line[k % line.len()] as usize];
+        let length = (0..line.len()).map(|k| (place(k + 1) - place(k)).norm()).sum();
+        report.boundary_loops.push(BoundaryLoop { component, first_vertex: line[0], vertices: line.len(), length });
+    }
+    let mut edges = vec![0_isize; components.len()];
+    half_edges.edges().for_each(|h| edges[component_of[half_edges.origin(h) as usize] as usize] += 1);
+    for (component, edges) in components.iter_mut().zip(edges) {
+        let euler = component.vertices.cast_signed() - edges + component.triangles.cast_signed();
+        component.genus = ((2 - euler - component.boundary_loops.cast_signed()) / 2).max(0) as usize;
+        if component.boundary_loops > 0 {
+            component.volume = None;
+        }
+    }
+    report.components = components;
+    (report, component_of)
+}
+
+/// The component of each vertex, numbered as they are first met, and their sizes. Each vertex belongs to a triangle.
+pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
+    let mut joined = UnionFind::new(mesh.vertex_count());
+    for &[a, b, c] in mesh.triangles() {
+        joined.join(a, b);
+        joined.join(b, c);
+    }
+    let mut components: Vec<Component> = Vec::new();
+    let mut origins: Vec<Point3<f64>> = Vec::new();
+    let mut component_of = vec![0; mesh.vertex_count()];
+    for vertex in 0..mesh.vertex_count() as u32 {
+        let root = joined.root(vertex);
+        if root == vertex {
+            component_of[vertex as usize] = components.len() as u32;
+            components.push(Component { first_vertex: vertex, volume: Some(0.0), ..Component::default() });
+            origins.push(mesh.positions()[vertex as usize]);
+        }
+        component_of[vertex as usize] = component_of[root as usize];
+        components[component_of[root as usize] as usize].vertices += 1;
+    }
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        let number = component_of[corners[0] as usize] as usize;
+        let component = &mut components[number];
+        component.triangles += 1;
+        component.area += 0.5 * mesh.area_normal(t).norm();
+        let [a, b, c] = mesh.corners(t).map(|p| p - origins[number]);
+        *component.volume.get_or_insert(0.0) += a.dot(&b.cross(&c));
+    }
+    for component in &mut components {
+        component.volume = component.volume.map(|six_times| six_times / 6.0);
+    }
+    (component_of, components)
+}
+
+/// Corners whose cotangent is negative, and edges at which the cotangents of the opposite corners sum to less than zero.
+pub(super) fn negative_cotangents(mesh: &TriMesh) -> (usize, usize) {
+    let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
+    let cotangent = |h: u32| {
+        let corners = mesh.corners(h as usize / 3);
+        let tip = corners[HalfEdges::previous(h) as usize % 3];
+        let (u, v) = (corners[h as usize % 3] - tip, corners[HalfEdges::next(h) as usize % 3] - tip);
+        u.dot(&v) / u.cross(&v).norm()
+    };
+    let obtuse = (0..origins.len() as u32).filter(|&h| cotangent(h) < 0.0).count();
+    let groups = crate::mesh::half_edges::edge_groups(&origins);
+    let negative = groups.iter().filter(|edge| edge.iter().map(|&(_, h)| cotangent(h)).sum::<f64>() < 0.0).count();
+    (obtuse, negative)
+}

@@ -1,0 +1,80 @@
+//! Joining of vertices that lie in one place.
+
+use std::collections::HashMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::{TriMesh, Weld};
+use plumbline_num::union_find::UnionFind;
+
+/// Joins the vertices of a mesh.
+pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32]) -> UnionFind {
+    let mut joined = UnionFind::new(mesh.vertex_count());
+    match weld {
+        Weld::Never => {}
+        Weld::Exact => join_equal(mesh.positions(), &mut joined),
+        Weld::Within(fraction) => {
+            join_equal(mesh.positions(), &mut joined);
+            let distance = fraction * diagonal(mesh, unreferenced);
+            if distance > 0.0 && distance.is_finite() {
+                join_near(mesh.positions(), distance, &mut joined);
+            }
+        }
+    }
+    joined
+}
+
+/// Of the box of the vertices that triangles name: others may lie anywhere.
+fn diagonal(mesh: &TriMesh, unreferenced: &[u32]) -> f64 {
+    let mut named =
+        mesh.positions().iter().enumerate().filter(|(v, _)| unreferenced.binary_search(&(*v as u32)).is_err());
+    let Some((_, &first)) = named.next() else { return 0.0 };
+    let (low, high) = named.fold((first, first), |(low, high), (_, p)| (low.inf(p), high.sup(p)));
+    (high - low).norm()
+}
+
+fn join_equal(positions: &[Point3<f64>], joined: &mut UnionFind) {
+    let mut first = HashMap::with_capacity(positions.len());
+    for (vertex, p) in positions.iter().enumerate() {
+        // Zero has two signs.
+        let bits = [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
+        let other = *first.entry(bits).or_insert(vertex as u32);
+        joined.join(other, vertex as u32);
+    }
+}
+
+/// Cubes whose diagonal is the distance: all in one belong together, and none reaches further than two cubes.
+fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind) {
+    let side = distance / 3.0_f64.sqrt();
+    let origin = positions.iter().fold(Point3::from([f64::INFINITY; 3]), |low, p| low.inf(p));
+    let cube = |p: &Point3<f64>| -> [i64; 3] { ((p - origin) / side).map(|x| x.floor() as i64).into() };
+    let mut inside: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    for (vertex, p) in positions.iter().enumerate() {
+        if joined.root(vertex as u32) == vertex as u32 {
+            inside.entry(cube(p)).or_default().push(vertex as u32);
+        }
+    }
+    // The order in which sets are joined does not change them.
+    for (cube, vertices) in &inside {
+        for &vertex in vertices {
+            joined.join(vertices[0], vertex);
+        }
+        for offset in forward_offsets() {
+            let near = std::array::from_fn(|k| cube[k].saturating_add(offset[k]));
+            let Some(others) = inside.get(&near) else { continue };
+            let place = |&v: &u32| positions[v as usize];
+            let touch = |p: &u32| others.iter().any(|q| Vector3::norm(&(place(p) - place(q))) <= distance);
+            if vertices.iter().any(touch) {
+                joined.join(vertices[0], others[0]);
+            }
+        }
+    }
+}
+
+/// One of each pair of opposite steps to the cubes within two.
+fn forward_offsets() -> impl Iterator<Item = [i64; 3]> {
+    (1..=62).map(|k: i64| {
+        let k = k + 62;
+        [k / 25 - 2, k / 5 % 5 - 2, k % 5 - 2]
+    })
+}

@@ -1,0 +1,467 @@
+//! A surface with one boundary and without handles on the unit disk, one to one; and two of them over it on each other.
+//!
+//! The boundary goes to the circle by its length, and inside every vertex is a mean of its neighbors,
+//!
+//! ```text
+//! Σ_j w_ij (u_i − u_j) = 0,      w_ij = max(cotangent weight, least) > 0,
+//! ```
+//!
+//! which turns no triangle over. Then vertices are relaxed as on the sphere, toward the mean of their neighbors weighted by how much longer
+//! their edges are on the disk than on the surface, as far as nothing around them turns over: what is far inside gets room.
+//!
+//! To lay one surface over another, the first disk is turned so that landmarks are near to each other, landmarks on both boundaries are
+//! brought together along the circle, those inside step by step as everything else relaxes. Boundaries lie on each other.
+//!
+//! # Reference
+//! W. T. Tutte, *How to draw a graph*, Proc. London Math. Soc. 13 (1963); M. Floater, *Parametrization and smooth approximation of surface
+//! triangulations*, CAGD 14 (1997).
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::super::MorphError;
+use super::super::bvh::{Bvh, Nearest};
+use super::super::elastic_solve::factored;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::union_find::numbered_components;
+
+/// How surfaces are laid over each other by the disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DiskOptions {
+    /// Rounds in which landmarks are drawn to each other; those that have met end it early.
+    pub rounds: usize,
+}
+
+impl Default for DiskOptions {
+    fn default() -> Self {
+        Self { rounds: 2000 }
+    }
+}
+
+/// Least weight of an edge: far below those of good triangles (1), far above what would let vertices of bad ones fall together.
+const LEAST: f64 = 0.02;
+/// Rounds of relaxation.
+const SWEEPS: usize = 60;
+/// The smallest part of a straight step that is tried.
+const SHORTEST: f64 = 1.0 / 64.0;
+/// Landmarks this near on the disk have met.
+const MET: f64 = 1e-12;
+
+/// The place of every vertex on the unit disk; its boundary on the circle, from angle 0 on. No triangle turned over.
+///
+/// # Errors
+/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, is no oriented manifold, or has parts too
+/// thin to be told from nothing on the disk.
+pub fn disk_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector2<f64>>, MorphError> {
+    let rim = rim(mesh, which)?;
+    let angles = by_length(mesh, &rim);
+    Ok(Disk::new(mesh, which, &rim, &angles)?.at)
+}
+
+/// Where the vertices of `first` lie on `second`, through the disk.
+///
+/// # Errors
+/// As [`disk_map`]; [`MorphError::Topology`] too where landmarks follow each other in another order along the two boundaries.
+pub fn over_disks(
+    first: &TriMesh,
+    second: &TriMesh,
+    landmarks: &[(u32, u32)],
+    options: &DiskOptions,
+) -> Result<Vec<Nearest>, MorphError> {
+    let [rim_first, rim_second] = [rim(first, "first")?, rim(second, "second")?];
+    let goal_angles = by_length(second, &rim_second);
+    let goal = Disk::new(second, "second", &rim_second, &goal_angles)?.at;
+    let angles = by_length(first, &rim_first);
+    let start = Disk::new(first, "first", &rim_first, &angles)?.at;
+    let turned: Vec<f64> = angles.iter().map(|a| a + turn(&start, &goal, landmarks)).collect();
+    let angles = brought_together(&rim_first, &turned, &rim_second, &goal_angles, landmarks)?;
+    let mut disk = Disk::new(first, "first", &rim_first, &angles)?;
+    disk.draw(&goal, landmarks, options.rounds);
+    located(&disk.at, second, &goal, landmarks)
+}
+
+fn topology(which: &'static str, fault: String) -> MorphError {
+    let advice =
+        "the disk serves surfaces in one piece with one boundary and without handles; take the method registration";
+    MorphError::Topology { which, fault, advice }
+}
+
+/// The one boundary, surface to its left.
+fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
+    let loops = half_edges.boundary_loops();
+    let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    if pieces != 1 {
+        return Err(topology(which, format!("is in {pieces} pieces, vertices that no triangle names among them")));
+    }
+    let [rim] = &loops[..] else { return Err(topology(which, format!("has {} boundaries", loops.len()))) };
+    let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
+    if euler != 1 {
+        return Err(topology(which, format!("has one boundary, but {} handles", (1 - euler) / 2)));
+    }
+    Ok(rim.clone())
+}
+
+/// The angle of each vertex of a boundary, by its length; ascending from 0.
+fn by_length(mesh: &TriMesh, rim: &[u32]) -> Vec<f64> {
+    let point = |k: usize| mesh.positions()[rim[k % rim.len()] as usize];
+    let lengths: Vec<f64> = (0..rim.len()).map(|k| (point(k + 1) - point(k)).norm()).collect();
+    let whole: f64 = lengths.iter().sum();
+    // No two vertices in one place.
+    let least = (1e-6 * whole / rim.len() as f64).max(f64::MIN_POSITIVE);
+    let whole: f64 = lengths.iter().map(|l| l.max(least)).sum();
+    let mut passed = 0.0;
+    let angle = |l: &f64| {
+        let at = passed / whole * TAU;
+        passed += l.max(least);
+        at
+    };
+    lengths.iter().map(angle).collect()
+}
+
+/// The turn that brings landmarks nearest to those of the second.
+fn turn(from: &[Vector2<f64>], to: &[Vector2<f64>], landmarks: &[(u32, u32)]) -> f64 {
+    let pairs = landmarks.iter().map(|l| (from[l.0 as usize], to[l.1 as usize]));
+    let (sine, cosine) = pairs.fold((0.0, 0.0), |(s, c), (a, b)| (s + a.perp(&b), c + a.dot(&b)));
+    f64::atan2(sine, cosine)
+}
+
+/// Angles of the first boundary with those of its landmarks where they are on the second, and evenly between.
+fn brought_together(
+    rim: &[u32],
+    angles: &[f64],
+    other: &[u32],
+    other_angles: &[f64],
+    landmarks: &[(u32, u32)],
+) -> Result<Vec<f64>, MorphError> {
+    let on = |rim: &[u32], v: u32| rim.iter().position(|w| *w == v);
+    let mut fixed: Vec<(usize, f64)> =
+        landmarks.iter().filter_map(|l| Some((on(rim, l.0)?, other_angles[on(other, l.1)?]))).collect();
+    fixed.sort_by_key(|f| f.0);
+    let Some(&(first, begin)) = fixed.first() else { return Ok(angles.to_vec()) };
+    // Once around, from the first landmark back to it.
+    let ahead = |angle: f64, from: f64| (angle - from).rem_euclid(TAU);
+    let from = |k: usize| ahead(angles[k], angles[first]);
+    let mut knots: Vec<(f64, f64)> = fixed.iter().map(|&(k, to)| (from(k), ahead(to, begin))).collect();
+    knots.push((TAU, TAU));
+    if knots.windows(2).any(|w| !(w[1].1 > w[0].1)) {
+        let fault = "has landmarks on its boundary that follow each other otherwise than on that of the second";
+        return Err(topology("first", fault.to_owned()));
+    }
+    let warped = |k: usize| {
+        let at = from(k);
+        let after = knots.partition_point(|n| n.0 <= at).clamp(1, knots.len() - 1);
+        let ((a, p), (b, q)) = (knots[after - 1], knots[after]);
+        begin + p + (at - a) / (b - a) * (q - p)
+    };
+    Ok((0..rim.len()).map(warped).collect())
+}
+
+/// A surface on the disk.
+struct Disk<'m> {
+    mesh: &'m TriMesh,
+    at: Vec<Vector2<f64>>,
+    /// Neighbors of each vertex inside, counterclockwise; of those on the boundary none.
+    rings: Vec<Vec<u32>>,
+}
+
+impl<'m> Disk<'m> {
+    fn new(mesh: &'m TriMesh, which: &'static str, rim: &[u32], angles: &[f64]) -> Result<Self, MorphError> {
+        let half_edges = HalfEdges::new(mesh)?;
+        let inside = |v: u32| if half_edges.is_boundary(v) { Vec::new() } else { half_edges.neighbors(v).collect() };
+        let rings = (0..mesh.vertex_count() as u32).map(inside).collect();
+        let mut disk = Self { mesh, at: embedded(mesh, rim, angles)?, rings };
+        if let Some(t) = disk.turned_over() {
+            return Err(topology(which, format!("is too thin on the disk at triangle {t} to be told from nothing")));
+        }
+        (0..SWEEPS).for_each(|_| disk.relax(&[]));
+        Ok(disk)
+    }
+
+    fn turned_over(&self) -> Option<usize> {
+        let area = |[a, b, c]: [Vector2<f64>; 3]| (b - a).perp(&(c - a));
+        self.mesh.triangles().iter().position(|t| !(area(t.map(|v| self.at[v as usize])) > 0.0))
+    }
+
+    /// Moves every vertex inside that is not held toward the weighted mean of its neighbors.
+    fn relax(&mut self, held: &[bool]) {
+        for v in 0..self.at.len() {
+            if self.rings[v].is_empty() || held.get(v) == Some(&true) {
+                continue;
+            }
+            let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+            for &w in &self.rings[v] {
+                let on_surface = (self.mesh.positions()[v] - self.mesh.positions()[w as usize]).norm();
+                let on_disk = (self.at[v] - self.at[w as usize]).norm();
+                let weight = (on_disk / on_surface.max(f64::MIN_POSITIVE)).max(1e-300);
+                sum += self.at[w as usize] * weight;
+                total += weight;
+            }
+            // Nowhere that can be seen, where an edge has no length.
+            self.step(v, &(sum / total));
+        }
+    }
+
+    /// Moves a vertex toward a place, as far as nothing around it turns over; says whether it got there.
+    fn step(&mut self, v: usize, to: &Vector2<f64>) -> bool {
+        let from = self.at[v];
+        let mut share = 1.0;
+        while share >= SHORTEST {
+            let place = if share < 1.0 { from + (to - from) * share } else { *to };
+            if self.sees_its_ring(v, &place) {
+                self.at[v] = place;
+                return share >= 1.0;
+            }
+            share *= 0.5;
+        }
+        false
+    }
+
+    fn sees_its_ring(&self, v: usize, place: &Vector2<f64>) -> bool {
+        let ring = &self.rings[v];
+        (0..ring.len()).all(|k| {
+            let (p, q) = (self.at[ring[k] as usize], self.at[ring[(k + 1) % ring.len()] as usize]);
+            (q - p).perp(&(place - p)) > 1e-9 * (q - p).norm_squared()
+        })
+    }
+
+    /// Draws landmarks inside to their places.
+    fn draw(&mut self, goal: &[Vector2<f64>], landmarks: &[(u32, u32)], rounds: usize) {
+        let mut held = vec![false; self.at.len()];
+        let inside: Vec<(usize, usize)> = landmarks.iter().map(|l| (l.0 as usize, l.1 as usize)).collect();
+        let inside: Vec<_> = inside.into_iter().filter(|l| !self.rings[l.0].is_empty()).collect();
+        for l in &inside {
+            held[l.0] = true;
+        }
+        for _ in 0..rounds {
+            let mut met = true;
+            for &(v, w) in &inside {
+                if (self.at[v] - goal[w]).norm() > MET {
+                    met &= self.step(v, &goal[w]);
+                }
+            }
+            if met {
+                break;
+            }
+            self.relax(&held);
+        }
+    }
+}
+
+/// Tutte's embedding with the boundary at these angles.
+fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64]) -> Result<Vec<Vector2<f64>>, MorphError> {
+    let n = mesh.vertex_count();
+    let mut at: Vec<Option<Vector2<f64>>> = vec![None; n];
+    for (v, angle) in rim.iter().zip(angles) {
+        at[*v as usize] = Some(Vector2::new(angle.cos(), angle.sin()));
+    }
+    let mut unknown = vec![None; n];
+    let free: Vec<usize> = (0..n).filter(|&v| at[v].is_none()).collect();
+    free.iter().enumerate().for_each(|(k, &v)| unknown[v] = Some(k));
+    let weights = EdgeWeights::cotangent(n, &Cotangents::new(mesh, CotangentRule::Clamped));
+    let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
+    for (i, j, w) in weights.iter() {
+        let w = w.max(LEAST);
+        for (a, b) in [(i, j), (j, i)] {
+            let Some(row) = unknown[a] else { continue };
+            triplets.push((row, row, w));
+            if let Some(place) = at[b] {
+                (0..2).for_each(|c| rhs[row][c] += w * place[c]);
+            } else if let Some(column) = unknown[b].filter(|c| *c < row) {
+                triplets.push((row, column, -w));
+            }
+        }
+    }
+    let places = free.iter().map(|&v| mesh.positions()[v].coords.into()).collect();
+    if let Some(mut factor) = factored(free.len(), &triplets, places)? {
+        factor.solve_3(&mut rhs);
+    }
+    let solved = |v: usize| unknown[v].map_or_else(Vector2::zeros, |k| Vector2::new(rhs[k][0], rhs[k][1]));
+    Ok((0..n).map(|v| at[v].unwrap_or_else(|| solved(v))).collect())
+}
+
+/// Places on the second of points on the disk.
+fn located(
+    at: &[Vector2<f64>],
+    second: &TriMesh,
+    goal: &[Vector2<f64>],
+    landmarks: &[(u32, u32)],
+) -> Result<Vec<Nearest>, MorphError> {
+    let flat = second.with_positions(goal.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect())?;
+    let bvh = Bvh::new(&flat);
+    let mut vertex_of = vec![None; at.len()];
+    for &(v, w) in landmarks {
+        if (at[v as usize] - goal[w as usize]).norm() <= MET {
+            vertex_of[v as usize] = Some(w);
+        }
+    }
+    let place = |(v, p): (usize, &Vector2<f64>)| {
+        let nearest =
+            bvh.nearest(&Point3::new(p.x, p.y, 0.0), |_| true).ok_or(MorphError::Empty { which: "second" })?;
+        let corner = |w: u32| second.triangles()[nearest.triangle as usize].iter().position(|c| *c == w);
+        let exact = vertex_of[v].and_then(corner).map(|k| std::array::from_fn(|c| if c == k { 1.0 } else { 0.0 }));
+        let weights: [f64; 3] = exact.unwrap_or(nearest.weights);
+        let corners = second.corners(nearest.triangle as usize);
+        let point: Vector3<f64> = corners.iter().zip(weights).map(|(c, w)| c.coords * w).sum();
+        Ok(Nearest { triangle: nearest.triangle, weights, point: Point3::from(point), squared: 0.0 })
+    };
+    at.iter().enumerate().map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{CorrespondenceMethod, correspond};
+    use super::*;
+    use crate::mesh::shapes;
+
+    /// What of a surface lies above a height.
+    fn above(mesh: &TriMesh, height: f64) -> TriMesh {
+        let up = |v: &u32| mesh.positions()[*v as usize].z > height;
+        let kept: Vec<[u32; 3]> = mesh.triangles().iter().copied().filter(|t| t.iter().all(up)).collect();
+        let mut number = vec![None; mesh.vertex_count()];
+        let mut positions = Vec::new();
+        for v in kept.iter().flatten() {
+            number[*v as usize].get_or_insert_with(|| {
+                positions.push(mesh.positions()[*v as usize]);
+                positions.len() as u32 - 1
+            });
+        }
+        let renumbered = kept.iter().map(|t| t.map(|v| number[v as usize].expect("named"))).collect();
+        TriMesh::new(positions, renumbered).unwrap()
+    }
+
+    fn disks() -> Vec<TriMesh> {
+        let egg = shapes::icosphere(3);
+        let long =
+            egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
+        vec![
+            shapes::one_triangle(),
+            shapes::plane(7),
+            shapes::spiked_plane(8, 4, 0.5),
+            above(&egg, 0.1),
+            above(&egg, -0.8),
+            above(&long, 0.0),
+            above(&shapes::cactus(12), 0.2),
+            sheared(9.0),
+        ]
+    }
+
+    /// A plane sheared so that nearly all edges have negative cotangent weights or none.
+    fn sheared(by: f64) -> TriMesh {
+        let plane = shapes::plane(7);
+        let place = |p: &Point3<f64>| Point3::new(p.x + by * p.y, p.y, 0.0);
+        plane.with_positions(plane.positions().iter().map(place).collect()).unwrap()
+    }
+
+    #[test]
+    fn what_is_far_inside_has_at_least_a_tenth_of_its_share() {
+        let egg = shapes::icosphere(3);
+        let long =
+            egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
+        let mesh = above(&long, 0.0);
+        let at = disk_map(&mesh, "first").unwrap();
+        for (t, v) in mesh.triangles().iter().enumerate() {
+            let [a, b, c] = v.map(|v| at[v as usize]);
+            let on_disk = (b - a).perp(&(c - a)) / TAU;
+            assert!(on_disk > 0.05 * mesh.area_normal(t).norm() / mesh.area(), "triangle {t}");
+        }
+    }
+
+    #[test]
+    fn the_disk_turns_to_where_landmarks_inside_say() {
+        // The same surface, its vertices in the reverse order: its boundary begins elsewhere.
+        let first = above(&shapes::icosphere(3), 0.1);
+        let n = first.vertex_count() as u32;
+        let positions = first.positions().iter().rev().copied().collect();
+        let second = TriMesh::new(positions, first.triangles().iter().map(|t| t.map(|v| n - 1 - v)).collect()).unwrap();
+        let open = HalfEdges::new(&first).unwrap();
+        let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
+        let laid = over_disks(&first, &second, &inside, &DiskOptions::default()).unwrap();
+        for (place, p) in laid.iter().zip(first.positions()) {
+            assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
+        }
+    }
+
+    #[test]
+    fn surfaces_with_one_boundary_lie_on_the_disk_one_to_one() {
+        for (k, mesh) in disks().iter().enumerate() {
+            let at = disk_map(mesh, "first").unwrap();
+            let area = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|v| at[v as usize]);
+                0.5 * (b - a).perp(&(c - a))
+            };
+            assert!(mesh.triangles().iter().all(|t| area(t) > 0.0), "{k}");
+            // All triangles together are the polygon of the boundary, so that none lies on another.
+            let rim = rim(mesh, "first").unwrap();
+            let corner = |i: usize| at[rim[i % rim.len()] as usize];
+            let polygon: f64 = (0..rim.len()).map(|i| 0.5 * corner(i).perp(&corner(i + 1))).sum();
+            assert!((mesh.triangles().iter().map(area).sum::<f64>() - polygon).abs() < 1e-9, "{k}");
+            assert!(rim.iter().all(|v| (at[*v as usize].norm() - 1.0).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn a_surface_laid_over_itself_by_the_disk_lies_where_it_is() {
+        for mesh in disks() {
+            let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
+            let laid =
+                correspond(&mesh, &mesh, &landmarks, &CorrespondenceMethod::Disk(DiskOptions::default())).unwrap();
+            for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
+                assert!((p - q).norm() < 1e-6 * mesh.diagonal());
+            }
+            assert_eq!((laid.quality.flipped, laid.quality.landmark_error), (0, 0.0));
+        }
+    }
+
+    #[test]
+    fn boundaries_lie_on_each_other_and_landmarks_meet() {
+        let (first, second) = (shapes::plane(9), above(&shapes::icosphere(4), 0.0));
+        let nearest = |mesh: &TriMesh, to: [f64; 3]| {
+            let far = |v: &u32| (mesh.positions()[*v as usize] - Point3::from(to)).norm();
+            (0..mesh.vertex_count() as u32).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+        };
+        // Corners of the plane on the equator, turned by a third of a circle; its center beside the pole.
+        let place = |p: [f64; 2], q: [f64; 3]| (nearest(&first, [p[0], p[1], 0.0]), nearest(&second, q));
+        let on_equator = |degrees: f64| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let rim = rim(&second, "second").unwrap();
+            let far = |v: &&u32| (second.positions()[**v as usize] - Point3::new(cosine, sine, 0.0)).norm();
+            *rim.iter().min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+        };
+        let mut landmarks = vec![place([0.5, 0.5], [0.3, 0.0, 0.95])];
+        for (corner, angle) in [([0.0, 0.0], 120.0), ([1.0, 0.0], 200.0), ([1.0, 1.0], 310.0), ([0.0, 1.0], 390.0)] {
+            landmarks.push((nearest(&first, [corner[0], corner[1], 0.0]), on_equator(angle)));
+        }
+        let method = CorrespondenceMethod::Disk(DiskOptions::default());
+        let laid = correspond(&first, &second, &landmarks, &method).unwrap();
+        assert_eq!((laid.quality.landmark_error, laid.quality.collapsed), (0.0, 0));
+        // A triangle with all corners on the jagged rim of the second spans it as a chord, and may face anywhere.
+        let edge = HalfEdges::new(&first).unwrap();
+        let chords = first.triangles().iter().filter(|t| t.iter().all(|v| edge.is_boundary(*v))).count();
+        assert!(laid.quality.flipped <= chords && chords == 2, "{:?}", laid.quality);
+        let open = HalfEdges::new(&second).unwrap();
+        for v in rim(&first, "first").unwrap() {
+            let place = &laid.places[v as usize];
+            let corners = second.triangles()[place.triangle as usize];
+            let inner = corners.iter().zip(place.weights).filter(|(c, w)| !open.is_boundary(**c) && *w > 1e-9);
+            assert_eq!(inner.count(), 0, "vertex {v} left the boundary");
+        }
+        let crossed = [landmarks[0], (landmarks[1].0, landmarks[2].1), (landmarks[2].0, landmarks[1].1), landmarks[3]];
+        let refused = correspond(&first, &second, &crossed, &method).unwrap_err().to_string();
+        assert!(refused.contains("follow each other otherwise"), "{refused}");
+    }
+
+    #[test]
+    fn surfaces_that_are_no_disks_are_told_what_they_are() {
+        let told = |mesh: &TriMesh| disk_map(mesh, "second").unwrap_err().to_string();
+        assert!(told(&shapes::icosphere(1)).contains("the second mesh has 0 boundaries"));
+        assert!(told(&shapes::tube(8, 4, 1.0, 2.0)).contains("has 2 boundaries"));
+        let torus = shapes::holed_torus(1, 10);
+        let open = TriMesh::new(torus.positions().to_vec(), torus.triangles()[1..].to_vec()).unwrap();
+        assert!(told(&open).contains("has one boundary, but 1 handles"));
+        let two = shapes::disjoint(&[shapes::plane(2), shapes::plane(2)]);
+        assert!(told(&two).contains("in 2 pieces"));
+    }
+}

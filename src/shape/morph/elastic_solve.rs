@@ -1,0 +1,162 @@
+//! Positions whose edges are as given, as nearly as can be: one factor, any number of right-hand sides.
+//!
+//! ```text
+//! min Σ_t Σ_{e ∈ t} h_e |xᵢ − xⱼ − d_e|²       ⇔       L x = Σ ± h d
+//! ```
+//!
+//! Where vertices are held, `x` is found for the rest. Otherwise `L` leaves every piece of the surface free to move, and the
+//! weighted mean of each piece's vertices is given instead.
+
+use nalgebra::{Point3, Vector3};
+
+use super::MorphError;
+use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
+use plumbline_num::union_find::numbered_components;
+
+const PINNED: u32 = u32::MAX;
+
+/// A factored Laplacian of a surface.
+#[derive(Debug)]
+pub(super) struct ElasticSolve {
+    triangles: Vec<[u32; 3]>,
+    half: Vec<[f64; 3]>,
+    unknown: Vec<u32>,
+    factor: Option<CompactFactor>,
+    /// Piece of each vertex; without meaning where vertices are held.
+    piece: Vec<u32>,
+    pieces: usize,
+}
+
+impl ElasticSolve {
+    /// All pieces free.
+    pub(super) fn free(triangles: &[[u32; 3]], half: Vec<[f64; 3]>, at: &[Point3<f64>]) -> Result<Self, MorphError> {
+        let (piece, pieces) = numbered_components(at.len(), triangles);
+        let mut met = vec![false; pieces];
+        let held: Vec<bool> = piece.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
+        Self::new(triangles, half, at, &held, piece, pieces)
+    }
+
+    /// Some vertices held; each piece must have one.
+    pub(super) fn held(
+        triangles: &[[u32; 3]],
+        half: Vec<[f64; 3]>,
+        at: &[Point3<f64>],
+        held: &[bool],
+    ) -> Result<Self, MorphError> {
+        let (piece, pieces) = numbered_components(at.len(), triangles);
+        Self::new(triangles, half, at, held, piece, pieces)
+    }
+
+    fn new(
+        triangles: &[[u32; 3]],
+        half: Vec<[f64; 3]>,
+        at: &[Point3<f64>],
+        held: &[bool],
+        piece: Vec<u32>,
+        pieces: usize,
+    ) -> Result<Self, MorphError> {
+        let free: Vec<usize> = (0..at.len()).filter(|&v| !held[v]).collect();
+        let mut unknown = vec![PINNED; at.len()];
+        free.iter().enumerate().for_each(|(k, &v)| unknown[v] = k as u32);
+        let mut triplets = Vec::with_capacity(6 * triangles.len());
+        for (t, h) in triangles.iter().zip(&half) {
+            for k in 0..3 {
+                let (i, j) = (unknown[t[(k + 1) % 3] as usize], unknown[t[(k + 2) % 3] as usize]);
+                triplets.extend([i, j].into_iter().filter(|&v| v != PINNED).map(|v| (v as usize, v as usize, h[k])));
+                if i != PINNED && j != PINNED {
+                    triplets.push((i as usize, j as usize, -h[k]));
+                }
+            }
+        }
+        let places = free.iter().map(|&v| at[v].coords.into()).collect();
+        let factor = factored(free.len(), &triplets, places)?;
+        Ok(Self { triangles: triangles.to_vec(), half, unknown, factor, piece, pieces })
+    }
+
+    /// Weights of edges, by the corner opposite.
+    pub(super) fn half(&self) -> &[[f64; 3]] {
+        &self.half
+    }
+
+    /// Improves `x` so that its edges, each opposite a corner of a triangle, are as near to `edges` as can be. Vertices that
+    /// are held, or the first of each free piece, stay.
+    pub(super) fn follow(&mut self, edges: impl Fn(usize) -> [Vector3<f64>; 3], x: &mut [Point3<f64>]) {
+        self.follow_pushed(edges, &[], x);
+    }
+
+    /// The same, with a force on every vertex, or on none.
+    pub(super) fn follow_pushed(
+        &mut self,
+        edges: impl Fn(usize) -> [Vector3<f64>; 3],
+        forces: &[Vector3<f64>],
+        x: &mut [Point3<f64>],
+    ) {
+        let Some(factor) = &mut self.factor else { return };
+        let mut rhs = vec![[0.0; 3]; factor.n()];
+        for (force, &k) in forces.iter().zip(&self.unknown) {
+            if let Some(sum) = rhs.get_mut(k as usize) {
+                *sum = (*force).into();
+            }
+        }
+        for (t, (v, h)) in self.triangles.iter().zip(&self.half).enumerate() {
+            let wanted = edges(t);
+            for k in 0..3 {
+                let (i, j) = (v[(k + 1) % 3] as usize, v[(k + 2) % 3] as usize);
+                let missing = (wanted[k] - (x[j] - x[i])) * h[k];
+                for (v, sign) in [(j, 1.0), (i, -1.0)] {
+                    if let Some(sum) = rhs.get_mut(self.unknown[v] as usize) {
+                        (0..3).for_each(|c| sum[c] += sign * missing[c]);
+                    }
+                }
+            }
+        }
+        factor.solve_3(&mut rhs);
+        for (x, &k) in x.iter_mut().zip(&self.unknown) {
+            if let Some(step) = rhs.get(k as usize) {
+                *x += Vector3::from(*step);
+            }
+        }
+    }
+
+    /// Weights of the edges at each vertex, summed.
+    pub(super) fn diagonal(&self) -> Vec<f64> {
+        let mut sums = vec![0.0; self.unknown.len()];
+        for (v, h) in self.triangles.iter().zip(&self.half) {
+            (0..3).for_each(|k| sums[v[k] as usize] += h[(k + 1) % 3] + h[(k + 2) % 3]);
+        }
+        sums
+    }
+
+    /// Moves each piece so that the weighted means of its vertices are those of `like`.
+    pub(super) fn center(&self, x: &mut [Point3<f64>], like: &[Point3<f64>], weights: &[f64]) {
+        let mut sums = vec![(Vector3::zeros(), 0.0); self.pieces];
+        for (v, (x, y)) in x.iter().zip(like).enumerate() {
+            let sum = &mut sums[self.piece[v] as usize];
+            *sum = (sum.0 + (y - x) * weights[v], sum.1 + weights[v]);
+        }
+        for (x, &piece) in x.iter_mut().zip(&self.piece) {
+            let (sum, weight) = sums[piece as usize];
+            *x += if weight > 0.0 { sum / weight } else { sum };
+        }
+    }
+
+    /// Piece of each vertex, and their number.
+    pub(super) fn pieces(&self) -> (&[u32], usize) {
+        (&self.piece, self.pieces)
+    }
+}
+
+/// The factor of a positive definite matrix of `n` unknowns at these places.
+pub(super) fn factored(
+    n: usize,
+    triplets: &[(usize, usize, f64)],
+    places: Vec<[f64; 3]>,
+) -> Result<Option<CompactFactor>, MorphError> {
+    if n == 0 {
+        return Ok(None);
+    }
+    let matrix = SparseMatrix::from_triplets(n, triplets)?;
+    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::NestedDissection(places))?;
+    cholesky.factor(&matrix)?;
+    Ok(Some(CompactFactor::new(&cholesky)))
+}

@@ -1,0 +1,84 @@
+//! A time for every vertex from a few that are painted.
+//!
+//! ```text
+//! min Σ w_ij (τᵢ − τⱼ)²      s.t.  τ = painted where it is painted
+//! ```
+//!
+//! with the weights of the intrinsic Delaunay triangulation, none negative inside: no time lies beyond those painted. Pieces
+//! without paint take a given time.
+
+use nalgebra::Point3;
+
+use super::MorphError;
+use crate::mesh::TriMesh;
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use plumbline_num::sparse::{Eliminated, Ordering};
+use plumbline_num::union_find::numbered_components;
+
+/// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
+const LEAST: f64 = 1e-6;
+
+/// The harmonic field through painted times; `elsewhere` on pieces on which nothing is painted.
+///
+/// # Errors
+/// [`MorphError::Numerics`].
+///
+/// # Panics
+/// Unless there is one entry per vertex.
+pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64) -> Result<Vec<f64>, MorphError> {
+    assert_eq!(painted.len(), mesh.vertex_count(), "one entry per vertex");
+    let (piece, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    let mut reached = vec![false; count];
+    painted.iter().zip(&piece).filter(|(p, _)| p.is_some()).for_each(|(_, piece)| reached[*piece as usize] = true);
+    let given: Vec<Option<f64>> =
+        painted.iter().zip(&piece).map(|(p, piece)| p.or((!reached[*piece as usize]).then_some(elsewhere))).collect();
+    let fixed: Vec<usize> = (0..given.len()).filter(|&v| given[v].is_some()).collect();
+    if fixed.len() == given.len() {
+        return Ok(given.into_iter().flatten().collect());
+    }
+    let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
+    let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
+    let mean = weights.weights().iter().sum::<f64>() / weights.weights().len().max(1) as f64;
+    let mut triplets = Vec::with_capacity(3 * weights.edges().len());
+    for (i, j, w) in weights.iter() {
+        let w = w.max(LEAST * mean);
+        triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
+    }
+    let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(mesh.vertex_count(), &triplets)?;
+    let places = mesh.positions().iter().map(|p: &Point3<f64>| p.coords.into()).collect();
+    let mut solver = Eliminated::new(&matrix, &fixed, &Ordering::NestedDissection(places))?;
+    let values: Vec<f64> = fixed.iter().filter_map(|&v| given[v]).collect();
+    Ok(solver.solve(&vec![0.0; mesh.vertex_count()], &values)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn between_two_painted_ends_of_a_tube_time_runs_evenly() {
+        let tube = shapes::tube(12, 20, 1.0, 5.0);
+        let z: Vec<f64> = tube.positions().iter().map(|p| p.z).collect();
+        let (low, high) = z.iter().fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(*z), h.max(*z)));
+        let paint = |z: &f64| if *z < low + 1e-9 { Some(0.2) } else { (*z > high - 1e-9).then_some(0.8) };
+        let painted: Vec<_> = z.iter().map(paint).collect();
+        let field = time_field(&tube, &painted, 0.0).unwrap();
+        for (t, z) in field.iter().zip(&z) {
+            assert!((t - (0.2 + 0.6 * (z - low) / (high - low))).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn no_time_lies_beyond_the_painted_ones_and_other_pieces_have_their_own() {
+        let first = shapes::cactus(9);
+        let n = first.vertex_count();
+        let both = shapes::disjoint(&[first, shapes::icosphere(1)]);
+        let mut painted = vec![None; both.vertex_count()];
+        (painted[3], painted[n / 2], painted[n - 1]) = (Some(0.0), Some(1.0), Some(0.4));
+        let field = time_field(&both, &painted, 0.7).unwrap();
+        assert!(field[..n].iter().all(|t| (-1e-9..=1.0 + 1e-9).contains(t)));
+        assert!(field[n..].iter().all(|t| *t == 0.7));
+        assert_eq!((field[3], field[n / 2], field[n - 1]), (0.0, 1.0, 0.4));
+    }
+}

@@ -1,0 +1,160 @@
+//! As rigid as possible: every cell of the surface keeps its shape as far as one rotation of its own allows.
+//!
+//! ```text
+//! E(x) = min over R   Σ_cells c  Σ_{e ∈ c} h_e |e'(x) − R_c e|²       (spokes and rims: a third of it, a cell per vertex)
+//!      = q xᵀL x − 2 Σ tr(R S) + const
+//! ```
+//!
+//! For given rotations `x` solves one linear system whose matrix never changes ([`HeldLaplacian`]); for given `x` each
+//! rotation is the best fit of its cell ([`Cells`]). In turn they lower `E` at every step. Spokes and rims is the default:
+//! the three edges of a triangle form a positive form whatever its angles, so `E ≥ 0`, while single spokes of negative
+//! weight can be stretched at a profit.
+//!
+//! # Reference
+//! O. Sorkine, M. Alexa, *As-rigid-as-possible surface modeling*, SGP 2007; I. Chao, U. Pinkall, P. Sanan, P. Schröder,
+//! *A simple geometric model for elastic deformations*, SIGGRAPH 2010; L. Liu, L. Zhang, Y. Xu, C. Gotsman, S. Gortler,
+//! *A local/global approach to mesh parameterization*, SGP 2008 (elements).
+
+mod cells;
+mod descent;
+mod elastic;
+mod gauss_newton;
+mod local_global;
+mod quasi_newton;
+mod smoothness;
+#[cfg(test)]
+mod tests;
+
+pub use cells::CellKind;
+pub(super) use cells::Cells;
+use cells::Inertia;
+use descent::descend;
+pub(super) use elastic::Elastic;
+use gauss_newton::Linearized;
+use quasi_newton::Memory;
+use smoothness::Smoothness;
+
+use super::bound::{Begin, Bound};
+use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
+use super::lanes::Lanes;
+use super::spread::Patches;
+use super::{HandlePose, Handles, Stop, SurfaceError};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::Cotangents;
+use plumbline_num::energy::Convergence;
+
+/// ARAP of one kind, bound to a mesh and handles.
+#[derive(Debug)]
+pub struct Arap {
+    bound: Bound,
+    elastic: Elastic,
+    patches: Patches,
+    solver: Solver,
+    /// For Gauss–Newton only.
+    inertia: Vec<Inertia>,
+    last: Option<Vec<Lanes>>,
+}
+
+impl Arap {
+    /// Prepares ARAP: weights, cells and the factor of the global step.
+    ///
+    /// # Errors
+    /// As [`super::bind`].
+    pub fn new(
+        kind: CellKind,
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+    ) -> Result<Self, SurfaceError> {
+        let bending = options.bending;
+        if !(bending > 0.0 && bending <= 1.0) {
+            return Err(SurfaceError::Option { name: "bending", value: bending, range: "above 0, at most 1" });
+        }
+        let bound = Bound::new(mesh, handles, options)?;
+        let mut elastic =
+            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending)?;
+        if let Some(strength) = smoothness_asked(options, kind)? {
+            elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
+        }
+        let patches = Patches::new(&bound);
+        let inertia = match options.solver {
+            Solver::GaussNewton => elastic.cells.inertia(&bound.rest),
+            Solver::LocalGlobal | Solver::Accelerated => Vec::new(),
+        };
+        Ok(Self { bound, elastic, patches, solver: options.solver, inertia, last: None })
+    }
+
+    /// Where an iteration starts, handles on their targets.
+    fn start(&mut self, pose: &HandlePose, targets: &[Lanes], start: Start<'_>) -> Result<Vec<Lanes>, SurfaceError> {
+        let begin = self.bound.begin(start, self.last.take())?;
+        if let Begin::Rest | Begin::At(_) = begin {
+            self.elastic.cells.reset();
+        }
+        let mut x = match begin {
+            Begin::Last(x) | Begin::At(x) => x,
+            Begin::Rest => self.bound.rest.clone(),
+            Begin::Itself => {
+                let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, targets);
+                self.elastic.turn_cells(&turns);
+                self.elastic.follow(&self.bound, targets)
+            }
+        };
+        self.bound.impose(targets, &mut x);
+        Ok(x)
+    }
+
+    fn minimize(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
+        let elastic = &mut self.elastic;
+        match self.solver {
+            _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence),
+            Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence),
+            Solver::Accelerated => descend(elastic, &mut Memory::default(), targets, x, convergence),
+            Solver::GaussNewton => {
+                let mut linearized = Linearized::new(&self.inertia, elastic.system.free().len(), x.len());
+                descend(elastic, &mut linearized, targets, x, convergence)
+            }
+        }
+    }
+}
+
+/// `α`, where it is not zero.
+fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, SurfaceError> {
+    let (name, value) = ("smoothness", options.smoothness);
+    match kind {
+        CellKind::Elements if value != 0.0 => {
+            Err(SurfaceError::Option { name, value, range: "0 where cells are triangles" })
+        }
+        _ if !(value >= 0.0 && value.is_finite()) => Err(SurfaceError::Option { name, value, range: "0 or more" }),
+        _ => Ok((value > 0.0).then_some(value)),
+    }
+}
+
+impl Deformer for Arap {
+    fn method(&self) -> Method {
+        match (self.solver, self.elastic.kind) {
+            (Solver::GaussNewton, CellKind::SpokesAndRims) => Method::GaussNewton,
+            (_, CellKind::Spokes) => Method::ArapSpokes,
+            (_, CellKind::SpokesAndRims) => Method::Arap,
+            (_, CellKind::Elements) => Method::ArapElements,
+        }
+    }
+
+    fn deform(
+        &mut self,
+        pose: &HandlePose,
+        start: Start<'_>,
+        convergence: &Convergence,
+    ) -> Result<Deformation, SurfaceError> {
+        convergence.check()?;
+        let targets = self.bound.targets(pose)?;
+        let mut x = self.start(pose, &targets, start)?;
+        let (mut energies, stop) = self.minimize(&targets, &mut x, convergence);
+        if let Some(last) = energies.last_mut() {
+            *last = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
+        }
+        let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
+        let done = self.bound.done(&x, pose, energies, stop, counts);
+        self.last = Some(x);
+        Ok(done)
+    }
+}

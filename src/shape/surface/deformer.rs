@@ -1,0 +1,203 @@
+//! The one door to all methods of deformation: bound to a mesh and a set of handles once, then solved pose by pose.
+
+use nalgebra::Point3;
+
+use super::arap::{Arap, CellKind};
+use super::detail_preserving::LaplacianKind;
+use super::laplacian_editing::{LaplacianEditing, Turning};
+use super::multiresolution::Multiresolution;
+use super::poisson::Poisson;
+use super::primo::{Primo, PrimoOptions};
+use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::CotangentRule;
+use plumbline_num::energy::Convergence;
+
+/// A method of deformation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// As rigid as possible, spokes and rims.
+    #[default]
+    Arap,
+    /// As rigid as possible, spokes only.
+    ArapSpokes,
+    /// As rigid as possible, triangle by triangle.
+    ArapElements,
+    /// As rigid as possible, spokes and rims, minimized by Gauss–Newton steps.
+    GaussNewton,
+    /// Laplacian editing.
+    Laplacian,
+    /// Poisson editing.
+    Poisson,
+    /// Rigid prisms with elastic joints.
+    Primo,
+}
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 7] = [
+        Self::Arap,
+        Self::ArapSpokes,
+        Self::ArapElements,
+        Self::GaussNewton,
+        Self::Laplacian,
+        Self::Poisson,
+        Self::Primo,
+    ];
+
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Arap => "arap",
+            Self::ArapSpokes => "arap-spokes",
+            Self::ArapElements => "arap-elements",
+            Self::GaussNewton => "gauss-newton",
+            Self::Laplacian => "laplacian",
+            Self::Poisson => "poisson",
+            Self::Primo => "primo",
+        }
+    }
+
+    /// The method of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.name() == name)
+    }
+}
+
+/// How elastic energies are minimized. All reach the same minimum; they differ in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// Rotations and positions in turn: the energy falls at every step, slowly near the end.
+    LocalGlobal,
+    /// The same steps, lengthened by what the last ones taught (quasi-Newton).
+    #[default]
+    Accelerated,
+    /// Rotations and positions together, linearized: few, dear iterations.
+    GaussNewton,
+}
+
+/// What a method may be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeformOptions {
+    /// How cotangents are taken.
+    pub cotangents: CotangentRule,
+    /// How elastic energies are minimized.
+    pub solver: Solver,
+    /// ARAP with cells at vertices: how much neighbors turn alike (`α` of Levi & Gotsman), dimensionless, 0 for not at all.
+    /// 0.02 keeps the volume of twisted bars. Minimized by local–global steps, whatever the solver.
+    pub smoothness: f64,
+    /// ARAP with cells at vertices: share of the resistance to bending, in (0, 1]. Cells resist it by the square of their
+    /// size, so that a finer mesh of the same surface bends more easily; a mesh that stands for one of `n` times as many
+    /// vertices has `1/n` of it.
+    pub bending: f64,
+    /// Laplacian editing: whose differential coordinates are kept.
+    pub laplacian: LaplacianKind,
+    /// Laplacian editing: where their rotations come from.
+    pub turning: Turning,
+    /// What happens to parts without a handle.
+    pub unheld: Unheld,
+    /// What the shell of [`Method::Primo`] is like.
+    pub primo: PrimoOptions,
+}
+
+impl Default for DeformOptions {
+    fn default() -> Self {
+        Self {
+            cotangents: CotangentRule::default(),
+            solver: Solver::default(),
+            smoothness: 0.0,
+            bending: 1.0,
+            laplacian: LaplacianKind::default(),
+            turning: Turning::default(),
+            unheld: Unheld::default(),
+            primo: PrimoOptions::default(),
+        }
+    }
+}
+
+/// Where an iteration starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Start<'a> {
+    /// What is quickest on large surfaces: [`Self::Coarse`] for ARAP without smoothness, [`Self::Spread`] for others.
+    #[default]
+    Auto,
+    /// The solution of coarser copies of the surface, which are made when first asked for. As [`Self::Spread`] for surfaces of
+    /// few vertices, and for methods that need one solve only.
+    Coarse,
+    /// Rotations spread smoothly from the handles: near the solution, whatever the pose.
+    Spread,
+    /// The surface at rest.
+    Rest,
+    /// Where the last call ended: for drags. The first call starts by itself.
+    Last,
+    /// These positions, one per vertex.
+    At(&'a [Point3<f64>]),
+}
+
+/// A surface that was deformed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Deformation {
+    /// One position per vertex of the mesh.
+    pub positions: Vec<Point3<f64>>,
+    /// How it went.
+    pub report: DeformReport,
+}
+
+/// A method bound to a mesh and to a set of handles: the factorizations are done.
+pub trait Deformer: Send + std::fmt::Debug {
+    /// Which method it is.
+    fn method(&self) -> Method;
+
+    /// Deforms the surface so that its handles take a pose. The result depends on the arguments alone, but for
+    /// [`Start::Last`]. Methods that need one solve only have no use for start and criterion.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`].
+    fn deform(
+        &mut self,
+        pose: &HandlePose,
+        start: Start<'_>,
+        convergence: &Convergence,
+    ) -> Result<Deformation, SurfaceError>;
+}
+
+/// Prepares a method for a mesh and a set of handles: all but the coarser copies of [`Start::Coarse`], which are made when
+/// a start first asks for them.
+///
+/// # Errors
+/// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
+/// [`SurfaceError::Solve`] where a system has no safe factorization.
+pub fn bind(
+    method: Method,
+    mesh: &TriMesh,
+    handles: &Handles,
+    options: &DeformOptions,
+) -> Result<Box<dyn Deformer>, SurfaceError> {
+    let alone = bind_alone(method, mesh, handles, options)?;
+    if Multiresolution::iterates(method, options) {
+        Ok(Box::new(Multiresolution::new(method, mesh, handles, options, alone)))
+    } else {
+        Ok(alone)
+    }
+}
+
+/// The method without coarser copies.
+pub(super) fn bind_alone(
+    method: Method,
+    mesh: &TriMesh,
+    handles: &Handles,
+    options: &DeformOptions,
+) -> Result<Box<dyn Deformer>, SurfaceError> {
+    let arap = |kind, solver| -> Result<Box<dyn Deformer>, SurfaceError> {
+        Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options })?))
+    };
+    match method {
+        Method::Arap => arap(CellKind::SpokesAndRims, options.solver),
+        Method::ArapSpokes => arap(CellKind::Spokes, options.solver),
+        Method::ArapElements => arap(CellKind::Elements, options.solver),
+        Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
+        Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options)?)),
+        Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options)?)),
+        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options)?)),
+    }
+}

@@ -1,0 +1,133 @@
+//! A start for iterations, from the low modes.
+//!
+//! ```text
+//! min_{R, t, q}  Σ_k λ_k q_k² + W Σ_h a_h ‖R (x_h + Σ_k q_k u_k(h)) + t − target_h‖²
+//! ```
+//!
+//! Few unknowns, so it costs next to nothing once the modes are there: the rigid motion and the coefficients are found in turns.
+//! What is long-waved in a pose, which local/global iterations find last, is in it from the start. Far along a mode the
+//! surface swells, since displacements are straight; one local/global iteration takes that back.
+//!
+//! # Reference
+//! Q. Huang, M. Wicke, B. Adams, L. Guibas, *Shape decomposition using modal analysis*, Computer Graphics Forum 28 (2009).
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
+
+use super::Modes;
+use crate::mesh::TriMesh;
+use crate::mesh::operators::barycentric_areas;
+use crate::surface::{HandlePose, Handles, SurfaceError};
+use plumbline_num::math::nearest_rotation;
+
+/// `W` over the highest `λ`, for handles that weigh as much as the whole surface: handles are met to a tenth of what the modes
+/// can do. Much more lets high modes run for what low ones nearly reach.
+const HANDLE_WEIGHT: f64 = 100.0;
+/// Turns of rigid motion and coefficients; they settle in a few.
+const TURNS: usize = 20;
+
+/// Positions of all vertices that follow a pose of the handles by a rigid motion of the whole and the low modes.
+///
+/// # Errors
+/// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Pose`], [`SurfaceError::NotFinite`].
+///
+/// # Panics
+/// Where the modes are those of another mesh.
+pub fn modal_start(
+    mesh: &TriMesh,
+    modes: &Modes,
+    handles: &Handles,
+    pose: &HandlePose,
+) -> Result<Vec<Point3<f64>>, SurfaceError> {
+    pose.check(handles)?;
+    let vertices = mesh.vertex_count();
+    assert!(modes.vectors.iter().all(|u| u.len() == vertices), "one displacement per vertex");
+    if handles.is_empty() {
+        return Err(SurfaceError::NoHandle);
+    }
+    if let Some(&vertex) = handles.vertices().iter().find(|&&v| v as usize >= vertices) {
+        return Err(SurfaceError::NoSuchVertex { vertex, vertices });
+    }
+    let reduced = Reduced::new(mesh, modes, handles);
+    let targets: Vec<Vector3<f64>> = pose.positions().iter().map(|p| p.coords).collect();
+    let mut q = DVector::zeros(modes.values.len());
+    let mut motion = reduced.rigid(&q, &targets);
+    for _ in 0..TURNS {
+        q = reduced.coefficients(&motion, &targets);
+        motion = reduced.rigid(&q, &targets);
+    }
+    let (turn, from, to) = motion;
+    let place = |(v, p): (usize, &Point3<f64>)| {
+        let moved = modes.vectors.iter().zip(q.iter()).fold(p.coords, |sum, (u, q)| sum + u[v] * *q);
+        Point3::from(to + turn * (moved - from))
+    };
+    Ok(mesh.positions().iter().enumerate().map(place).collect())
+}
+
+/// `y = to + turn (x − from)`.
+type Rigid = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
+
+/// The problem at the handles.
+struct Reduced {
+    rest: Vec<Vector3<f64>>,
+    /// Modes at the handles: by handle, then by mode.
+    moves: Vec<Vec<Vector3<f64>>>,
+    /// `W a_h`.
+    weights: Vec<f64>,
+    /// `diag λ + W Σ a u uᵀ`, factored; `None` without modes.
+    factor: Option<nalgebra::Cholesky<f64, nalgebra::Dyn>>,
+}
+
+impl Reduced {
+    fn new(mesh: &TriMesh, modes: &Modes, handles: &Handles) -> Self {
+        let at = |v: u32| v as usize;
+        let areas = barycentric_areas(mesh);
+        let whole: f64 = areas.iter().sum();
+        let held: f64 = handles.vertices().iter().map(|&v| areas[at(v)]).sum();
+        let highest = modes.values.last().copied().unwrap_or(1.0);
+        let scale = if held > 0.0 { HANDLE_WEIGHT * highest * whole / held } else { HANDLE_WEIGHT * highest };
+        let weight = |&v: &u32| scale * if held > 0.0 { areas[at(v)] } else { 1.0 };
+        let weights: Vec<f64> = handles.vertices().iter().map(weight).collect();
+        let rest = handles.vertices().iter().map(|&v| mesh.positions()[at(v)].coords).collect();
+        let of_handle = |&v: &u32| modes.vectors.iter().map(|u| u[at(v)]).collect();
+        let moves: Vec<Vec<Vector3<f64>>> = handles.vertices().iter().map(of_handle).collect();
+        let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(&modes.values));
+        for (u, w) in moves.iter().zip(&weights) {
+            for i in 0..u.len() {
+                for j in 0..u.len() {
+                    normal[(i, j)] += w * u[i].dot(&u[j]);
+                }
+            }
+        }
+        Self { rest, moves, weights, factor: normal.cholesky() }
+    }
+
+    /// Where the modes put the handles before the rigid motion.
+    fn posed(&self, q: &DVector<f64>) -> Vec<Vector3<f64>> {
+        let moved =
+            |(x, u): (&Vector3<f64>, &Vec<Vector3<f64>>)| u.iter().zip(q.iter()).fold(*x, |sum, (u, q)| sum + u * *q);
+        self.rest.iter().zip(&self.moves).map(moved).collect()
+    }
+
+    fn rigid(&self, q: &DVector<f64>, targets: &[Vector3<f64>]) -> Rigid {
+        let posed = self.posed(q);
+        // Handles without area all count alike by their common weight, which is positive.
+        let total: f64 = self.weights.iter().sum();
+        let mean = |points: &[Vector3<f64>]| {
+            points.iter().zip(&self.weights).map(|(p, w)| p * (w / total)).sum::<Vector3<f64>>()
+        };
+        let (from, to) = (mean(&posed), mean(targets));
+        let pairs = posed.iter().zip(targets).zip(&self.weights);
+        let covariance: Matrix3<f64> = pairs.map(|((x, y), w)| (y - to) * (x - from).transpose() * (w / total)).sum();
+        (nearest_rotation(&covariance), from, to)
+    }
+
+    fn coefficients(&self, (turn, from, to): &Rigid, targets: &[Vector3<f64>]) -> DVector<f64> {
+        let modes = self.moves.first().map_or(0, Vec::len);
+        let mut right = DVector::zeros(modes);
+        for (((x, u), w), target) in self.rest.iter().zip(&self.moves).zip(&self.weights).zip(targets) {
+            let wanted = turn.transpose() * (target - to) + from - x;
+            u.iter().enumerate().for_each(|(k, u)| right[k] += w * u.dot(&wanted));
+        }
+        self.factor.as_ref().map_or_else(|| DVector::zeros(modes), |factor| factor.solve(&right))
+    }
+}

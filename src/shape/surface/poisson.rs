@@ -1,0 +1,58 @@
+//! Poisson editing: gradients turned by rotations spread from the handles, and the surface that has them as nearly as can be.
+//!
+//! ```text
+//! E(x) = Σ_t A_t |∇x − R_t ∇p|²  =  Σ_t Σ_{e ∈ t} h_e |e'(x) − R_t e|²,      L x = Σ_t R_t gᵗ
+//! ```
+//!
+//! The matrix is that of ARAP's global step; there is no local step, hence one solve per pose, and one more for the rotations.
+//! `R_t` is the mean of the rotations of the corners.
+//!
+//! # Reference
+//! Y. Yu, K. Zhou, D. Xu, X. Shi, H. Bao, B. Guo, H.-Y. Shum, *Mesh editing with Poisson-based gradient field manipulation*,
+//! SIGGRAPH 2004.
+
+use super::arap::{CellKind, Elastic};
+use super::bound::Bound;
+use super::spread::Patches;
+use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Method, Start, Stop, SurfaceError};
+use crate::mesh::TriMesh;
+use crate::mesh::operators::Cotangents;
+use plumbline_num::energy::Convergence;
+
+/// Poisson editing, bound to a mesh and handles.
+#[derive(Debug)]
+pub(super) struct Poisson {
+    bound: Bound,
+    elastic: Elastic,
+    patches: Patches,
+}
+
+impl Poisson {
+    pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
+        let bound = Bound::new(mesh, handles, options)?;
+        let cotangents = Cotangents::new(mesh, options.cotangents);
+        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held, 1.0)?;
+        Ok(Self { patches: Patches::new(&bound), bound, elastic })
+    }
+}
+
+impl Deformer for Poisson {
+    fn method(&self) -> Method {
+        Method::Poisson
+    }
+
+    fn deform(
+        &mut self,
+        pose: &HandlePose,
+        _start: Start<'_>,
+        _convergence: &Convergence,
+    ) -> Result<Deformation, SurfaceError> {
+        let targets = self.bound.targets(pose)?;
+        let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, &targets);
+        self.elastic.turn_cells(&turns);
+        let x = self.elastic.follow(&self.bound, &targets);
+        let energy = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
+        let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
+        Ok(self.bound.done(&x, pose, vec![energy], Stop::Solved, counts))
+    }
+}

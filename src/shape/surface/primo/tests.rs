@@ -1,0 +1,417 @@
+use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+
+use super::clusters::{self, FIXED};
+use super::global::Global;
+use super::prisms::{mean_edge, prisms};
+use super::shell::{BodyPose, Shell};
+use super::solver::{Anchor, Minimized, Solver, Wish};
+use super::sweep::sweep;
+use super::*;
+use crate::mesh::TriMesh;
+use plumbline_num::energy::Convergence;
+
+/// A closed bar of `n` square cells along x, `1 × 1` across.
+fn bar(n: usize) -> TriMesh {
+    let mut positions = Vec::new();
+    for i in 0..=n {
+        positions
+            .extend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| Point3::new(i as f64 * 0.5, y, z)));
+    }
+    let mut triangles = vec![[0, 2, 1], [0, 3, 2]];
+    for i in 0..n as u32 {
+        for k in 0..4 {
+            let (a, b) = (4 * i + k, 4 * i + (k + 1) % 4);
+            triangles.extend([[a, b, a + 4], [b, b + 4, a + 4]]);
+        }
+    }
+    let end = 4 * n as u32;
+    triangles.extend([[end, end + 1, end + 2], [end, end + 2, end + 3]]);
+    TriMesh::new(positions, triangles).expect("a sound case")
+}
+
+fn shaken(shell: &Shell, seed: u64) -> Vec<BodyPose> {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut vector = |size: f64| Vector3::from_fn(|_, _| size * (random.f64() - 0.5));
+    let shake = |&at: &Vector3<f64>| BodyPose { turn: Rotation3::new(vector(0.8)).into_inner(), at: at + vector(0.4) };
+    shell.centers.iter().map(shake).collect()
+}
+
+fn held(mesh: &TriMesh, ends: impl Fn(&Point3<f64>) -> bool) -> Vec<Anchor> {
+    let numbered = mesh.positions().iter().zip(0..);
+    numbered.filter(|(p, _)| ends(p)).map(|(_, vertex)| Anchor { vertex, soft: None }).collect()
+}
+
+fn wishes(mesh: &TriMesh, anchors: &[Anchor], motion: impl Fn(&Point3<f64>) -> Point3<f64>) -> Vec<Wish> {
+    let wish = |a: &Anchor| Wish { position: motion(&mesh.positions()[a.vertex as usize]), turn: None };
+    anchors.iter().map(wish).collect()
+}
+
+fn solve(
+    mesh: &TriMesh,
+    anchors: &[Anchor],
+    options: &PrimoOptions,
+    motion: impl Fn(&Point3<f64>) -> Point3<f64>,
+) -> (Minimized, Vec<Point3<f64>>) {
+    let still = vec![false; mesh.vertex_count()];
+    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, &Fabric::default());
+    let wishes = wishes(mesh, anchors, motion);
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
+    let found = solver.minimize(start, &convergence).expect("a sound case");
+    let positions = solver.positions(&found.poses, &wishes);
+    (found, positions)
+}
+
+/// Turns the far end of a bar that is `length` long by `angle` about x.
+fn twist(length: f64, angle: f64) -> impl Fn(&Point3<f64>) -> Point3<f64> {
+    move |p| {
+        let (sin, cos) = if p.x > 0.5 * length { angle.sin_cos() } else { (0.0, 1.0) };
+        let (y, z) = (p.y - 0.5, p.z - 0.5);
+        Point3::new(p.x, 0.5 + cos * y - sin * z, 0.5 + sin * y + cos * z)
+    }
+}
+
+#[test]
+fn the_gradient_is_that_of_central_differences_on_every_level() {
+    let mut shell = prisms(&bar(6), 0.7, &Fabric::default());
+    for fixed in [0, 1, 20] {
+        shell.free[fixed] = false;
+    }
+    let poses = shaken(&shell, 1);
+    for clusters in clusters::levels(&shell, None, 4) {
+        let mut global = Global::new(&shell, &clusters).expect("a sound case");
+        let gradient = global.gradient(&shell, &clusters, &poses).to_vec();
+        for (k, g) in gradient.iter().enumerate() {
+            let (c, step) = (k / 6, 1e-5);
+            let center = clusters.members(c).iter().map(|&b| poses[b as usize].at).sum::<Vector3<f64>>()
+                / clusters.members(c).len() as f64;
+            let at = |t: f64| {
+                let mut moved = poses.clone();
+                let mut velocity = [0.0; 6];
+                velocity[k % 6] = t;
+                let turn = Rotation3::new(Vector3::from_column_slice(&velocity[..3]));
+                for &b in clusters.members(c) {
+                    let pose = &mut moved[b as usize];
+                    pose.at = center + turn * (pose.at - center) + Vector3::from_column_slice(&velocity[3..]);
+                    pose.turn = turn.matrix() * pose.turn;
+                }
+                0.5 * shell.energy(&moved)
+            };
+            let difference = (at(step) - at(-step)) / (2.0 * step);
+            assert!((g - difference).abs() < 1e-7 * (1.0 + g.abs()), "{k}: {g} against {difference}");
+        }
+    }
+}
+
+#[test]
+fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of_the_unit() {
+    let mesh = bar(6);
+    let shell = prisms(&mesh, 0.7, &Fabric::default());
+    let poses = shaken(&shell, 2);
+    let energy = shell.energy(&poses);
+    let r = Rotation3::new(Vector3::new(0.3, -2.0, 0.8)).into_inner();
+    let moved: Vec<_> =
+        poses.iter().map(|p| BodyPose { turn: r * p.turn, at: r * p.at + Vector3::new(3.0, 1.0, -7.0) }).collect();
+    assert!((shell.energy(&moved) - energy).abs() < 1e-12 * energy);
+    let scaled = |s: f64| {
+        let large = mesh.with_positions(mesh.positions().iter().map(|p| p * s).collect()).expect("a sound case");
+        let shell = prisms(&large, 0.7 * s, &Fabric::default());
+        let poses: Vec<_> = poses.iter().map(|p| BodyPose { turn: p.turn, at: p.at * s }).collect();
+        shell.energy(&poses)
+    };
+    for s in [1e-3, 1e3] {
+        assert!((scaled(s) - s * s * energy).abs() < 1e-12 * s * s * energy);
+    }
+}
+
+#[test]
+fn without_thickness_a_hinge_is_free_and_with_it_bending_costs_the_square() {
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, -1.0, 0.0]].map(Point3::from).to_vec();
+    let sheet = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]).expect("a sound case");
+    let folded = |h: f64| {
+        let shell = prisms(&sheet, h, &Fabric::default());
+        let mut poses = shell.rest();
+        let turn = Rotation3::new(Vector3::x() * 0.9).into_inner();
+        poses[1] = BodyPose { turn, at: turn * poses[1].at };
+        shell.energy(&poses)
+    };
+    assert!(folded(0.0) < 1e-30, "{}", folded(0.0));
+    assert!(folded(0.1) > 0.0 && (folded(0.1) / folded(0.05) - 4.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
+    for far in [Vector3::zeros(), Vector3::new(1e6, 2e6, -1e6)] {
+        let mesh = bar(20);
+        let mesh = mesh.with_positions(mesh.positions().iter().map(|p| p + far).collect()).expect("a sound case");
+        let r = Rotation3::new(Vector3::new(1.0, -0.5, 2.0));
+        let motion = |p: &Point3<f64>| r * (p - far) + far + Vector3::new(4.0, 5.0, -6.0);
+        let anchors = held(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
+        let (found, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), motion);
+        assert!(found.converged);
+        for (p, rest) in positions.iter().zip(mesh.positions()) {
+            assert!((p - motion(rest)).norm() < 1e-9 * mesh.diagonal(), "{p} is not {}", motion(rest));
+        }
+    }
+}
+
+#[test]
+fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
+    let mesh = bar(40);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 19.4);
+    let mut solver = Solver::new(
+        &mesh,
+        anchors.clone(),
+        &vec![false; mesh.vertex_count()],
+        &PrimoOptions::default(),
+        &Fabric::default(),
+    );
+    assert!(solver.levels.len() > 1);
+    let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let found = solver.minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }).expect("a sound case");
+    assert!(found.converged, "{:?}", found.energies);
+    assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)), "{:?}", found.energies);
+    let mut global = Global::new(&solver.shell, &solver.levels[0]).expect("a sound case");
+    let steepest =
+        global.gradient(&solver.shell, &solver.levels[0], &found.poses).iter().fold(0.0, |a: f64, g| a.max(g.abs()));
+    assert!(steepest < 1e-6 * found.last(), "{steepest} at {}", found.last());
+}
+
+#[test]
+fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
+    let mesh = bar(24);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 11.4);
+    let (all, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(12.0, 1.0));
+    let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
+    let still = vec![false; mesh.vertex_count()];
+    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &Fabric::default());
+    let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
+    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).expect("a sound case");
+    assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
+    let slowly = solver.positions(&slow.poses, &wishes);
+    let apart = slowly.iter().zip(&positions).map(|(a, b)| (a - b).norm());
+    assert!(apart.fold(0.0, f64::max) < 1e-3 * mesh.diagonal());
+}
+
+#[test]
+fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
+    let mesh = bar(10);
+    let mut shell = prisms(&mesh, 0.5, &Fabric::default());
+    shell.free[0] = false;
+    for clusters in clusters::levels(&shell, None, 8) {
+        let mut poses = shaken(&shell, 3);
+        poses[0] = shell.rest()[0];
+        let mut before = shell.energy(&poses);
+        for _ in 0..20 {
+            sweep(&shell, &clusters, &mut poses);
+            let now = shell.energy(&poses);
+            assert!(now <= before * (1.0 + 1e-12));
+            before = now;
+        }
+    }
+    let clusters = &clusters::levels(&shell, None, 1000)[0];
+    let mut poses = shell.rest();
+    sweep(&shell, clusters, &mut poses);
+    for (pose, at) in poses.iter().zip(&shell.centers) {
+        assert!((pose.at - at).norm() < 1e-14 * 10.0 && (pose.turn - Matrix3::identity()).norm() < 1e-13);
+    }
+}
+
+#[test]
+fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
+    let mut shell = prisms(&bar(60), 0.5, &Fabric::default());
+    shell.free[7] = false;
+    let levels = clusters::levels(&shell, None, 30);
+    assert!(levels.len() >= 3 && levels.windows(2).all(|w| w[1].count * 2 < w[0].count));
+    for level in &levels {
+        assert_eq!(level.of_body[7], FIXED);
+        let members: usize = (0..level.count).map(|c| level.members(c).len()).sum();
+        assert_eq!(members, shell.centers.len() - 1);
+        let largest = (0..level.count).map(|c| level.members(c).len()).max().expect("a sound case");
+        assert!(largest <= 6 * members / level.count, "{largest} of {members} in one of {}", level.count);
+    }
+}
+
+#[test]
+fn a_single_vertex_pulls_and_a_soft_one_pulls_less() {
+    let mesh = bar(12);
+    let mut anchors = held(&mesh, |p| p.x < 0.6);
+    let tip = mesh.vertex_count() as u32 - 1;
+    let up = |p: &Point3<f64>| p + if p.x > 3.0 { Vector3::new(0.0, 0.0, 1.0) } else { Vector3::zeros() };
+    let mut reached = Vec::new();
+    for soft in [None, Some(1.0), Some(1e-3)] {
+        anchors.retain(|a| a.vertex != tip);
+        anchors.push(Anchor { vertex: tip, soft });
+        let (found, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), up);
+        assert!(found.converged);
+        reached.push(positions[tip as usize].z - mesh.positions()[tip as usize].z);
+    }
+    assert_eq!(reached[0], 1.0);
+    assert!(reached[0] > reached[1] && reached[1] > 2.0 * reached[2] && reached[2] > 0.0, "{reached:?}");
+}
+
+#[test]
+fn broken_triangles_stay_finite() {
+    let mesh = bar(8);
+    let mut positions = mesh.positions().to_vec();
+    let mut triangles = mesh.triangles().to_vec();
+    positions[13] = positions[12];
+    positions.extend([[9.0, 9.0, 9.0], [2.0, 3.0, 0.5]].map(Point3::from));
+    let fin = positions.len() as u32 - 1;
+    triangles.extend([[16, 17, fin], [5, 6, 5], [8, 8, 8], [20, 21, 22], [20, 21, 22]]);
+    let mesh = TriMesh::new(positions, triangles).expect("a sound case");
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 3.9);
+    for thickness in [0.0, 1e-6, 1.0, 100.0] {
+        let options = PrimoOptions { thickness, ..PrimoOptions::default() };
+        let (found, positions) = solve(&mesh, &anchors, &options, twist(4.0, 1.5));
+        assert!(positions.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "thickness {thickness}");
+        assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
+    }
+    assert!(mean_edge(&mesh) > 0.0);
+}
+
+#[test]
+fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() {
+    let near = bar(12);
+    let count = near.vertex_count() as u32;
+    let far = near.positions().iter().map(|p| p + Vector3::new(0.0, 9.0, 0.0));
+    let positions: Vec<_> = near.positions().iter().copied().chain(far).collect();
+    let second = near.triangles().iter().map(|t| t.map(|v| v + count));
+    let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
+    let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let mut primo =
+        super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default()).expect("a sound case");
+    let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
+    let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
+    let first = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
+    assert_eq!(first.report.held_still.len(), 1);
+    assert_eq!(first.positions[count as usize..], mesh.positions()[count as usize..]);
+    for (k, start) in [Start::Last, Start::At(&first.positions), Start::Rest].into_iter().enumerate() {
+        let again = primo.deform(&pose, start, &convergence).expect("a sound case");
+        let (now, before) =
+            (again.report.energies.last().expect("a sound case"), first.report.energies.last().expect("a sound case"));
+        assert!((now / before - 1.0).abs() < 1e-6, "{now} against {before}");
+        assert!(k > 0 || again.report.iterations < first.report.iterations);
+    }
+}
+
+#[test]
+fn what_no_shell_can_be_is_refused() {
+    let (mesh, handles) = (bar(2), Handles::exact([0]).expect("a sound case"));
+    let said = |primo: PrimoOptions| {
+        let options = DeformOptions { primo, ..DeformOptions::default() };
+        Primo::new(&mesh, &handles, &options).expect_err("a faulty case").to_string()
+    };
+    let thickness = PrimoOptions { thickness: -1.0, ..PrimoOptions::default() };
+    assert_eq!(said(thickness), "thickness -1 is invalid (expected a finite number, 0 or more)");
+    let system = PrimoOptions { largest_system: 0, ..PrimoOptions::default() };
+    assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
+    let soft = vec![0.0; mesh.triangle_count()];
+    let fabric = Fabric { stiffness: Some(&soft), ..Fabric::default() };
+    let refused = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect_err("a faulty case");
+    assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
+}
+
+#[test]
+fn a_stiffer_part_keeps_its_shape_better() {
+    let mesh = bar(20);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    // How far the first half is twisted, as the angle of a ring in the middle.
+    let angle = |factor: f64| {
+        let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
+        let stiffness: Vec<f64> =
+            (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
+        let options = DeformOptions::default();
+        let fabric = Fabric { stiffness: Some(&stiffness), ..Fabric::default() };
+        let mut primo = Primo::of_fabric(&mesh, &handles, &options, &fabric).expect("a sound case");
+        let done = primo.deform(&pose, Start::Spread, &Convergence::default()).expect("a sound case");
+        let ring = &done.positions[40..44];
+        let side = ring[1] - ring[0] + (ring[2] - ring[3]);
+        side.z.atan2(side.y)
+    };
+    assert!((angle(1.0) - 0.6).abs() < 0.02, "{}", angle(1.0));
+    assert!(angle(20.0) < 0.15 && angle(0.05) > 1.05, "{} {}", angle(20.0), angle(0.05));
+}
+
+#[test]
+fn a_grain_stiffens_bending_across_it_alone() {
+    let corners = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.5, 0.0], [-1.0, 0.5, 0.0]].map(Point3::from);
+    let mesh = TriMesh::new(corners.to_vec(), vec![[0, 2, 1], [0, 1, 3]]).expect("a sound case");
+    // One of two triangles turned about the middle of their common edge, which lies along y.
+    let energy = |grain: Option<Vector3<f64>>, axis: Vector3<f64>| {
+        let grain = grain.map(|g| [g; 2]);
+        let shell = prisms(&mesh, 0.5, &Fabric { grain: grain.as_ref().map(|g| &g[..]), ..Fabric::default() });
+        let mut poses = shell.rest();
+        let (turn, hinge) = (Rotation3::new(axis * 0.3), Vector3::new(0.0, 0.5, 0.0));
+        poses[1] = BodyPose { turn: turn.into_inner(), at: hinge + turn * (poses[1].at - hinge) };
+        shell.energy(&poses)
+    };
+    let (bend, shear) = (Vector3::y(), Vector3::z());
+    for (grain, factor) in [(Vector3::x() * 2.0, 5.0), (Vector3::y() * 2.0, 1.0), (Vector3::new(1.0, 1.0, 0.0), 2.0)] {
+        assert!((energy(Some(grain), bend) / energy(None, bend) - factor).abs() < 1e-12, "{grain}");
+        assert!((energy(Some(grain), shear) / energy(None, shear) - 1.0).abs() < 1e-12, "{grain}");
+    }
+}
+
+#[test]
+fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
+    let mesh = bar(20);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
+    // A bone of some rings, and one that a handle holds in part.
+    let number = |t: usize| match middle(t) {
+        x if (3.0..5.0).contains(&x) => Some(7),
+        x if x > 9.0 => Some(9),
+        _ => None,
+    };
+    let rigid: Vec<Option<u32>> = (0..mesh.triangle_count()).map(number).collect();
+    let fabric = Fabric { rigid: Some(&rigid), ..Fabric::default() };
+    let mut primo = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect("a sound case");
+    let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
+    let done = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let inner: Vec<usize> = (0..mesh.vertex_count()).filter(|&v| (3.4..4.6).contains(&mesh.positions()[v].x)).collect();
+    assert!(inner.len() >= 8);
+    for (&v, &w) in inner.iter().zip(&inner[1..]).chain(inner.iter().zip(&inner[4..])) {
+        let length = |p: &[Point3<f64>]| nalgebra::distance(&p[v], &p[w]);
+        assert!((length(&done.positions) - length(mesh.positions())).abs() < 1e-12 * mesh.diagonal());
+    }
+    let energies = &done.report.energies;
+    assert!(energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
+    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default()).expect("a sound case");
+    let free = free.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let least = free.report.energies.last().expect("the energy at the start");
+    assert!(energies[energies.len() - 1] > 1.02 * least, "what must not bend costs");
+    // From any positions bones start straight.
+    let again = primo.deform(&pose, Start::At(&free.positions), &convergence).expect("a sound case");
+    let (a, b) = (again.report.energies.last().expect("the energy"), energies.last().expect("the energy"));
+    assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+}
+
+#[test]
+fn results_turn_and_grow_with_the_mesh() {
+    let mesh = bar(10);
+    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 4.4);
+    let (plain, expected) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(5.0, 1.0));
+    for (scale, offset) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)] {
+        let turn = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));
+        let place = |p: &Point3<f64>| turn * (p * scale) + Vector3::repeat(offset);
+        let there = mesh.with_positions(mesh.positions().iter().map(place).collect()).expect("a sound case");
+        let back = |p: &Point3<f64>| turn.inverse() * (p - Vector3::repeat(offset)) / scale;
+        let (found, positions) =
+            solve(&there, &anchors, &PrimoOptions::default(), |p| place(&twist(5.0, 1.0)(&back(p))));
+        let digits = if offset > 0.0 { 1e-6 } else { 1e-9 };
+        let (e, f) = (plain.last() * scale * scale, found.last());
+        assert!((f / e - 1.0).abs() < digits, "{scale} {offset}: {e} {f}");
+        for (x, y) in expected.iter().zip(&positions) {
+            assert!((place(x) - y).norm() < digits * scale * mesh.diagonal(), "{scale} {offset}");
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! Scenes and rooms rendered by rule, with known cameras: inputs of tests, examples and benches.
+
+pub mod room;
+pub mod scene;

@@ -1,0 +1,87 @@
+//! The cameras of a clip, segment by segment: what structure from motion found, and what it is worth.
+
+use std::ops::Range;
+
+use super::sfm::{Segment, SfmFigures, SfmVerdict};
+use plumbline_camera::{CameraPose, Intrinsics, Point3};
+
+/// Cameras, points and verdicts of a clip.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClipCameras {
+    /// One per frame; `None` where no camera is known. Poses are in the coordinates of their segment.
+    pub frames: Vec<Option<FrameCamera>>,
+    /// Points of all segments, by segment.
+    pub points: Vec<WorldPoint>,
+    /// The segments, in order, each a shot or a part of one.
+    pub shots: Vec<ShotCameras>,
+}
+
+/// The camera of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameCamera {
+    /// `cam_from_world`.
+    pub pose: CameraPose,
+    /// The lens.
+    pub intrinsics: Intrinsics,
+}
+
+/// A still point of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldPoint {
+    /// Index of its segment.
+    pub shot: u32,
+    /// Identity of its track.
+    pub id: u32,
+    /// Where it is, in the coordinates of the segment.
+    pub place: Point3,
+}
+
+/// What was found out about the cameras of a shot, or of the part of one whose cameras share coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShotCameras {
+    /// Its frames.
+    pub frames: Range<usize>,
+    /// What the tracks allow to say.
+    pub verdict: SfmVerdict,
+    /// Why, for the user.
+    pub reason: String,
+    /// How good it is.
+    pub figures: SfmFigures,
+}
+
+impl ClipCameras {
+    /// Index of the segment that a frame belongs to.
+    pub fn segment_of(&self, frame: usize) -> Option<usize> {
+        let segment = self.shots.partition_point(|s| s.frames.end <= frame);
+        self.shots.get(segment).is_some_and(|s| s.frames.contains(&frame)).then_some(segment)
+    }
+
+    /// Whether the camera of a frame was found to have only turned.
+    pub fn turns(&self, frame: usize) -> bool {
+        self.segment_of(frame).is_some_and(|k| self.shots[k].verdict == SfmVerdict::RotationOnly)
+    }
+
+    /// Adds the next segment; segments follow each other without a gap.
+    pub fn push(&mut self, segment: Segment) {
+        let shot = self.shots.len() as u32;
+        let Segment { frames, cameras, points, verdict, reason, figures } = segment;
+        self.frames.extend(cameras);
+        self.points.extend(points.into_iter().map(|(id, place)| WorldPoint { shot, id, place }));
+        self.shots.push(ShotCameras { frames, verdict, reason, figures });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_segment_of_which_nothing_is_known_keeps_its_place() {
+        let mut cameras = ClipCameras::default();
+        for frames in [0..3, 3..5] {
+            cameras.push(Segment::unknown(frames, SfmVerdict::Failed, "dark".to_owned()));
+        }
+        assert_eq!((cameras.frames.len(), cameras.frames.iter().flatten().count()), (5, 0));
+        assert_eq!((cameras.shots[1].frames.clone(), cameras.shots[1].figures.frames), (3..5, 2));
+    }
+}

@@ -1,0 +1,233 @@
+//! COLMAP models: cameras, images and points of one reconstruction, as text or binary.
+//!
+//! A model is three files in one folder, `cameras`, `images` and `points3D`, each as `.txt` or `.bin`. Its conventions are
+//! ours: `x_in_camera = R x + t` with `q = [w, x, y, z]`, +x right, +y down, +z forward, pixel centers at integer + 0.5. An image
+//! lists the points that it sees; a point lists its track, that is the images that see it and which of their points it is.
+//!
+//! We write the camera model `SIMPLE_RADIAL` (`f, cx, cy, k`), which is [`Intrinsics`] itself, and read those models that are
+//! special cases of it. Images are named `frame_000012.png` after the frame of the clip, counted from 0.
+//!
+//! # Reference
+//! J. L. Schönberger, J.-M. Frahm, *Structure-from-motion revisited*, CVPR 2016; the format is that of COLMAP's documentation,
+//! page *Output format*.
+
+mod binary;
+mod build;
+mod clip;
+mod text;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use plumbline_camera::{CameraPose, Intrinsics, Point3};
+use plumbline_num::math::Point2;
+
+pub use build::models_of;
+pub use clip::{ImportedClip, ImportedShot};
+
+/// A reconstruction.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// Cameras, each of which may have taken any number of images.
+    pub cameras: Vec<Camera>,
+    /// Images.
+    pub images: Vec<Image>,
+    /// Points in space.
+    pub points: Vec<Point>,
+}
+
+/// A camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Identity in the model.
+    pub id: u32,
+    /// Width of its pictures, px.
+    pub width: u64,
+    /// Height of its pictures, px.
+    pub height: u64,
+    /// Its lens.
+    pub intrinsics: Intrinsics,
+}
+
+/// An image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Identity in the model.
+    pub id: u32,
+    /// Identity of its camera.
+    pub camera: u32,
+    /// Name of its file.
+    pub name: String,
+    /// `cam_from_world`.
+    pub pose: CameraPose,
+    /// What it sees.
+    pub sightings: Vec<Sighting>,
+}
+
+/// A point of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Where, px.
+    pub at: Point2,
+    /// The point in space; `None` where it is not known.
+    pub point: Option<u64>,
+}
+
+/// A point in space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Identity in the model.
+    pub id: u64,
+    /// Where it is.
+    pub place: Point3,
+    /// Mean distance of its sightings from where the images should see it, px; below 0 where unknown.
+    pub error_px: f64,
+    /// Its sightings: identity of the image, index into [`Image::sightings`].
+    pub track: Vec<(u32, u32)>,
+}
+
+/// Why a model cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ColmapError {
+    /// A file is missing or cannot be read.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder holds no model.
+    #[error("{folder} holds no COLMAP model (expected cameras, images and points3D, each as .bin or .txt)")]
+    NoModel {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A value that cannot stand there.
+    #[error("{file}, {place}: {found} (expected {expected})")]
+    Value {
+        /// Name of the file.
+        file: &'static str,
+        /// Where in it: `line 12`, or the entry of a binary file.
+        place: String,
+        /// What stands there.
+        found: String,
+        /// What may stand there.
+        expected: &'static str,
+    },
+    /// A lens that we do not have.
+    #[error(
+        "{file}, {place}: camera model {found} (expected SIMPLE_PINHOLE, PINHOLE with fx = fy, SIMPLE_RADIAL, or RADIAL with \
+         k2 = 0); undistort the model, or solve it again with SIMPLE_RADIAL"
+    )]
+    Lens {
+        /// Name of the file.
+        file: &'static str,
+        /// Where in it.
+        place: String,
+        /// The model.
+        found: String,
+    },
+    /// The model does not fit the clip.
+    #[error("{0}")]
+    Misfit(String),
+}
+
+/// Writes one of the files of a model.
+pub type FileWriter = fn(&Model, &mut dyn Write) -> io::Result<()>;
+
+/// The files of a model, text and binary, with what writes them.
+pub const FILES: [(&str, FileWriter); 6] = [
+    ("cameras.bin", binary::write_cameras),
+    ("images.bin", binary::write_images),
+    ("points3D.bin", binary::write_points),
+    ("cameras.txt", text::write_cameras),
+    ("images.txt", text::write_images),
+    ("points3D.txt", text::write_points),
+];
+
+impl Model {
+    /// Reads the model in `folder`: its binary files, or its text where one of those is missing.
+    ///
+    /// # Errors
+    /// [`ColmapError`]: a file that is missing, cut short, or holds what it may not; a lens that we do not have; identities that
+    /// name nothing.
+    pub fn read(folder: &Path) -> Result<Self, ColmapError> {
+        let has = |extension: &str| {
+            ["cameras", "images", "points3D"].iter().all(|n| folder.join(format!("{n}.{extension}")).is_file())
+        };
+        let bytes = |name: &str| {
+            let file = folder.join(name);
+            std::fs::read(&file).map_err(|source| ColmapError::Io { file, source })
+        };
+        let model = if has("bin") {
+            Self {
+                cameras: binary::read_cameras(&bytes("cameras.bin")?)?,
+                images: binary::read_images(&bytes("images.bin")?)?,
+                points: binary::read_points(&bytes("points3D.bin")?)?,
+            }
+        } else if has("txt") {
+            Self {
+                cameras: text::read_cameras(&bytes("cameras.txt")?)?,
+                images: text::read_images(&bytes("images.txt")?)?,
+                points: text::read_points(&bytes("points3D.txt")?)?,
+            }
+        } else {
+            return Err(ColmapError::NoModel { folder: folder.to_owned() });
+        };
+        model.check()?;
+        Ok(model)
+    }
+
+    /// Refuses identities that name nothing. Tracks are read from the images alone, so those of the points are not looked at.
+    fn check(&self) -> Result<(), ColmapError> {
+        let cameras: std::collections::HashSet<u32> = self.cameras.iter().map(|c| c.id).collect();
+        let points: std::collections::HashSet<u64> = self.points.iter().map(|p| p.id).collect();
+        for image in &self.images {
+            let misfit = |found: String, expected| ColmapError::Value {
+                file: "images",
+                place: format!("image {:?}", image.name),
+                found,
+                expected,
+            };
+            if !cameras.contains(&image.camera) {
+                return Err(misfit(format!("camera {}", image.camera), "a camera of the model"));
+            }
+            if let Some(id) = image.sightings.iter().filter_map(|s| s.point).find(|id| !points.contains(id)) {
+                return Err(misfit(format!("point {id}"), "a point of the model, or -1"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How far the length of a quaternion may be off 1.
+const QUATERNION_SLACK: f64 = 1e-3;
+
+/// The rotation of `[w, x, y, z]`; `None` where that is none.
+fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> {
+    let q = nalgebra::Quaternion::new(w, x, y, z);
+    ((q.norm() - 1.0).abs() <= QUATERNION_SLACK).then(|| nalgebra::UnitQuaternion::new_normalize(q))
+}
+
+/// Parameters of the lenses that can be read: COLMAP's number, name, number of parameters.
+const LENSES: [(u32, &str, usize); 4] =
+    [(0, "SIMPLE_PINHOLE", 3), (1, "PINHOLE", 4), (2, "SIMPLE_RADIAL", 4), (3, "RADIAL", 5)];
+/// The one written.
+const SIMPLE_RADIAL: (u32, &str) = (2, "SIMPLE_RADIAL");
+
+/// The lens of a camera model with these parameters, as many as [`LENSES`] says; `None` where it is none of ours.
+fn lens(model: &str, p: &[f64]) -> Option<Intrinsics> {
+    let (focal, center, k1) = match (model, p) {
+        ("SIMPLE_PINHOLE", &[f, x, y]) => (f, (x, y), 0.0),
+        ("PINHOLE", &[fx, fy, x, y]) if (fx - fy).abs() <= 1e-3 * fx => (0.5 * (fx + fy), (x, y), 0.0),
+        ("SIMPLE_RADIAL", &[f, x, y, k]) | ("RADIAL", &[f, x, y, k, 0.0]) => (f, (x, y), k),
+        _ => return None,
+    };
+    let finite = focal.is_finite() && center.0.is_finite() && center.1.is_finite() && k1.is_finite();
+    (focal > 0.0 && finite).then(|| Intrinsics { focal, center: Point2::new(center.0, center.1), k1 })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,113 @@
+//! What goes into the motion estimator and what comes out: matched points of a frame, and the motion that leads to it.
+
+use plumbline_num::math::{Homography, Similarity2};
+use plumbline_num::time::Timestamp;
+
+/// A tracked point in one frame; the same `id` in two frames is the same point of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackPoint {
+    /// Identity along the track.
+    pub id: u32,
+    /// Position, source px.
+    pub x: f32,
+    /// Position, source px.
+    pub y: f32,
+}
+
+/// What the tracker noticed about a frame as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools, reason = "independent findings, any of which may hold with any other")]
+pub struct FrameFlags {
+    /// Too dark or too flat to see anything.
+    pub black: bool,
+    /// The same picture as the previous frame.
+    pub duplicate: bool,
+    /// Smeared far beyond its neighbors.
+    pub blurred: bool,
+    /// A new shot starts here.
+    pub cut_before: bool,
+}
+
+/// One frame for [`super::MotionEstimator::push`].
+#[derive(Clone, Copy, Debug)]
+pub struct FrameInput<'a> {
+    /// Presentation time.
+    pub pts: Timestamp,
+    /// Verdict on the whole frame.
+    pub flags: FrameFlags,
+    /// The tracked points, in any order, each id once.
+    pub points: &'a [TrackPoint],
+}
+
+/// The simplest family that explains the motion to a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanarModel {
+    /// Nothing moved, or nothing is known.
+    #[default]
+    Identity,
+    /// Rotation, zoom and shift.
+    Similarity,
+    /// Shear, stretch or perspective are supported by the points.
+    Homography,
+}
+
+/// Where a motion comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionQuality {
+    /// First frame of a shot: there is nothing to have moved from.
+    #[default]
+    ShotStart,
+    /// Measured on tracked points.
+    Measured,
+    /// The picture repeats the previous one: no motion, exactly.
+    Duplicate,
+    /// Interpolated between the measured motions around a short gap.
+    Bridged,
+    /// Not measurable (black, blurred, too few or contradicting points) and not bridged: identity.
+    Lost,
+}
+
+/// The motion that leads from the previous frame to this one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameMotion {
+    /// Presentation time of this frame.
+    pub pts: Timestamp,
+    /// Previous-frame px to this-frame px, four parameters.
+    pub similarity: Similarity2,
+    /// Previous-frame px to this-frame px, eight parameters; equals `similarity` where more is not supported.
+    pub homography: Homography,
+    /// The family the points support.
+    pub model: PlanarModel,
+    /// Points seen in both frames.
+    pub points: u32,
+    /// Those that moved with the background.
+    pub inliers: u32,
+    /// Share of the frame's cells that hold such a point, in [0, 1].
+    pub coverage: f64,
+    /// Median distance of the background points from the homography's prediction, px.
+    pub residual_px: f64,
+    /// The same for the similarity, px.
+    pub similarity_residual_px: f64,
+    /// Where the motion comes from.
+    pub quality: MotionQuality,
+}
+
+impl FrameMotion {
+    /// No motion, of the given quality.
+    pub fn still(pts: Timestamp, quality: MotionQuality) -> Self {
+        Self {
+            pts,
+            similarity: Similarity2::IDENTITY,
+            homography: Homography::identity(),
+            model: PlanarModel::Identity,
+            points: 0,
+            inliers: 0,
+            coverage: 0.0,
+            residual_px: 0.0,
+            similarity_residual_px: 0.0,
+            quality,
+        }
+    }
+}

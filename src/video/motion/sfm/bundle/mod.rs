@@ -1,0 +1,141 @@
+//! Bundle adjustment: poses, points, lens and readout that together explain best where points were seen.
+//!
+//! ```text
+//! E = ½ Σ ρ(‖project_i(X_j) − observed_ij‖²/σ²) + ½ Σ ((x − x̄)/σ_x)²     x: ln f, k₁, ρ_s, as far as they have priors
+//!       + ½ Σ_j (κ_j min(w_j, 0))²
+//! ```
+//!
+//! over poses, rays and inverse depths of points in their anchors, and what all frames share. Steps are those of Levenberg
+//! and Marquardt; in each, points are eliminated one by one, which leaves a system of the poses, banded by the lengths of
+//! tracks, and of the three shared unknowns as its border. Robust losses enter by reweighting. The last term keeps points
+//! from lying beyond infinity: softly, so that one at infinity may come back.
+//!
+//! Not determined by observations are place, turn and scale of the whole: the first pose is held, and one coordinate of the
+//! translation of the camera farthest from it.
+//!
+//! # Reference
+//! B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle adjustment — a modern synthesis*, 1999; J. Civera, A. Davison,
+//! J. Montiel, *Inverse depth parametrization for monocular SLAM*, IEEE T-RO 24 (2008).
+
+mod cameras;
+mod error;
+mod judgment;
+mod layout;
+mod normal;
+mod options;
+mod parameters;
+mod problem;
+mod rescue;
+mod resect;
+mod residual;
+mod residuals;
+mod schur;
+mod shutter;
+mod structure;
+
+pub use error::BundleError;
+pub use options::{BundleOptions, Freedom, RobustFit};
+pub use resect::{Resection, resect};
+pub use residuals::{Miss, residuals};
+pub use structure::refine_points;
+
+use super::{Observation, Scene};
+use cameras::Cameras;
+use layout::Layout;
+use parameters::SHARED;
+use plumbline_num::optim::levenberg_marquardt::minimize;
+use problem::Adjustment;
+
+/// How an adjustment went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BundleReport {
+    /// Steps tried under all losses.
+    pub iterations: usize,
+    /// `E` at the start, under the first loss.
+    pub initial_cost: f64,
+    /// `E` at the end of the search, under the last loss.
+    pub cost: f64,
+    /// Whether the last loss was minimized to the tolerance.
+    pub converged: bool,
+    /// Observations that took part.
+    pub observations: usize,
+    /// Points that took part.
+    pub points: usize,
+    /// Root of the mean squared length of residuals, px, outliers included, points behind their camera left out.
+    pub rms_px: f64,
+    /// Median length of residuals, px.
+    pub median_px: f64,
+    /// Standard deviation of `ln f`, from the noise that the residuals show; `None` where it was not asked
+    /// for, where the focal length is fixed, and where nothing determines it.
+    pub sigma_ln_focal: Option<f64>,
+}
+
+/// Adjusts a scene to observations; those of unknown frames or points are left out, and so are points that only one frame
+/// sees.
+///
+/// # Errors
+/// [`BundleError`]: settings out of range, values that are not finite, nothing to adjust. The scene is then as it was.
+pub fn adjust(
+    scene: &mut Scene,
+    observations: &[Observation],
+    options: &BundleOptions,
+) -> Result<BundleReport, BundleError> {
+    options.check()?;
+    let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
+    let rolling = scene.readout != 0.0 || options.readout != Freedom::Fixed;
+    let mut layout = Layout::new(scene, observations, &options.held, shared_free, rolling)?;
+    if options.turning {
+        layout.hold_translations();
+    }
+    let cameras = Cameras::new(&layout, scene.intrinsics.center);
+    let mut problem = Adjustment::new(&layout, layout.parameters(scene), cameras, options);
+    let mut report = None;
+    let damping = options.fit.damping_for(layout.sights.len());
+    for loss in &options.fit.losses {
+        problem.judgment.loss = *loss;
+        let cost = problem.cost();
+        let run = minimize(&mut problem, cost, &damping);
+        let (before, initial_cost) = report.map_or((0, run.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
+        report = Some((before + run.iterations, initial_cost, run));
+        problem.rescue();
+    }
+    let (iterations, initial_cost, last) = report.expect("there is a loss: it was checked");
+    layout.store(&problem.present, scene);
+    let residuals = Residuals::of(&mut problem, options);
+    let sigma_ln_focal = (options.uncertainty && shared_free[0]).then(|| problem.variance_of_ln_focal()).flatten();
+    Ok(BundleReport {
+        iterations,
+        initial_cost,
+        cost: last.cost,
+        converged: last.converged,
+        observations: layout.sights.len(),
+        points: layout.tracks.len(),
+        rms_px: residuals.rms_px,
+        median_px: residuals.median_px,
+        sigma_ln_focal: sigma_ln_focal.map(|variance| variance.sqrt() * residuals.noise),
+    })
+}
+
+/// Figures of the residuals at the end.
+struct Residuals {
+    rms_px: f64,
+    median_px: f64,
+    /// Their spread in units of the stated one.
+    noise: f64,
+}
+
+impl Residuals {
+    fn of(problem: &mut Adjustment<'_>, options: &BundleOptions) -> Self {
+        problem.cost();
+        let mut squares: Vec<f64> = problem.squares().flatten().collect();
+        squares.sort_by(f64::total_cmp);
+        let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
+        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        // Half of the squared lengths of a plane Gaussian of unit variance lie below 2 ln 2.
+        let noise = (median / (2.0 * std::f64::consts::LN_2)).sqrt();
+        Self { rms_px: options.fit.sigma_px * mean.sqrt(), median_px: options.fit.sigma_px * median.sqrt(), noise }
+    }
+}
+
+#[cfg(test)]
+mod tests;

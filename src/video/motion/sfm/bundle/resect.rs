@@ -1,0 +1,161 @@
+//! One pose, points given.
+
+use nalgebra::{Cholesky, Matrix6, Vector6};
+
+use super::judgment::Judgment;
+use super::parameters::Ray;
+use super::residual::{Anchored, Eye, Linearized, View};
+use super::shutter::{Stencil, neighbors};
+use super::{BundleError, RobustFit};
+use crate::motion::sfm::{Observation, Scene};
+use plumbline_camera::{CameraPose, Vec3};
+use plumbline_num::math::Point2;
+use plumbline_num::optim::levenberg_marquardt::{DampedProblem, minimize};
+
+/// Points that a pose needs; three determine it up to four ways.
+const LEAST_POINTS: usize = 4;
+
+/// A pose found by [`resect`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resection {
+    /// Where the camera stood.
+    pub pose: CameraPose,
+    /// Length of the residual of each observation that took part, by its index among those given, px; infinite for a point
+    /// behind the camera.
+    pub residuals_px: Vec<(usize, f64)>,
+    /// Whether the last loss was minimized to the tolerance.
+    pub converged: bool,
+}
+
+/// Finds the pose of `frame` near `start` from observations of known points whose anchors are known and other frames; other
+/// observations are left out. A rolling shutter moves the camera as the known poses of its neighbors say.
+///
+/// # Errors
+/// [`BundleError`]: settings out of range, a start that is not finite, fewer than four points.
+pub fn resect(
+    scene: &Scene,
+    frame: u32,
+    start: CameraPose,
+    observations: &[Observation],
+    fit: &RobustFit,
+) -> Result<Resection, BundleError> {
+    fit.check()?;
+    if !start.rotation.coords.iter().chain(start.translation.iter()).all(|v| v.is_finite()) {
+        return Err(BundleError::NotFinite { what: format!("start of the pose of frame {frame}") });
+    }
+    let sights: Vec<_> = observations.iter().enumerate().filter_map(|(i, o)| sight(scene, frame, i, o)).collect();
+    if sights.len() < LEAST_POINTS {
+        return Err(BundleError::TooFewObservations { found: sights.len(), least: LEAST_POINTS });
+    }
+    let known = |f: usize| scene.poses.get(f).is_some_and(Option::is_some);
+    let around = neighbors(frame as usize, known).filter_map(|n| Some((n, scene.poses[n]?)));
+    let mut problem = PoseProblem {
+        scene,
+        frame: frame as usize,
+        around: if scene.readout == 0.0 { Vec::new() } else { around.collect() },
+        sights,
+        judgment: Judgment { sigma: fit.sigma_px, loss: fit.losses[0] },
+        present: start,
+        trial: start,
+        h: Matrix6::zeros(),
+        g: Vector6::zeros(),
+        scratch: Linearized::zero(),
+    };
+    let damping = fit.damping_for(problem.sights.len());
+    let mut converged = false;
+    for &loss in &fit.losses {
+        problem.judgment.loss = loss;
+        problem.trial = problem.present;
+        let cost = problem.trial_cost();
+        converged = minimize(&mut problem, cost, &damping).converged;
+    }
+    Ok(Resection { pose: problem.present, residuals_px: problem.residuals_px(), converged })
+}
+
+/// A known point and where it is seen.
+struct KnownSight {
+    index: usize,
+    point: Anchored,
+    pixel: Point2,
+}
+
+fn sight(scene: &Scene, frame: u32, index: usize, seen: &Observation) -> Option<KnownSight> {
+    let point = scene.points.get(seen.point as usize).copied().flatten()?;
+    let anchor = scene.poses.get(point.anchor as usize).copied().flatten()?;
+    let finite = seen.pixel.x.is_finite() && seen.pixel.y.is_finite();
+    (seen.frame == frame && point.anchor != frame && finite).then(|| {
+        let point = Anchored::new(&Ray { xy: point.ray, w: point.inverse_depth }, &View::of(&anchor));
+        KnownSight { index, point, pixel: seen.pixel }
+    })
+}
+
+struct PoseProblem<'a> {
+    scene: &'a Scene,
+    frame: usize,
+    around: Vec<(usize, CameraPose)>,
+    sights: Vec<KnownSight>,
+    judgment: Judgment,
+    present: CameraPose,
+    trial: CameraPose,
+    h: Matrix6<f64>,
+    g: Vector6<f64>,
+    scratch: Linearized,
+}
+
+impl PoseProblem<'_> {
+    /// The camera at a pose: its view and how its rows move.
+    fn camera(&self, pose: &CameraPose) -> (View, Option<Stencil>) {
+        let around = || Stencil::of(self.frame, pose, self.around.iter().copied());
+        (View::of(pose), (!self.around.is_empty()).then(around))
+    }
+
+    fn eye<'b>(&'b self, (view, stencil): &'b (View, Option<Stencil>)) -> Eye<'b> {
+        Eye { lens: &self.scene.intrinsics, readout: self.scene.readout, view, stencil: stencil.as_ref() }
+    }
+
+    fn residuals_px(&self) -> Vec<(usize, f64)> {
+        let camera = self.camera(&self.present);
+        let eye = self.eye(&camera);
+        let length = |s: &KnownSight| eye.residual(&s.point, s.pixel, 1.0).map_or(f64::INFINITY, |r| r.norm());
+        self.sights.iter().map(|s| (s.index, length(s))).collect()
+    }
+}
+
+impl DampedProblem for PoseProblem<'_> {
+    fn linearize(&mut self) {
+        let camera = self.camera(&self.present);
+        let mut scratch = std::mem::replace(&mut self.scratch, Linearized::zero());
+        let (mut h, mut g) = (Matrix6::zeros(), Vector6::zeros());
+        let eye = self.eye(&camera);
+        for sight in &self.sights {
+            let weight = |squared| self.judgment.loss.weight(squared);
+            // The point's own derivatives are not used: any view serves as its anchor's.
+            let (from, seen) = ((&sight.point, &camera.0), (self.frame, sight.pixel));
+            if eye.linearize(from, seen, self.judgment.sigma, weight, &mut scratch) {
+                let (_, j) = scratch.poses()[0];
+                h += j.tr_mul(&j);
+                g += j.tr_mul(&scratch.residual);
+            }
+        }
+        (self.h, self.g, self.scratch) = (h, g, scratch);
+    }
+
+    fn propose(&mut self, lambda: f64) -> Option<f64> {
+        let damping = lambda * self.h.diagonal();
+        let step = -Cholesky::new(self.h + Matrix6::from_diagonal(&damping))?.solve(&self.g);
+        let (turn, shift) = (Vec3::new(step[0], step[1], step[2]), Vec3::new(step[3], step[4], step[5]));
+        self.trial = self.present.perturbed(&turn, &shift);
+        Some(0.5 * step.dot(&(damping.component_mul(&step) - self.g)))
+    }
+
+    fn trial_cost(&mut self) -> f64 {
+        let camera = self.camera(&self.trial);
+        let eye = self.eye(&camera);
+        let squared = |s: &KnownSight| eye.residual(&s.point, s.pixel, self.judgment.sigma).map(|r| r.norm_squared());
+        self.sights.iter().map(|s| self.judgment.cost(squared(s))).sum()
+    }
+
+    fn accept(&mut self) {
+        self.present = self.trial;
+    }
+}

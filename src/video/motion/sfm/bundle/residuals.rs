@@ -1,0 +1,41 @@
+//! How far observations are from where the cameras, rows in motion, see the points.
+
+use super::cameras::Cameras;
+use super::layout::Layout;
+use super::parameters::SHARED;
+use crate::motion::sfm::{Observation, Scene};
+
+/// The length of a residual.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Miss {
+    /// Index of the frame.
+    pub frame: u32,
+    /// Index of the point.
+    pub point: u32,
+    /// Where it was seen, px.
+    pub pixel: plumbline_num::math::Point2,
+    /// Length, px; infinite for a point behind the camera.
+    pub px: f64,
+}
+
+/// Residuals of the observations of known points by known frames, point by point, of points that two frames see; none of a
+/// scene that is not finite.
+pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<Miss> {
+    let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
+    let Ok(layout) = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0) else {
+        return Vec::new();
+    };
+    let parameters = layout.parameters(scene);
+    let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
+    cameras.place(&parameters, &layout);
+    let mut misses = Vec::with_capacity(layout.sights.len());
+    for (track, ray) in layout.tracks.iter().zip(&parameters.points) {
+        let place = cameras.anchored(ray, track.anchor);
+        misses.extend(layout.sights[track.sights.clone()].iter().map(|sight| {
+            let residual = cameras.eye(sight.frame).residual(&place, sight.pixel, 1.0);
+            let px = residual.map_or(f64::INFINITY, |r| r.norm());
+            Miss { frame: sight.frame as u32, point: track.point as u32, pixel: sight.pixel, px }
+        }));
+    }
+    misses
+}

@@ -1,0 +1,117 @@
+//! One point at a time, cameras given.
+
+use nalgebra::{Cholesky, Matrix3};
+use rayon::prelude::*;
+
+use super::cameras::Cameras;
+use super::judgment::Judgment;
+use super::layout::{Layout, Sight};
+use super::parameters::{Ray, SHARED};
+use super::problem::depth_priors;
+use super::residual::Linearized;
+use super::{BundleError, RobustFit};
+use crate::motion::sfm::{Observation, Scene};
+use plumbline_camera::Vec3;
+use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
+
+/// The search for one point.
+pub(super) struct PointProblem<'a> {
+    pub(super) cameras: &'a Cameras,
+    pub(super) anchor: usize,
+    pub(super) sights: &'a [Sight],
+    pub(super) judgment: Judgment,
+    /// `κ` of [`super`].
+    pub(super) beyond: f64,
+    present: Ray,
+    trial: Ray,
+    c: Matrix3<f64>,
+    g: Vec3,
+    scratch: Linearized,
+}
+
+impl<'a> PointProblem<'a> {
+    pub(super) fn new(
+        cameras: &'a Cameras,
+        (anchor, sights): (usize, &'a [Sight]),
+        (judgment, beyond): (Judgment, f64),
+        start: Ray,
+    ) -> Self {
+        let (c, g, scratch) = (Matrix3::zeros(), Vec3::zeros(), Linearized::zero());
+        Self { cameras, anchor, sights, judgment, beyond, present: start, trial: start, c, g, scratch }
+    }
+
+    /// The best point found, and what it costs.
+    pub(super) fn search(mut self, options: &DampingOptions) -> (Ray, f64) {
+        let cost = self.cost(&self.present);
+        let report = minimize(&mut self, cost, options);
+        (self.present, report.cost)
+    }
+
+    pub(super) fn cost(&self, ray: &Ray) -> f64 {
+        let point = self.cameras.anchored(ray, self.anchor);
+        let beyond = 0.5 * (self.beyond * ray.w.min(0.0)).powi(2);
+        self.judgment.cost_of(self.cameras, &point, self.sights) + beyond
+    }
+}
+
+impl DampedProblem for PointProblem<'_> {
+    fn linearize(&mut self) {
+        (self.c, self.g) = (Matrix3::zeros(), Vec3::zeros());
+        let point = self.cameras.anchored(&self.present, self.anchor);
+        let from = (&point, self.cameras.view(self.anchor));
+        for sight in self.sights {
+            let weight = |squared| self.judgment.loss.weight(squared);
+            let (eye, out) = (self.cameras.eye(sight.frame), &mut self.scratch);
+            if eye.linearize(from, (sight.frame, sight.pixel), self.judgment.sigma, weight, out) {
+                self.c += out.point.tr_mul(&out.point);
+                self.g += out.point.tr_mul(&out.residual);
+            }
+        }
+        if self.present.w < 0.0 {
+            self.c[(2, 2)] += self.beyond * self.beyond;
+            self.g.z += self.beyond * self.beyond * self.present.w;
+        }
+    }
+
+    fn propose(&mut self, lambda: f64) -> Option<f64> {
+        // A point seen without any baseline has a depth that nothing moves and nothing holds.
+        let damping = lambda * self.c.diagonal().map(|d| if d > 0.0 { d } else { 1.0 });
+        let step = -Cholesky::new(self.c + Matrix3::from_diagonal(&damping))?.solve(&self.g);
+        self.trial = self.present.moved(&step);
+        Some(0.5 * step.dot(&(damping.component_mul(&step) - self.g)))
+    }
+
+    fn trial_cost(&mut self) -> f64 {
+        self.cost(&self.trial)
+    }
+
+    fn accept(&mut self) {
+        self.present = self.trial;
+    }
+}
+
+/// Refines every known point that two known frames see, each alone; poses, lens and readout stay. Returns how many there
+/// were.
+///
+/// # Errors
+/// As [`super::adjust`].
+pub fn refine_points(scene: &mut Scene, observations: &[Observation], fit: &RobustFit) -> Result<usize, BundleError> {
+    fit.check()?;
+    let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
+    let layout = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0)?;
+    let mut parameters = layout.parameters(scene);
+    let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
+    cameras.place(&parameters, &layout);
+    let beyond = depth_priors(&layout, &parameters, fit.sigma_px);
+    let tracks = layout.tracks.par_iter().zip(&beyond);
+    parameters.points.par_iter_mut().zip(tracks).for_each(|(ray, (track, &beyond))| {
+        let sights = &layout.sights[track.sights.clone()];
+        for &loss in &fit.losses {
+            let judgment = Judgment { sigma: fit.sigma_px, loss };
+            let problem = PointProblem::new(&cameras, (track.anchor, sights), (judgment, beyond), *ray);
+            *ray = problem.search(&fit.damping_for(sights.len())).0;
+        }
+    });
+    layout.store(&parameters, scene);
+    Ok(layout.tracks.len())
+}

@@ -1,0 +1,70 @@
+//! Matrices `M` of epipolar geometry, `m₂ᵀ M m₁ = 0`, as a consensus problem: one for all families of them.
+
+use std::marker::PhantomData;
+
+use nalgebra::{Const, DimMin, Matrix3};
+
+use super::correspondence::Correspondence;
+use super::sampson::{self, Chart};
+use plumbline_num::optim::ransac::Consensus;
+
+/// Steps of one refit inside the search: it starts near and repeats.
+const REFIT_STEPS: usize = 4;
+
+/// A family of matrices with `N` free parameters, given by charts around its members.
+pub(super) trait EpipolarFamily<const N: usize>: Chart<N> + Sized {
+    /// Correspondences that determine a member, up to a few solutions.
+    const SAMPLE: usize;
+
+    /// Pushes the members through [`Self::SAMPLE`] correspondences to `models`.
+    fn fit_minimal(sample: &[Correspondence], models: &mut Vec<Matrix3<f64>>);
+
+    /// The chart around a member; `None` where the matrix is none.
+    fn of_matrix(matrix: &Matrix3<f64>) -> Option<Self>;
+}
+
+/// Correspondences to be explained by a member of the family `C`.
+pub(super) struct Epipolar<'a, C, const N: usize> {
+    pairs: &'a [Correspondence],
+    family: PhantomData<C>,
+}
+
+impl<'a, C, const N: usize> Epipolar<'a, C, N> {
+    pub(super) fn of(pairs: &'a [Correspondence]) -> Self {
+        Self { pairs, family: PhantomData }
+    }
+}
+
+impl<C: EpipolarFamily<N>, const N: usize> Consensus for Epipolar<'_, C, N>
+where
+    Const<N>: DimMin<Const<N>, Output = Const<N>>,
+{
+    type Model = Matrix3<f64>;
+
+    fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    fn sample_size(&self) -> usize {
+        C::SAMPLE
+    }
+
+    fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Matrix3<f64>>) {
+        let mut drawn = [self.pairs[sample[0]]; plumbline_num::optim::ransac::MAX_SAMPLE];
+        drawn.iter_mut().zip(sample).for_each(|(pair, &k)| *pair = self.pairs[k]);
+        C::fit_minimal(&drawn[..sample.len()], models);
+    }
+
+    /// Least weighted squared Sampson distance from `start` on.
+    fn fit_weighted(&self, weights: &[f64], start: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        Some(sampson::refined(C::of_matrix(start)?, self.pairs, weights, REFIT_STEPS).matrix())
+    }
+
+    fn squared_residual(&self, model: &Matrix3<f64>, i: usize) -> f64 {
+        sampson::squared_distance(model, &self.pairs[i])
+    }
+
+    fn group(&self, i: usize) -> u32 {
+        i as u32
+    }
+}

@@ -1,0 +1,139 @@
+//! A reconstruction in figures.
+
+use super::bundle::residuals;
+use super::mapper::WRONG_PX;
+use super::prediction::predict;
+use super::{Scene, TrackTable};
+use plumbline_camera::CameraPose;
+
+/// Columns and rows of the cells in which coverage is counted.
+const CELLS: (usize, usize) = (8, 6);
+/// Sightings that a camera must explain.
+const LEAST_RIGHT: usize = 40;
+/// Share of the known points in view that it must explain.
+const LEAST_RIGHT_SHARE: f64 = 0.5;
+/// Share of the cells that must hold one of those.
+const LEAST_CELLS: f64 = 0.35;
+
+/// How good a reconstruction is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct SfmFigures {
+    /// Frames with a camera.
+    pub registered: usize,
+    /// Frames of the shot.
+    pub frames: usize,
+    /// Points with a place.
+    pub points: usize,
+    /// Sightings of them within 3 px (at 640 px across).
+    pub observations: usize,
+    /// Mean distance of those from where the cameras see them, px.
+    pub reprojection_px: f64,
+    /// Root of the mean squared distance, px.
+    pub rms_px: f64,
+    /// Median over the points of the widest angle under which they are seen, rad.
+    pub angle: f64,
+    /// Share of the picture's cells that hold such a sighting, mean over the frames.
+    pub coverage: f64,
+    /// Focal length, px.
+    pub focal: f64,
+    /// Standard deviation of its logarithm; `None` where it was not determined.
+    pub sigma_ln_focal: Option<f64>,
+    /// Sightings that were foretold from other ones (`prediction.rs`).
+    #[serde(default)]
+    pub foretold: usize,
+    /// Root mean squared distance of those from where cameras and depth foretold them, px.
+    #[serde(default)]
+    pub foretold_px: f64,
+    /// The same from where homographies foretold them, px.
+    #[serde(default)]
+    pub flat_px: f64,
+}
+
+/// Measures a scene against its tracks.
+pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<f64>) -> SfmFigures {
+    let unit = table.unit_px();
+    let (mut sum, mut squares, mut observations) = (0.0, 0.0, 0_usize);
+    let mut cells = vec![false; table.frames() * CELLS.0 * CELLS.1];
+    for miss in residuals(scene, table.observations()).iter().filter(|m| m.px <= WRONG_PX * unit) {
+        (sum, squares, observations) = (sum + miss.px, squares + miss.px * miss.px, observations + 1);
+        cells[miss.frame as usize * CELLS.0 * CELLS.1 + cell(table, miss.pixel.x, miss.pixel.y)] = true;
+    }
+    let covered = cells.iter().filter(|c| **c).count() as f64 / (CELLS.0 * CELLS.1) as f64;
+    let registered = scene.poses.iter().flatten().count();
+    let mut angles: Vec<f64> = (0..table.points()).filter_map(|p| widest_angle(table, scene, p)).collect();
+    let prediction = predict(table, scene);
+    SfmFigures {
+        registered,
+        frames: table.frames(),
+        points: angles.len(),
+        observations,
+        reprojection_px: sum / observations.max(1) as f64,
+        rms_px: (squares / observations.max(1) as f64).sqrt(),
+        angle: median(&mut angles),
+        coverage: covered / registered.max(1) as f64,
+        focal: scene.intrinsics.focal,
+        sigma_ln_focal,
+        foretold: prediction.sightings,
+        foretold_px: prediction.space_px,
+        flat_px: prediction.plane_px,
+    }
+}
+
+/// Which frames have a camera that explains them: most of their known points, enough of them, on enough of the picture.
+pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
+    let wrong = WRONG_PX * table.unit_px();
+    let mut frames = vec![Explained::default(); table.frames()];
+    for miss in residuals(scene, table.observations()) {
+        let frame = &mut frames[miss.frame as usize];
+        frame.known += 1;
+        if miss.px <= wrong {
+            frame.right += 1;
+            frame.cells |= 1 << cell(table, miss.pixel.x, miss.pixel.y);
+        }
+    }
+    frames.iter().map(Explained::is_enough).collect()
+}
+
+/// What a camera explains of its frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Explained {
+    known: usize,
+    right: usize,
+    /// One bit per cell of the picture.
+    cells: u64,
+}
+
+impl Explained {
+    fn is_enough(&self) -> bool {
+        self.right >= LEAST_RIGHT
+            && self.right as f64 >= LEAST_RIGHT_SHARE * self.known as f64
+            && f64::from(self.cells.count_ones()) >= LEAST_CELLS * (CELLS.0 * CELLS.1) as f64
+    }
+}
+
+fn cell(table: &TrackTable, x: f64, y: f64) -> usize {
+    let along = |v: f64, size: u32, n: usize| ((v / f64::from(size) * n as f64).max(0.0) as usize).min(n - 1);
+    along(y, table.height, CELLS.1) * CELLS.0 + along(x, table.width, CELLS.0)
+}
+
+/// Widest angle, rad, between the anchor's ray of a point and those of the other frames that see it.
+fn widest_angle(table: &TrackTable, scene: &Scene, point: usize) -> Option<f64> {
+    let place = scene.points[point]?;
+    let anchor = scene.poses[place.anchor as usize]?;
+    let ray = place.direction();
+    let angle = |pose: CameraPose| {
+        let from_anchor = pose * anchor.inverse();
+        (from_anchor.rotation * ray).angle(&place.scaled_in(&pose, &anchor))
+    };
+    let poses = table.of_point(point).filter_map(|o| scene.poses[o.frame as usize]);
+    Some(poses.map(angle).fold(0.0, f64::max))
+}
+
+/// The upper median; 0 of nothing.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,398 @@
+//! The focal length that many frame pairs share.
+//!
+//! Image coordinates have their origin at the center of projection and any unit, that of `f`. Pair `k` is explained by
+//! `Fₖ = K⁻¹ [tₖ]× Rₖ K⁻¹`, `K = diag(f, f, 1)`, and
+//!
+//! ```text
+//! min  Σₖ Σᵢ ρ(rᵢ(Fₖ)²)      over all poses (Rₖ, tₖ) and one ln f,
+//! ```
+//!
+//! `r` Sampson's distance in the image, where the noise is the same whatever `f` is. The poses are eliminated pair by pair: a
+//! pair contributes to the equation for `ln f` its information `hₖ` and its pull `gₖ`,
+//!
+//! ```text
+//! hₖ = c − bᵀ A⁻¹ b,   gₖ = γ − bᵀ A⁻¹ a,      [A b; bᵀ c] and (a, γ) its normal equations for (pose, ln f).
+//! ```
+//!
+//! A pair whose pull departs from the others' by more than its noise allows is heard less (Cauchy). The search starts from
+//! the best of three votes: the focal length of a sweep at which essential matrices explain most pairs, the one that makes
+//! the fundamental matrices essential ([`super::view_graph_focal()`]), and the median of their closed forms.
+//!
+//! The uncertainty is the larger of what noise alone gives, `σ/√Σhₖ`, and what the disagreement of the pairs gives,
+//! `√Σgₖ² / Σhₖ`.
+//!
+//! # Reference
+//! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 11.4.3 and A6.3; P. Huber, *Robust statistics*, 1981,
+//! section 6.3 (the second estimate).
+
+use nalgebra::{Matrix3, SMatrix, SVector};
+
+use super::correspondence::Correspondence;
+use super::essential::{ByEssential, EssentialChart};
+use super::fundamental::ByFundamental;
+use super::sampson::{self, Chart};
+use super::view_graph_focal::{focal_of_fundamental, view_graph_focal};
+use plumbline_camera::Vec3;
+use plumbline_num::optim::ransac::{MsacOptions, Solution, msac};
+
+/// Steps of the joint refinement at most.
+const STEPS: usize = 30;
+
+/// Fewest correspondences of a pair that is asked.
+const LEAST_CORRESPONDENCES: usize = 16;
+
+/// Largest change of `ln f` in one step: beyond it the poses no longer follow.
+const LARGEST_STEP: f64 = 0.15;
+
+/// Pull, in standard deviations, at which a pair has half its voice.
+const PAIR_SCALE: f64 = 3.0;
+
+/// Settings of [`estimate_focal`], in the unit of the image coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FocalOptions {
+    /// Distance at which a correspondence is an outlier, > 0.
+    pub threshold: f64,
+    /// Focal lengths of the sweep, ascending.
+    pub sweep: Vec<f64>,
+    /// Least and largest focal length allowed.
+    pub range: (f64, f64),
+    /// Pairs that the sweep asks, those with the largest parallax and support first.
+    pub sweep_pairs: usize,
+    /// Seed of the searches.
+    pub seed: u64,
+}
+
+impl FocalOptions {
+    /// The sweep 0.6 to 2.2 widths, 0.4 to 4 allowed, two pixels' tolerance at 640, for a frame `width` units wide.
+    pub fn for_width(width: f64) -> Self {
+        let sweep = [0.6, 0.75, 0.9, 1.1, 1.35, 1.7, 2.2].map(|f| f * width).to_vec();
+        Self { threshold: 2.0 / 640.0 * width, sweep, range: (0.4 * width, 4.0 * width), sweep_pairs: 5, seed: 0 }
+    }
+}
+
+/// A focal length and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FocalEstimate {
+    /// `f`, in the unit of the image coordinates.
+    pub focal: f64,
+    /// Standard deviation of `ln f`.
+    pub sigma_ln: f64,
+    /// Best of the sweep.
+    pub by_sweep: f64,
+    /// Vote of the fundamental matrices.
+    pub by_view_graph: f64,
+    /// Pairs that took part.
+    pub pairs: usize,
+}
+
+/// Estimates the focal length from frame pairs with parallax, each a list of correspondences.
+///
+/// `None` where no pair has enough correspondences or none determines the focal length.
+pub fn estimate_focal(pairs: &[Vec<Correspondence>], options: &FocalOptions) -> Option<FocalEstimate> {
+    let unit = options.sweep.get(options.sweep.len() / 2).copied()?;
+    let usable: Vec<&[Correspondence]> =
+        pairs.iter().map(Vec::as_slice).filter(|p| p.len() >= LEAST_CORRESPONDENCES).collect();
+    let found: Vec<_> = usable.iter().filter_map(|p| fundamental(p, unit, options).map(|s| (*p, s))).collect();
+    let matrices: Vec<Matrix3<f64>> = found.iter().map(|(_, s)| s.model).collect();
+    let by_view_graph = view_graph_focal(&matrices, options.range)?;
+    let by_sweep = sweep(&strongest(&found, options.sweep_pairs), options)?;
+    let mut starts = vec![by_view_graph, by_sweep];
+    starts.extend(median_of_closed_forms(&matrices).filter(|f| (options.range.0..options.range.1).contains(f)));
+    let usable: Vec<&[Correspondence]> = found.iter().map(|(p, _)| *p).collect();
+    let joints = starts.into_iter().filter_map(|f| Joint::new(&usable, f, options)).map(|j| j.refined(options));
+    let best = joints.min_by(|a, b| a.energy.total_cmp(&b.energy))?;
+    best.estimate(options, by_sweep, by_view_graph)
+}
+
+/// The fundamental matrix of a pair, by robust search in coordinates of size about 1.
+fn fundamental(pair: &[Correspondence], unit: f64, options: &FocalOptions) -> Option<Solution<Matrix3<f64>>> {
+    let scaled: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / unit)).collect();
+    let mut rng = fastrand::Rng::with_seed(options.seed);
+    let settings = search_settings(options.threshold / unit, 1000);
+    let found = msac(&ByFundamental::of(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng)?;
+    let k = Matrix3::from_diagonal(&Vec3::new(1.0 / unit, 1.0 / unit, 1.0));
+    Some(Solution { model: k * found.model * k, ..found })
+}
+
+fn essential(
+    pair: &[Correspondence],
+    focal: f64,
+    max_samples: usize,
+    options: &FocalOptions,
+) -> Option<Solution<Matrix3<f64>>> {
+    let rays: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / focal)).collect();
+    let mut rng = fastrand::Rng::with_seed(options.seed);
+    let settings = search_settings(options.threshold / focal, max_samples);
+    msac(&ByEssential::of(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng)
+}
+
+fn search_settings(threshold: f64, max_samples: usize) -> MsacOptions {
+    MsacOptions { threshold, min_samples: 30, max_samples, local_steps: 4 }
+}
+
+type Found<'a> = (&'a [Correspondence], Solution<Matrix3<f64>>);
+
+/// The pairs with most support times motion.
+fn strongest<'a>(found: &[Found<'a>], count: usize) -> Vec<&'a [Correspondence]> {
+    let motion = |pair: &[Correspondence]| {
+        let mut lengths: Vec<f64> = pair.iter().map(|c| (c.second - c.first).norm()).collect();
+        lengths.sort_by(f64::total_cmp);
+        lengths[lengths.len() / 2]
+    };
+    let mut ranked: Vec<_> = found.iter().map(|(p, s)| (s.support * p.len() as f64 * motion(p), *p)).collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    ranked.into_iter().take(count).map(|(_, p)| p).collect()
+}
+
+/// The focal length of the sweep with the least energy of essential matrices, parabolically interpolated in `ln f`.
+fn sweep(pairs: &[&[Correspondence]], options: &FocalOptions) -> Option<f64> {
+    let energy = |f: f64| pairs.iter().map(|p| essential(p, f, 200, options).map_or(1.0, |s| s.energy)).sum::<f64>();
+    let energies: Vec<f64> = options.sweep.iter().map(|f| energy(*f)).collect();
+    let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b]))?;
+    if best == 0 || best + 1 == energies.len() {
+        return options.sweep.get(best).copied();
+    }
+    let s = [best - 1, best, best + 1].map(|k| options.sweep[k].ln());
+    let slope = |i: usize, j: usize| (energies[best - 1 + j] - energies[best - 1 + i]) / (s[j] - s[i]);
+    let bend = (slope(1, 2) - slope(0, 1)) / (s[2] - s[0]);
+    let vertex = if bend > 0.0 { 0.5 * (s[0] + s[1] - slope(0, 1) / bend) } else { s[1] };
+    Some(vertex.clamp(s[0], s[2]).exp())
+}
+
+fn median_of_closed_forms(matrices: &[Matrix3<f64>]) -> Option<f64> {
+    let mut forms: Vec<f64> = matrices.iter().filter_map(focal_of_fundamental).collect();
+    forms.sort_by(f64::total_cmp);
+    forms.get(forms.len() / 2).copied()
+}
+
+/// `K⁻¹ [t]× R K⁻¹` with coordinates `(ω, a, b, δ ln f)`.
+#[derive(Clone, Copy, Debug)]
+struct FocalChart {
+    pose: EssentialChart,
+    ln_focal: f64,
+}
+
+impl FocalChart {
+    fn inverse_k(&self) -> Matrix3<f64> {
+        let inverse = (-self.ln_focal).exp();
+        Matrix3::from_diagonal(&Vec3::new(inverse, inverse, 1.0))
+    }
+}
+
+impl Chart<6> for FocalChart {
+    fn matrix(&self) -> Matrix3<f64> {
+        self.inverse_k() * self.pose.matrix() * self.inverse_k()
+    }
+
+    fn tangents(&self) -> [Matrix3<f64>; 6] {
+        let (k, f) = (self.inverse_k(), self.matrix());
+        let flat = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, 0.0));
+        let [a, b, c, d, e] = self.pose.tangents().map(|t| k * t * k);
+        [a, b, c, d, e, -(flat * f + f * flat)]
+    }
+
+    fn moved(&self, step: &SVector<f64, 6>) -> Self {
+        Self { pose: self.pose.moved(&step.fixed_rows::<5>(0).into_owned()), ln_focal: self.ln_focal + step[5] }
+    }
+}
+
+/// Poses of all pairs under one focal length.
+struct Joint<'a> {
+    pairs: Vec<&'a [Correspondence]>,
+    poses: Vec<EssentialChart>,
+    ln_focal: f64,
+    energy: f64,
+}
+
+/// What one pair says about `ln f`, its pose eliminated.
+struct Vote {
+    inverse: SMatrix<f64, 5, 5>,
+    by_pose: SVector<f64, 5>,
+    coupling: SVector<f64, 5>,
+    information: f64,
+    pull: f64,
+}
+
+impl<'a> Joint<'a> {
+    fn new(pairs: &[&'a [Correspondence]], focal: f64, options: &FocalOptions) -> Option<Self> {
+        let mut joint = Self { pairs: Vec::new(), poses: Vec::new(), ln_focal: focal.ln(), energy: 0.0 };
+        for pair in pairs {
+            if let Some(pose) = essential(pair, focal, 200, options).and_then(|s| EssentialChart::of_matrix(&s.model)) {
+                joint.pairs.push(pair);
+                joint.poses.push(pose);
+            }
+        }
+        joint.energy = joint.total_energy(options.threshold);
+        (!joint.pairs.is_empty()).then_some(joint)
+    }
+
+    fn chart(&self, k: usize) -> FocalChart {
+        FocalChart { pose: self.poses[k], ln_focal: self.ln_focal }
+    }
+
+    /// `Σ ρ(r²)` with `ρ′ = (1 − r²/T²)²`, divided by `T²/3`.
+    fn total_energy(&self, threshold: f64) -> f64 {
+        let of_pair = |k: usize| {
+            let m = self.chart(k).matrix();
+            self.pairs[k].iter().map(|c| 1.0 - slack(&m, c, threshold).powi(3)).sum::<f64>()
+        };
+        (0..self.pairs.len()).map(of_pair).sum()
+    }
+
+    fn vote(&self, k: usize, threshold: f64, damping: f64) -> Option<Vote> {
+        let chart = self.chart(k);
+        let m = chart.matrix();
+        let weights: Vec<f64> = self.pairs[k].iter().map(|c| slack(&m, c, threshold).powi(2)).collect();
+        let sum = sampson::normal_equations(&chart, self.pairs[k], &weights);
+        let mut a = sum.normal.fixed_view::<5, 5>(0, 0).into_owned();
+        for i in 0..5 {
+            a[(i, i)] *= 1.0 + damping;
+        }
+        let inverse = a.cholesky()?.inverse();
+        let coupling = sum.normal.fixed_view::<5, 1>(0, 5).into_owned();
+        let by_pose = sum.gradient.fixed_rows::<5>(0).into_owned();
+        let reduced = inverse * coupling;
+        let information = (sum.normal[(5, 5)] - coupling.dot(&reduced)).max(0.0);
+        Some(Vote { inverse, by_pose, coupling, information, pull: sum.gradient[5] - by_pose.dot(&reduced) })
+    }
+
+    /// The variance of one residual, from the correspondences within the threshold.
+    fn variance(&self, threshold: f64) -> f64 {
+        let (mut count, mut sum) = (0.0, 0.0);
+        for (k, pair) in self.pairs.iter().enumerate() {
+            let m = self.chart(k).matrix();
+            for c in *pair {
+                let r = sampson::squared_distance(&m, c);
+                if r < threshold * threshold {
+                    sum += r;
+                    count += 1.0;
+                }
+            }
+            count -= 5.0;
+        }
+        sum / f64::max(count, 1.0)
+    }
+
+    /// Voice of a pair: less for one that pulls harder than its noise explains.
+    fn voice(vote: &Vote, variance: f64) -> f64 {
+        let squared = vote.pull * vote.pull / (vote.information * variance).max(f64::MIN_POSITIVE);
+        1.0 / (1.0 + squared / (PAIR_SCALE * PAIR_SCALE))
+    }
+
+    fn refined(mut self, options: &FocalOptions) -> Self {
+        let mut damping = 1e-4;
+        for _ in 0..STEPS {
+            let next = self.stepped(options, damping);
+            if next.energy < self.energy {
+                let settled = self.energy - next.energy <= 1e-12 * self.energy;
+                (self, damping) = (next, damping * 0.1);
+                if settled {
+                    break;
+                }
+            } else {
+                damping *= 10.0;
+                if damping > 1e6 {
+                    break;
+                }
+            }
+        }
+        self
+    }
+
+    fn stepped(&self, options: &FocalOptions, damping: f64) -> Self {
+        let votes: Vec<Option<Vote>> =
+            (0..self.pairs.len()).map(|k| self.vote(k, options.threshold, damping)).collect();
+        let (pull, information) = votes.iter().flatten().fold((0.0, 0.0), |(g, h), v| (g + v.pull, h + v.information));
+        let wanted = -pull / (information * (1.0 + damping)).max(f64::MIN_POSITIVE);
+        let (low, high) = (options.range.0.ln(), options.range.1.ln());
+        let ln_focal = (self.ln_focal + wanted.clamp(-LARGEST_STEP, LARGEST_STEP)).clamp(low, high);
+        let change = ln_focal - self.ln_focal;
+        let poses = self.poses.iter().zip(&votes).map(|(pose, vote)| {
+            vote.as_ref().map_or(*pose, |v| pose.moved(&-(v.inverse * (v.by_pose + v.coupling * change))))
+        });
+        let mut next = Self { pairs: self.pairs.clone(), poses: poses.collect(), ln_focal, energy: 0.0 };
+        next.energy = next.total_energy(options.threshold);
+        next
+    }
+
+    /// The estimate with its uncertainty; pairs that disagree are heard less in a last step.
+    fn estimate(&self, options: &FocalOptions, by_sweep: f64, by_view_graph: f64) -> Option<FocalEstimate> {
+        let variance = self.variance(options.threshold);
+        let votes: Vec<Vote> = (0..self.pairs.len()).filter_map(|k| self.vote(k, options.threshold, 0.0)).collect();
+        let mut change = 0.0;
+        let (mut information, mut spread) = (0.0, 0.0);
+        for _ in 0..20 {
+            (information, spread) = (0.0, 0.0);
+            let mut pull = 0.0;
+            for v in &votes {
+                let here = Vote { pull: v.pull + v.information * change, inverse: v.inverse, ..*v };
+                let w = Self::voice(&here, variance);
+                information += w * v.information;
+                pull += w * here.pull;
+                spread += (w * here.pull).powi(2);
+            }
+            if !(information > 0.0) {
+                return None;
+            }
+            change = (change - pull / information).clamp(-LARGEST_STEP, LARGEST_STEP);
+        }
+        let sigma_ln = (variance / information).sqrt().max(spread.sqrt() / information);
+        let focal = (self.ln_focal + change).exp().clamp(options.range.0, options.range.1);
+        Some(FocalEstimate { focal, sigma_ln, by_sweep, by_view_graph, pairs: self.pairs.len() })
+    }
+}
+
+/// `1 − r²/T²`, at least 0.
+fn slack(m: &Matrix3<f64>, c: &Correspondence, threshold: f64) -> f64 {
+    (1.0 - sampson::squared_distance(m, c) / (threshold * threshold)).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
+
+    /// Pairs of a camera of focal length `f` widths with noise of 0.3 px at 640 and a tenth of outliers.
+    fn walk(f: f64, count: usize, seed: u64) -> Vec<Vec<Correspondence>> {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let pair = |_| {
+            let mut pose = random_pose(&mut rng, 0.2, 0.5);
+            pose.translation.z -= 0.8;
+            let views = TwoViews::general(pose, 150, &mut rng);
+            let views = views.with_noise(0.3 / 640.0 / f, &mut rng).with_outliers(0.1, &mut rng);
+            views.correspondences.iter().map(|c| c.scaled(f)).collect()
+        };
+        (0..count).map(pair).collect()
+    }
+
+    #[test]
+    fn the_tangents_agree_with_central_differences() {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let pose = EssentialChart::at(&random_pose(&mut rng, 1.0, 1.0));
+        sampson::assert_tangents(&FocalChart { pose, ln_focal: 0.3 });
+    }
+
+    #[test]
+    fn a_noisy_walk_gives_its_focal_length_within_three_percent_and_within_its_uncertainty() {
+        for (seed, f) in [(0, 0.7), (1, 0.9), (2, 0.9), (3, 1.5), (4, 1.1)] {
+            let found = estimate_focal(&walk(f, 10, seed), &FocalOptions::for_width(1.0)).expect("parallax");
+            let error = (found.focal / f).ln();
+            assert!(error.abs() < 0.03, "seed {seed}: {found:?}");
+            assert!(error.abs() < 4.0 * found.sigma_ln && found.sigma_ln < 0.03, "seed {seed}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn pairs_of_another_lens_are_outvoted() {
+        let mut pairs = walk(0.9, 9, 5);
+        pairs.extend(walk(1.6, 2, 6));
+        let found = estimate_focal(&pairs, &FocalOptions::for_width(1.0)).expect("parallax");
+        assert!((found.focal / 0.9).ln().abs() < 0.05, "{found:?}");
+    }
+
+    #[test]
+    fn without_correspondences_there_is_no_estimate() {
+        assert!(estimate_focal(&[], &FocalOptions::for_width(1.0)).is_none());
+        assert!(estimate_focal(&[Vec::new()], &FocalOptions::for_width(1.0)).is_none());
+    }
+}

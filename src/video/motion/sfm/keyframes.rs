@@ -1,0 +1,137 @@
+//! Keyframes: frames far enough apart that depth shows between them.
+//!
+//! Rotation moves every point whatever its depth, so it is taken out first: the rotation `R` of least robust
+//! `Σ ρ(∠(R m₁, m₂))` between the rays of a pair; what is left in the picture is *parallax*. A new keyframe starts where the
+//! median parallax passes 1.5 % of the width, where too few points of the last keyframe live on, or after 20 frames.
+
+use nalgebra::{Matrix3, Rotation3};
+
+use super::{Match, TrackTable};
+use plumbline_camera::rotation::nearest_rotation;
+use plumbline_camera::{Intrinsics, Vec3};
+
+/// Median parallax, share of the picture's width, at which a keyframe starts.
+const PARALLAX: f64 = 0.015;
+/// Share of the last keyframe's points below which one starts.
+const SURVIVORS: f64 = 0.6;
+/// Most frames between keyframes.
+const LONGEST: usize = 20;
+/// Frames with fewer points are no keyframes.
+const FEWEST: usize = 20;
+/// Rounds of reweighting: a mover on a third of the points is forgotten within four.
+const ROUNDS: usize = 6;
+
+/// Indices of the keyframes of a shot, ascending; the first and the last usable frame are among them.
+pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
+    let usable = |f: &usize| table.in_frame(*f).len() >= FEWEST;
+    let Some(first) = (0..table.frames()).find(usable) else { return Vec::new() };
+    let mut keys = vec![first];
+    let mut last_usable = first;
+    for frame in (first + 1..table.frames()).filter(usable) {
+        let key = keys[keys.len() - 1];
+        let shared = table.shared(key, frame);
+        let alive = shared.len() as f64 / table.in_frame(key).len() as f64;
+        // Beyond an abrupt loss of points the frame before is the last one that both sides see.
+        if alive < 0.5 * SURVIVORS && last_usable > key {
+            keys.push(last_usable);
+        }
+        if alive < SURVIVORS || frame - key >= LONGEST || parallax(&shared, camera) > PARALLAX * f64::from(table.width)
+        {
+            keys.push(frame);
+        }
+        last_usable = frame;
+    }
+    if keys[keys.len() - 1] != last_usable {
+        keys.push(last_usable);
+    }
+    keys
+}
+
+/// Median displacement, px, that no rotation of the camera explains.
+pub(super) fn parallax(matches: &[Match], camera: &Intrinsics) -> f64 {
+    let rays: Vec<(Vec3, Vec3)> = matches
+        .iter()
+        .filter_map(|m| Some((camera.ray(m.first)?.normalize(), camera.ray(m.second)?.normalize())))
+        .collect();
+    let rotation = rotation_between(&rays);
+    let mut apart: Vec<f64> = rays.iter().map(|(a, b)| camera.focal * (rotation * a - b).norm()).collect();
+    if apart.is_empty() {
+        return 0.0;
+    }
+    let middle = apart.len() / 2;
+    *apart.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The rotation that turns the first ray of each pair to the second, by Geman–McClure reweighting around the median.
+pub(super) fn rotation_between(rays: &[(Vec3, Vec3)]) -> Rotation3<f64> {
+    let mut weights = vec![1.0; rays.len()];
+    let mut rotation = Rotation3::identity();
+    let mut squared = vec![0.0; rays.len()];
+    for _ in 0..ROUNDS {
+        let moment: Matrix3<f64> = rays.iter().zip(&weights).map(|((a, b), w)| *w * b * a.transpose()).sum();
+        rotation = nearest_rotation(&moment).unwrap_or(rotation);
+        for (s, (a, b)) in squared.iter_mut().zip(rays) {
+            *s = (rotation * a - b).norm_squared();
+        }
+        let scale = median(&squared).max(1e-12);
+        for (w, s) in weights.iter_mut().zip(&squared) {
+            *w = (scale / (scale + s)).powi(2);
+        }
+    }
+    rotation
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    if sorted.is_empty() {
+        return 0.0;
+    }
+    let middle = sorted.len() / 2;
+    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_num::math::Point2;
+
+    fn camera() -> Intrinsics {
+        Intrinsics::centered(576.0, 640, 360)
+    }
+
+    /// Points at depth 4 to 8 seen by a camera at `x` that looks `yaw` aside; every third one wanders by itself.
+    fn view(x: f64, yaw: f64, movers: bool) -> Vec<(u32, Point2)> {
+        let turn = Rotation3::new(Vec3::new(0.0, yaw, 0.0));
+        let mut random = fastrand::Rng::with_seed(3);
+        (0..300)
+            .filter_map(|id| {
+                let place = Vec3::new(8.0 * random.f64() - 4.0, 4.0 * random.f64() - 2.0, 4.0 + 4.0 * random.f64());
+                let own = if movers && id % 3 == 0 { Vec3::new(0.0, 3.0 * x + 2.0 * yaw, 0.0) } else { Vec3::zeros() };
+                let seen = turn * (place + own - Vec3::new(x, 0.0, 0.0));
+                camera().project(&seen.into()).map(|p| (id, p))
+            })
+            .filter(|(_, p)| (0.0..640.0).contains(&p.x) && (0.0..360.0).contains(&p.y))
+            .collect()
+    }
+
+    #[test]
+    fn a_turn_alone_shows_no_parallax_though_things_move_and_a_step_aside_does() {
+        let table =
+            TrackTable::new(640, 360, [(0.0, 0.0), (0.0, 0.1), (0.0, 0.1), (0.2, 0.1)].map(|(x, a)| view(x, a, true)));
+        assert!(parallax(&table.shared(0, 1), &camera()) < 0.01);
+        assert!(parallax(&table.shared(0, 3), &camera()) > 2.0);
+    }
+
+    #[test]
+    fn keyframes_come_with_parallax_and_not_with_rotation() {
+        let walk = TrackTable::new(640, 360, (0..15).map(|t| view(0.3 * f64::from(t), 0.0, false)));
+        let turn = TrackTable::new(640, 360, (0..15).map(|t| view(0.0, 0.004 * f64::from(t), false)));
+        assert!(keyframes(&walk, &camera()).len() >= 4, "{:?}", keyframes(&walk, &camera()));
+        assert_eq!(keyframes(&turn, &camera()), [0, 14]);
+    }
+
+    #[test]
+    fn a_shot_without_points_has_no_keyframes() {
+        assert!(keyframes(&TrackTable::new(640, 360, vec![Vec::new(); 5]), &camera()).is_empty());
+    }
+}

@@ -1,0 +1,364 @@
+//! Incremental mapping: from two views with depth between them, keyframe by keyframe, to the cameras of a whole shot.
+//!
+//! A keyframe next to the map is *resected*: its pose is predicted from the motion of its neighbors and then searched
+//! among the points it sees. New points are triangulated, the newest cameras adjusted, and the whole map whenever it has
+//! grown by a third. The focal length is held until the map has real baseline ([`FREED`] keyframes): freed on two or three
+//! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
+
+use super::absolute_pose::absolute_pose;
+use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
+use super::sample::Sample;
+use super::three_point::Sighting;
+use super::triangulate::{View, triangulate};
+use super::{Observation, Scene, ScenePoint, TrackTable};
+use plumbline_camera::{CameraPose, Intrinsics, Point3};
+use plumbline_num::energy::Loss;
+use plumbline_num::math::Vec2;
+use plumbline_num::optim::levenberg_marquardt::DampingOptions;
+use plumbline_num::optim::ransac::MsacOptions;
+
+/// Keyframes from which on focal length and distortion are unknowns.
+const FREED: usize = 8;
+/// Newest keyframes that are adjusted after each registration.
+const LOCAL: usize = 5;
+/// Growth of the map after which all of it is adjusted.
+const GROWTH: f64 = 1.34;
+/// Points that a registration rests on, at least.
+pub(super) const LEAST_INLIERS: usize = 20;
+/// Share of them among the known points that a frame sees, at least.
+const LEAST_SUPPORT: f64 = 0.4;
+/// Share from which on the pose near the predicted one is taken without a search: no other one has as much.
+const CLEAR_SUPPORT: f64 = 0.8;
+/// Reprojection error of a wrong sighting, px at 640 px across.
+pub(super) const WRONG_PX: f64 = 3.0;
+/// Standard deviation of a sighting in x and in y, px at 640 px across.
+const SIGMA_PX: f64 = 0.5;
+/// Share of wrong sightings from which on a point is not taken to be still.
+const MOST_WRONG: f64 = 0.3;
+/// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
+const FARTHEST: f64 = 1e-3;
+
+/// Share of the cost by which a step must lower it to be followed by another while the map grows: what is left is found again.
+const GROWING: f64 = 1e-3;
+/// The same when it is complete.
+pub(super) const GROWN: f64 = 1e-4;
+
+/// What is known of the lens beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LensPrior {
+    /// Standard deviation of `ln f`.
+    pub(super) sigma_ln_focal: f64,
+    /// Standard deviation of `k₁` about 0.
+    pub(super) sigma_k1: f64,
+}
+
+/// What a last adjustment is free to change, and how long it searches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Last {
+    /// The readout is unknown too.
+    pub(super) rolling: bool,
+    /// Cameras turn only.
+    pub(super) turning: bool,
+    /// The uncertainty of the focal length is asked for.
+    pub(super) uncertainty: bool,
+    pub(super) iterations: usize,
+    pub(super) tolerance: f64,
+}
+
+impl Last {
+    /// Enough to tell wrong points from right ones.
+    pub(super) const ROUGH: Self =
+        Self { rolling: false, turning: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
+    /// To the end: a step that gains less stays within the uncertainty of what it moves.
+    pub(super) const FINE: Self =
+        Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
+}
+
+/// A map that grows.
+#[derive(Clone)]
+pub(super) struct Mapper<'a> {
+    table: &'a TrackTable,
+    lens: LensPrior,
+    start: Intrinsics,
+    /// Frames that may be registered, ascending.
+    frames: Vec<usize>,
+    /// Their sightings.
+    observations: Vec<Observation>,
+    /// Points that were found not to be still.
+    banned: Vec<bool>,
+    pub(super) scene: Scene,
+}
+
+impl<'a> Mapper<'a> {
+    /// An empty map over the keyframes `frames`.
+    pub(super) fn new(table: &'a TrackTable, frames: &[usize], camera: Intrinsics, lens: LensPrior) -> Self {
+        let scene = Scene {
+            intrinsics: camera,
+            readout: 0.0,
+            poses: vec![None; table.frames()],
+            points: vec![None; table.points()],
+        };
+        let banned = vec![false; table.points()];
+        let mut mapper =
+            Self { table, lens, start: camera, frames: Vec::new(), observations: Vec::new(), banned, scene };
+        mapper.admit(frames);
+        mapper
+    }
+
+    /// Admits further frames for registration.
+    pub(super) fn admit(&mut self, frames: &[usize]) {
+        self.frames = frames.to_vec();
+        self.observations = frames.iter().flat_map(|&f| self.table.in_frame(f).iter().copied()).collect();
+    }
+
+    /// Starts from two frames with a known relative pose; false where they do not carry a map.
+    pub(super) fn seed(&mut self, first: usize, second: usize, second_from_first: CameraPose) -> bool {
+        self.scene.poses[first] = Some(CameraPose::identity());
+        self.scene.poses[second] = Some(second_from_first);
+        self.triangulate_new();
+        self.adjust_all(false, GROWING).is_some() && self.known_points() >= LEAST_INLIERS
+    }
+
+    /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
+    pub(super) fn extend(&mut self) -> usize {
+        let mut adjusted = self.registered().len();
+        let (mut blocked_below, mut blocked_above) = (false, false);
+        loop {
+            let known = self.registered();
+            let Some((&low, &high)) = known.first().zip(known.last()) else { return 0 };
+            let below = self.frames.iter().rev().find(|&&f| f < low).copied().filter(|_| !blocked_below);
+            let above = self.frames.iter().find(|&&f| f > high).copied().filter(|_| !blocked_above);
+            let Some(frame) = nearer(below, above, low, high).or_else(|| self.gap(&known)) else { break };
+            if !self.register(frame) {
+                blocked_below |= frame < low;
+                blocked_above |= frame > high;
+                if frame > low && frame < high {
+                    self.frames.retain(|&f| f != frame);
+                }
+                continue;
+            }
+            self.triangulate_new();
+            let count = known.len() + 1;
+            if count as f64 >= GROWTH * adjusted as f64 {
+                self.adjust_all(count >= FREED, GROWING);
+                self.discard_wrong();
+                adjusted = count;
+            } else {
+                self.adjust_around(frame);
+            }
+        }
+        self.adjust_all(self.registered().len() >= FREED, GROWN);
+        self.discard_wrong();
+        self.registered().len()
+    }
+
+    /// A frame between known ones that is not known.
+    fn gap(&self, known: &[usize]) -> Option<usize> {
+        self.frames
+            .iter()
+            .copied()
+            .find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
+    }
+
+    /// Frames that may be registered.
+    pub(super) fn keyframes(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Frames with a pose, ascending.
+    pub(super) fn registered(&self) -> Vec<usize> {
+        self.frames.iter().copied().filter(|&f| self.scene.poses[f].is_some()).collect()
+    }
+
+    /// Whether a point was found not to be still.
+    pub(super) fn is_banned(&self, point: usize) -> bool {
+        self.banned[point]
+    }
+
+    fn known_points(&self) -> usize {
+        self.scene.points.iter().flatten().count()
+    }
+
+    /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
+    pub(super) fn register(&mut self, frame: usize) -> bool {
+        let sightings = self.sightings(frame);
+        if sightings.len() < LEAST_INLIERS {
+            return false;
+        }
+        let unit = self.unit_px();
+        let threshold = 2.0 * WRONG_PX * unit / self.scene.intrinsics.focal;
+        let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
+        let mut rng = fastrand::Rng::with_seed(frame as u64);
+        let weights = vec![1.0; sightings.len()];
+        let predicted = self.predicted(frame);
+        let near = MsacOptions { max_samples: 0, ..options };
+        let found = absolute_pose(&sightings, &weights, &near, predicted, &mut rng)
+            .filter(|s| s.support >= CLEAR_SUPPORT)
+            .or_else(|| absolute_pose(&sightings, &weights, &options, predicted, &mut rng));
+        let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return false };
+        if found.support * (sightings.len() as f64) < LEAST_INLIERS as f64 {
+            return false;
+        }
+        self.scene.poses[frame] = Some(found.model);
+        true
+    }
+
+    /// Known points that a frame sees.
+    fn sightings(&self, frame: usize) -> Vec<Sighting> {
+        let nearest = self.farthest_inverse_depth();
+        let sighting = |o: &Observation| {
+            let point = self.scene.points[o.point as usize]?;
+            let anchor = self.scene.poses[point.anchor as usize]?;
+            let depth = 1.0 / point.inverse_depth.max(nearest);
+            let place = anchor.inverse().apply(&Point3::from(point.direction() * depth));
+            Some(Sighting { point: place, ray: self.scene.intrinsics.undistorted(o.pixel)? })
+        };
+        self.table.in_frame(frame).iter().filter_map(sighting).collect()
+    }
+
+    fn farthest_inverse_depth(&self) -> f64 {
+        let mut depths: Vec<f64> =
+            self.scene.points.iter().flatten().map(|p| p.inverse_depth).filter(|w| *w > 0.0).collect();
+        let middle = depths.len() / 2;
+        if depths.is_empty() { 1.0 } else { FARTHEST * *depths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    }
+
+    /// Where the camera would be at `frame` had it moved on, or between its neighbors.
+    fn predicted(&self, frame: usize) -> Option<CameraPose> {
+        let known = |f: &usize| self.scene.poses[*f].is_some();
+        let before = (0..frame).rev().find(known);
+        let after = (frame + 1..self.scene.poses.len()).find(known);
+        let (a, b) = match (before, after) {
+            (Some(a), Some(b)) => (a, b),
+            (Some(a), None) => (a, (0..a).rev().find(known)?),
+            (None, Some(b)) => (b, (b + 1..self.scene.poses.len()).find(known)?),
+            (None, None) => return None,
+        };
+        let (pose_a, pose_b) = (self.scene.poses[a]?, self.scene.poses[b]?);
+        let share = (frame as f64 - a as f64) / (b as f64 - a as f64);
+        Some(pose_a.toward(&pose_b, share))
+    }
+
+    /// Gives a place to every point that enough known frames see.
+    pub(super) fn triangulate_new(&mut self) {
+        for point in 0..self.table.points() {
+            if self.scene.points[point].is_none() && !self.banned[point] {
+                self.scene.points[point] = self.triangulated(point);
+            }
+        }
+    }
+
+    fn triangulated(&self, point: usize) -> Option<ScenePoint> {
+        let known = self.table.of_point(point).filter_map(|o| {
+            let pose = self.scene.poses[o.frame as usize]?;
+            Some((o.frame, pose, self.scene.intrinsics.undistorted(o.pixel)?))
+        });
+        let seen: Vec<(u32, CameraPose, Vec2)> = known.collect();
+        let (anchor, rest) = seen.split_first()?;
+        let from_anchor = anchor.1.inverse();
+        let views: Vec<View> =
+            rest.iter().map(|(_, pose, ray)| View { view_from_anchor: *pose * from_anchor, ray: *ray }).collect();
+        let found = triangulate(anchor.2, &views)?;
+        let unit = self.unit_px();
+        let wrong = WRONG_PX * unit / self.scene.intrinsics.focal;
+        (found.residual < wrong).then(|| ScenePoint {
+            anchor: anchor.0,
+            ray: anchor.2,
+            inverse_depth: found.inverse_depth.max(0.0),
+        })
+    }
+
+    /// Adjusts the newest frame, its nearest known neighbors and the points they see.
+    fn adjust_around(&mut self, frame: usize) {
+        let mut known = self.registered();
+        known.sort_by_key(|f| f.abs_diff(frame));
+        let (free, rest) = known.split_at(LOCAL.min(known.len()));
+        let mut wanted = vec![false; self.table.points()];
+        for o in free.iter().flat_map(|&f| self.table.in_frame(f)) {
+            wanted[o.point as usize] = true;
+        }
+        let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
+        let held = rest.iter().map(|&f| f as u32).collect();
+        let options = BundleOptions { held, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
+        // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
+        let _ = adjust(&mut self.scene, &near, &options);
+    }
+
+    /// Adjusts everything; with `lens` also focal length and distortion.
+    pub(super) fn adjust_all(&mut self, lens: bool, tolerance: f64) -> Option<BundleReport> {
+        let mut options =
+            BundleOptions { fit: self.fit(30, tolerance), uncertainty: false, ..BundleOptions::default() };
+        if lens {
+            let (value, sigma) = (self.start.focal, self.lens.sigma_ln_focal);
+            options.focal = Freedom::Near { value, sigma };
+            options.k1 = Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 };
+        }
+        adjust(&mut self.scene, &self.observations, &options).ok()
+    }
+
+    /// Sightings of the map's points, some `per_frame` in each frame, with the scene they belong to.
+    pub(super) fn sample(&self, per_frame: usize) -> Sample {
+        Sample::of(self.table, &self.scene, per_frame)
+    }
+
+    /// Adjusts a sample of a complete map, lens included, from near its best; its points are placed first, each alone: pieces
+    /// have never been.
+    pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Option<BundleReport> {
+        refine_points(&mut sample.scene, &sample.observations, &self.placing()).ok()?;
+        let options = BundleOptions {
+            fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
+            turning: last.turning,
+            focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
+            k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
+            readout: if last.rolling { Freedom::Free } else { Freedom::Fixed },
+            uncertainty: last.uncertainty,
+            ..BundleOptions::default()
+        };
+        adjust(&mut sample.scene, &sample.observations, &options).ok()
+    }
+
+    /// Takes the cameras of an adjusted sample and places all points among them.
+    pub(super) fn take_cameras(&mut self, sample: Sample) {
+        self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
+        let fit = self.placing();
+        // A failure leaves the points where they were: those that no longer fit are discarded by their residuals.
+        let _ = refine_points(&mut self.scene, &self.observations, &fit);
+    }
+
+    /// How points are placed among given cameras.
+    fn placing(&self) -> RobustFit {
+        RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(8, 1e-3) }
+    }
+
+    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    fn unit_px(&self) -> f64 {
+        f64::from(self.table.width.max(self.table.height)) / 640.0
+    }
+
+    fn fit(&self, max_iterations: usize, tolerance: f64) -> RobustFit {
+        let damping = DampingOptions { tolerance, max_iterations, ..DampingOptions::default() };
+        RobustFit { sigma_px: SIGMA_PX * self.unit_px(), damping, ..RobustFit::default() }
+    }
+
+    /// Leaves out the points that too few of their sightings confirm.
+    pub(super) fn discard_wrong(&mut self) {
+        let unit = self.unit_px();
+        let misses = residuals(&self.scene, &self.observations);
+        for of_point in misses.chunk_by(|a, b| a.point == b.point) {
+            let wrong = of_point.iter().filter(|m| !(m.px <= WRONG_PX * unit)).count();
+            if wrong as f64 > MOST_WRONG * of_point.len() as f64 {
+                let point = of_point[0].point as usize;
+                self.scene.points[point] = None;
+                self.banned[point] = true;
+            }
+        }
+    }
+}
+
+/// Of two frames outside `low..=high` the nearer one.
+fn nearer(below: Option<usize>, above: Option<usize>, low: usize, high: usize) -> Option<usize> {
+    match (below, above) {
+        (Some(b), Some(a)) => Some(if low - b < a - high { b } else { a }),
+        (b, a) => b.or(a),
+    }
+}

@@ -1,0 +1,253 @@
+//! Whether depth predicts what was not used to find it.
+//!
+//! Low residuals prove no cameras: with a depth for every track a turning camera, too, is explained to the noise by a
+//! translation that is made up. What is made up, however, does not foretell where a point goes next. A frame `s` and a later
+//! frame `t` share tracks; every second one is held out, and its place in `t` is foretold twice from its place in `s`:
+//!
+//! - in space, `Y = R_ts m + w t_ts`, where `w` is triangulated from the frames up to `s` alone and the camera of `t` is found
+//!   from the other tracks alone;
+//! - by the homography from `s` to `t` that fits the other tracks best, the most that a scene without depth, or a camera
+//!   that only turns, can move like.
+//!
+//! Both are found by the same robust search, and misses count up to the same limit, as things that move by themselves miss
+//! under both. The motion of the camera during the readout is known
+//! to the one, and its turn undone beforehand for the other.
+
+use rayon::prelude::*;
+
+use super::absolute_pose::absolute_pose;
+use super::correspondence::Correspondence;
+use super::homography_search::ByPlane;
+use super::mapper::WRONG_PX;
+use super::three_point::Sighting;
+use super::triangulate::{View, triangulate};
+use super::{Match, Observation, Scene, TrackTable};
+use plumbline_camera::{CameraPose, Point3, Vec3};
+use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::optim::ransac::{MsacOptions, msac};
+
+/// Pairs of frames that are asked, spread over the shot.
+const PAIRS: usize = 24;
+/// Frames between the two of a pair, at most: a smooth path looks about as far ahead.
+const LONGEST: usize = 40;
+/// Share of the tracks of the first frame that the second one must still see.
+const SURVIVORS: f64 = 0.4;
+/// Neighbors on either side that a frame of a pair has, to tell how it moves during the readout.
+const AROUND: usize = 2;
+/// Frames up to the first one of the pair that a held-out track must have been seen in.
+const LEAST_KNOWN: usize = 8;
+/// Inverse depth, in the unit of the scene, below which a point serves as if it were that far.
+const FARTHEST: f64 = 1e-6;
+/// Tracks that fit, and tracks that judge, each at least.
+const LEAST_TRACKS: usize = 12;
+
+/// How far held-out sightings are from where they were foretold.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Prediction {
+    /// Sightings that were foretold.
+    pub(super) sightings: usize,
+    /// Root mean squared miss in space, px, single misses counted up to 3 px at 640 px across.
+    pub(super) space_px: f64,
+    /// The same by homographies.
+    pub(super) plane_px: f64,
+}
+
+/// Foretells held-out sightings of a shot; nothing where too few tracks live long enough.
+pub(super) fn predict(table: &TrackTable, scene: &Scene) -> Prediction {
+    let frames = table.frames();
+    let last = frames.saturating_sub(AROUND + 1);
+    let start = |k: usize| LEAST_KNOWN + k * last.saturating_sub(LEAST_KNOWN) / PAIRS;
+    let mut starts: Vec<usize> = (0..PAIRS).map(start).filter(|s| s + 2 <= last).collect();
+    starts.dedup();
+    let judged: Vec<Sums> = starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.judged(scene)).collect();
+    let total = judged.into_iter().fold(Sums::default(), |a, b| Sums {
+        count: a.count + b.count,
+        space: a.space + b.space,
+        plane: a.plane + b.plane,
+    });
+    let px = |sum: f64| scene.intrinsics.focal * (sum / total.count.max(1) as f64).sqrt();
+    Prediction { sightings: total.count, space_px: px(total.space), plane_px: px(total.plane) }
+}
+
+/// Squared misses, normalized image coordinates.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    count: usize,
+    space: f64,
+    plane: f64,
+}
+
+/// Two frames and the tracks that they share.
+struct Pair<'a> {
+    table: &'a TrackTable,
+    first: (usize, CameraPose),
+    second: (usize, CameraPose),
+    /// Those that fit, and those that judge.
+    fit: Vec<Match>,
+    held_out: Vec<Match>,
+}
+
+impl<'a> Pair<'a> {
+    /// The pair that starts at a frame and reaches as far as enough of its tracks do.
+    fn from(table: &'a TrackTable, scene: &Scene, first: usize) -> Option<Self> {
+        let seen = table.in_frame(first).len() as f64;
+        let enough = |shared: &Vec<Match>| shared.len() as f64 >= SURVIVORS * seen;
+        let last = (first + LONGEST).min(table.frames().checked_sub(AROUND + 1)?);
+        let (second, shared) =
+            (first + 2..=last).rev().map(|t| (t, table.shared(first, t))).find(|(_, shared)| enough(shared))?;
+        let (fit, held_out): (Vec<_>, Vec<_>) = shared.into_iter().partition(|m| m.point % 2 == 0);
+        let pose = |f: usize| scene.poses[f].map(|p| (f, p));
+        (fit.len() >= LEAST_TRACKS && held_out.len() >= LEAST_TRACKS)
+            .then(|| Some(Self { table, first: pose(first)?, second: pose(second)?, fit, held_out }))?
+    }
+
+    fn judged(&self, scene: &Scene) -> Option<Sums> {
+        let limit = WRONG_PX * self.table.unit_px() / scene.intrinsics.focal;
+        let options = MsacOptions { threshold: limit, min_samples: 20, max_samples: 500, local_steps: 5 };
+        let found = self.camera(scene, &options)? * self.second.1.inverse();
+        let ends = |m: &Match| Row::of(scene, self.first.0, m.first).zip(Row::of(scene, self.second.0, m.second));
+        let pair =
+            |(a, b): (Row, Row)| Correspondence::new(a.turned_back(&self.first.1), b.turned_back(&self.second.1));
+        let pairs: Vec<Correspondence> = self.fit.iter().filter_map(ends).map(pair).collect();
+        let mut rng = fastrand::Rng::with_seed(self.first.0 as u64);
+        let plane = msac(&ByPlane(&pairs), &vec![1.0; pairs.len()], &options, None, &mut rng)?.model;
+        let miss = |y: Vec3, seen: Vec2| {
+            let squared = (y.xy() / y.z - seen).norm_squared();
+            if y.z > 0.0 && squared <= limit * limit { squared } else { limit * limit }
+        };
+        let mut sums = Sums::default();
+        for (m, (a, b)) in self.held_out.iter().filter_map(|m| Some((m, ends(m)?))) {
+            let Some(inverse_depth) = self.inverse_depth(scene, m.point, &a) else { continue };
+            let b_from_a = found * b.pose * a.pose.inverse();
+            let flat = pair((a, b));
+            sums.count += 1;
+            sums.space += miss(b_from_a.rotation * a.seen.push(1.0) + inverse_depth * b_from_a.translation, b.seen);
+            sums.plane += miss(plane * flat.first, flat.second.xy());
+        }
+        (sums.count > 0).then_some(sums)
+    }
+
+    /// The camera of the second frame, from the tracks that fit alone.
+    fn camera(&self, scene: &Scene, options: &MsacOptions) -> Option<CameraPose> {
+        let sighting = |m: &Match| {
+            let point = scene.points[m.point as usize]?;
+            let anchor = scene.poses[point.anchor as usize]?;
+            let row = Row::of(scene, self.second.0, m.second)?;
+            let depth = 1.0 / point.inverse_depth.max(FARTHEST);
+            // Where the camera, had it stood still during the readout, would have to see the point.
+            let moved = self.second.1.inverse() * row.pose * anchor.inverse();
+            Some(Sighting { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
+        };
+        let known: Vec<Sighting> = self.fit.iter().filter_map(sighting).collect();
+        let mut rng = fastrand::Rng::with_seed(self.second.0 as u64);
+        Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng)?.model)
+    }
+
+    /// Inverse depth in the first frame, by what that frame and those before it saw.
+    fn inverse_depth(&self, scene: &Scene, point: u32, anchor: &Row) -> Option<f64> {
+        let from_anchor = anchor.pose.inverse();
+        let before = self.table.of_point(point as usize).take_while(|o| (o.frame as usize) < self.first.0);
+        let view = |o: &Observation| {
+            let row = Row::of(scene, o.frame as usize, o.pixel)?;
+            Some(View { view_from_anchor: row.pose * from_anchor, ray: row.seen })
+        };
+        let views: Vec<View> = before.filter_map(view).collect();
+        (views.len() >= LEAST_KNOWN)
+            .then(|| triangulate(anchor.seen, &views))
+            .flatten()
+            .map(|t| t.inverse_depth.max(0.0))
+    }
+}
+
+/// A sighting with the camera at the time when its row was read.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    pose: CameraPose,
+    /// Normalized image coordinates.
+    seen: Vec2,
+}
+
+impl Row {
+    /// The camera moves on from the middle row as the neighbors of its frame say, by differences of fourth order: a shake
+    /// of several Hz is far from straight between two frames. Where one of the nearest is unknown it is taken to stand still.
+    fn of(scene: &Scene, frame: usize, pixel: Point2) -> Option<Self> {
+        let (pose, seen) = (scene.poses[frame]?, scene.intrinsics.undistorted(pixel)?);
+        let neighbor = |f: Option<usize>| scene.poses.get(f?).copied().flatten();
+        let way = |reach: usize| {
+            let (before, after) = (neighbor(frame.checked_sub(reach))?, neighbor(Some(frame + reach))?);
+            let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
+            Some((turn, after.translation - before.translation))
+        };
+        let Some(near) = way(1).filter(|_| scene.readout != 0.0) else { return Some(Self { pose, seen }) };
+        let speed = match way(2) {
+            Some(far) => ((8.0 * near.0 - far.0) / 12.0, (8.0 * near.1 - far.1) / 12.0),
+            None => (0.5 * near.0, 0.5 * near.1),
+        };
+        let middle = scene.intrinsics.center.y;
+        let time = (pixel.y - middle) / (2.0 * middle) * scene.readout;
+        Some(Self { pose: pose.perturbed(&(time * speed.0), &(time * speed.1)), seen })
+    }
+
+    /// Where it would have been seen, but for the turn since the frame's own time.
+    fn turned_back(&self, frame: &CameraPose) -> Vec2 {
+        let ray = frame.rotation * self.pose.rotation.inverse() * self.seen.push(1.0);
+        ray.xy() / ray.z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::sfm::ScenePoint;
+    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
+
+    /// The true cameras, and the points where the first sighting and `depth` say.
+    fn scene(shot: &Shot, table: &TrackTable, depth: impl Fn(&ScenePoint) -> f64) -> Scene {
+        let point = |p: usize| {
+            let truth = shot.truth.points[table.id(p as u32) as usize]?;
+            Some(ScenePoint { inverse_depth: depth(&truth), ..truth })
+        };
+        Scene { points: (0..table.points()).map(point).collect(), ..shot.truth.clone() }
+    }
+
+    fn shot(course: Course, noise_px: f64, readout: f64) -> Shot {
+        Shot::new(&ShotOptions { seed: 5, frames: 60, course, noise_px, readout, ..ShotOptions::default() })
+    }
+
+    #[test]
+    fn exact_tracks_of_a_walk_are_foretold_exactly_in_space_and_not_by_homographies() {
+        for readout in [0.0, 0.5] {
+            let shot = shot(Course::Walk, 0.0, readout);
+            let table = shot.table();
+            let found = predict(&table, &scene(&shot, &table, |p| p.inverse_depth));
+            // Differences of fourth order miss an eighth of the speed of a 7 Hz shake, 0.3 px at the first and the last row.
+            let exact = if readout == 0.0 { 1e-6 } else { 0.5 };
+            assert!(found.sightings > 500 && found.space_px < exact && found.plane_px > 1.0, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_translation_made_up_for_a_turning_camera_foretells_worse_than_homographies() {
+        let shot = shot(Course::Rotation, 0.2, 0.0);
+        let table = shot.table();
+        let mut made_up = scene(&shot, &table, |p| p.inverse_depth);
+        let mut random = fastrand::Rng::with_seed(1);
+        for (frame, pose) in made_up.poses.iter_mut().enumerate() {
+            let drift = Vec3::new(0.004 * frame as f64, 0.01 * random.f64(), 0.0);
+            pose.as_mut().expect("true").translation += drift;
+        }
+        let found = predict(&table, &made_up);
+        assert!(found.sightings > 500 && found.space_px > 1.1 * found.plane_px, "{found:?}");
+    }
+
+    #[test]
+    fn nothing_is_foretold_of_shots_too_short_or_without_cameras() {
+        let whole = shot(Course::Walk, 0.0, 0.0);
+        let table_of = whole.table();
+        let blind = Scene { poses: vec![None; 60], ..scene(&whole, &table_of, |p| p.inverse_depth) };
+        assert_eq!(predict(&table_of, &blind).sightings, 0);
+        let short = Shot::new(&ShotOptions { frames: 6, ..ShotOptions::default() });
+        let table = short.table();
+        assert_eq!(predict(&table, &scene(&short, &table, |p| p.inverse_depth)), Prediction::default());
+    }
+}

@@ -1,0 +1,87 @@
+//! Stretches of a shot: cameras in coordinates of their own, or none, and why.
+
+use std::ops::Range;
+
+use super::{Reconstruction, SfmFigures, SfmVerdict, TrackTable};
+use crate::motion::FrameCamera;
+use plumbline_camera::{CameraPose, Point3};
+
+/// Consecutive frames whose cameras share coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Its frames.
+    pub frames: Range<usize>,
+    /// One per frame; `None` where no camera is known.
+    pub cameras: Vec<Option<FrameCamera>>,
+    /// Tracks and where their points are, by track.
+    pub points: Vec<(u32, Point3)>,
+    /// What the tracks allow to say.
+    pub verdict: SfmVerdict,
+    /// Why, for the user.
+    pub reason: String,
+    /// How good it is.
+    pub figures: SfmFigures,
+}
+
+impl Segment {
+    /// A reconstruction of `frames` from `table`; without cameras and points where the verdict allows none.
+    pub fn new(frames: Range<usize>, table: &TrackTable, found: Reconstruction) -> Self {
+        let Reconstruction { scene, verdict, reason, figures } = found;
+        if !verdict.has_cameras() {
+            return Self { figures, ..Self::unknown(frames, verdict, reason) };
+        }
+        let camera = |pose: &Option<CameraPose>| pose.map(|pose| FrameCamera { pose, intrinsics: scene.intrinsics });
+        let place = |p: u32| {
+            let point = scene.points[p as usize]?;
+            Some((table.id(p), point.in_world(&scene.poses[point.anchor as usize]?)?))
+        };
+        Self {
+            frames,
+            cameras: scene.poses.iter().map(camera).collect(),
+            points: (0..table.points() as u32).filter_map(place).collect(),
+            verdict,
+            reason,
+            figures,
+        }
+    }
+
+    /// Frames of which nothing is known.
+    pub fn unknown(frames: Range<usize>, verdict: SfmVerdict, reason: String) -> Self {
+        let figures = SfmFigures { frames: frames.len(), ..SfmFigures::default() };
+        Self { cameras: vec![None; frames.len()], points: Vec::new(), frames, verdict, reason, figures }
+    }
+
+    /// The camera of a frame.
+    pub fn camera(&self, frame: usize) -> Option<FrameCamera> {
+        self.frames.contains(&frame).then(|| self.cameras[frame - self.frames.start]).flatten()
+    }
+
+    /// Leaves out the frames outside `frames`; what then is too short, or knows no camera, is unknown.
+    pub(super) fn clip(&mut self, frames: Range<usize>, shortest: usize) {
+        let within = |f: usize| f.clamp(self.frames.start, self.frames.end);
+        let kept = within(frames.start)..within(frames.end);
+        let inside = |f: usize| f - self.frames.start;
+        if self.verdict.has_cameras() && kept.len() < shortest {
+            let reason = format!("{} frames are too few for cameras of their own", kept.len());
+            *self = Self::unknown(kept, SfmVerdict::Failed, reason);
+            return;
+        }
+        self.cameras = self.cameras[inside(kept.start)..inside(kept.end)].to_vec();
+        self.frames = kept;
+        self.count();
+    }
+
+    /// Forgets the cameras of the frames that are not `explained`.
+    pub(super) fn forget(&mut self, explained: &[bool]) {
+        for (camera, _) in self.cameras.iter_mut().zip(explained).filter(|(_, e)| !**e) {
+            *camera = None;
+        }
+        self.count();
+    }
+
+    /// Counts frames and cameras anew.
+    pub(super) fn count(&mut self) {
+        self.figures.frames = self.frames.len();
+        self.figures.registered = self.cameras.iter().flatten().count();
+    }
+}

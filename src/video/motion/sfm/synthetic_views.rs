@@ -1,0 +1,101 @@
+//! Two views of made-up points, for the tests of this module.
+
+use nalgebra::{Matrix3, UnitQuaternion};
+
+use super::correspondence::Correspondence;
+use plumbline_camera::{CameraPose, Point3, Vec3};
+use plumbline_num::math::Vec2;
+
+pub(super) fn random_unit(rng: &mut fastrand::Rng) -> Vec3 {
+    loop {
+        let v = Vec3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
+        if v.norm() > 0.1 && v.norm() < 1.0 {
+            return v.normalize();
+        }
+    }
+}
+
+/// Sum of twelve uniform variables: mean 0, variance 1.
+pub(super) fn normal(rng: &mut fastrand::Rng) -> f64 {
+    (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
+}
+
+/// A pose turned by up to `angle` rad, with a translation of length `baseline`.
+pub(super) fn random_pose(rng: &mut fastrand::Rng, angle: f64, baseline: f64) -> CameraPose {
+    let rotation = UnitQuaternion::from_scaled_axis(random_unit(rng) * angle * rng.f64());
+    CameraPose { rotation, translation: random_unit(rng) * baseline }
+}
+
+/// Points in front of both cameras of the pose `second_from_first`.
+#[derive(Clone, Debug)]
+pub(super) struct TwoViews {
+    pub(super) second_from_first: CameraPose,
+    pub(super) points: Vec<Point3>,
+    pub(super) correspondences: Vec<Correspondence>,
+}
+
+impl TwoViews {
+    /// Points at depths 4 to 12, image coordinates within 0.55 × 0.31 (a focal length of 0.9 widths).
+    pub(super) fn general(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
+        Self::from_depths(pose, n, rng, |_, rng| 4.0 + 8.0 * rng.f64())
+    }
+
+    /// Points on a slanted plane.
+    pub(super) fn planar(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
+        let normal = Vec3::new(0.3, -0.4, 1.0);
+        Self::from_depths(pose, n, rng, |ray, _| 6.0 / normal.dot(&ray))
+    }
+
+    fn from_depths(
+        pose: CameraPose,
+        n: usize,
+        rng: &mut fastrand::Rng,
+        depth: impl Fn(Vec3, &mut fastrand::Rng) -> f64,
+    ) -> Self {
+        let mut views = Self { second_from_first: pose, points: Vec::new(), correspondences: Vec::new() };
+        while views.points.len() < n {
+            let ray = Vec3::new(1.1 * (rng.f64() - 0.5), 0.62 * (rng.f64() - 0.5), 1.0);
+            let point = Point3::from(ray * depth(ray, rng));
+            let seen = pose.apply(&point).coords;
+            if seen.z > 0.5 {
+                views.points.push(point);
+                views.correspondences.push(Correspondence::new(ray.xy(), seen.xy() / seen.z));
+            }
+        }
+        views
+    }
+
+    /// `[t]× R` with singular values (1, 1, 0).
+    pub(super) fn essential(&self) -> Matrix3<f64> {
+        let t = self.second_from_first.translation.normalize();
+        t.cross_matrix() * self.second_from_first.rotation.to_rotation_matrix().matrix()
+    }
+
+    /// Adds normal noise of standard deviation `sigma` to all coordinates of both views.
+    pub(super) fn with_noise(mut self, sigma: f64, rng: &mut fastrand::Rng) -> Self {
+        for c in &mut self.correspondences {
+            let shift = |rng: &mut fastrand::Rng| Vec2::new(normal(rng), normal(rng)) * sigma;
+            *c = Correspondence::new(c.first.xy() + shift(rng), c.second.xy() + shift(rng));
+        }
+        self
+    }
+
+    /// Replaces the second view of the first `share` of the points by random places in the picture.
+    pub(super) fn with_outliers(mut self, share: f64, rng: &mut fastrand::Rng) -> Self {
+        let wrong = (share * self.correspondences.len() as f64) as usize;
+        for c in &mut self.correspondences[..wrong] {
+            c.second = Vec3::new(1.1 * (rng.f64() - 0.5), 0.62 * (rng.f64() - 0.5), 1.0);
+        }
+        self
+    }
+}
+
+/// Angle of the rotation between two poses, rad.
+pub(super) fn rotation_error(a: &CameraPose, b: &CameraPose) -> f64 {
+    a.rotation.angle_to(&b.rotation)
+}
+
+/// Angle between the directions of two translations, rad.
+pub(super) fn direction_error(a: &CameraPose, b: &CameraPose) -> f64 {
+    a.translation.angle(&b.translation)
+}

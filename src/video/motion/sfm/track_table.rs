@@ -1,0 +1,177 @@
+//! The tracks of a shot, ready to be asked by frame, by point, and by pairs of frames.
+
+use super::Observation;
+use plumbline_num::math::Point2;
+
+/// Tracks seen in fewer frames say nothing that their two ends have not used up for the point's place.
+const SHORTEST: usize = 3;
+
+/// Where every point of a shot was seen, in every frame.
+#[derive(Clone, Debug)]
+pub struct TrackTable {
+    /// Width of the picture, px.
+    pub width: u32,
+    /// Height of the picture, px.
+    pub height: u32,
+    /// By frame, within a frame by point.
+    observations: Vec<Observation>,
+    /// `observations[frame_starts[f]..frame_starts[f + 1]]` are those of frame `f`.
+    frame_starts: Vec<usize>,
+    /// Indices of observations, by point, within a point by frame.
+    by_point: Vec<u32>,
+    point_starts: Vec<usize>,
+    /// The track's identity at the tracker, by point.
+    ids: Vec<u32>,
+}
+
+/// A point seen in two frames, px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    /// Index of the point.
+    pub point: u32,
+    /// Where the first frame sees it.
+    pub first: Point2,
+    /// Where the second frame sees it.
+    pub second: Point2,
+}
+
+impl TrackTable {
+    /// From `(id, pixel)` of every frame in order; ids ascend within a frame. Tracks of fewer than three frames are left out.
+    pub fn new<F>(width: u32, height: u32, frames: F) -> Self
+    where
+        F: IntoIterator,
+        F::Item: IntoIterator<Item = (u32, Point2)>,
+    {
+        let mut seen: Vec<Vec<(u32, Point2)>> = frames.into_iter().map(|f| f.into_iter().collect()).collect();
+        let (mut ids, mut lengths) = (Vec::new(), Vec::new());
+        for &(id, _) in seen.iter().flatten() {
+            ids.push(id);
+        }
+        ids.sort_unstable();
+        for run in ids.chunk_by(|a, b| a == b) {
+            lengths.push((run[0], run.len()));
+        }
+        let ids: Vec<u32> = lengths.iter().filter(|(_, n)| *n >= SHORTEST).map(|&(id, _)| id).collect();
+        let mut table = Self {
+            width,
+            height,
+            observations: Vec::new(),
+            frame_starts: vec![0],
+            by_point: Vec::new(),
+            point_starts: Vec::new(),
+            ids,
+        };
+        for (frame, points) in seen.iter_mut().enumerate() {
+            table.push_frame(frame as u32, points);
+        }
+        table.index_points();
+        table
+    }
+
+    fn push_frame(&mut self, frame: u32, points: &[(u32, Point2)]) {
+        for &(id, pixel) in points {
+            if let Ok(point) = self.ids.binary_search(&id) {
+                self.observations.push(Observation { frame, point: point as u32, pixel });
+            }
+        }
+        self.frame_starts.push(self.observations.len());
+    }
+
+    fn index_points(&mut self) {
+        self.point_starts = vec![0; self.ids.len() + 1];
+        for o in &self.observations {
+            self.point_starts[o.point as usize + 1] += 1;
+        }
+        for p in 0..self.ids.len() {
+            self.point_starts[p + 1] += self.point_starts[p];
+        }
+        let mut next = self.point_starts.clone();
+        self.by_point = vec![0; self.observations.len()];
+        for (k, o) in self.observations.iter().enumerate() {
+            self.by_point[next[o.point as usize]] = k as u32;
+            next[o.point as usize] += 1;
+        }
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.frame_starts.len() - 1
+    }
+
+    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    pub fn unit_px(&self) -> f64 {
+        f64::from(self.width.max(self.height)) / 640.0
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Identity of a point at the tracker.
+    pub fn id(&self, point: u32) -> u32 {
+        self.ids[point as usize]
+    }
+
+    /// All observations, by frame, within a frame by point.
+    pub fn observations(&self) -> &[Observation] {
+        &self.observations
+    }
+
+    /// The points seen in a frame, ascending.
+    pub fn in_frame(&self, frame: usize) -> &[Observation] {
+        &self.observations[self.frame_starts[frame]..self.frame_starts[frame + 1]]
+    }
+
+    /// The sightings of a point, by frame.
+    pub fn of_point(&self, point: usize) -> impl DoubleEndedIterator<Item = &Observation> + Clone {
+        let range = self.point_starts[point]..self.point_starts[point + 1];
+        self.by_point[range].iter().map(|&k| &self.observations[k as usize])
+    }
+
+    /// The points that two frames share, ascending.
+    pub fn shared(&self, first: usize, second: usize) -> Vec<Match> {
+        let mut others = self.in_frame(second).iter().peekable();
+        let mut matches = Vec::new();
+        for a in self.in_frame(first) {
+            while others.next_if(|b| b.point < a.point).is_some() {}
+            if let Some(b) = others.next_if(|b| b.point == a.point) {
+                matches.push(Match { point: a.point, first: a.pixel, second: b.pixel });
+            }
+        }
+        matches
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points 10, 20, 30 of which 20 lives for two frames only.
+    fn table() -> TrackTable {
+        let at = |id: u32, frame: usize| (id, Point2::new(f64::from(id), frame as f64));
+        let frame = |f: usize| [10, 20, 30].into_iter().filter(move |&id| id != 20 || f < 2).map(move |id| at(id, f));
+        TrackTable::new(640, 360, (0..4).map(frame))
+    }
+
+    #[test]
+    fn tracks_are_found_by_frame_and_by_point_and_short_ones_are_left_out() {
+        let t = table();
+        assert_eq!((t.frames(), t.points(), t.id(1)), (4, 2, 30));
+        assert_eq!(t.in_frame(1).iter().map(|o| t.id(o.point)).collect::<Vec<_>>(), [10, 30]);
+        let seen: Vec<(u32, f64)> = t.of_point(1).map(|o| (o.frame, o.pixel.y)).collect();
+        assert_eq!(seen, [(0, 0.0), (1, 1.0), (2, 2.0), (3, 3.0)]);
+        assert_eq!(t.observations().len(), 8);
+    }
+
+    #[test]
+    fn shared_points_are_those_that_both_frames_see() {
+        let frames = [vec![1, 2, 4], vec![2, 3, 4], vec![1, 2, 3, 4], vec![1, 3]];
+        let frames = frames.map(|ids| ids.into_iter().map(|id: u32| (id, Point2::new(f64::from(id), 0.0))));
+        let t = TrackTable::new(64, 64, frames);
+        let ids = |a: usize, b: usize| t.shared(a, b).iter().map(|m| t.id(m.point)).collect::<Vec<_>>();
+        assert_eq!(ids(0, 1), [2, 4]);
+        assert_eq!(ids(2, 3), [1, 3]);
+        assert_eq!(ids(0, 3), [1]);
+    }
+}

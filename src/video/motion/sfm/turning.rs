@@ -1,0 +1,130 @@
+//! The cameras of a shot that shows no parallax: rotations, and points at infinity.
+//!
+//! Between keyframes `i`, `j` the rays `m = K⁻¹ x` of a turning camera obey `m_j ∝ R_ij m_i`. The focal length is the one
+//! under which the pairs that turned most are turns ([`super::fit_turn`]); the relative rotations of all pairs at that
+//! focal length are averaged ([`super::average_rotations`]), which forgets pairs that a mover misled; every other frame is
+//! turned against the keyframe before it. The adjustment then moves rotations, rays and lens, and no translation: what
+//! moves in the picture besides is noise, and a translation would only make a story of it.
+
+use super::keyframes::rotation_between;
+use super::mapper::{LEAST_INLIERS, Mapper};
+use super::rotation_averaging::{RotationEdge, average_rotations};
+use super::view_graph::Edge;
+use super::{Match, ScenePoint, TrackTable};
+use plumbline_camera::{CameraPose, Intrinsics, Vec3};
+
+/// Share of the pairs, those that turned most, that are asked for the focal length.
+const ASKED: usize = 3;
+
+/// The focal length of a turning camera, px; `None` where no pair turned.
+pub(super) fn focal_of_turns(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
+    let mut turns: Vec<(f64, f64)> =
+        edges.iter().filter_map(|e| e.view.turn).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
+    turns.sort_by(|a, b| b.0.total_cmp(&a.0));
+    turns.truncate(turns.len().div_ceil(ASKED));
+    let mut ratios: Vec<f64> = turns.into_iter().map(|t| t.1).collect();
+    let middle = ratios.len() / 2;
+    (!ratios.is_empty()).then(|| camera.focal * *ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.
+pub(super) fn turn_cameras(table: &TrackTable, mapper: &mut Mapper<'_>, keys: &[usize], edges: &[Edge]) {
+    let camera = mapper.scene.intrinsics;
+    let row = |frame: usize| keys.binary_search(&frame).ok();
+    let measured = edges.iter().filter_map(|e| {
+        let second_from_first = turn_between(&e.matches, &camera)?.rotation;
+        Some(RotationEdge {
+            first: row(e.first)?,
+            second: row(e.second)?,
+            second_from_first,
+            weight: e.inliers() as f64,
+        })
+    });
+    let averaged = average_rotations(keys.len(), &measured.collect::<Vec<_>>());
+    for (&frame, rotation) in keys.iter().zip(&averaged.rotations) {
+        mapper.scene.poses[frame] = rotation.map(|rotation| CameraPose { rotation, translation: Vec3::zeros() });
+    }
+    let unknown: Vec<usize> = (0..table.frames()).filter(|&f| mapper.scene.poses[f].is_none()).collect();
+    for frame in unknown {
+        mapper.scene.poses[frame] = turned_from_known(table, &mapper.scene.poses, frame, keys, &camera);
+    }
+    place_at_infinity(table, mapper);
+}
+
+/// The pose of a frame by the nearest keyframe, or else neighbor, before it that shares enough points.
+fn turned_from_known(
+    table: &TrackTable,
+    poses: &[Option<CameraPose>],
+    frame: usize,
+    keys: &[usize],
+    camera: &Intrinsics,
+) -> Option<CameraPose> {
+    let key = keys.iter().rev().copied().find(|&k| k < frame && poses[k].is_some());
+    let neighbor = (0..frame).rev().find(|&f| poses[f].is_some());
+    key.into_iter().chain(neighbor).find_map(|from| {
+        let shared = table.shared(from, frame);
+        (shared.len() >= LEAST_INLIERS).then(|| Some(turn_between(&shared, camera)? * poses[from]?)).flatten()
+    })
+}
+
+fn turn_between(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
+    let ray = |p| camera.ray(p).map(|r: Vec3| r.normalize());
+    let rays: Vec<(Vec3, Vec3)> = matches.iter().filter_map(|m| Some((ray(m.first)?, ray(m.second)?))).collect();
+    (rays.len() >= LEAST_INLIERS)
+        .then(|| CameraPose { rotation: rotation_between(&rays).into(), translation: Vec3::zeros() })
+}
+
+/// Gives every point the ray on which the first known frame sees it.
+pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
+    for point in 0..table.points() {
+        let first = table.of_point(point).find(|o| mapper.scene.poses[o.frame as usize].is_some());
+        let place = first.and_then(|o| {
+            let ray = mapper.scene.intrinsics.undistorted(o.pixel)?;
+            Some(ScenePoint { anchor: o.frame, ray, inverse_depth: 0.0 })
+        });
+        mapper.scene.points[point] = place.filter(|_| !mapper.is_banned(point));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::sfm::keyframes::keyframes;
+    use crate::motion::sfm::mapper::LensPrior;
+    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
+    use crate::motion::sfm::view_graph::view_graph;
+
+    fn turning(outliers: f64) -> (Shot, TrackTable) {
+        let course = Course::Rotation;
+        let shot =
+            Shot::new(&ShotOptions { seed: 12, frames: 50, course, noise_px: 0.2, outliers, ..ShotOptions::default() });
+        let table = shot.table();
+        (shot, table)
+    }
+
+    #[test]
+    fn turns_tell_the_focal_length_whatever_is_assumed() {
+        let (_, table) = turning(0.0);
+        for assumed in [480.0, 576.0, 700.0] {
+            let camera = Intrinsics::centered(assumed, 640, 360);
+            let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.5);
+            let focal = focal_of_turns(&edges, &camera).expect("it turned");
+            assert!((focal / 576.0 - 1.0).abs() < 0.05, "{focal} from {assumed}");
+        }
+        assert_eq!(focal_of_turns(&[], &Intrinsics::centered(576.0, 640, 360)), None);
+    }
+
+    #[test]
+    fn every_frame_is_turned_and_none_is_moved_and_points_lie_at_infinity() {
+        let (shot, table) = turning(0.1);
+        let camera = Intrinsics::centered(576.0, 640, 360);
+        let keys = keyframes(&table, &camera);
+        let edges = view_graph(&table, &keys, &camera, 1.1);
+        let mut mapper = Mapper::new(&table, &keys, camera, LensPrior { sigma_ln_focal: 0.1, sigma_k1: 0.1 });
+        turn_cameras(&table, &mut mapper, &keys, &edges);
+        assert!(mapper.scene.poses.iter().all(|p| p.is_some_and(|p| p.translation == Vec3::zeros())));
+        let error = path_error(&mapper.scene.poses, &shot.truth.poses);
+        assert!(error.rotation < 0.2_f64.to_radians(), "{error:?}");
+        assert!(mapper.scene.points.iter().flatten().all(|p| p.inverse_depth == 0.0));
+    }
+}

@@ -1,0 +1,417 @@
+//! What two frames say about the camera between them: it moved, it moved before a plane, it only turned, or nothing.
+//!
+//! Four models are fitted to the pairs, each by robust search: a homography `H`, the homography of a turning camera
+//! `K R K⁻¹` with its focal length free ([`super::fit_turn`]), an essential matrix `E` at the assumed focal length and a
+//! fundamental matrix `F`. The noise `σ` is measured on the residuals of `F`, the most general one, and [`super::gric`]
+//! chooses:
+//!
+//! | least score | verdict |
+//! | --- | --- |
+//! | `E` or `F` | [`TwoViewVerdict::General`] |
+//! | `H` | [`TwoViewVerdict::Planar`] |
+//! | `K R K⁻¹` | [`TwoViewVerdict::RotationOnly`] |
+//!
+//! An essential matrix fits a turning camera as well as anything, with an invented translation: a low residual proves no
+//! motion. That the turning camera is among the models, with the focal length free, is what keeps a wrong focal length from
+//! making up a translation; as a second guard a share of the pairs must miss the turn by more than their noise allows.
+
+use nalgebra::Matrix3;
+
+use super::correspondence::Correspondence;
+use super::essential::{ByEssential, EssentialChart};
+use super::essential_pose::{pose_of_essential, ray_angle};
+use super::fundamental::ByFundamental;
+use super::gric::{ModelSize, gric};
+use super::homography_poses::{calibrated_homography, visible_planar_poses};
+use super::homography_search::ByPlane;
+use super::rotation_fit::{Turn, conjugate_rotation, fit_turn, homography_squared_distance};
+use super::sampson;
+use plumbline_camera::{CameraPose, Vec3};
+use plumbline_num::optim::ransac::{Consensus, MsacOptions, msac};
+
+/// Steps of the last refinement of the essential matrix.
+const FINAL_STEPS: usize = 20;
+
+/// A winning model must explain this share of the pairs.
+const LEAST_SUPPORT: f64 = 0.3;
+
+/// Share of the pairs that a turn must miss by more than three times the noise before a translation is believed. Noise alone
+/// gives 1 in 10 000, and 1 in 300 where it is taken for a fifth less than it is; a baseline seen by fewer pairs is too
+/// short to be of use.
+const LEAST_PARALLAX_SHARE: f64 = 0.03;
+
+/// Settings of [`two_view`]; lengths in normalized image coordinates (px divided by the assumed focal length).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoViewOptions {
+    /// Distance at which a pair is an outlier, > 0.
+    pub threshold: f64,
+    /// Noise that is assumed at least, > 0: with exact data any parallax, however small, would count.
+    pub least_noise: f64,
+    /// How far the assumed focal length may be off, as a factor ≥ 1, when a turn is looked for.
+    pub focal_doubt: f64,
+    /// Fewest pairs that are asked, and that a model must explain.
+    pub least_pairs: usize,
+    /// Seed of the searches.
+    pub seed: u64,
+}
+
+impl TwoViewOptions {
+    /// Two pixels' tolerance and a twentieth's least noise at an assumed focal length, px, that may be off by 1.8.
+    pub fn for_focal(focal_px: f64) -> Self {
+        Self { threshold: 2.0 / focal_px, least_noise: 0.05 / focal_px, focal_doubt: 1.8, least_pairs: 24, seed: 0 }
+    }
+}
+
+/// What the camera did between two frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TwoViewVerdict {
+    /// It moved, and the scene has depth.
+    General,
+    /// It moved before a plane, or the scene is too flat to tell.
+    Planar,
+    /// It turned, or stood still: the pairs show no parallax.
+    RotationOnly,
+    /// Too few pairs, or no model explains enough of them.
+    Degenerate,
+}
+
+/// Scores of the models, all under one noise; infinite where a model was not found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoViewScores {
+    /// Essential matrix.
+    pub essential: f64,
+    /// Fundamental matrix.
+    pub fundamental: f64,
+    /// Homography.
+    pub homography: f64,
+    /// Turning camera.
+    pub turn: f64,
+}
+
+/// The relation of two views.
+#[derive(Clone, Debug)]
+pub struct TwoView {
+    /// What the camera did.
+    pub verdict: TwoViewVerdict,
+    /// `second_from_first`, best first, with a translation of length 1 (`General`), in units of the plane's distance (one or
+    /// two, `Planar`) or zero (`RotationOnly`); empty for `Degenerate`.
+    pub poses: Vec<CameraPose>,
+    /// Which pairs the winning model explains.
+    pub inliers: Vec<bool>,
+    /// Median angle between the two rays of an inlier under the first pose, rad; 0 without a pose.
+    pub median_angle: f64,
+    /// Share of the pairs within the threshold of `E` or `F` that a turn, focal length free, misses by more than three times
+    /// the noise.
+    pub parallax_share: f64,
+    /// Noise per coordinate, normalized image coordinates.
+    pub noise: f64,
+    /// The best turn of the camera; `None` where none was found.
+    pub turn: Option<Turn>,
+    /// Scores of all models.
+    pub scores: TwoViewScores,
+}
+
+/// Judges the pairs of two frames, given in image coordinates normalized by an assumed focal length.
+pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions) -> TwoView {
+    if pairs.len() < options.least_pairs {
+        return TwoView::degenerate(pairs.len());
+    }
+    let fits = Fits::new(pairs, options);
+    let noise = fits.noise(pairs, options);
+    let scores = fits.scores(pairs, noise);
+    let epipolar = scores.essential.min(scores.fundamental);
+    let flat = scores.homography.min(scores.turn);
+    let verdict = if !epipolar.min(flat).is_finite() {
+        TwoViewVerdict::Degenerate
+    } else if epipolar < flat && fits.parallax_share(pairs, options, noise) >= LEAST_PARALLAX_SHARE {
+        TwoViewVerdict::General
+    } else if scores.homography < scores.turn {
+        TwoViewVerdict::Planar
+    } else {
+        TwoViewVerdict::RotationOnly
+    };
+    fits.view(verdict, pairs, options, noise, scores)
+}
+
+impl TwoView {
+    fn degenerate(pairs: usize) -> Self {
+        let none = f64::INFINITY;
+        Self {
+            verdict: TwoViewVerdict::Degenerate,
+            poses: Vec::new(),
+            inliers: vec![false; pairs],
+            median_angle: 0.0,
+            parallax_share: 0.0,
+            noise: 0.0,
+            turn: None,
+            scores: TwoViewScores { essential: none, fundamental: none, homography: none, turn: none },
+        }
+    }
+}
+
+/// The models found, each `None` where the search failed.
+struct Fits {
+    essential: Option<Matrix3<f64>>,
+    fundamental: Option<Matrix3<f64>>,
+    homography: Option<Matrix3<f64>>,
+    /// With the number of its parameters: three at the assumed focal length, four where another one is better.
+    turn: Option<(Turn, u32)>,
+}
+
+impl Fits {
+    fn new(pairs: &[Correspondence], options: &TwoViewOptions) -> Self {
+        let homography = search(&ByPlane(pairs), options, 500);
+        let turn = best_turn(homography.as_ref(), pairs, options);
+        Self {
+            essential: search(&ByEssential::of(pairs), options, 500),
+            fundamental: search(&ByFundamental::of(pairs), options, 1000),
+            homography,
+            turn,
+        }
+    }
+
+    /// Standard deviation per coordinate, from the inliers of the most general model: robustly at first, then by the root
+    /// mean square within three times that.
+    fn noise(&self, pairs: &[Correspondence], options: &TwoViewOptions) -> f64 {
+        let Some(model) = self.fundamental.or(self.essential) else { return options.least_noise };
+        let mut squared: Vec<f64> = pairs.iter().map(|p| sampson::squared_distance(&model, p)).collect();
+        squared.retain(|r| *r < options.threshold * options.threshold);
+        if squared.len() < 8 {
+            return options.least_noise;
+        }
+        squared.sort_by(f64::total_cmp);
+        // The median of |r| of a normal variable is 0.6745 standard deviations.
+        let rough = squared[squared.len() / 2] / (0.6745 * 0.6745);
+        let near = squared.iter().take_while(|r| **r <= 9.0 * rough);
+        let (count, sum) = near.fold((0.0, 0.0), |(n, s), r| (n + 1.0, s + r));
+        let freedom = f64::max(count - 7.0, 1.0);
+        (sum / freedom).sqrt().max(options.least_noise)
+    }
+
+    fn scores(&self, pairs: &[Correspondence], noise: f64) -> TwoViewScores {
+        let score = |model: Option<Matrix3<f64>>, distance: fn(&Matrix3<f64>, &Correspondence) -> f64, size| {
+            model.map_or(f64::INFINITY, |m| gric(pairs.iter().map(|p| distance(&m, p)), noise, size))
+        };
+        let turn = self.turn.map(|(t, _)| t.homography());
+        let turn_size = ModelSize { parameters: self.turn.map_or(4, |(_, k)| k), ..ModelSize::TURN };
+        TwoViewScores {
+            essential: score(self.essential, sampson::squared_distance, ModelSize::ESSENTIAL),
+            fundamental: score(self.fundamental, sampson::squared_distance, ModelSize::FUNDAMENTAL),
+            homography: score(self.homography, homography_squared_distance, ModelSize::HOMOGRAPHY),
+            turn: score(turn, homography_squared_distance, turn_size),
+        }
+    }
+
+    /// Share of the pairs on epipolar lines (within the threshold) that the turn misses by more than three times the noise.
+    fn parallax_share(&self, pairs: &[Correspondence], options: &TwoViewOptions, noise: f64) -> f64 {
+        let Some(turn) = self.turn.map(|(t, _)| t.homography()) else { return 1.0 };
+        let limit = options.threshold * options.threshold;
+        let explained = |p: &Correspondence| {
+            let by = |m: Option<Matrix3<f64>>| m.is_some_and(|m| sampson::squared_distance(&m, p) < limit);
+            by(self.essential) || by(self.fundamental)
+        };
+        let (mut count, mut moved) = (0.0_f64, 0.0);
+        for pair in pairs.iter().filter(|p| explained(p)) {
+            count += 1.0;
+            // r² of a turn has two degrees of freedom where a single coordinate has one.
+            moved += f64::from(homography_squared_distance(&turn, pair) > 2.0 * 9.0 * noise * noise);
+        }
+        moved / count.max(1.0)
+    }
+
+    /// Residuals of the model behind a verdict.
+    fn explains(&self, verdict: TwoViewVerdict, scores: &TwoViewScores, pair: &Correspondence) -> f64 {
+        let far = f64::INFINITY;
+        match verdict {
+            TwoViewVerdict::General => {
+                let model = if scores.essential <= scores.fundamental { self.essential } else { self.fundamental };
+                model.map_or(far, |m| sampson::squared_distance(&m, pair))
+            }
+            TwoViewVerdict::Planar => self.homography.map_or(far, |h| homography_squared_distance(&h, pair)),
+            TwoViewVerdict::RotationOnly => {
+                self.turn.map_or(far, |(t, _)| homography_squared_distance(&t.homography(), pair))
+            }
+            TwoViewVerdict::Degenerate => far,
+        }
+    }
+
+    fn view(
+        &self,
+        verdict: TwoViewVerdict,
+        pairs: &[Correspondence],
+        options: &TwoViewOptions,
+        noise: f64,
+        scores: TwoViewScores,
+    ) -> TwoView {
+        let limit = options.threshold * options.threshold;
+        let inliers: Vec<bool> = pairs.iter().map(|p| self.explains(verdict, &scores, p) < limit).collect();
+        let count = inliers.iter().filter(|i| **i).count();
+        let poses = self.poses(verdict, pairs, &inliers, options);
+        if count < options.least_pairs || (count as f64) < LEAST_SUPPORT * pairs.len() as f64 || poses.is_empty() {
+            return TwoView { noise, scores, ..TwoView::degenerate(pairs.len()) };
+        }
+        let turn = self.turn.map(|(t, _)| t);
+        let median_angle = median_angle(&poses[0], pairs, &inliers);
+        let parallax_share = self.parallax_share(pairs, options, noise);
+        TwoView { verdict, poses, inliers, median_angle, parallax_share, noise, turn, scores }
+    }
+
+    fn poses(
+        &self,
+        verdict: TwoViewVerdict,
+        pairs: &[Correspondence],
+        inliers: &[bool],
+        options: &TwoViewOptions,
+    ) -> Vec<CameraPose> {
+        match verdict {
+            TwoViewVerdict::General => {
+                self.essential.and_then(|e| moving_pose(&e, pairs, options)).into_iter().collect()
+            }
+            TwoViewVerdict::Planar => {
+                let h = self.homography.and_then(|h| calibrated_homography(&h, pairs, inliers));
+                h.map_or_else(Vec::new, |h| {
+                    visible_planar_poses(&h, pairs, inliers).into_iter().map(|p| p.pose).collect()
+                })
+            }
+            TwoViewVerdict::RotationOnly => {
+                let still = |(t, _): (Turn, u32)| CameraPose { rotation: t.rotation, translation: Vec3::zeros() };
+                self.turn.map(still).into_iter().collect()
+            }
+            TwoViewVerdict::Degenerate => Vec::new(),
+        }
+    }
+}
+
+fn search<P: Consensus>(family: &P, options: &TwoViewOptions, max_samples: usize) -> Option<P::Model> {
+    let settings = MsacOptions { threshold: options.threshold, min_samples: 40, max_samples, local_steps: 4 };
+    let mut rng = fastrand::Rng::with_seed(options.seed);
+    msac(family, &vec![1.0; family.len()], &settings, None, &mut rng).map(|s| s.model)
+}
+
+/// The better of the turns at the assumed and at a free focal length, as GRIC would choose at a noise of half a threshold.
+fn best_turn(h: Option<&Matrix3<f64>>, pairs: &[Correspondence], options: &TwoViewOptions) -> Option<(Turn, u32)> {
+    let fixed_start = conjugate_rotation(h?, 1.0)?.0;
+    let free_start = conjugate_rotation(h?, options.focal_doubt)?.0;
+    let free = fit_turn(free_start, pairs, options.threshold, options.focal_doubt);
+    let fixed = fit_turn(fixed_start, pairs, options.threshold, 1.0);
+    let score = |turn: &Turn, parameters| {
+        let h = turn.homography();
+        let size = ModelSize { parameters, ..ModelSize::TURN };
+        gric(pairs.iter().map(|p| homography_squared_distance(&h, p)), 0.25 * options.threshold, size)
+    };
+    Some(if score(&fixed, 3) <= score(&free, 4) { (fixed, 3) } else { (free, 4) })
+}
+
+/// The pose of `e` refined on the pairs within the threshold, weighted so that none enters abruptly.
+fn moving_pose(e: &Matrix3<f64>, pairs: &[Correspondence], options: &TwoViewOptions) -> Option<CameraPose> {
+    let limit = options.threshold * options.threshold;
+    let slack: Vec<f64> = pairs.iter().map(|p| (1.0 - sampson::squared_distance(e, p) / limit).max(0.0)).collect();
+    let weights: Vec<f64> = slack.iter().map(|s| s * s).collect();
+    let inliers: Vec<bool> = slack.iter().map(|s| *s > 0.0).collect();
+    let (pose, _) = pose_of_essential(e, pairs, &inliers)?;
+    Some(sampson::refined(EssentialChart::at(&pose), pairs, &weights, FINAL_STEPS).pose())
+}
+
+fn median_angle(pose: &CameraPose, pairs: &[Correspondence], inliers: &[bool]) -> f64 {
+    let counted = pairs.iter().zip(inliers).filter(|(_, i)| **i);
+    let mut angles: Vec<f64> = counted.map(|(p, _)| ray_angle(pose, p)).collect();
+    angles.sort_by(f64::total_cmp);
+    angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+    use crate::motion::sfm::synthetic_views::{TwoViews, direction_error, random_pose, random_unit, rotation_error};
+
+    const FOCAL: f64 = 576.0;
+
+    /// Pairs with noise of 0.3 px and a tenth of outliers, in coordinates of a focal length assumed `ratio` times too short.
+    fn noisy(views: TwoViews, ratio: f64, rng: &mut fastrand::Rng) -> Vec<Correspondence> {
+        let views = views.with_noise(0.3 / FOCAL, rng).with_outliers(0.1, rng);
+        views.correspondences.iter().map(|c| c.scaled(ratio)).collect()
+    }
+
+    #[test]
+    fn a_turning_camera_is_called_one_whatever_the_assumed_focal_length() {
+        for ratio in [0.6, 1.0 / 1.4, 1.0, 1.4, 1.0 / 0.6] {
+            for seed in 0..10 {
+                let mut rng = fastrand::Rng::with_seed(seed);
+                let angle = [0.002, 0.02, 0.1, 0.2, 0.5][seed as usize % 5];
+                let rotation = UnitQuaternion::from_scaled_axis(random_unit(&mut rng) * angle);
+                let views = TwoViews::general(CameraPose { rotation, translation: Vec3::zeros() }, 250, &mut rng);
+                let pairs = noisy(views, ratio, &mut rng);
+                let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio));
+                assert_eq!(found.verdict, TwoViewVerdict::RotationOnly, "{ratio} {seed}: {:?}", found.scores);
+                assert_eq!(found.poses[0].translation, Vec3::zeros());
+                let error = found.poses[0].rotation.angle_to(&rotation);
+                assert!(ratio != 1.0 || error < 0.1_f64.to_radians(), "seed {seed}: {}", error.to_degrees());
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_that_moves_through_depth_is_called_general_and_its_pose_is_found() {
+        for seed in 0..10 {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            let pose = random_pose(&mut rng, 0.15, 0.5);
+            let pairs = noisy(TwoViews::general(pose, 250, &mut rng), 1.0, &mut rng);
+            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+            assert_eq!(found.verdict, TwoViewVerdict::General, "seed {seed}: {:?}", found.scores);
+            assert!(rotation_error(&found.poses[0], &pose) < 0.3_f64.to_radians(), "seed {seed}");
+            assert!(direction_error(&found.poses[0], &pose) < 4.0_f64.to_radians(), "seed {seed}");
+            assert!(found.median_angle > 0.01 && found.parallax_share > 0.5, "seed {seed}");
+            assert!((found.noise * FOCAL - 0.3).abs() < 0.06, "seed {seed}: {}", found.noise * FOCAL);
+        }
+    }
+
+    #[test]
+    fn depth_is_seen_at_a_wrong_focal_length_too() {
+        for ratio in [0.7, 1.4] {
+            let mut rng = fastrand::Rng::with_seed(3);
+            let pairs = noisy(TwoViews::general(random_pose(&mut rng, 0.15, 0.7), 250, &mut rng), ratio, &mut rng);
+            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio));
+            assert_eq!(found.verdict, TwoViewVerdict::General, "{ratio}: {:?}", found.scores);
+        }
+    }
+
+    #[test]
+    fn a_plane_is_called_one_and_a_candidate_is_the_pose() {
+        for seed in 0..10 {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            let pose = random_pose(&mut rng, 0.15, 1.0);
+            let pairs = noisy(TwoViews::planar(pose, 250, &mut rng), 1.0, &mut rng);
+            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+            assert_eq!(found.verdict, TwoViewVerdict::Planar, "seed {seed}: {:?}", found.scores);
+            let right = |p: &CameraPose| {
+                rotation_error(p, &pose) < 1.0_f64.to_radians() && direction_error(p, &pose) < 8.0_f64.to_radians()
+            };
+            assert!(found.poses.iter().any(right), "seed {seed}: {:?} for {pose:?}", found.poses);
+        }
+    }
+
+    #[test]
+    fn noise_alone_few_pairs_and_a_still_camera_invent_nothing() {
+        let mut rng = fastrand::Rng::with_seed(4);
+        let views = TwoViews::general(random_pose(&mut rng, 0.1, 1.0), 100, &mut rng);
+        let scattered = views.clone().with_outliers(1.0, &mut rng);
+        let options = TwoViewOptions::for_focal(FOCAL);
+        assert_eq!(two_view(&scattered.correspondences, &options).verdict, TwoViewVerdict::Degenerate);
+        assert_eq!(two_view(&views.correspondences[..20], &options).verdict, TwoViewVerdict::Degenerate);
+        assert_eq!(two_view(&[], &options).verdict, TwoViewVerdict::Degenerate);
+        let still: Vec<_> = views.correspondences.iter().map(|c| Correspondence { second: c.first, ..*c }).collect();
+        let found = two_view(&still, &options);
+        assert_eq!(found.verdict, TwoViewVerdict::RotationOnly);
+        assert!(found.poses[0].rotation.angle() < 1e-6);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_answer() {
+        let mut rng = fastrand::Rng::with_seed(5);
+        let pairs = noisy(TwoViews::general(random_pose(&mut rng, 0.15, 0.5), 100, &mut rng), 1.0, &mut rng);
+        let run = || two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+        assert_eq!(run().poses, run().poses);
+    }
+}

@@ -1,0 +1,81 @@
+//! The pairs of keyframes that share points, and what each pair says about the camera.
+
+use rayon::prelude::*;
+
+use super::correspondence::Correspondence;
+use super::focal::{FocalEstimate, FocalOptions, estimate_focal};
+use super::two_view::{TwoView, TwoViewOptions, TwoViewVerdict, two_view};
+use super::{Match, TrackTable};
+use plumbline_camera::Intrinsics;
+use plumbline_num::math::Vec2;
+
+/// Steps between the keyframes of a pair: near ones share most points, far ones see most depth.
+const STRIDES: [usize; 5] = [1, 2, 3, 5, 8];
+/// Fewest points that a pair must share.
+const LEAST_SHARED: usize = 40;
+/// Most pairs that are asked for the focal length.
+const FOCAL_PAIRS: usize = 16;
+
+/// A pair of keyframes.
+#[derive(Clone, Debug)]
+pub(super) struct Edge {
+    /// Frame of the first view.
+    pub(super) first: usize,
+    /// Frame of the second view.
+    pub(super) second: usize,
+    /// What they see in common.
+    pub(super) matches: Vec<Match>,
+    /// What that says.
+    pub(super) view: TwoView,
+}
+
+impl Edge {
+    /// Matches that the pair's model explains.
+    pub(super) fn inliers(&self) -> usize {
+        self.view.inliers.iter().filter(|i| **i).count()
+    }
+
+    /// How well a map would start here: points times angle, the angle counted up to 6 degrees.
+    pub(super) fn strength(&self) -> f64 {
+        self.inliers() as f64 * self.view.median_angle.min(6.0_f64.to_radians())
+    }
+}
+
+/// Judges the pairs of keyframes at an assumed lens that may be off by the factor `doubt`.
+pub(super) fn view_graph(table: &TrackTable, keys: &[usize], camera: &Intrinsics, doubt: f64) -> Vec<Edge> {
+    let pairs = STRIDES.iter().flat_map(|&s| (s..keys.len()).map(move |k| (keys[k - s], keys[k])));
+    let pairs: Vec<(usize, usize)> = pairs.collect();
+    // Tolerances in px hold at 640 px across.
+    let unit = f64::from(table.width.max(table.height)) / 640.0;
+    let options = TwoViewOptions { focal_doubt: doubt, ..TwoViewOptions::for_focal(camera.focal / unit) };
+    let judged = pairs.par_iter().map(|&(first, second)| {
+        let mut matches = table.shared(first, second);
+        if matches.len() < LEAST_SHARED {
+            return None;
+        }
+        let mut rays = Vec::with_capacity(matches.len());
+        matches.retain(|m| {
+            let pair = camera.undistorted(m.first).zip(camera.undistorted(m.second));
+            rays.extend(pair.map(|(a, b)| Correspondence::new(a, b)));
+            pair.is_some()
+        });
+        Some(Edge { first, second, view: two_view(&rays, &options), matches })
+    });
+    let judged: Vec<Option<Edge>> = judged.collect();
+    judged.into_iter().flatten().collect()
+}
+
+/// The focal length on which the pairs with depth agree.
+pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge]) -> Option<FocalEstimate> {
+    let mut general: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).collect();
+    general.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+    general.truncate(FOCAL_PAIRS);
+    let center = Vec2::new(f64::from(table.width), f64::from(table.height)) / 2.0;
+    let pairs: Vec<Vec<Correspondence>> = general
+        .iter()
+        .map(|e| {
+            e.matches.iter().map(|m| Correspondence::new(m.first.coords - center, m.second.coords - center)).collect()
+        })
+        .collect();
+    estimate_focal(&pairs, &FocalOptions::for_width(f64::from(table.width.max(table.height))))
+}

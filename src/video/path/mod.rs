@@ -1,0 +1,240 @@
+//! The virtual camera: which crop window of each frame to show so that the film is steady.
+//!
+//! Frame `t` moves by the similarity `F_t` (`this_from_previous`, estimated). The output shows the window
+//! `B_t = src_from_out` of the frame, so the viewer sees the motion `B_t⁻¹ F_t B_{t−1}`. A path is good when that motion
+//! is smooth, the window inside the frame, and the window large. The kinds:
+//!
+//! - [`PathKind::Optimal`]: a quadratic program balances the three under hard constraints (`optimal.rs`);
+//! - [`PathKind::Gaussian`]: the camera's path convolved with a Gaussian, held inside the frame where it would leave;
+//! - [`PathKind::Linear`], [`PathKind::Parabolic`]: the polynomial of degree 1 or 2 over the whole shot that is nearest to
+//!   the camera's path, held inside likewise;
+//! - [`PathKind::Tripod`]: no motion at all while the frame allows it.
+//!
+//! Paths in space are smoothed ([`smoothed_poses`]) or shaped ([`shaped_poses`]) from the recovered cameras, as far as the
+//! frame covers what they show ([`attainable_shares`]); [`plan_toward`] finds the windows that show them.
+//!
+//! Shots are independent. Within a shot the program is solved in overlapping windows of time, so memory does not grow
+//! with the clip. Everything is computed in units of half the frame's diagonal and in seconds: resolution and frame rate
+//! scale the result and do not change it.
+//!
+//! # Reference
+//! M. Grundmann, V. Kwatra, I. Essa, *Auto-directed video stabilization with robust L1 optimal camera paths*, CVPR 2011:
+//! the window's pose as the unknown of a convex program, linear in the similarity's parameters.
+
+mod camera_path;
+mod chain;
+mod ideal;
+mod level;
+mod local_linear;
+mod lowpass;
+mod optimal;
+mod orbit;
+mod plan;
+mod pose;
+mod regression;
+mod share;
+mod subspace;
+mod toward;
+mod trajectory;
+mod virtual_camera;
+
+use std::ops::Range;
+
+use plumbline_num::math::{Homography, Similarity2};
+
+pub use camera_path::{PathShape, Sight, shaped_poses};
+pub use level::{leveled, roll, upward};
+pub use lowpass::lowpass;
+pub use plan::{plan, plan_along};
+pub use share::{attainable_shares, even_shares};
+pub use toward::plan_toward;
+pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
+pub use virtual_camera::{SteadyView, VirtualCamera, smoothed_poses};
+
+/// Motion of one frame's content since the previous frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InterFrame {
+    /// Maps previous-frame px to this-frame px.
+    pub similarity: Similarity2,
+    /// The same as a projective map, where it was estimated; the similarity otherwise.
+    pub homography: Homography,
+    /// False where the estimate is a guess (too few points, blur, black frame): the path bridges the gap.
+    pub reliable: bool,
+}
+
+/// What the path is planned from. Slices hold one entry per frame of the clip.
+#[derive(Clone, Copy, Debug)]
+pub struct Clip<'a> {
+    /// Frame width, px, > 0.
+    pub width: u32,
+    /// Frame height, px, > 0.
+    pub height: u32,
+    /// Presentation times, s, increasing; they may be uneven.
+    pub times_s: &'a [f64],
+    /// Motion since the previous frame; the entry of a shot's first frame is ignored.
+    pub motion: &'a [InterFrame],
+    /// Frame ranges without a cut inside: in order, not empty, together all frames.
+    pub shots: &'a [Range<usize>],
+}
+
+impl Clip<'_> {
+    /// Mean time from frame to frame in a range of them, s; 1 where there are fewer than two.
+    pub fn period_s(&self, frames: &Range<usize>) -> f64 {
+        let times = &self.times_s[frames.clone()];
+        match times {
+            [first, .., last] if last > first => (last - first) / (times.len() - 1) as f64,
+            _ => 1.0,
+        }
+    }
+}
+
+/// How the virtual camera moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// As smooth as the crop budget allows.
+    Optimal,
+    /// Along the Gaussian mean of the path.
+    Gaussian,
+    /// At even speed on the line that is nearest to the path.
+    Linear,
+    /// Evenly accelerated, on the parabola that is nearest to the path.
+    Parabolic,
+    /// Not at all.
+    Tripod,
+}
+
+/// How the size of the crop window changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zoom {
+    /// One size per shot.
+    Fixed,
+    /// Slowly, where calm passages need less crop than shaky ones.
+    Adaptive,
+    /// The output keeps the source's scale; only useful where the border may show.
+    None,
+}
+
+/// What to plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathOptions {
+    /// Kind of path.
+    pub kind: PathKind,
+    /// Time constant of the smoothing, s, 0.05 to 30: motion much slower than this is kept, faster is removed.
+    pub smoothness_s: f64,
+    /// Smallest window, as a share of the frame's width, 0.3 to 1.
+    pub min_crop: f64,
+    /// Size of the window over time.
+    pub zoom: Zoom,
+    /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
+    /// the output must be covered.
+    pub border_allows_outside: bool,
+    /// The angle of the picture stays that of the shot's mean: the window undoes all turns of the camera about its view.
+    pub level: bool,
+    /// Room to keep between window and frame, as a share of the window's width, 0 to 0.1: what later bends the frame moves
+    /// its border by so much.
+    pub reserve: f64,
+}
+
+impl PathOptions {
+    /// Size of the rectangle that the frame must cover, relative to the output.
+    fn window(&self) -> f64 {
+        if self.border_allows_outside { self.min_crop } else { (1.0 + self.reserve).min(1.0 / self.min_crop) }
+    }
+
+    /// The least part of the frame's width that the rectangle takes up.
+    fn smallest_window(&self) -> f64 {
+        self.window() * if self.border_allows_outside { 1.0 } else { self.min_crop }
+    }
+}
+
+impl Default for PathOptions {
+    fn default() -> Self {
+        Self {
+            kind: PathKind::Optimal,
+            smoothness_s: 0.5,
+            min_crop: 0.8,
+            zoom: Zoom::Adaptive,
+            border_allows_outside: false,
+            level: false,
+            reserve: 0.0,
+        }
+    }
+}
+
+/// What was done with a run of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tier {
+    /// The path was smoothed.
+    Smoothed,
+    /// The path was given: it is to be shown as it is.
+    Given,
+    /// The frames are shown as they are.
+    Unchanged,
+}
+
+/// A run of frames treated alike, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Frames of the clip.
+    pub frames: Range<usize>,
+    /// What was done.
+    pub tier: Tier,
+    /// Why, for the user.
+    pub reason: String,
+}
+
+/// The planned path.
+#[derive(Clone, Debug)]
+pub struct VirtualPath {
+    /// Per frame, source px to output px; the output has the source's size and the zoom is included.
+    pub out_from_src: Vec<Homography>,
+    /// Per frame, width of the window as a share of the frame's width; 1 shows the whole frame.
+    pub crop: Vec<f64>,
+    /// Per frame the virtual camera in space, where there is one; empty where none was asked for.
+    pub cameras: Vec<Option<VirtualCamera>>,
+    /// All frames in order.
+    pub segments: Vec<Segment>,
+}
+
+/// Why no path was planned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PathError {
+    /// An option lies outside its range.
+    #[error("{option} {value} is invalid (expected {low} to {high})")]
+    Option {
+        /// Name of the option.
+        option: &'static str,
+        /// Value given.
+        value: f64,
+        /// Smallest allowed value.
+        low: f64,
+        /// Largest allowed value.
+        high: f64,
+    },
+    /// `Zoom::None` with a border that must not show.
+    #[error(
+        "zoom `none` leaves no room to move the picture: allow the border to show, or choose zoom `fixed` or `adaptive`"
+    )]
+    NoRoom,
+    /// The frame has no area.
+    #[error("frame size {width}x{height} is invalid (expected at least 1x1)")]
+    Size {
+        /// Width given, px.
+        width: u32,
+        /// Height given, px.
+        height: u32,
+    },
+    /// The parts of the clip disagree about its length.
+    #[error(
+        "the clip has {times} timestamps, {motions} motions and shots that cover {covered} frames: expected equal numbers and shots in order"
+    )]
+    Lengths {
+        /// Timestamps given.
+        times: usize,
+        /// Motions given.
+        motions: usize,
+        /// Frames covered by shots that follow each other.
+        covered: usize,
+    },
+}

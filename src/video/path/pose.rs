@@ -1,0 +1,163 @@
+//! The pose of the crop window in a frame, and the exact test that it lies inside.
+
+use nalgebra::Complex;
+
+use plumbline_num::math::{Homography, Similarity2, Vec2};
+
+pub(super) type C64 = Complex<f64>;
+
+/// The frame in units of half its diagonal, origin at its center: `|x| ≤ half.0`, `|y| ≤ half.1`.
+///
+/// These units make the path independent of the resolution.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stage {
+    /// Half width and half height, `half.0² + half.1² = 1`.
+    pub(super) half: (f64, f64),
+    unit_px: f64,
+    center_px: Vec2,
+}
+
+impl Stage {
+    pub(super) fn new(width: u32, height: u32) -> Self {
+        let center_px = Vec2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
+        let unit_px = center_px.norm();
+        Self { half: (center_px.x / unit_px, center_px.y / unit_px), unit_px, center_px }
+    }
+
+    /// `x ↦ z x + d` about the center for a similarity in pixels.
+    pub(super) fn pose(&self, s: Similarity2) -> Pose {
+        let d = s.apply(self.center_px.into()).coords - self.center_px;
+        Pose { z: C64::new(s.a, s.b), d: C64::new(d.x, d.y) / self.unit_px }
+    }
+
+    /// The inverse of [`Stage::pose`].
+    pub(super) fn similarity(&self, p: Pose) -> Similarity2 {
+        let linear = Similarity2 { a: p.z.re, b: p.z.im, t: Vec2::zeros() };
+        let d = Vec2::new(p.d.re, p.d.im) * self.unit_px;
+        Similarity2 { t: self.center_px + d - linear.apply(self.center_px.into()).coords, ..linear }
+    }
+
+    /// Corners of the frame.
+    pub(super) fn corners(&self) -> [C64; 4] {
+        let (w, h) = self.half;
+        [C64::new(-w, -h), C64::new(w, -h), C64::new(w, h), C64::new(-w, h)]
+    }
+
+    /// By how much the window of `scale` times the output's size reaches over the frame's edge: ≤ 0 inside.
+    pub(super) fn overhang(&self, pose: Pose, scale: f64) -> f64 {
+        self.corners()
+            .into_iter()
+            .map(|q| pose.apply(scale * q))
+            .fold(f64::NEG_INFINITY, |most, p| most.max(p.re.abs() - self.half.0).max(p.im.abs() - self.half.1))
+    }
+
+    /// The largest zoom factor `c ≤ 1` for which `{c·z, d}` keeps the window inside; ≤ 0 where the center is outside.
+    pub(super) fn widest(&self, pose: Pose) -> f64 {
+        let side = |room: f64, reach: f64| if reach > 0.0 { room / reach } else { f64::INFINITY };
+        self.corners().into_iter().map(|q| pose.z * q).fold(1.0, |c: f64, r| {
+            c.min(side(self.half.0 - pose.d.re.abs(), r.re.abs())).min(side(self.half.1 - pose.d.im.abs(), r.im.abs()))
+        })
+    }
+}
+
+/// A similarity about the frame's center, `x ↦ z x + d`, in [`Stage`] units. As a virtual camera: `src_from_out`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    /// Scale and rotation, `s·e^{iθ}`. For the virtual camera `s` is the linear crop: below 1 the output is zoomed in.
+    pub(super) z: C64,
+    /// Displacement of the center.
+    pub(super) d: C64,
+}
+
+impl Pose {
+    pub(super) const IDENTITY: Self = Self { z: C64::new(1.0, 0.0), d: C64::new(0.0, 0.0) };
+
+    pub(super) fn apply(&self, x: C64) -> C64 {
+        self.z * x + self.d
+    }
+
+    /// First `inner`, then `self`.
+    pub(super) fn after(&self, inner: Self) -> Self {
+        Self { z: self.z * inner.z, d: self.apply(inner.d) }
+    }
+
+    pub(super) fn inverse(&self) -> Self {
+        let z = self.z.inv();
+        Self { z, d: -(z * self.d) }
+    }
+
+    /// The point `share` of the straight way from `self` to `other`; both ends inside the frame: so is it.
+    pub(super) fn toward(&self, other: Self, share: f64) -> Self {
+        Self { z: self.z + (other.z - self.z) * share, d: self.d + (other.d - self.d) * share }
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        self.z.is_finite() && self.d.is_finite() && self.z.norm_sqr() > 0.0
+    }
+}
+
+/// `out_from_src` in pixels for a virtual camera, the window inside the frame to the last bit.
+///
+/// The solver and the change of units leave errors near `1e-9`. The pose is moved toward the centered window of the
+/// same scale, which is strictly inside, by doubling steps until the pixel matrix itself passes the test.
+pub(super) fn settle(stage: &Stage, pose: Pose, window: f64) -> (Pose, Homography) {
+    let scale = pose.z.norm().min(1.0 / window);
+    let safe = Pose { z: C64::new(scale * (1.0 - 1e-6), 0.0), d: C64::new(0.0, 0.0) };
+    let mut share = 0.0;
+    loop {
+        let p = pose.toward(safe, share);
+        let src_from_out = stage.similarity(p);
+        if let Some(out_from_src) = src_from_out.inverse()
+            && (share >= 1.0 || stays_inside(stage, out_from_src, window))
+        {
+            return (p, out_from_src.to_homography());
+        }
+        share = if share == 0.0 { 1e-9 } else { (share * 4.0).min(1.0) };
+    }
+}
+
+/// Whether the output window's preimage under the final pixel map lies in `[0,W]×[0,H]`.
+fn stays_inside(stage: &Stage, out_from_src: Similarity2, window: f64) -> bool {
+    out_from_src.inverse().is_some_and(|s| stage.overhang(stage.pose(s), window) <= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage() -> Stage {
+        Stage::new(640, 360)
+    }
+
+    #[test]
+    fn poses_and_pixel_similarities_are_the_same_maps() {
+        let s = Similarity2::about(plumbline_num::math::Point2::new(100.0, 50.0), 0.2, 0.9, Vec2::new(7.0, -3.0));
+        let back = stage().similarity(stage().pose(s));
+        assert!((back.a - s.a).abs() < 1e-15 && (back.b - s.b).abs() < 1e-15 && (back.t - s.t).norm() < 1e-10);
+        let moved = Similarity2 { t: Vec2::new(36.7, 0.0), ..Similarity2::IDENTITY };
+        let half_diagonal = 320.0_f64.hypot(180.0);
+        assert!((stage().pose(moved).d.re - 36.7 / half_diagonal).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_widest_window_touches_the_edge() {
+        let pose = Pose { z: C64::from_polar(1.0, 0.05), d: C64::new(0.03, -0.02) };
+        let c = stage().widest(pose);
+        assert!(c < 1.0);
+        assert!(stage().overhang(Pose { z: pose.z * c, ..pose }, 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_overhanging_window_is_settled_inside_by_a_hair() {
+        let turned = Pose { z: C64::from_polar(1.0, 0.01), d: C64::new(0.05, 0.01) };
+        let over = Pose { z: turned.z * (stage().widest(turned) * (1.0 + 1e-7)), ..turned };
+        assert!(stage().overhang(over, 1.0) > 0.0);
+        let (settled, out_from_src) = settle(&stage(), over, 1.0);
+        assert!((settled.d - over.d).norm() + (settled.z - over.z).norm() < 1e-5);
+        let src_from_out = out_from_src.inverse().expect("a similarity");
+        for (x, y) in [(0.0, 0.0), (640.0, 0.0), (640.0, 360.0), (0.0, 360.0)] {
+            let p = src_from_out.apply(plumbline_num::math::Point2::new(x, y)).expect("affine");
+            assert!((-1e-10..=640.0 + 1e-10).contains(&p.x) && (-1e-10..=360.0 + 1e-10).contains(&p.y), "{p}");
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! What the tracker says of one frame.
+
+use plumbline_num::time::Timestamp;
+
+/// A tracked point seen in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Track, unique in the clip; the same point has the same id in every frame.
+    pub id: u32,
+    /// Position, px of the source frame, pixel centers at integer + 0.5.
+    pub x: f32,
+    /// Position, likewise; y down.
+    pub y: f32,
+    /// The point is taken to belong to the background. The tracker knows no better and says `true`; motion refines it.
+    pub background: bool,
+}
+
+/// What kind of picture a frame is.
+#[allow(clippy::struct_excessive_bools)] // four independent findings, not the states of one machine
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameQuality {
+    /// Contrast of the analysis picture at half size relative to that at an eighth, in the direction where it is least,
+    /// dimensionless: what blur takes away first, whatever the scene shows. About 0.05 to 1; lower is softer.
+    pub sharpness: f32,
+    /// Nothing to track: black, or of one flat tone.
+    pub black: bool,
+    /// The same picture as the frame before; positions are repeated exactly.
+    pub duplicate: bool,
+    /// Much softer than the frames around it.
+    pub blurred: bool,
+    /// A new shot begins here.
+    pub cut_before: bool,
+    /// Frames that the tracks skip: they continue from the frame `bridged + 1` before this one. 0 in the normal case; above
+    /// it, the frames between were black or a flash, and a `cut_before` among them is void.
+    pub bridged: u32,
+}
+
+/// The tracked points of one frame, in the order of their ids.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameTracks {
+    /// Display time of the frame.
+    pub pts: Timestamp,
+    /// The points, ids ascending.
+    pub observations: Vec<Observation>,
+    /// What kind of picture it is.
+    pub quality: FrameQuality,
+}
