@@ -1,11 +1,11 @@
 //! Rules of the house that are not about code: what tracked files may say, and that the documents are true.
 
-#![allow(clippy::print_stdout)] // a test that skips says why
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
+
+use crate::support::missing::skip;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -22,7 +22,7 @@ fn tracked_files() -> Option<Vec<String>> {
 fn only_the_ci_script_knows_where_real_media_lie() {
     let needle = concat!("..", "/shared");
     let Some(files) = tracked_files() else {
-        println!("skipped: not a git checkout");
+        skip("this is no git checkout");
         return;
     };
     for name in files.iter().filter(|n| *n != ".ci/run") {
@@ -35,7 +35,7 @@ fn only_the_ci_script_knows_where_real_media_lie() {
 #[test]
 fn the_clips_of_media_stay_small() {
     let Some(files) = tracked_files() else {
-        println!("skipped: not a git checkout");
+        skip("this is no git checkout");
         return;
     };
     let size = |n: &String| fs::metadata(root().join(n)).map_or(0, |m| m.len());

@@ -441,8 +441,5 @@ fn allowed_imports_comments_and_strings_are_left_alone() {
 fn a_module_without_a_row_is_found_and_a_finding_names_its_line() {
     let table = Table::parse("<!-- modules:begin -->\n| `c::a` | x | – |\n<!-- modules:end -->", "modules");
     assert_eq!(table.violations("z.rs", "c", &["z"], ""), ["z.rs: the table has no row for `c`"]);
-    assert_eq!(
-        table.violations("a.rs", "c", &["a"], "\n/*\n*/\nuse crate::z;"),
-        ["a.rs:4: `c::a` may not import `c`"]
-    );
+    assert_eq!(table.violations("a.rs", "c", &["a"], "\n/*\n*/\nuse crate::z;"), ["a.rs:4: `c::a` may not import `c`"]);
 }

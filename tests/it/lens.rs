@@ -7,17 +7,11 @@ use plumbline::camera::rotation::nearest_rotation;
 use plumbline::camera::{ExifFacts, Lens, Vec3, read_lens};
 use plumbline::num::math::Point2;
 
-/// A file of the folder of real media, wherever in it; `None` with the reason printed.
+use crate::support::missing::real_media;
+
+/// A file of the folder of real media, `None` with the reason printed.
 fn photo_file(name: &str) -> Option<PathBuf> {
-    let found = std::env::var_os("PLUMBLINE_MEDIA").and_then(|folder| {
-        let folder = PathBuf::from(folder);
-        let places = ["photo", "../photo", "."].map(|p| folder.join(p).join(name));
-        places.into_iter().find(|path| path.exists())
-    });
-    if found.is_none() {
-        eprintln!("skipped: {name} is not there (PLUMBLINE_MEDIA names the folder of real media)");
-    }
-    found
+    real_media(&format!("photo/{name}"))
 }
 
 fn lens(path: &Path) -> Lens {

@@ -6,6 +6,7 @@ use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair};
 use serde_json::Value;
 
+use crate::support::missing::real_media;
 use crate::support::program::{err, names, out, plumbline_in, succeed};
 
 fn media(name: &str) -> String {
@@ -128,12 +129,7 @@ fn mesh_files(folder: &Path, found: &mut Vec<PathBuf>) {
 
 #[test]
 fn real_meshes_keep_their_shape_through_repair_and_every_format() {
-    let Some(root) =
-        std::env::var_os("PLUMBLINE_MEDIA").map(|media| PathBuf::from(media).join("mesh")).filter(|p| p.is_dir())
-    else {
-        eprintln!("skipped: no meshes (PLUMBLINE_MEDIA names the folder of real media)");
-        return;
-    };
+    let Some(root) = real_media("mesh") else { return };
     let mut files = Vec::new();
     mesh_files(&root, &mut files);
     assert!(files.len() > 50, "{} meshes", files.len());

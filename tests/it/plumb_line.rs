@@ -7,14 +7,11 @@ use plumbline::num::math::{Point2, Vec2};
 use plumbline::photo::calibration::{Calibration, CalibrationOptions, LineRole, calibrate};
 use plumbline::photo::marks::LinesFile;
 
+use crate::support::missing::real_media;
+
 /// The folder of boards, or `None` with the reason printed.
 fn boards() -> Option<PathBuf> {
-    let folder = std::env::var_os("PLUMBLINE_MEDIA").map(|media| PathBuf::from(media).join("photo/fisheye_calib"));
-    let found = folder.filter(|f| f.is_dir());
-    if found.is_none() {
-        eprintln!("skipped: no boards (PLUMBLINE_MEDIA names the folder of real media)");
-    }
-    found
+    real_media("photo/fisheye_calib")
 }
 
 /// The camera of the small boards, as fitted to the corners of 22 of them.

@@ -11,6 +11,7 @@ use plumbline::shape::character::io::character_of;
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
 use plumbline::shape::mesh::{Model, ReadLimits, read_model};
 
+use crate::support::missing::real_media;
 use crate::support::program::{err, names, plumbline_in, succeed};
 
 fn humanoid() -> String {
@@ -150,11 +151,7 @@ const SINGLE: f64 = 2e-7;
 
 #[test]
 fn real_characters_stand_as_their_references_do() {
-    let Some(media) = std::env::var_os("PLUMBLINE_MEDIA") else {
-        eprintln!("skipped: PLUMBLINE_MEDIA is not set");
-        return;
-    };
-    let folder = Path::new(&media).join("mesh/gltf");
+    let Some(folder) = real_media("mesh/gltf") else { return };
     for (name, later) in [("CesiumMan", "0.7000"), ("RiggedSimple", "2.3333"), ("Fox", "1.1958")] {
         let person = character_of(&model(&folder.join(format!("{name}.glb")))).expect("a character");
         let clip = &person.clips[0];

@@ -11,6 +11,7 @@ use plumbline::shape::character::weights::{WeightOptions, bone_weights};
 use plumbline::shape::character::{Pose, Skin, WeightsFile};
 use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 
+use crate::support::missing::real_media;
 use crate::support::program::{err, names, plumbline_in, succeed};
 
 /// A bar along z from −2 to 2, and two bones in it.
@@ -222,11 +223,7 @@ fn weights_of_a_file_bind_a_mesh_that_is_posed() {
 
 #[test]
 fn real_poses_that_were_held_out_are_met_better_than_by_the_best_linear_blend() {
-    let Some(media) = std::env::var_os("PLUMBLINE_MEDIA") else {
-        eprintln!("skipped: PLUMBLINE_MEDIA is not set");
-        return;
-    };
-    let poses = Path::new(&media).join("mesh/seq");
+    let Some(poses) = real_media("mesh/seq") else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let horse = (1..=10).map(|k| format!("horse/horse-{k:02}.obj")).collect::<Vec<_>>();

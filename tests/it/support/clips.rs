@@ -3,28 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use super::missing::{has_ffmpeg, real_media};
 use plumbline::media::{
     Input, MediaError, Output, ReadOptions, ReadReport, VideoReader, VideoWriter, WriteOptions, WriteReport,
 };
 
 /// A folder for the files of one test, or `None` (with the reason printed) where `ffmpeg` is not installed.
 pub(crate) fn workshop() -> Option<tempfile::TempDir> {
-    let found = Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success());
-    if !found {
-        eprintln!("skipped: the ffmpeg program is not on the path");
-        return None;
-    }
-    Some(tempfile::tempdir().expect("a temporary folder"))
+    has_ffmpeg().then(|| tempfile::tempdir().expect("a temporary folder"))
 }
 
 /// A real clip from the folder that `PLUMBLINE_MEDIA` names, or `None` with the reason printed.
 pub(crate) fn real_clip(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("PLUMBLINE_MEDIA");
-    let path = folder.map(|f| Path::new(&f).join("video").join(name)).filter(|p| p.exists());
-    if path.is_none() {
-        eprintln!("skipped: {name} is not there (PLUMBLINE_MEDIA names the folder of real media)");
-    }
-    path
+    real_media(&format!("video/{name}"))
 }
 
 fn output_of(program: &str, args: &[&str]) -> String {

@@ -1,4 +1,5 @@
 //! What tests of several areas share.
 
 pub(crate) mod clips;
+pub(crate) mod missing;
 pub(crate) mod program;
