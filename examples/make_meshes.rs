@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Point3;
 use plumbline::shape::mesh::io::{WriteOptions, encode_model, write_model};
 use plumbline::shape::mesh::{Group, MeshFormat, Model, ModelBuilder, NO_VALUE, TriMesh, shapes};
 
@@ -20,7 +21,71 @@ fn main() -> Result<(), Failure> {
     write_model(&folder.join("mesh-polygons.obj"), &polygons()?)?;
     let person = plumbline::shape::character::humanoid::humanoid(0.036)?;
     write_model(&folder.join("humanoid.glb"), &person.to_model(None)?)?;
+    write("giraffe.ply", animal(&GIRAFFE, 0.048))?;
+    write("dog.ply", animal(&DOG, 0.048))?;
+    write_model(&folder.join("candy.ply"), &candy()?)?;
     broken(&folder)
+}
+
+/// A limb: both ends and the radius at each. Those off the plane z = 0 come twice.
+type Limb = ([f64; 3], f64, [f64; 3], f64);
+
+/// About 2.7 units high, y up, facing +x.
+const GIRAFFE: [Limb; 9] = [
+    ([-0.42, 1.28, 0.0], 0.25, [0.34, 1.42, 0.0], 0.29),
+    ([0.42, 1.5, 0.0], 0.2, [0.78, 2.38, 0.0], 0.095),
+    ([0.78, 2.42, 0.0], 0.12, [1.1, 2.28, 0.0], 0.07),
+    ([-0.62, 1.38, 0.0], 0.055, [-0.78, 0.85, 0.0], 0.05),
+    ([0.36, 1.2, 0.15], 0.13, [0.34, 0.62, 0.15], 0.075),
+    ([0.34, 0.62, 0.15], 0.075, [0.36, 0.05, 0.15], 0.07),
+    ([-0.46, 1.15, 0.14], 0.15, [-0.54, 0.62, 0.15], 0.08),
+    ([-0.54, 0.62, 0.15], 0.08, [-0.5, 0.05, 0.15], 0.07),
+    ([0.75, 2.47, 0.07], 0.045, [0.68, 2.66, 0.11], 0.045),
+];
+
+/// A long dog with the limbs of the giraffe.
+const DOG: [Limb; 9] = [
+    ([-0.6, 0.58, 0.0], 0.2, [0.45, 0.62, 0.0], 0.23),
+    ([0.5, 0.7, 0.0], 0.17, [0.74, 1.0, 0.0], 0.12),
+    ([0.76, 1.04, 0.0], 0.15, [1.12, 0.93, 0.0], 0.08),
+    ([-0.78, 0.62, 0.0], 0.055, [-1.02, 0.36, 0.0], 0.05),
+    ([0.44, 0.5, 0.15], 0.12, [0.44, 0.28, 0.16], 0.08),
+    ([0.44, 0.28, 0.16], 0.08, [0.47, 0.05, 0.16], 0.075),
+    ([-0.6, 0.48, 0.14], 0.13, [-0.66, 0.28, 0.16], 0.085),
+    ([-0.66, 0.28, 0.16], 0.085, [-0.62, 0.05, 0.16], 0.075),
+    ([0.73, 1.13, 0.08], 0.055, [0.66, 1.3, 0.13], 0.045),
+];
+
+/// The surface around tapered limbs, in cells of the size `cell`.
+fn animal(limbs: &[Limb], cell: f64) -> TriMesh {
+    let distance = |x: &Point3<f64>, (a, at_a, b, at_b): &Limb| {
+        let (a, b) = (Point3::from(*a), Point3::from(*b));
+        let (along, from) = (b - a, x - a);
+        let t = (from.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+        (from - along * t).norm() - (at_a + (at_b - at_a) * t)
+    };
+    // The lesser of two distances, rounded where they are within 0.06 of each other.
+    let joined = |a: f64, b: f64| a.min(b) - 0.25 * 0.06 * (((0.06 - (a - b).abs()).max(0.0)) / 0.06).powi(2);
+    let inside = |x: &Point3<f64>| {
+        let x = Point3::new(x.x, x.y, x.z.abs());
+        limbs.iter().map(|limb| distance(&x, limb)).reduce(joined).unwrap_or(1.0)
+    };
+    shapes::level_set(inside, Point3::new(-1.2, -0.15, -0.45), Point3::new(1.35, 2.9, 0.45), cell)
+}
+
+/// A round bar along z with six stripes along it, red and white: it shows a twist.
+fn candy() -> Result<Model, Failure> {
+    let mut builder = ModelBuilder::default();
+    let mesh = shapes::cylinder(48, 60, 0.3, 2.4);
+    for p in mesh.positions() {
+        let stripe = (p.y.atan2(p.x) / std::f64::consts::TAU * 6.0).rem_euclid(1.0) < 0.5;
+        builder.positions.push(*p);
+        builder.colors.push(if stripe { [0.85, 0.16, 0.15, 1.0] } else { [0.97, 0.95, 0.92, 1.0] });
+    }
+    for corners in mesh.triangles() {
+        builder.face(corners, NO_VALUE, NO_VALUE);
+    }
+    Ok(builder.finish()?)
 }
 
 /// A square of two halves, and a triangle without area along one side.
