@@ -2,7 +2,7 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench media deps deps-build lint unit oracle
+.PHONY: help demo test bench media gallery deps deps-build lint unit oracle
 
 CLIP ?= media/street-walk.mp4
 
@@ -31,12 +31,18 @@ oracle: deps .venv/ready
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
 	cargo bench --workspace --locked
 
-media: deps-build ## renders the clips and meshes of media/ again
+media: deps-build ## renders the clips, photos and meshes of media/ again
 	cargo run --release --locked --example make_meshes media
 	cargo run --release --locked --example render_clip -- --preset street-walk --out media
 	cargo run --release --locked --example render_clip -- --preset rolling-passer --size 640x360 --frames 300 --out media
 	for room in kb-125 equisolid-180 eucm rectilinear-100; do \
 		cargo run --release --locked --example render_photo -- --preset room-$$room --out media || exit 1; done
+	for street in fisheye people stitched; do \
+		cargo run --release --locked --example render_street -- --preset street-$$street --out media || exit 1; done
+
+gallery: deps ## draws the pictures of README.md again, from media/
+	cargo build --release --locked
+	docs/gallery.sh target/release/plumbline
 
 deps: ## installs what building and testing need and is missing (apt; asks sudo where you are not root)
 	@.ci/deps build test

@@ -90,18 +90,74 @@ fn help(subcommand: &[&str]) -> Option<String> {
 }
 
 #[test]
-fn commands_in_the_readme_exist() {
-    let readme = fs::read_to_string(root().join("README.md")).expect("README.md");
-    let lines = commands(&readme);
-    assert!(!lines.is_empty(), "the README shows no command");
-    for line in lines {
-        let words: Vec<_> = line.split('#').next().unwrap_or("").split_whitespace().collect();
-        let help = help_of(&words[1..]).unwrap_or_else(|| panic!("`{line}`: no subcommand `{}`", words[1]));
-        let known: BTreeSet<_> = help.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
-        for option in words.iter().filter(|w| w.starts_with("--")) {
-            let name = option.split('=').next().unwrap_or(option);
-            assert!(known.contains(name), "`{line}`: `{}` has no option `{name}`", words[1]);
+fn commands_in_the_readme_and_in_the_document_on_commands_exist() {
+    // As many as users find at a glance, and as many as show each command's uses.
+    for (document, least) in [("README.md", 4), ("docs/COMMANDS.md", 30)] {
+        let lines = commands(&fs::read_to_string(root().join(document)).expect("a document"));
+        assert!(lines.len() >= least, "{document} shows {} commands (expected {least} or more)", lines.len());
+        for line in &lines {
+            options_exist(line);
         }
+    }
+}
+
+/// Fails unless the subcommand of a line exists and has the line's options.
+fn options_exist(line: &str) {
+    let words: Vec<_> = line.split('#').next().unwrap_or("").split_whitespace().collect();
+    let help = help_of(&words[1..]).unwrap_or_else(|| panic!("`{line}`: no subcommand `{}`", words[1]));
+    let known: BTreeSet<_> = help.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
+    for option in words.iter().filter(|w| w.starts_with("--")) {
+        let name = option.split('=').next().unwrap_or(option);
+        assert!(known.contains(name), "`{line}`: `{}` has no option `{name}`", words[1]);
+    }
+}
+
+/// Largest picture of `docs/gallery/`, bytes: a page of ten of them still comes quickly over a slow line.
+const MAX_PICTURE: u64 = 400_000;
+/// Largest animation, and the largest sum of all, bytes.
+const MAX_ANIMATION: u64 = 1_500_000;
+const MAX_GALLERY: u64 = 4_000_000;
+
+#[test]
+fn pictures_of_the_readme_exist_are_small_and_are_made_by_the_script() {
+    let read = |name: &str| fs::read_to_string(root().join(name)).expect("a document");
+    let (readme, script) = (read("README.md"), read("docs/gallery.sh"));
+    let shown: BTreeSet<_> = links(&readme).filter_map(|t| t.strip_prefix("docs/gallery/")).collect();
+    assert!(shown.len() >= 9, "{shown:?}");
+    let mut total = 0;
+    for entry in fs::read_dir(root().join("docs/gallery")).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let name = entry.file_name().into_string().expect("UTF-8");
+        let bytes = entry.metadata().expect("a size").len();
+        let allowed = if name == "stabilize.webp" { MAX_ANIMATION } else { MAX_PICTURE };
+        assert!(bytes > 0 && bytes <= allowed, "docs/gallery/{name} has {bytes} bytes (allowed: {allowed})");
+        assert!(script.contains(&format!("\"$gallery/{name}\"")), "docs/gallery.sh does not make {name}");
+        assert!(shown.contains(name.as_str()), "the README does not show docs/gallery/{name}");
+        total += bytes;
+    }
+    for name in &shown {
+        assert!(root().join("docs/gallery").join(name).is_file(), "docs/gallery/{name} is missing: `make gallery`");
+    }
+    assert!(total <= MAX_GALLERY, "docs/gallery/ holds {total} bytes (allowed: {MAX_GALLERY})");
+}
+
+#[test]
+fn the_readme_is_short_and_has_the_words_that_users_search_for() {
+    let readme = fs::read_to_string(root().join("README.md")).expect("README.md");
+    assert!(readme.lines().count() <= 160, "{} lines (allowed: 160)", readme.lines().count());
+    let text = readme.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
+    for word in [
+        "deshake",
+        "rolling shutter",
+        "defish",
+        "perspective correction",
+        "keystone",
+        "seam carving",
+        "content-aware scale",
+        "auto-rig",
+        "skinning",
+    ] {
+        assert!(text.contains(word), "the README does not say `{word}`");
     }
 }
 
