@@ -3,13 +3,13 @@
 
     cameras.py FOLDER... --tool BIN [--noise PX] [--outliers SHARE] [--global-shutter] [--out DIR]
     cameras.py FOLDER... --plumbline BIN [--global-shutter] [--out DIR]
-    cameras.py FOLDER... --oracle EXAMPLES [--out DIR]
+    cameras.py FOLDER... --oracle BIN [--out DIR]
 
 Each FOLDER is one of the clip generator (`make_synthetic_shake.py`): `truth.json`, `observations.json`, `shaky.mp4`.
---tool is the built example `cameras_from_tracks`, which gets the exact tracks, with Gaussian noise and gross outliers where
+--tool is the built example `programs`, which gets the exact tracks, with Gaussian noise and gross outliers where
 asked. --plumbline is the program itself: it tracks the pictures (`plumbline motion`), and the blocks of its motion file
-are judged; its seconds are those of the whole run, decoding and tracking included. --oracle is the folder of the built
-examples: the tracks of the pictures (`tracks_of_clip`) are given to `cameras_from_tracks` and to pycolmap 4 (view graph
+are judged; its seconds are those of the whole run, decoding and tracking included. --oracle is the same
+program: the tracks of the pictures (`tracks_of_clip`) are given to `cameras_from_tracks` and to pycolmap 4 (view graph
 calibration and global mapper, `colmap.py`), a line each; a FOLDER may then be a clip without truth.
 
 Printed per clip: the verdict; frames with a camera; ATE, the RMS distance of camera centers after the best similarity,
@@ -56,7 +56,7 @@ def from_tracks(a, folder, truth):
     frames = [[(int(i), x + 0.5, y + 0.5) for i, x, y in f]
               for f in json.loads((folder / "observations.json").read_text())["frames"]]
     text = as_text(truth, disturbed(frames, truth, a.noise, a.outliers))
-    return json.loads(output([a.tool, *(["--global"] if a.global_shutter else [])], text))
+    return json.loads(output([a.tool, "cameras_from_tracks", *(["--global"] if a.global_shutter else [])], text))
 
 
 def from_pictures(a, folder):
@@ -82,9 +82,9 @@ def from_pictures(a, folder):
 def both(a, folder):
     """The example and the oracle on the same tracks: `(name, found)` each."""
     clip = folder / "shaky.mp4" if folder.is_dir() else folder
-    text = output([a.oracle / "tracks_of_clip", clip])
+    text = output([a.oracle, "tracks_of_clip", clip])
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    ours = json.loads(output([a.oracle / "cameras_from_tracks"], text))
+    ours = json.loads(output([a.oracle, "cameras_from_tracks"], text))
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     ours["seconds"] = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     yield "ours", ours
@@ -190,9 +190,9 @@ def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("folders", nargs="+", type=Path)
     source = p.add_mutually_exclusive_group(required=True)
-    source.add_argument("--tool", type=Path, help="example cameras_from_tracks: exact tracks")
+    source.add_argument("--tool", type=Path, help="the built example `programs`: exact tracks")
     source.add_argument("--plumbline", type=Path, help="the program: its own tracks of shaky.mp4")
-    source.add_argument("--oracle", type=Path, help="folder of the examples: ours and pycolmap on the same tracks")
+    source.add_argument("--oracle", type=Path, help="the built example `programs`: ours and pycolmap on the same tracks")
     p.add_argument("--noise", type=float, default=0.0, help="standard deviation per coordinate, px")
     p.add_argument("--outliers", type=float, default=0.0, help="share of sightings that are nowhere near")
     p.add_argument("--global-shutter", action="store_true", help="look for no readout time")

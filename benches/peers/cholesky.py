@@ -6,7 +6,7 @@ where a folder is given. Each is handed as one binary file to both programs, whi
 
     u64 n, u64 m, then m rows (u32), m columns (u32), m entries (f64) of the lower triangle
 
-Needs a C compiler and CHOLMOD (Debian: libsuitesparse-dev) and `cargo build --release --example cholesky_times`.
+Needs a C compiler and CHOLMOD (Debian: libsuitesparse-dev) and `cargo build --release --example programs`.
 """
 
 import json
@@ -20,7 +20,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-OURS = ROOT / "target/release/examples/cholesky_times"
+OURS = [ROOT / "target/release/examples/programs", "cholesky_times"]
 TURNS = 3
 
 
@@ -77,7 +77,7 @@ def compare(name, path, cholmod):
             for kind in ("simplicial", "supernodal"):
                 for what, seconds in zip(("factor", "solve"), peer[kind]):
                     least[f"peer {what}"] = min(seconds, least.get(f"peer {what}", 1e9))
-            ours = run([OURS, {"amd": "amd", "metis": "nd"}[order], path])
+            ours = run([*OURS, {"amd": "amd", "metis": "nd"}[order], path])
             for what in ("factor", "solve"):
                 key = f"{order} {what}"
                 least[key] = min(ours[what], least.get(key, 1e9))

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """ARAP beside libigl, on one thread: precomputation, seconds per iteration, and CPU seconds to 1.01 of the converged energy.
 
-    deform.py --example target/release/examples/deform_mesh --media DIR [--rounds 3] [--cases NAME,NAME] [--large]
+    deform.py --programs target/release/examples/programs --media DIR [--rounds 3] [--cases NAME,NAME] [--large]
               [--resolutions] [--scale]
 
 Spokes and rims, the same handles, exactly held. libigl starts at rest, as its interface has it; how many of its iterations
@@ -33,8 +33,8 @@ import _surfaces  # noqa: E402
 AT_MOST = 400
 
 
-def ours(example, folder, *options):
-    command = [example, folder / "mesh.off", folder / "pose.txt", "arap", *options]
+def ours(programs, folder, *options):
+    command = [programs, "deform_mesh", folder / "mesh.off", folder / "pose.txt", "arap", *options]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
@@ -43,22 +43,22 @@ def measure(a, name, V, F, b, T, folder):
     _surfaces.write_pose(folder / "pose.txt", b, T)
     small = len(V) < 20_000
     repeat = str(max(1, 40_000 // len(V)))
-    best = ours(a.example, folder, "--iterations", "4000", "--tolerance", "1e-10")["energies"][-1]
-    plain = ours(a.example, folder, "--solver", "local-global", "--start", "rest", "--iterations", "3000", "--tolerance",
+    best = ours(a.programs, folder, "--iterations", "4000", "--tolerance", "1e-10")["energies"][-1]
+    plain = ours(a.programs, folder, "--solver", "local-global", "--start", "rest", "--iterations", "3000", "--tolerance",
                  "1e-10" if small else "1e-7")["energies"]
     best = min(best, plain[-1])
     needed = next((k for k, e in enumerate(plain) if e <= 1.01 * best), len(plain))
     U, *_ = _surfaces.libigl(V, F, b, T, "arap", min(needed, AT_MOST))
     theirs = _surfaces.energy(V, F, U, "arap")
-    fast = ours(a.example, folder, "--iterations", "4000", "--tolerance", "1e-10")["energies"]
+    fast = ours(a.programs, folder, "--iterations", "4000", "--tolerance", "1e-10")["energies"]
     steps = next(k for k, e in enumerate(fast) if e <= 1.01 * best)
     rows = {"igl": [], "ours": []}
     for _ in range(a.rounds):
         _, pre, run = _surfaces.libigl(V, F, b, T, "arap", min(needed, AT_MOST))
         rows["igl"].append((pre, run / min(needed, AT_MOST), pre + run * needed / min(needed, AT_MOST)))
-        per = ours(a.example, folder, "--solver", "local-global", "--start", "rest", "--iterations", "20", "--tolerance",
+        per = ours(a.programs, folder, "--solver", "local-global", "--start", "rest", "--iterations", "20", "--tolerance",
                    "0", "--repeat", repeat)
-        to = ours(a.example, folder, "--iterations", str(max(steps, 1)), "--tolerance", "0", "--repeat", repeat)
+        to = ours(a.programs, folder, "--iterations", str(max(steps, 1)), "--tolerance", "0", "--repeat", repeat)
         rows["ours"].append((per["bind_s"], per["deform_s"] / 20, to["bind_s"] + to["deform_s"]))
     igl, our = (tuple(map(min, zip(*rows[k]))) for k in ("igl", "ours"))
     same = abs(theirs / plain[min(needed, AT_MOST)] - 1)
@@ -128,7 +128,7 @@ def resolutions(a, folder):
                     {"vertices": ends[1].tolist(), "axis": [0, 0, 1], "degrees": 60, "pivot": [1, 0, 0], "translation": [0, 0, 0]}]
             _surfaces.write_off(folder / "mesh.off", V, F)
             _surfaces.write_pose(folder / "pose.txt", *_surfaces.targets(V, sets))
-            command = [a.example, folder / "mesh.off", folder / "pose.txt", method, "--iterations", "3000", "--tolerance", "1e-9",
+            command = [a.programs, "deform_mesh", folder / "mesh.off", folder / "pose.txt", method, "--iterations", "3000", "--tolerance", "1e-9",
                        "-o", folder / "out.txt", *options(finest // rings)]
             subprocess.run(command, check=True, capture_output=True)
             found.append(np.loadtxt(folder / "out.txt").reshape(rings + 1, rings // 2, 3))
@@ -174,14 +174,14 @@ def scale(a, folder):
     for name, V, F, sets in cases:
         _surfaces.write_off(folder / "mesh.off", V, F)
         _surfaces.write_pose(folder / "pose.txt", *_surfaces.targets(V, sets))
-        told = ours(a.example, folder)
+        told = ours(a.programs, folder)
         print(f"{name:28} {len(V):8} | {told['bind_s']:8.2f} | {told['deform_s']:8.2f} {told['iterations']:7} | "
               f"{told['peak_mb']:7.0f}  {told['stop']}", flush=True)
 
 
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--example", required=True)
+    p.add_argument("--programs", required=True)
     p.add_argument("--media", required=True, type=pathlib.Path)
     p.add_argument("--rounds", type=int, default=3)
     p.add_argument("--cases", default="bar_twist,cylinder_bend,cactus_bend,spikes_lift,knight,armadillo10k,armadillo,horse")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Skinning beside libigl, on one thread: vertices per second of linear blend and dual quaternion skinning.
 
-    skinning.py --example target/release/examples/skin_points --libigl DQS [--rounds 5]
+    skinning.py --programs target/release/examples/programs --libigl DQS [--rounds 5]
 
 DQS is `dqs.cpp` of this folder, built with libigl's headers: its Python binding has no dual quaternions. libigl takes dense
 weights: its linear blend is a product of a matrix made once (`lbs_matrix`) with those of the pose; its dual quaternions run over
@@ -45,7 +45,7 @@ def dual(program, folder):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("--example", required=True)
+    parser.add_argument("--programs", required=True)
     parser.add_argument("--libigl", required=True)
     parser.add_argument("--rounds", type=int, default=5)
     a = parser.parse_args()
@@ -61,7 +61,7 @@ def main():
                     expected, seconds = linear(V, W, M) if method == "lbs" else dual(a.libigl, folder)
                     best["libigl"] = min(best["libigl"], seconds)
                     for name, allowed in (("double", 1e-9), ("single", 2e-6)):
-                        x, told = _skins.ours(a.example, folder, V, W, M, method, *repeat,
+                        x, told = _skins.ours([a.programs, "skin_points"], folder, V, W, M, method, *repeat,
                                               *(["--single"] if name == "single" else []))
                         best[name] = min(best[name], told["seconds"])
                         diagonal = np.linalg.norm(expected.max(0) - expected.min(0))

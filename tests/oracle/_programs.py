@@ -1,4 +1,4 @@
-"""Where the oracle tests find the example programs."""
+"""Where the oracle tests find the programs of benches/peers/programs."""
 import os
 import pathlib
 import sys
@@ -6,11 +6,14 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
-def example(name):
-    """Path of a built example: in the folder PLUMBLINE_EXAMPLES, without it in target/release/examples, then in debug."""
+def program(name):
+    """The start of a command that runs one of the programs, which all are in one file.
+
+    It is in the folder PLUMBLINE_EXAMPLES, without it in target/release/examples, then in debug.
+    """
     named = os.environ.get("PLUMBLINE_EXAMPLES")
     folders = [pathlib.Path(named)] if named else [ROOT / f"target/{profile}/examples" for profile in ("release", "debug")]
     for folder in folders:
-        if (found := folder / name).exists():
-            return str(found)
-    sys.exit(f"{name} not found in {', '.join(map(str, folders))}: run `cargo build --examples`")
+        if (found := folder / "programs").exists():
+            return [str(found), name]
+    sys.exit(f"programs not found in {', '.join(map(str, folders))}: run `cargo build --example programs`")

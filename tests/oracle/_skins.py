@@ -1,4 +1,4 @@
-"""Skins for the oracle tests and benchmarks: made data, glTF files, references, and our example program."""
+"""Skins for the oracle tests and benchmarks: made data, glTF files, references, and our program."""
 import json
 import os
 import struct
@@ -16,7 +16,7 @@ def write(folder, V, W, M):
 def ours(program, folder, V, W, M, method, *options):
     """Positions and what `skin_points` tells."""
     write(folder, V, W, M)
-    command = [program, *(os.path.join(folder, n) for n in ("rest", "weights", "matrices")), method, "-o",
+    command = [*program, *(os.path.join(folder, n) for n in ("rest", "weights", "matrices")), method, "-o",
                os.path.join(folder, "out"), *options]
     told = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return np.fromfile(os.path.join(folder, "out"), "<f8").reshape(-1, 3), told

@@ -11,7 +11,7 @@ import tempfile
 import numpy as np
 
 import _surfaces
-from _programs import example
+from _programs import program
 
 CASES = ["bar_twist", "cylinder_bend", "cactus_bend", "spikes_lift", "knight"]
 ITERATIONS = 6000
@@ -20,7 +20,7 @@ ITERATIONS = 6000
 def ours(folder, V, F, b, T, method, *options):
     _surfaces.write_off(folder / "mesh.off", V, F)
     _surfaces.write_pose(folder / "pose.txt", b, T)
-    out = subprocess.run([example("deform_mesh"), folder / "mesh.off", folder / "pose.txt", method, "-o",
+    out = subprocess.run([*program("deform_mesh"), folder / "mesh.off", folder / "pose.txt", method, "-o",
                           folder / "out.txt", *options], check=True, capture_output=True, text=True).stdout
     return np.loadtxt(folder / "out.txt"), json.loads(out)
 

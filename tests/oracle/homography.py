@@ -11,7 +11,7 @@ import sys
 import cv2
 import numpy as np
 
-from _programs import example
+from _programs import program
 
 WIDTH, HEIGHT, POINTS, NOISE = 640, 360, 600, 0.15
 
@@ -37,7 +37,7 @@ def ours(points, moved):
     """Homography of the second frame, and whether the point's similarity was kept."""
     frame = lambda p: f"F {len(p)}\n" + "".join(f"{i} {x:.6f} {y:.6f}\n" for i, (x, y) in enumerate(p))
     text = f"{WIDTH} {HEIGHT} 30 2\n" + frame(points) + frame(moved)
-    run = subprocess.run([example("motion_from_tracks")], input=text, capture_output=True, text=True, check=True)
+    run = subprocess.run(program("motion_from_tracks"), input=text, capture_output=True, text=True, check=True)
     return np.array([float(v) for v in run.stdout.splitlines()[1].split("|")[1].split()]).reshape(3, 3)
 
 

@@ -12,7 +12,7 @@ import tempfile
 import cv2
 import numpy as np
 
-from _programs import example
+from _programs import program
 
 LK = dict(winSize=(21, 21), maxLevel=3, criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.01))
 GFTT = dict(qualityLevel=0.005, minDistance=8, blockSize=3)
@@ -115,7 +115,7 @@ def repeated(w, h):
 
 def main():
     cv2.setNumThreads(1)
-    program, failed = example("klt_frames"), False
+    command, failed = program("klt_frames"), False
     clips = {
         "hand-held 640x360": make_frames(640, 360, 5),
         "hand-held 1280x720": make_frames(1280, 720, 3, seed=4),
@@ -126,7 +126,7 @@ def main():
         points = [cv2.goodFeaturesToTrack(f, 1000, **GFTT) for f in frames[:-1]]
         with tempfile.TemporaryDirectory() as d:
             write_clip(d, frames, points)
-            subprocess.check_output([program, d, "0"])
+            subprocess.check_output([*command, d, "0"])
             e = errors(d, frames, points, Hs)
         med, rms, kept = (e["ours"][k] / e["opencv"][k] for k in ("median", "rms", "kept"))
         bad = not (med <= 1.1 and rms <= 1.2 and kept >= 0.99)

@@ -5,7 +5,7 @@ Calibrations are written with OpenCV's own storage (YAML and XML) and read by ou
 directions in the field are projected by both, pixels all over the picture are turned into directions by both, and our
 derivatives are compared with OpenCV's. Pixel centers: OpenCV counts them at integers, ours at integer + 0.5.
 
-PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
+PLUMBLINE_EXAMPLES names the folder of the built examples; without it target/release/examples, then debug.
 """
 import json
 import pathlib
@@ -16,7 +16,7 @@ import tempfile
 import cv2
 import numpy as np
 
-from _programs import example
+from _programs import program
 
 # Largest differences allowed: px, rad, px per unit of direction. OpenCV's inverses iterate to about 1e-8.
 PIXELS, ANGLES, SLOPES = 1e-6, 1e-6, 1e-5
@@ -27,7 +27,7 @@ K = np.array([[437.0, 0, 493.5], [0, 436.0, 379.25], [0, 0, 1]])
 def ours(path, rays, pixels):
     """Pixels and derivatives of rays, directions of pixels, in OpenCV's pixel coordinates."""
     query = json.dumps({"rays": rays.tolist(), "pixels": (pixels + 0.5).tolist()})
-    run = subprocess.run([example("lens_points"), path], input=query, capture_output=True, text=True)
+    run = subprocess.run([*program("lens_points"), path], input=query, capture_output=True, text=True)
     if run.returncode:
         sys.exit(f"{path}: {run.stderr}")
     answer = json.loads(run.stdout)

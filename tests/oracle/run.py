@@ -6,7 +6,7 @@ An oracle test is a program `tests/oracle/NAME.py` that compares results of this
 end is a failure. Names with a leading underscore are shared code. It finds, built and ready,
 
     PLUMBLINE_BIN        the command
-    PLUMBLINE_EXAMPLES   the folder of the example programs
+    PLUMBLINE_EXAMPLES   the folder of the built examples
     PLUMBLINE_MEDIA      the folder of real media; unset on most machines: skip what needs it
 
 and the project's root as its working directory.
@@ -26,8 +26,8 @@ TIMEOUT_S = 900
 
 
 def build():
-    """Builds the command and the examples in the profile of the unit tests; returns the folder they lie in."""
-    subprocess.run(["cargo", "build", "--locked", "--bins", "--examples"], cwd=ROOT, check=True)
+    """Builds the command and the programs in the profile of the unit tests; returns the folder they are in."""
+    subprocess.run(["cargo", "build", "--locked", "--bins", "--example", "programs"], cwd=ROOT, check=True)
     metadata = ["cargo", "metadata", "--locked", "--no-deps", "--format-version", "1"]
     out = subprocess.run(metadata, cwd=ROOT, check=True, capture_output=True, text=True)
     return Path(json.loads(out.stdout)["target_directory"]) / "debug"

@@ -8,7 +8,7 @@ in the worst case. Both shares must reach nine tenths of what OpenCV reaches wit
 
 Pictures: a made-up one of tilted bars with noise, and photos of PLUMBLINE_MEDIA where it is set.
 
-PLUMBLINE_EXAMPLES names the folder of the example programs; without it target/release/examples, then debug.
+PLUMBLINE_EXAMPLES names the folder of the built examples; without it target/release/examples, then debug.
 """
 import json
 import os
@@ -19,7 +19,7 @@ import tempfile
 import cv2
 import numpy as np
 
-from _programs import example
+from _programs import program
 
 LONG = 0.06      # of the longer side
 WITHIN_PX, WITHIN_DEG, SHARE = 1.0, 1.0, 0.9
@@ -83,7 +83,7 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "picture.png")
             cv2.imwrite(path, picture)
-            run = subprocess.run([example("segments_of_image"), path], capture_output=True, text=True, check=True)
+            run = subprocess.run([*program("segments_of_image"), path], capture_output=True, text=True, check=True)
         ours = json.loads(run.stdout)
         mine, least = np.array(ours["segments"]), LONG * max(picture.shape)
         long = lambda s: s[np.hypot(s[:, 2] - s[:, 0], s[:, 3] - s[:, 1]) > least]

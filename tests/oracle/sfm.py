@@ -14,7 +14,7 @@ import sys
 import cv2
 import numpy as np
 
-from _programs import example
+from _programs import program
 
 WIDTH, HEIGHT, FOCAL, FRAMES, NOISE, WRONG, GAP = 640, 360, 560.0, 45, 0.3, 0.04, 12
 K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
@@ -55,7 +55,7 @@ def ours(frames):
     text = f"{WIDTH} {HEIGHT} 30 {len(frames)}\n"
     for ids, p in frames:
         text += f"F {len(ids)}\n" + "".join(f"{i} {x:.5f} {y:.5f}\n" for i, (x, y) in zip(ids, p))
-    run = subprocess.run([example("cameras_from_tracks")], input=text, capture_output=True, text=True, check=True)
+    run = subprocess.run(program("cameras_from_tracks"), input=text, capture_output=True, text=True, check=True)
     found = json.loads(run.stdout)
     return found, [p and rotation(p["q"]) for p in found["poses"]]
 

@@ -9,7 +9,7 @@ import tempfile
 import numpy as np
 
 import _skins
-from _programs import example
+from _programs import program
 
 
 def half_digits(x):
@@ -18,7 +18,7 @@ def half_digits(x):
 
 
 def main():
-    program, failures = example("skin_points"), 0
+    command, failures = program("skin_points"), 0
     try:
         import igl  # noqa: F401
     except ImportError as e:
@@ -40,8 +40,8 @@ def main():
             V, W, M = _skins.made(vertices, joints, influences, seed=joints)
             for method in ("lbs", "dqs"):
                 expected = _skins.reference(V, W, M, method)
-                double, _ = _skins.ours(program, folder, V, W, M, method)
-                single, _ = _skins.ours(program, folder, V, W, M, method, "--single")
+                double, _ = _skins.ours(command, folder, V, W, M, method)
+                single, _ = _skins.ours(command, folder, V, W, M, method, "--single")
                 check(f"{method} {name}", double, expected, expected, 1e-9)
                 check(f"{method} {name}, single", single, expected, expected, 2e-6)
         media = os.environ.get("PLUMBLINE_MEDIA")
@@ -55,8 +55,8 @@ def main():
             for method in ("lbs", "dqs"):
                 # Weights as they are stored, which sum to one up to 1e-7; and the rigid part of matrices that do so up to 1e-6.
                 expected = np.loadtxt(file.parent / f"{stem}.{method}.txt")
-                double, _ = _skins.ours(program, folder, V, W, M, method)
-                single, _ = _skins.ours(program, folder, V, W, M, method, "--single")
+                double, _ = _skins.ours(command, folder, V, W, M, method)
+                single, _ = _skins.ours(command, folder, V, W, M, method, "--single")
                 check(f"{method} {stem}", double, expected, expected, 1e-9, half_digits(expected))
                 check(f"{method} {stem}, single", single, expected, expected, 2e-6)
     return 1 if failures else 0

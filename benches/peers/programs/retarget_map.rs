@@ -74,9 +74,8 @@ fn size_of(text: &str) -> Result<(usize, usize), Failure> {
     Ok((w.parse()?, h.parse()?))
 }
 
-#[allow(clippy::print_stdout)] // the figures are this program's result
-fn main() -> Result<(), Failure> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+pub(super) fn main() -> Result<(), Failure> {
+    let args: Vec<String> = super::args().skip(1).collect();
     let [picture, size, prefix, keys @ ..] = &args[..] else {
         return Err("usage: retarget_map PICTURE WxH PREFIX [key=value ...]".into());
     };

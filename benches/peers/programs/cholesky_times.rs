@@ -3,14 +3,12 @@
 //! Prints JSON: entries of the factor, CPU seconds of analysis, factorization and a solve for three right-hand sides, the least
 //! of several runs each.
 
-#![expect(clippy::print_stdout, reason = "a program")]
-
 use std::error::Error;
 
 use plumbline::num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let args: Vec<String> = std::env::args().collect();
+pub(super) fn main() -> Result<(), Box<dyn Error>> {
+    let args: Vec<String> = super::args().collect();
     let [_, order, path] = &args[..] else { return Err("usage: cholesky_times amd|nd A.bin".into()) };
     let a = read(&std::fs::read(path)?)?;
     let ordering = if order == "nd" { Ordering::GraphDissection } else { Ordering::Amd };

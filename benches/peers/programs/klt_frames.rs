@@ -16,8 +16,8 @@ type Failure = Box<dyn std::error::Error>;
 /// Levels of the comparison: `maxLevel = 3`.
 const LEVELS: usize = 4;
 
-fn main() -> Result<(), Failure> {
-    let args: Vec<String> = std::env::args().collect();
+pub(super) fn main() -> Result<(), Failure> {
+    let args: Vec<String> = super::args().collect();
     let [_, dir, passes, ..] = args.as_slice() else { return Err("usage: klt_frames DIR PASSES [THREADS]".into()) };
     let threads = args.get(3).map_or(Ok(1), |n| n.parse())?;
     rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global()?;

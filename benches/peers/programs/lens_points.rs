@@ -4,8 +4,6 @@
 //! rays are seen, the directions in which the pixels look, `null` where there is none, and the derivatives of the former.
 //! Pixel centers lie at integer + 0.5.
 
-#![allow(clippy::print_stdout)]
-
 use std::error::Error;
 use std::path::Path;
 
@@ -22,8 +20,8 @@ struct Query {
     pixels: Vec<[f64; 2]>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let file = std::env::args().nth(1).ok_or("usage: lens_points LENS_FILE < QUERY")?;
+pub(super) fn main() -> Result<(), Box<dyn Error>> {
+    let file = super::args().nth(1).ok_or("usage: lens_points LENS_FILE < QUERY")?;
     let profile = read_lens(Path::new(&file), &ExifFacts::default())?;
     let query: Query = serde_json::from_reader(std::io::stdin().lock())?;
     let rays: Vec<Vec3> = query.rays.into_iter().map(Vec3::from).collect();

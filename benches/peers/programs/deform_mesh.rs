@@ -43,7 +43,7 @@ struct Arguments {
     out: Option<PathBuf>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let a = Arguments::parse();
     let model = read_model(&a.mesh, &ReadLimits::default())?;
     let (handles, pose) = read_pose(&a.pose)?;
@@ -97,7 +97,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         "degenerate_faces": report.degenerate_faces,
         "held_still": report.held_still.len(),
     });
-    #[allow(clippy::print_stdout)]
     {
         println!("{told}");
     }

@@ -6,8 +6,8 @@ use std::io::Write;
 use plumbline::media::{Input, ReadOptions, VideoReader};
 use plumbline::video::track::{FrameTracks, TrackOptions, Tracker};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = super::args().skip(1).collect();
     let [clip, ..] = args.as_slice() else { return Err("usage: tracks_of_clip CLIP [MOST_FRAMES]".into()) };
     let most = args.get(1).map_or(Ok(usize::MAX), |n| n.parse())?;
     let mut reader = VideoReader::open(&Input::parse(clip)?, &ReadOptions::default())?;

@@ -19,14 +19,14 @@ const POSES: u32 = 6;
 /// Shapes for each joint in the mean.
 const SHAPES: usize = 3;
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub(super) fn main() -> Result<(), Box<dyn Error>> {
     // On the one thread that measures.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     Ok(pool.install(|| measured().map_err(|e| e.to_string()))?)
 }
 
 fn measured() -> Result<(), Box<dyn Error>> {
-    let cells: Vec<f64> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
+    let cells: Vec<f64> = super::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
     let cells = if cells.is_empty() { vec![0.06, 0.03, 0.02] } else { cells };
     for cell in cells {
         let person = humanoid(cell)?;
@@ -51,7 +51,6 @@ fn measured() -> Result<(), Box<dyn Error>> {
             "positions": least(10, || Ok(reduced.positions(pose)?.len()))?,
             "linear": least(200, || Ok(linear.positions(pose)?.len()))?,
         });
-        #[expect(clippy::print_stdout, reason = "the result")]
         {
             println!("{told}");
         }

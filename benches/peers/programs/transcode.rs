@@ -8,8 +8,8 @@ use plumbline::media::{Input, MediaError, Output, ReadOptions, VideoReader, Vide
 /// Frames that wait between the threads: enough to even out, few enough to be nothing in memory.
 const QUEUE: usize = 4;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = super::args().skip(1).collect();
     let [from, to, ..] = args.as_slice() else {
         return Err("usage: transcode IN OUT [CRF] [PRESET] [THREADS]".into());
     };

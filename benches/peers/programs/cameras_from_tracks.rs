@@ -8,8 +8,7 @@ use plumbline::num::math::Point2;
 use plumbline::video::motion::sfm::{SfmOptions, TrackTable, reconstruct};
 use serde_json::json;
 
-#[allow(clippy::print_stdout)]
-fn main() {
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::io::read_to_string(std::io::stdin()).expect("readable standard input");
     let mut lines = text.lines();
     let header: Vec<f64> = numbers(lines.next().expect("a header line"));
@@ -21,7 +20,7 @@ fn main() {
     }
     let started = std::time::Instant::now();
     let table = TrackTable::new(header[0] as u32, header[1] as u32, frames);
-    let options = SfmOptions { focal: None, rolling_shutter: !std::env::args().any(|a| a == "--global") };
+    let options = SfmOptions { focal: None, rolling_shutter: !super::args().any(|a| a == "--global") };
     let found = reconstruct(&table, &options);
     let seconds = started.elapsed().as_secs_f64();
     let pose = |p: &plumbline::camera::CameraPose| {
@@ -37,6 +36,7 @@ fn main() {
             "poses": scene.poses.iter().map(|p| p.as_ref().map(pose)).collect::<Vec<_>>(),
         })
     );
+    Ok(())
 }
 
 fn numbers(line: &str) -> Vec<f64> {

@@ -30,7 +30,7 @@ struct Arguments {
     out: Option<PathBuf>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let a = Arguments::parse();
     let points = numbers(&a.rest)?.chunks_exact(3).map(|p| Point3::new(p[0], p[1], p[2])).collect();
     let matrices: Vec<Matrix4<f64>> = numbers(&a.matrices)?.chunks_exact(16).map(Matrix4::from_row_slice).collect();
@@ -42,7 +42,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (x, seconds) =
         if a.single { single(&a, &mesh, &skin, &matrices)? } else { double(&a, &mesh, &skin, &matrices)? };
     let rate = mesh.vertex_count() as f64 / seconds;
-    #[expect(clippy::print_stdout, reason = "the result")]
     {
         println!("{}", serde_json::json!({"seconds": seconds, "vertices_per_second": rate}));
     }

@@ -7,8 +7,7 @@
 use plumbline::num::time::Timestamp;
 use plumbline::video::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, ReadoutEstimator, TrackPoint};
 
-#[allow(clippy::print_stdout)]
-fn main() {
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::io::read_to_string(std::io::stdin()).expect("readable standard input");
     let mut lines = text.lines();
     let header: Vec<f64> = numbers(lines.next().expect("a header line"));
@@ -50,6 +49,7 @@ fn main() {
         frame += 1;
     }
     eprintln!("readout {:?}", readout.estimate());
+    Ok(())
 }
 
 fn numbers(line: &str) -> Vec<f64> {

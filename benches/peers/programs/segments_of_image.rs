@@ -11,9 +11,9 @@ use plumbline::image::feature::{SegmentOptions, segments};
 
 const PASSES: usize = 3;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut out = std::io::stdout();
-    for path in std::env::args().skip(1) {
+    for path in super::args().skip(1) {
         let gray = image::open(&path)?.into_luma8();
         let (w, h) = (gray.width() as usize, gray.height() as usize);
         let luma = Plane::from_fn(w, h, |x, y| f32::from(gray.as_raw()[y * w + x]));

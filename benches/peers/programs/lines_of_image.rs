@@ -14,8 +14,8 @@ use plumbline::num::math::Point2;
 use plumbline::photo::line_detection::{LineDetectionOptions, LineGroup, detect_lines};
 use plumbline::photo::marks::LinesFile;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().collect();
+pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = super::args().collect();
     let [_, input, output, ..] = args.as_slice() else {
         return Err("usage: lines_of_image FILE OUT.png [LENS DEGREES]".into());
     };
