@@ -25,7 +25,8 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "oracle"))
-from klt import GFTT, LK, binary, errors, make_frames, write_clip  # noqa: E402
+from _programs import program  # noqa: E402
+from klt import GFTT, LK, errors, make_frames, write_clip  # noqa: E402
 
 
 def opencv_pass(frames, points):
@@ -49,7 +50,7 @@ def main():
     ap.add_argument("--check", action="store_true")
     a = ap.parse_args()
     cv2.setNumThreads(1)
-    program, failed = [binary("programs"), "klt_frames"], False
+    command, failed = program("klt_frames"), False
     print(f"OpenCV {cv2.__version__}, load {os.getloadavg()[0]:.1f}, best of {a.rounds} alternated rounds, CPU ms per pair of frames")
     print("size       points | opencv  shared |  pyramid   track | ratio  shared | median x   rms x  kept %")
     for size in a.sizes.split(","):
@@ -64,7 +65,7 @@ def main():
                     both, pyramid = opencv_pass(frames, points)
                     cv.append(both)
                     sh.append(both - 3 * pyramid)
-                    ours.append(json.loads(subprocess.check_output([*program, d, "3"])))
+                    ours.append(json.loads(subprocess.check_output([*command, d, "3"])))
                 e = errors(d, frames, points, truth)
             cv, sh = min(cv), min(sh)
             pyr, trk = min(o["pyramid_ms"] for o in ours), min(o["track_ms"] for o in ours)
