@@ -6,6 +6,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use plumbline::num::energy::Loss;
 use plumbline::num::optim::levenberg_marquardt::DampingOptions;
+use plumbline::num::run::Run;
 use plumbline::video::motion::sfm::bundle::{BundleOptions, Freedom, RobustFit, adjust};
 use plumbline::video::motion::sfm::synthetic::{Disturbance, Shot, ShotOptions};
 
@@ -42,7 +43,10 @@ fn bundle(c: &mut Criterion) {
         let shot = Shot::new(&made);
         let start = shot.start(&near, 1);
         group.bench_function(name, |b| {
-            b.iter(|| adjust(&mut start.clone(), &shot.observations, &options(freedom)).expect("a sound problem"));
+            b.iter(|| {
+                adjust(&mut start.clone(), &shot.observations, &options(freedom), &Run::default())
+                    .expect("a sound problem")
+            });
         });
     }
     group.finish();

@@ -15,6 +15,7 @@ use plumbline::image::Plane;
 use plumbline::image::feature::Importance;
 use plumbline::image::grid::GridMesh;
 use plumbline::num::math::{Point2, Rect, Vec2};
+use plumbline::num::run::Run;
 use plumbline::photo::rectify::{Rectifier, RectifyInput, RectifyOptions};
 use plumbline::photo::retarget::{RetargetOptions, Retargeter};
 use plumbline::photo::{Line, Orientation};
@@ -63,10 +64,10 @@ fn lines(c: &mut Criterion) {
         let marked = room(&lens, count);
         let input = |lines| RectifyInput { lens: &lens, lines, faces: &[], salience: None };
         let options = RectifyOptions::default();
-        let mut view = Rectifier::new(&input(&marked), &options).expect("a view");
+        let mut view = Rectifier::new(&input(&marked), &options, &Run::default()).expect("a view");
         let there = moved(&marked, 2.0);
-        view.follow(&there).expect("solved");
-        let anew = Rectifier::new(&input(&there), &options).expect("a view");
+        view.follow(&there, &Run::default()).expect("solved");
+        let anew = Rectifier::new(&input(&there), &options, &Run::default()).expect("a view");
         let (followed, solved) = (checksum(view.sheet()), checksum(anew.sheet()));
         let size: f64 = anew.sheet().vertices.iter().map(|v| v.coords.norm()).sum();
         assert!((followed - solved).abs() < 1e-3 * size, "{followed} for {solved}");
@@ -76,11 +77,11 @@ fn lines(c: &mut Criterion) {
         c.bench_function(&format!("follow a line among {count}"), |b| {
             b.iter(|| {
                 back = !back;
-                view.follow(black_box(if back { &marked } else { &there })).expect("solved");
+                view.follow(black_box(if back { &marked } else { &there }), &Run::default()).expect("solved");
             });
         });
         c.bench_function(&format!("solve for {count} lines from the start"), |b| {
-            b.iter(|| view.solve(black_box(&marked)).expect("solved"));
+            b.iter(|| view.solve(black_box(&marked), &Run::default()).expect("solved"));
         });
         c.bench_function(&format!("warp of a sheet with {count} lines"), |b| {
             b.iter(|| black_box(view.warp().expect("a warp")));
@@ -106,12 +107,12 @@ fn sizes(c: &mut Criterion) {
     let options = RetargetOptions::default();
     let mut picture = Retargeter::new((w, h), importance, lines, Vec::new(), options).expect("a picture");
     let mut width = 800;
-    let solved = picture.solve((width, h)).expect("solved");
+    let solved = picture.solve((width, h), &Run::default()).expect("solved");
     assert!(solved.warp.mesh.folded_cells() == 0 && solved.warp.lines.iter().all(|l| !l.is_bent()));
     c.bench_function("a new width", |b| {
         b.iter(|| {
             width = 780 + (width + 7) % 40;
-            black_box(picture.solve((width, h)).expect("solved"));
+            black_box(picture.solve((width, h), &Run::default()).expect("solved"));
         });
     });
 }

@@ -14,6 +14,7 @@ use plumbline::image::grid::Grid;
 use plumbline::image::warp::{ContentPreserving, ContentPreservingOptions, PointPair};
 use plumbline::num::energy::{Complex, Ordering, QuadraticEnergy, Scalar};
 use plumbline::num::math::{Homography, Point2, Vec2};
+use plumbline::num::run::Run;
 
 const GRID: Grid = Grid { cols: 64, rows: 36, width: 1920.0, height: 1080.0 };
 
@@ -65,10 +66,12 @@ fn bench(c: &mut Criterion) {
 
     let mut complex = system::<Complex>(1);
     c.bench_function("factor and solve, complex", |b| {
-        b.iter(|| black_box(complex.minimize().expect("regular")[0]));
+        b.iter(|| black_box(complex.minimize(&Run::default()).expect("regular")[0]));
     });
     let mut real = system::<f64>(2);
-    c.bench_function("factor and solve, real", |b| b.iter(|| black_box(real.minimize().expect("regular")[0])));
+    c.bench_function("factor and solve, real", |b| {
+        b.iter(|| black_box(real.minimize(&Run::default()).expect("regular")[0]));
+    });
     let one = |x: f64| assert!((x - 1.0).abs() < 1e-6, "the constant is the minimizer, not {x}");
     complex.solution().iter().for_each(|x| one(x.re));
     real.solution().iter().for_each(|&x| one(x));

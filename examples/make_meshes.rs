@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point3;
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::io::{WriteOptions, encode_model, write_model};
 use plumbline::shape::mesh::{Group, MeshFormat, Model, ModelBuilder, NO_VALUE, TriMesh, shapes};
 
@@ -119,7 +120,7 @@ fn polygons() -> Result<Model, Failure> {
 /// Files that are to be refused: a coordinate that is not a number, a file that ends early, an address outside its folder.
 fn broken(folder: &Path) -> Result<(), Failure> {
     let ball = Model::of_mesh(shapes::icosphere(1));
-    let mut nan = encode_model(&ball, MeshFormat::Ply, &WriteOptions::default())?;
+    let mut nan = encode_model(&ball, MeshFormat::Ply, &WriteOptions::default(), &Run::default())?;
     let header = nan.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
     std::fs::write(folder.join("mesh-truncated.ply"), &nan[..header + 500])?;
     // The second coordinate of vertex 7, in doubles.

@@ -66,6 +66,15 @@ impl Run {
         self.budget.check()
     }
 
+    /// `found`, unless the run has ended: for results of parts that were cut short without a word. A run that has ended stays
+    /// so, hence one look at the end tells of all of them.
+    ///
+    /// # Errors
+    /// As [`Run::check`].
+    pub fn complete<T>(&self, found: T) -> Result<T, Stopped> {
+        self.check().map(|()| found)
+    }
+
     /// Reports that `fraction` of the call is done, in [0, 1], and checks whether it may go on.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use plumbline::num::energy::{
     Reweighted, Term, Value,
 };
 use plumbline::num::math::Vec2;
+use plumbline::num::run::Run;
 
 use crate::allocations::allocations_of;
 
@@ -62,7 +63,7 @@ fn bent(i: usize) -> Vec2 {
 fn the_minimizer_is_the_dense_one() {
     let (e, _) = springs();
     let fixed = corners();
-    let mut factored = e.factor(&fixed).expect("held at the corners");
+    let mut factored = e.factor(&fixed, &Run::default()).expect("held at the corners");
     let x = factored.solve(&factored.targets(), &fixed.values(bent)).expect("same set");
     let free: Vec<usize> = (0..N).filter(|i| !fixed.unknowns().contains(i)).collect();
     let (mut a, mut b) = (DMatrix::<f64>::zeros(edges().len(), N), DMatrix::<f64>::zeros(edges().len(), 2));
@@ -87,7 +88,7 @@ fn the_minimizer_is_the_dense_one() {
 #[test]
 fn at_the_minimum_every_step_costs() {
     let (e, _) = springs();
-    let mut factored = e.factor(&corners()).expect("regular");
+    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
     let targets = factored.targets();
     let x = factored.solve(&targets, &corners().values(bent)).expect("same set");
     let least = factored.energy(&targets, &x);
@@ -103,7 +104,7 @@ fn at_the_minimum_every_step_costs() {
 #[test]
 fn translation_of_the_given_values_translates_the_rest() {
     let (e, _) = springs();
-    let mut factored = e.factor(&corners()).expect("regular");
+    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
     let targets = factored.targets();
     let x = factored.solve(&targets, &corners().values(bent)).expect("same set");
     let shift = Vec2::new(3.0, -8.0);
@@ -140,7 +141,7 @@ fn the_clear_and_the_fast_path_agree() {
         clear.add2(0.01, clear.point(i) - Vec2::new(0.5, 0.5));
     }
     let none = FixedSet::none();
-    let mut factored = clear.factor(&none).expect("held by targets");
+    let mut factored = clear.factor(&none, &Run::default()).expect("held by targets");
     let x = factored.solve(&factored.targets(), &none.values(|_| Vector1::zeros())).expect("same set");
 
     let mut fast =
@@ -153,12 +154,12 @@ fn the_clear_and_the_fast_path_agree() {
         fast.add_everywhere(0.01, 0.5);
     };
     fill(&mut fast);
-    let y = fast.minimize().expect("regular");
+    let y = fast.minimize(&Run::default()).expect("regular");
     let worst = x.iter().zip(y).map(|(x, y)| (x.x - y).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-10 && y.iter().any(|y| (y - 0.5).abs() > 1.0), "{worst}");
     let count = allocations_of(|| {
         fill(&mut fast);
-        fast.minimize().expect("regular");
+        fast.minimize(&Run::default()).expect("regular");
     });
     assert_eq!(count, 0, "the fast path allocates nothing");
 }
@@ -167,12 +168,12 @@ fn the_clear_and_the_fast_path_agree() {
 fn solves_and_reweightings_allocate_nothing() {
     let (e, _) = springs();
     let fixed = corners();
-    let mut factored = e.factor(&fixed).expect("regular");
+    let mut factored = e.factor(&fixed, &Run::default()).expect("regular");
     let (targets, values) = (factored.targets(), fixed.values(bent));
     let mut x = vec![Value::<2>::zeros(); N];
     factored.solve_into(&targets, &values, &mut x).expect("same set");
     let count = allocations_of(|| {
-        factored.reweight(|_, w| 2.0 * w).expect("regular");
+        factored.reweight(|_, w| 2.0 * w, &Run::default()).expect("regular");
         factored.solve_into(&targets, &values, &mut x).expect("same set");
     });
     assert_eq!(count, 0);
@@ -181,13 +182,13 @@ fn solves_and_reweightings_allocate_nothing() {
 #[test]
 fn reweighting_equals_a_new_energy() {
     let (e, terms) = springs();
-    let mut factored = e.factor(&corners()).expect("regular");
-    factored.reweight(|t, w| if t == terms[4] { 0.0 } else { w * 3.0 }).expect("regular");
+    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
+    factored.reweight(|t, w| if t == terms[4] { 0.0 } else { w * 3.0 }, &Run::default()).expect("regular");
     let mut other = LeastSquares::<2>::new(N);
     for (k, (i, j)) in edges().into_iter().enumerate().filter(|&(k, _)| k != 4) {
         other.add(3.0 * edge_weight(k), other.var(i) - other.var(j) - (rest(i) - rest(j)));
     }
-    let mut fresh = other.factor(&corners()).expect("regular");
+    let mut fresh = other.factor(&corners(), &Run::default()).expect("regular");
     let values = corners().values(bent);
     let x = factored.solve(&factored.targets(), &values).expect("same set");
     let y = fresh.solve(&fresh.targets(), &values).expect("same set");
@@ -199,8 +200,8 @@ fn placed_unknowns_give_the_same_solution() {
     let (e, _) = springs();
     let positions: Vec<[f64; 3]> = (0..N).map(rest).map(|p| [p.x, p.y, 0.0]).collect();
     let values = corners().values(bent);
-    let mut a = e.factor(&corners()).expect("regular");
-    let mut b = e.factor_placed(&corners(), &positions).expect("regular");
+    let mut a = e.factor(&corners(), &Run::default()).expect("regular");
+    let mut b = e.factor_placed(&corners(), &positions, &Run::default()).expect("regular");
     let (x, y) = (a.solve(&a.targets(), &values).expect("ok"), b.solve(&b.targets(), &values).expect("ok"));
     assert!(x.iter().zip(&y).all(|(x, y)| (x - y).norm() < 1e-12 * N as f64));
 }
@@ -214,7 +215,7 @@ fn expressions_keep_the_algebra_of_vectors() {
     let t = e.add(1.0, (2.0 * p.clone() - e.point(1) * 2.0 + Vec2::new(1.0, 2.0)).dot(n));
     let r = e.add2(1.0, -p.r90() + Vec2::new(0.5, 0.0));
     let all = FixedSet::new(0..4);
-    let mut factored = e.factor(&all).expect("nothing is free");
+    let mut factored = e.factor(&all, &Run::default()).expect("nothing is free");
     let x = factored.solve(&factored.targets(), &all.values(|i| Vector1::new([3.0, 1.0, 1.0, 1.0][i]))).expect("ok");
     let squared = |t| factored.squared_residual(t, &factored.targets(), &x);
     assert!((squared(t) - (2.4_f64 + 0.6 + 1.6).powi(2)).abs() < 1e-12, "{}", squared(t));
@@ -230,7 +231,7 @@ fn bad_energies_are_refused_with_their_reason() {
         r.map(|_: plumbline::num::energy::Factored<2>| ()).expect_err("refused").to_string()
     };
     assert_eq!(
-        error(e.factor(&FixedSet::none())),
+        error(e.factor(&FixedSet::none(), &Run::default())),
         "nothing holds the component of 35 unknown(s) that contains unknown 0: fix one of them or give it a target"
     );
     let mut two = LeastSquares::<2>::new(N + 3);
@@ -238,32 +239,42 @@ fn bad_energies_are_refused_with_their_reason() {
         two.add(1.0, two.var(i) - two.var(j));
     }
     assert_eq!(
-        two.factor(&corners()).expect_err("floats"),
+        two.factor(&corners(), &Run::default()).expect_err("floats"),
         EnergyError::Unconstrained { unknowns: vec![N, N + 1, N + 2] }
     );
     let mut bad = LeastSquares::<2>::new(3);
     bad.add(1.0, bad.var(0));
     bad.add(-2.0, bad.var(1));
-    assert_eq!(error(bad.factor(&FixedSet::none())), "term 1 has weight -2 (expected a finite number, 0 or more)");
+    assert_eq!(
+        error(bad.factor(&FixedSet::none(), &Run::default())),
+        "term 1 has weight -2 (expected a finite number, 0 or more)"
+    );
     let mut nan = LeastSquares::<2>::new(3);
     nan.add(1.0, nan.var(0) - Vector2::new(f64::NAN, 0.0));
-    assert_eq!(error(nan.factor(&FixedSet::none())), "term 0 has a coefficient or target that is not finite");
+    assert_eq!(
+        error(nan.factor(&FixedSet::none(), &Run::default())),
+        "term 0 has a coefficient or target that is not finite"
+    );
     let mut beyond = LeastSquares::<2>::new(3);
     beyond.add(1.0, beyond.var(3));
-    assert_eq!(error(beyond.factor(&FixedSet::none())), "unknown 3 does not exist (the energy has 3, numbered from 0)");
-    let mut factored = e.factor(&corners()).expect("regular");
+    assert_eq!(
+        error(beyond.factor(&FixedSet::none(), &Run::default())),
+        "unknown 3 does not exist (the energy has 3, numbered from 0)"
+    );
+    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
     let other = FixedSet::new([1]).values(bent);
     assert_eq!(
         factored.solve(&factored.targets(), &other).expect_err("another set").to_string(),
         "1 fixed value(s) do not belong to the fixed set of 3"
     );
-    let few = LeastSquares::<2>::new(3).factor(&FixedSet::new(0..3)).expect("nothing is free").targets();
+    let few =
+        LeastSquares::<2>::new(3).factor(&FixedSet::new(0..3), &Run::default()).expect("nothing is free").targets();
     assert_eq!(
         factored.solve(&few, &corners().values(bent)).expect_err("another energy").to_string(),
         format!("0 target(s) do not belong to an energy of {} row(s)", edges().len())
     );
-    assert!(matches!(factored.reweight(|_, _| f64::NAN), Err(EnergyError::Weight { term: 0, .. })));
-    assert!(matches!(factored.reweight(|_, _| 0.0), Err(EnergyError::Unconstrained { .. })));
+    assert!(matches!(factored.reweight(|_, _| f64::NAN, &Run::default()), Err(EnergyError::Weight { term: 0, .. })));
+    assert!(matches!(factored.reweight(|_, _| 0.0, &Run::default()), Err(EnergyError::Unconstrained { .. })));
 }
 
 /// Rotation nearest to a 2×2 matrix.
@@ -303,12 +314,12 @@ fn fit_rotations(
 fn alternation_never_raises_the_energy_and_finds_a_rigid_motion() {
     let (e, directed) = arap();
     let ends = FixedSet::new([0, COLS - 1]);
-    let mut factored = e.factor(&ends).expect("regular");
+    let mut factored = e.factor(&ends, &Run::default()).expect("regular");
     let turn = rotation(Matrix2::new(0.6, -0.8, 0.8, 0.6));
     let mut x: Vec<Vec2> = (0..N).map(rest).collect();
     let criterion = Convergence { max_iterations: 5000, tolerance: 1e-9 };
     let report = LocalGlobal::new(&mut factored)
-        .minimize(&ends.values(|i| turn * rest(i)), &mut x, &criterion, fit_rotations(&directed))
+        .minimize(&ends.values(|i| turn * rest(i)), &mut x, &criterion, fit_rotations(&directed), &Run::default())
         .expect("regular");
     assert!(report.converged && report.iterations + 1 == report.energies.len(), "{report:?}");
     for pair in report.energies.windows(2) {
@@ -322,15 +333,15 @@ fn alternation_never_raises_the_energy_and_finds_a_rigid_motion() {
 fn running_out_of_rounds_is_told() {
     let (e, directed) = arap();
     let ends = FixedSet::new([0, COLS - 1]);
-    let mut factored = e.factor(&ends).expect("regular");
+    let mut factored = e.factor(&ends, &Run::default()).expect("regular");
     let mut x: Vec<Vec2> = (0..N).map(rest).collect();
     let values = ends.values(|i| 1.5 * bent(i));
     let mut driver = LocalGlobal::new(&mut factored);
     let two = Convergence { max_iterations: 2, tolerance: 0.0 };
-    let report = driver.minimize(&values, &mut x, &two, fit_rotations(&directed)).expect("regular");
+    let report = driver.minimize(&values, &mut x, &two, fit_rotations(&directed), &Run::default()).expect("regular");
     assert!(!report.converged && report.iterations == 2, "{report:?}");
     for bad in [Convergence { max_iterations: 0, ..two }, Convergence { tolerance: f64::NAN, ..two }] {
-        let refused = driver.minimize(&values, &mut x, &bad, fit_rotations(&directed));
+        let refused = driver.minimize(&values, &mut x, &bad, fit_rotations(&directed), &Run::default());
         assert!(matches!(refused, Err(EnergyError::Option { .. })));
     }
 }
@@ -368,7 +379,7 @@ fn robust_terms_ignore_outliers_and_never_raise_their_energy() {
     }
     let none = FixedSet::none();
     let values = none.values(|_| Vec2::zeros());
-    let mut factored = e.factor(&none).expect("regular");
+    let mut factored = e.factor(&none, &Run::default()).expect("regular");
     let targets = factored.targets();
     let worst = |x: &[Vec2]| (0..n).map(|i| (x[i] - truth(i)).norm()).fold(0.0, f64::max);
     let quadratic = factored.solve(&targets, &values).expect("regular");
@@ -378,7 +389,7 @@ fn robust_terms_ignore_outliers_and_never_raise_their_energy() {
         let convergence = Convergence { max_iterations: 300, tolerance: 1e-10 };
         let driver = Reweighted { loss, terms: &observed, convergence };
         let mut x = start.clone();
-        let report = driver.minimize(&mut factored, &targets, &values, &mut x).expect("regular");
+        let report = driver.minimize(&mut factored, &targets, &values, &mut x, &Run::default()).expect("regular");
         assert!(worst(&x) < bound, "{loss:?} is off by {}", worst(&x));
         for pair in report.energies.windows(2) {
             assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{loss:?}: {pair:?}");
@@ -388,7 +399,7 @@ fn robust_terms_ignore_outliers_and_never_raise_their_energy() {
         start = x; // Geman–McClure is not convex: it starts where Cauchy ended
     }
     let bad = Reweighted { loss: Loss::Huber(-1.0), terms: &observed, convergence: Convergence::default() };
-    let refused = bad.minimize(&mut factored, &targets, &values, &mut start).expect_err("refused");
+    let refused = bad.minimize(&mut factored, &targets, &values, &mut start, &Run::default()).expect_err("refused");
     assert_eq!(refused.to_string(), "loss scale -1 is invalid (expected above 0, finite)");
 }
 
@@ -397,12 +408,12 @@ fn both_coordinates_of_a_plane_term_share_one_robust_weight() {
     let mut e = LeastSquares::<1>::new(2);
     let terms: Vec<Term> =
         [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)].map(|(x, y)| e.add2(1.0, e.point(0) - Vec2::new(x, y))).to_vec();
-    let mut factored = e.factor(&FixedSet::none()).expect("regular");
+    let mut factored = e.factor(&FixedSet::none(), &Run::default()).expect("regular");
     let targets = factored.targets();
     let values = FixedSet::none().values(|_| Vector1::zeros());
     let mut x = vec![Vector1::zeros(); 2];
     let driver = Reweighted { loss: Loss::Cauchy(0.5), terms: &terms, convergence: Convergence::default() };
-    let report = driver.minimize(&mut factored, &targets, &values, &mut x).expect("regular");
+    let report = driver.minimize(&mut factored, &targets, &values, &mut x, &Run::default()).expect("regular");
     let robust: f64 = [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)]
         .iter()
         .map(|(px, py)| Loss::Cauchy(0.5).value((x[0].x - px).powi(2) + (x[1].x - py).powi(2)))

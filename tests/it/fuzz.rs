@@ -7,6 +7,7 @@ mod bodies;
 use std::io::Cursor;
 
 use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline::num::run::Run;
 use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::shape::character::SkinWeights;
 use plumbline::shape::character::io::parse_skel;
@@ -168,10 +169,11 @@ fn no_picture_makes_the_reader_panic() {
 fn mesh_examples(format: MeshFormat) -> Vec<Vec<u8>> {
     let obj = b"o a\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\nusemtl m\ng p\nf 1/1/1 2/2/1 3/1/1 4/2/1\n\
                 usemtl n\nf -4 3 2\nf 4//1 2//1 \\\n1//1\n";
-    let square = decode_model(obj, MeshFormat::Obj, None, &ReadLimits::default()).expect("a mesh");
+    let square = decode_model(obj, MeshFormat::Obj, None, &ReadLimits::default(), &Run::default()).expect("a mesh");
     let plain = Model::of_mesh(shapes::disjoint(&[shapes::moebius(5, 1), shapes::hourglass(), shapes::book(4)]));
-    let encoded =
-        |model: &Model, ascii: bool| encode_model(model, format, &WriteOptions { ascii }).expect("it can be written");
+    let encoded = |model: &Model, ascii: bool| {
+        encode_model(model, format, &WriteOptions { ascii }, &Run::default()).expect("it can be written")
+    };
     let mut examples: Vec<_> =
         [&square, &plain].into_iter().flat_map(|m| [encoded(m, true), encoded(m, false)]).collect();
     match format {
@@ -227,9 +229,11 @@ fn moving_examples() -> Vec<Vec<u8>> {
         glb.extend(kind);
         glb.extend(bytes);
     }
-    let model = decode_model(&glb, MeshFormat::Glb, None, &ReadLimits::default()).expect("a character");
+    let model =
+        decode_model(&glb, MeshFormat::Glb, None, &ReadLimits::default(), &Run::default()).expect("a character");
     assert!(model.articulation().is_some());
-    let text = encode_model(&model, MeshFormat::Gltf, &WriteOptions::default()).expect("it can be written");
+    let text =
+        encode_model(&model, MeshFormat::Gltf, &WriteOptions::default(), &Run::default()).expect("it can be written");
     vec![glb, text]
 }
 
@@ -260,9 +264,10 @@ fn no_trained_skin_makes_the_reader_panic() {
     };
     let examples = [example(0.0), example(0.5), example(1.0)];
     let options = RegressionOptions::default();
-    let (model, _) = RegressionModel::train(&mesh, &skeleton, &weights, &examples, &options).expect("trained");
+    let (model, _) =
+        RegressionModel::train(&mesh, &skeleton, &weights, &examples, &options, &Run::default()).expect("trained");
     let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
-    let reduced = model.reduced(&samples, 2).expect("of the same joints");
+    let reduced = model.reduced(&samples, 2, &Run::default()).expect("of the same joints");
     let files = [
         SkinModel::of(&mesh, &skeleton, &model).expect("its own"),
         SkinModel::of_reduced(&mesh, &skeleton, &reduced).expect("its own"),

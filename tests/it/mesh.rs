@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair};
 use serde_json::Value;
@@ -98,7 +99,7 @@ fn repair_writes_a_manifold_and_tells_what_it_did() {
     let told = out(&succeed(folder, &["mesh", "repair", &media("mesh-hourglass.stl"), "-o", "fixed.glb"]));
     assert!(told.contains("17 vertices joined with another in the same place"), "{told}");
     assert!(told.contains("1 vertices split where several sheets meet"), "{told}");
-    let fixed = read_model(&folder.join("fixed.glb"), &ReadLimits::default()).expect("a mesh");
+    let fixed = read_model(&folder.join("fixed.glb"), &ReadLimits::default(), &Run::default()).expect("a mesh");
     assert_eq!((fixed.mesh().vertex_count(), fixed.mesh().triangle_count()), (8, 8));
     HalfEdges::new(fixed.mesh()).expect("a manifold");
     let report = json(&succeed(folder, &["mesh", "repair", &media("mesh-moebius.off"), "-o", "m.ply", "--json"]));
@@ -135,16 +136,19 @@ fn real_meshes_keep_their_shape_through_repair_and_every_format() {
     assert!(files.len() > 50, "{} meshes", files.len());
     for path in files {
         let name = path.display();
-        let model = match read_model(&path, &ReadLimits::default()) {
+        let model = match read_model(&path, &ReadLimits::default(), &Run::default()) {
             Ok(model) => model,
             Err(e) => {
                 assert!(name.to_string().contains("nan") && e.to_string().contains("vertex 17 "), "{e}");
                 continue;
             }
         };
-        let repaired = repair(model.mesh(), &RepairOptions::default());
+        let repaired =
+            repair(model.mesh(), &RepairOptions::default(), &Run::default()).expect("a run that never stops");
         HalfEdges::new(&repaired.mesh).expect("repair makes oriented manifolds");
-        let again = repair(&repaired.mesh, &RepairOptions { weld: Weld::Never, ..RepairOptions::default() });
+        let again =
+            repair(&repaired.mesh, &RepairOptions { weld: Weld::Never, ..RepairOptions::default() }, &Run::default())
+                .expect("a run that never stops");
         assert!(again.report.is_clean(), "{name}: {}", again.report);
         same_shape(&model, &name.to_string());
         same_shape(&model.repaired(&repaired), &name.to_string());
@@ -157,8 +161,9 @@ fn same_shape(model: &Model, name: &str) {
     let mesh = model.mesh();
     let largest = mesh.positions().iter().map(|p| p.coords.amax()).fold(0.0, f64::max);
     for format in [Obj, Ply, Off, Stl, Gltf, Glb] {
-        let bytes = encode_model(model, format, &WriteOptions::default()).expect("it can be written");
-        let again = decode_model(&bytes, format, None, &ReadLimits::default()).expect("own files are read");
+        let bytes = encode_model(model, format, &WriteOptions::default(), &Run::default()).expect("it can be written");
+        let again =
+            decode_model(&bytes, format, None, &ReadLimits::default(), &Run::default()).expect("own files are read");
         let other = again.mesh();
         let parts = [Gltf, Glb].contains(&format) && !model.groups().all.is_empty() | !model.materials().all.is_empty();
         let tolerance = match format {

@@ -2,6 +2,7 @@
 //! what it did; a coordinate that is no number is refused by its vertex.
 
 use nalgebra::{Point3, Vector3};
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, Weld, repair, shapes};
 use plumbline::shape::surface::{Convergence, DeformOptions, HandlePose, Handles, Method, Start, Unheld, bind};
@@ -67,9 +68,10 @@ fn bent(mesh: &TriMesh) -> Vec<Point3<f64>> {
     let places: Vec<_> =
         handles.vertices().iter().map(|&v| if moved.contains(&v) { at(v) + lift } else { at(v) }).collect();
     let options = DeformOptions { unheld: Unheld::Still, ..DeformOptions::default() };
-    let mut deformer = bind(Method::default(), mesh, &handles, &options).expect("what repair leaves can be deformed");
+    let mut deformer =
+        bind(Method::default(), mesh, &handles, &options, &Run::default()).expect("what repair leaves can be deformed");
     let pose = HandlePose::new(places);
-    deformer.deform(&pose, Start::Spread, &Convergence::default()).expect("it ends").positions
+    deformer.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).expect("it ends").positions
 }
 
 #[test]
@@ -77,7 +79,8 @@ fn four_kinds_of_mess_are_repaired_told_of_and_deformed() {
     let cases = [("flipped", flipped()), ("needles", needles()), ("specks", specks()), ("fifty", fifty())];
     for (name, mesh) in cases {
         for weld in [Weld::Exact, Weld::Within(1e-6)] {
-            let repaired = repair(&mesh, &RepairOptions { weld, ..RepairOptions::default() });
+            let repaired = repair(&mesh, &RepairOptions { weld, ..RepairOptions::default() }, &Run::default())
+                .expect("a run that never stops");
             HalfEdges::new(&repaired.mesh).unwrap_or_else(|e| panic!("{name}: {e}"));
             let told = format!("{}", repaired.report);
             match name {
@@ -96,13 +99,14 @@ fn four_kinds_of_mess_are_repaired_told_of_and_deformed() {
 #[test]
 fn a_coordinate_that_is_no_number_in_a_binary_file_is_refused_by_its_vertex() {
     let ball = Model::of_mesh(shapes::icosphere(1));
-    let file = encode_model(&ball, MeshFormat::Ply, &WriteOptions::default()).expect("written");
+    let file = encode_model(&ball, MeshFormat::Ply, &WriteOptions::default(), &Run::default()).expect("written");
     let header = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
     for (vertex, axis, value) in [(0, 0, f64::NAN), (7, 1, f64::INFINITY), (41, 2, f64::NEG_INFINITY)] {
         let mut broken = file.clone();
         let at = header + 8 * (3 * vertex + axis);
         broken[at..at + 8].copy_from_slice(&value.to_le_bytes());
-        let refused = decode_model(&broken, MeshFormat::Ply, None, &ReadLimits::default()).expect_err("to be refused");
+        let refused = decode_model(&broken, MeshFormat::Ply, None, &ReadLimits::default(), &Run::default())
+            .expect_err("to be refused");
         let told = refused.to_string();
         assert!(
             told.contains(&format!("vertex {vertex} (numbered from 0) has a coordinate that is not finite")),

@@ -8,6 +8,7 @@ use plumbline::app::cli::pipeline_of;
 use plumbline::app::pipeline::draw::{GraphFormat, draw};
 use plumbline::app::pipeline::shipped::shipped;
 use plumbline::app::pipeline::{check, print, read};
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::{HalfEdges, Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 use serde_json::Value as Json;
 
@@ -19,7 +20,7 @@ fn save(folder: &Path, name: &str, mesh: &TriMesh) {
 }
 
 fn load(folder: &Path, name: &str) -> TriMesh {
-    read_model(&folder.join(name), &ReadLimits::default()).expect("a mesh file").mesh().clone()
+    read_model(&folder.join(name), &ReadLimits::default(), &Run::default()).expect("a mesh file").mesh().clone()
 }
 
 fn moved(mesh: &TriMesh, place: impl Fn(&Point3<f64>) -> Point3<f64>) -> TriMesh {
@@ -264,7 +265,7 @@ fn a_glb_moves_through_the_shapes_that_files_hold_one_by_one() {
     succeed(folder, &[&morph[..], &["-o", "files/"]].concat());
     succeed(folder, &[&morph[..], &["-o", "moving.glb", "--seconds", "6"]].concat());
     assert_eq!(names(folder), ["a.off", "b.off", "files", "moving.glb"]);
-    let model = read_model(&folder.join("moving.glb"), &ReadLimits::default()).expect("a mesh file");
+    let model = read_model(&folder.join("moving.glb"), &ReadLimits::default(), &Run::default()).expect("a mesh file");
     let moving = model.articulation().expect("it moves");
     let channel = &moving.animations[0].channels[0];
     assert_eq!(channel.times, [0.0, 2.0, 4.0, 6.0]);

@@ -1,8 +1,8 @@
 //! The executor, with bodies that only pretend.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use plumbline::app::pipeline::execute::{Report, execute};
 use plumbline::app::pipeline::progress::{Event, Progress, Silent};
@@ -89,7 +89,7 @@ impl Folder {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let pipeline = read(self.source(batch), &set).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         let instances = pipeline.instances().unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
-        execute(&pipeline, &instances, backend, progress, &AtomicBool::new(false))
+        execute(&pipeline, &instances, backend, progress, &Arc::new(AtomicBool::new(false)))
     }
 
     fn refusal(&self, batch: &str, set: &[&str]) -> String {

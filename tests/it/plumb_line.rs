@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use plumbline::camera::{FieldAxis, Lens, Projection};
 use plumbline::num::math::{Point2, Vec2};
+use plumbline::num::run::Run;
 use plumbline::photo::calibration::{Calibration, CalibrationOptions, LineRole, calibrate};
 use plumbline::photo::marks::LinesFile;
 
@@ -28,7 +29,8 @@ fn calibrated(name: &str, size: u32, height: u32) -> Option<(LinesFile, Calibrat
     let path = boards()?.join(format!("{name}_lines.json"));
     let file = LinesFile::read(&path, (size, height)).expect("marked lines");
     let lines: Vec<_> = file.in_use().cloned().collect();
-    let found = calibrate(&lines, (f64::from(size), f64::from(height)), &CalibrationOptions::default());
+    let found =
+        calibrate(&lines, (f64::from(size), f64::from(height)), &CalibrationOptions::default(), &Run::default());
     Some((file, found.expect("a lens")))
 }
 

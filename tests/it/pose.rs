@@ -6,6 +6,7 @@ use std::path::Path;
 use nalgebra::Point3;
 use plumbline::app::pipeline::read;
 use plumbline::app::pipeline::shipped::shipped;
+use plumbline::num::run::Run;
 use plumbline::shape::character::Outside;
 use plumbline::shape::character::io::character_of;
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
@@ -19,7 +20,7 @@ fn humanoid() -> String {
 }
 
 fn model(path: &Path) -> Model {
-    read_model(path, &ReadLimits::default()).expect("a mesh file")
+    read_model(path, &ReadLimits::default(), &Run::default()).expect("a mesh file")
 }
 
 fn far_apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
@@ -38,7 +39,14 @@ fn a_movement_is_written_frame_by_frame_as_the_skin_has_it() {
     succeed(folder, &["pose", &humanoid(), "--clip", "walk", "-o", "frames/", "--frames", "3", "--skinning", "lbs"]);
     assert_eq!(names(&folder.join("frames")), ["humanoid_0000.obj", "humanoid_0001.obj", "humanoid_0002.obj"]);
     let person = character_of(&model(Path::new(&humanoid()))).expect("a character");
-    let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
+    let skinner = Skinner::new(
+        person.model.mesh(),
+        None,
+        &person.skeleton,
+        &person.skin,
+        SkinningMethod::LinearBlend,
+        &Run::default(),
+    );
     let (clip, skinner) = (person.clip("walk").expect("there"), skinner.expect("of one mesh"));
     let (first, last) = clip.span().expect("keys");
     let middle = clip.pose(&person.skeleton, 0.5 * (first + last), Outside::Hold).expect("valid");
@@ -59,7 +67,14 @@ fn a_rig_that_is_kept_stands_as_the_baked_surface_does() {
     let person = character_of(&model(&folder.join("rig.glb"))).expect("it keeps its skin");
     let names: Vec<&str> = person.clips.iter().map(plumbline::shape::character::Clip::name).collect();
     assert_eq!(names, ["walk", "wave"]);
-    let skinner = Skinner::new(person.model.mesh(), None, &person.skeleton, &person.skin, SkinningMethod::LinearBlend);
+    let skinner = Skinner::new(
+        person.model.mesh(),
+        None,
+        &person.skeleton,
+        &person.skin,
+        SkinningMethod::LinearBlend,
+        &Run::default(),
+    );
     let matrices = person.skin.joint_matrices(&person.skeleton.rest_globals()).expect("valid");
     let posed = skinner.expect("of one mesh").positions(&matrices).expect("valid");
     assert!(far_apart(model(&folder.join("baked.glb")).mesh().positions(), &posed) < 1e-5);
@@ -165,7 +180,8 @@ fn real_characters_stand_as_their_references_do() {
                 assert!(worst < 1e-5 * scale.max(1.0), "{name} {label} joint {j}: {worst:e}");
             }
             let (mesh, skin) = (person.model.mesh(), &person.skin);
-            let skinner = Skinner::new(mesh, None, &person.skeleton, skin, SkinningMethod::LinearBlend);
+            let skinner =
+                Skinner::new(mesh, None, &person.skeleton, skin, SkinningMethod::LinearBlend, &Run::default());
             let posed = skinner.expect("of one mesh").positions(&matrices).expect("valid");
             let expected = numbers(&folder.join(format!("{name}.t{label}.lbs.txt")));
             let expected: Vec<_> = expected.iter().map(|p| Point3::new(p[0], p[1], p[2])).collect();

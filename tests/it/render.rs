@@ -9,6 +9,7 @@ use plumbline::image::render::{
 use plumbline::image::warp::{Lattice, WarpField};
 use plumbline::image::{ColorDescription, Frame, Layout, PixelFormat};
 use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
+use plumbline::num::run::Run;
 
 const KERNELS: [Interpolation; 3] = [Interpolation::Bilinear, Interpolation::Bicubic, Interpolation::Lanczos3];
 const BORDERS: [Border; 3] = [Border::Black, Border::Replicate, Border::Mirror];
@@ -294,7 +295,7 @@ fn fill_with(neighbor: Frame, (dx, dy): (f64, f64)) -> (Frame, FillReport) {
     let (_, this) = filler.pop(true).expect("two frames");
     let mut dst = rendered(&renderer, &this, &shift(24.0, 0.0));
     let motion = |n: usize| (n == 0).then(|| shift(-40.0 + dx, dy));
-    let report = filler.fill(&renderer, &own, &mut dst, motion).expect("formats and sizes agree");
+    let report = filler.fill(&renderer, &own, &mut dst, motion, &Run::default()).expect("formats and sizes agree");
     (dst, report)
 }
 
@@ -371,7 +372,9 @@ fn a_frame_that_covers_everything_is_not_touched() {
     filler.push(Arc::new(view((256, 160), 5.0, 0.0, 0.0)));
     let (_, this) = filler.pop(true).expect("one frame");
     let mut dst = rendered(&renderer, &this, &field);
-    let report = filler.fill(&renderer, &Lattice::new(&field, 256, 160), &mut dst, |_| None).expect("sizes agree");
+    let report = filler
+        .fill(&renderer, &Lattice::new(&field, 256, 160), &mut dst, |_| None, &Run::default())
+        .expect("sizes agree");
     assert_eq!(report, FillReport::default());
     assert_same(&dst, &rendered(&renderer, &this, &field), "covered");
 }

@@ -5,6 +5,7 @@ use plumbline::num::math::Point2;
 use plumbline::video::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
 use std::ops::Range;
 
+use plumbline::num::run::{Run, Stopped};
 use plumbline::video::motion::sfm::{
     Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, Windows, reconstruct, reconstruct_shot,
 };
@@ -14,7 +15,7 @@ type Frames = Vec<Vec<(u32, Point2)>>;
 const ROLLING: SfmOptions = SfmOptions { focal: None, rolling_shutter: true };
 
 fn solved(frames: Frames) -> Reconstruction {
-    reconstruct(&TrackTable::new(640, 360, frames), &ROLLING)
+    reconstruct(&TrackTable::new(640, 360, frames), &ROLLING, &Run::default()).expect("a run that never stops")
 }
 
 fn noisy(seed: u64, course: Course) -> Shot {
@@ -51,7 +52,8 @@ fn noise_and_outliers_leave_a_walk_within_the_bars() {
 fn the_resolution_changes_nothing_but_the_focal_length() {
     let shot = noisy(22, Course::Walk);
     let larger = shot.frames().into_iter().map(|f| f.into_iter().map(|(id, p)| (id, p * 3.0)).collect());
-    let larger = reconstruct(&TrackTable::new(1920, 1080, larger.collect::<Frames>()), &ROLLING);
+    let larger = reconstruct(&TrackTable::new(1920, 1080, larger.collect::<Frames>()), &ROLLING, &Run::default())
+        .expect("a run that never stops");
     let found = solved(shot.frames());
     assert_eq!((larger.verdict, larger.figures.registered), (SfmVerdict::ThreeD, 40), "{}", larger.reason);
     let apart = path_error(&larger.scene.poses, &found.scene.poses);
@@ -187,7 +189,7 @@ fn in_windows(frames: &Frames, windows: &Windows) -> (Vec<Segment>, usize) {
         most = most.max(range.len());
         Ok::<_, ()>(TrackTable::new(640, 360, frames[range].to_vec()))
     };
-    let segments = reconstruct_shot(0..frames.len(), read, &ROLLING, windows).expect("in memory");
+    let segments = reconstruct_shot(0..frames.len(), read, &ROLLING, windows, &Run::default()).expect("in memory");
     (segments, most)
 }
 
@@ -230,6 +232,13 @@ fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_
 
 #[test]
 fn a_source_that_cannot_be_read_is_told() {
-    let read = |_: Range<usize>| Err("gone");
-    assert_eq!(reconstruct_shot(0..50, read, &ROLLING, &Windows::default()), Err("gone"));
+    #[derive(Debug, PartialEq)]
+    struct Gone;
+    impl From<Stopped> for Gone {
+        fn from(stopped: Stopped) -> Self {
+            panic!("a run that never stops: {stopped}")
+        }
+    }
+    let read = |_: Range<usize>| Err(Gone);
+    assert_eq!(reconstruct_shot(0..50, read, &ROLLING, &Windows::default(), &Run::default()), Err(Gone));
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use plumbline::num::run::Run;
 use plumbline::shape::character::regression::SkinModel;
 use plumbline::shape::character::skeleton_file::SkeletonFile;
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
@@ -83,10 +84,12 @@ fn knee(folder: &Path, degrees: f64) -> Pose {
 fn examples(folder: &Path, poses: &[(&str, f64)]) {
     fs::create_dir_all(folder.join("poses")).expect("writable");
     let skeleton = SkeletonFile::read(&folder.join("bones.json")).expect("a skeleton").skeleton;
-    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default()).expect("a mesh");
-    let (weights, _) = bone_weights(rest.mesh(), &skeleton, &WeightOptions::default()).expect("weights");
+    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default(), &Run::default()).expect("a mesh");
+    let (weights, _) =
+        bone_weights(rest.mesh(), &skeleton, &WeightOptions::default(), &Run::default()).expect("weights");
     let skin = Skin::bound(weights, &skeleton).expect("not flat");
-    let skinner = Skinner::new(rest.mesh(), None, &skeleton, &skin, SkinningMethod::DualQuaternion).expect("fits");
+    let skinner = Skinner::new(rest.mesh(), None, &skeleton, &skin, SkinningMethod::DualQuaternion, &Run::default())
+        .expect("fits");
     for (name, degrees) in poses {
         let globals = skeleton.globals(&knee(folder, *degrees)).expect("valid");
         let positions = skinner.positions(&skin.joint_matrices(&globals).expect("valid")).expect("fits");
@@ -121,19 +124,21 @@ fn a_skin_is_learnt_from_poses_and_puts_the_mesh_into_others() {
     fs::write(folder.join("p.json"), bent).expect("writable");
     let pose = ["pose", "bar.off", "--skeleton", "bones.json", "--pose", "p.json", "--skinning", "regression"];
     let positions = |file: &str| {
-        let model = read_model(&folder.join(file), &ReadLimits::default()).expect("a mesh");
+        let model = read_model(&folder.join(file), &ReadLimits::default(), &Run::default()).expect("a mesh");
         model.mesh().positions().to_vec()
     };
     let skeleton = SkeletonFile::read(&folder.join("bones.json")).expect("a skeleton").skeleton;
-    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default()).expect("a mesh");
+    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default(), &Run::default()).expect("a mesh");
     let skin = Skin::bound(SkinModel::read(&folder.join("full.skin")).expect("a model").weights().weights, &skeleton);
     let globals = skeleton.globals(&knee(folder, 45.0)).expect("valid");
     let matrices = skin.expect("not flat").joint_matrices(&globals).expect("valid");
     for name in ["full", "few"] {
         let (model, out) = (format!("{name}.skin"), format!("{name}.off"));
         succeed(folder, &[&pose[..], &["--model", &model, "-o", &out]].concat());
-        let mut bound =
-            SkinModel::read(&folder.join(model)).expect("a model").bound(rest.mesh(), &skeleton).expect("its own");
+        let mut bound = SkinModel::read(&folder.join(model))
+            .expect("a model")
+            .bound(rest.mesh(), &skeleton, &Run::default())
+            .expect("its own");
         let expected = bound.positions(&matrices).expect("fits");
         let far = positions(&out).iter().zip(&expected).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         assert!(far < 1e-9, "{name}: {far}");
@@ -148,7 +153,7 @@ fn what_nothing_can_be_learnt_from_is_refused_file_by_file() {
     let folder = folder.path();
     bar_and_bones(folder);
     examples(folder, &BENT);
-    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default()).expect("a mesh");
+    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default(), &Run::default()).expect("a mesh");
     let mut triangles = rest.mesh().triangles().to_vec();
     triangles[3].rotate_left(1);
     let other = TriMesh::new(rest.mesh().positions().to_vec(), triangles).expect("the same vertices");
@@ -195,7 +200,7 @@ fn weights_of_a_file_bind_a_mesh_that_is_posed() {
     bar_and_bones(folder);
     let bent = r#"{"format": "plumbline.pose", "version": 1, "joints": {"knee": {"turn_deg": [90, 0, 0]}}}"#;
     fs::write(folder.join("p.json"), bent).expect("writable");
-    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default()).expect("a mesh");
+    let rest = read_model(&folder.join("bar.off"), &ReadLimits::default(), &Run::default()).expect("a mesh");
     let count = rest.mesh().vertex_count();
     // All of the bar follows the foot, which stays.
     let rows = |count: usize| vec!["[0, 1]"; count].join(",");
@@ -207,7 +212,7 @@ fn weights_of_a_file_bind_a_mesh_that_is_posed() {
     fs::write(folder.join("who.json"), text(rows(count)).replace("foot", "fot")).expect("writable");
     let pose = ["pose", "bar.off", "--skeleton", "bones.json", "--pose", "p.json", "-o", "x.off", "--weights"];
     succeed(folder, &[&pose[..], &["w.json"]].concat());
-    let posed = read_model(&folder.join("x.off"), &ReadLimits::default()).expect("a mesh");
+    let posed = read_model(&folder.join("x.off"), &ReadLimits::default(), &Run::default()).expect("a mesh");
     let far = rest.mesh().positions().iter().zip(posed.mesh().positions()).map(|(a, b)| (a - b).norm());
     assert!(far.fold(0.0, f64::max) < 1e-12);
     for (file, expected) in [

@@ -1,6 +1,7 @@
 //! Laws of the solvers for any matrix, with dense algebra as oracle.
 
 use nalgebra::{DMatrix, DVector};
+use plumbline::num::run::Run;
 use plumbline::num::sparse::{
     Eliminated, Factor, GeneralMatrix, Method, Multipliers, Ordering, Permutation, SparseBuilder, SparseError,
     backward_error, inverse_norm_1,
@@ -83,7 +84,7 @@ fn every_method_and_ordering_gives_the_dense_solution() {
         let b = right_hand_sides(n, 3);
         for ordering in orderings(n) {
             for method in METHODS {
-                let mut factor = a.factor(method, &ordering).expect("definite");
+                let mut factor = a.factor(method, &ordering, &Run::default()).expect("definite");
                 assert_eq!(factor.method(), method);
                 let x = factor.solve(&b).expect("fits");
                 assert!(miss(&a, &b, &x) < 1e-12, "n {n}, {method:?}, {ordering:?}");
@@ -103,7 +104,7 @@ fn the_automatic_choice_is_the_cheapest_that_works() {
         (matrix(2, 2, &[(0, 1, 1.0), (1, 0, 1.0)]), Method::Ldlt),
     ];
     for (a, expected) in cases {
-        let mut factor = a.factor(Method::Auto, &Ordering::Amd).expect("regular");
+        let mut factor = a.factor(Method::Auto, &Ordering::Amd, &Run::default()).expect("regular");
         let b = right_hand_sides(a.rows(), 2);
         let x = factor.solve(&b).expect("fits");
         assert!(miss(&a, &b, &x) < 1e-11, "{expected:?}");
@@ -116,10 +117,10 @@ fn the_automatic_choice_is_the_cheapest_that_works() {
 fn the_transposed_system_is_solved_by_the_same_factor() {
     let a = random(50, false, 3.0, 9);
     let b = right_hand_sides(50, 1);
-    let mut factor = a.factor(Method::Lu, &Ordering::Amd).expect("regular");
+    let mut factor = a.factor(Method::Lu, &Ordering::Amd, &Run::default()).expect("regular");
     let x = factor.solve_transposed(&b).expect("LU offers it");
     assert!(miss(&a.transposed(), &b, &x) < 1e-12);
-    assert!(a.factor(Method::Qr, &Ordering::Amd).expect("regular").solve_transposed(&b).is_none());
+    assert!(a.factor(Method::Qr, &Ordering::Amd, &Run::default()).expect("regular").solve_transposed(&b).is_none());
 }
 
 #[test]
@@ -128,7 +129,7 @@ fn singular_and_unfit_matrices_are_refused_by_every_method() {
     let entries = [(0, 0, 1.0), (1, 1, 1.0), (0, 2, 1.0), (1, 2, 1.0), (2, 0, 1.0), (2, 1, 1.0), (2, 2, 2.0)];
     let singular = matrix(3, 3, &entries);
     for method in METHODS.into_iter().chain([Method::Auto]) {
-        let error = singular.factor(method, &Ordering::Natural).expect_err("singular");
+        let error = singular.factor(method, &Ordering::Natural, &Run::default()).expect_err("singular");
         let named = matches!(
             error,
             SparseError::Singular { .. } | SparseError::NotPositiveDefinite { .. } | SparseError::Undetermined { .. }
@@ -137,11 +138,12 @@ fn singular_and_unfit_matrices_are_refused_by_every_method() {
     }
     let empty_column = matrix(2, 2, &[(0, 0, 1.0), (1, 0, 1.0)]);
     for method in [Method::Lu, Method::Qr] {
-        let error = empty_column.factor(method, &Ordering::Amd).expect_err("nothing determines unknown 1");
+        let error =
+            empty_column.factor(method, &Ordering::Amd, &Run::default()).expect_err("nothing determines unknown 1");
         assert_eq!(error, SparseError::Undetermined { unknown: 1 });
     }
     let wide = matrix(2, 3, &[(0, 0, 1.0), (1, 1, 1.0), (1, 2, 1.0)]);
-    let refused = |method| wide.factor(method, &Ordering::Amd).expect_err("wide").to_string();
+    let refused = |method| wide.factor(method, &Ordering::Amd, &Run::default()).expect_err("wide").to_string();
     assert_eq!(
         refused(Method::Auto),
         "2 equations do not determine 3 unknowns: add rows, or solve for the transposed matrix"
@@ -149,10 +151,10 @@ fn singular_and_unfit_matrices_are_refused_by_every_method() {
     assert_eq!(refused(Method::Lu), "the matrix is 2×3, not square: use QR or the normal equations");
     let skew = matrix(2, 2, &[(0, 0, 1.0), (1, 1, 1.0), (1, 0, 0.5)]);
     assert_eq!(
-        skew.factor(Method::Cholesky, &Ordering::Amd).expect_err("not symmetric").to_string(),
+        skew.factor(Method::Cholesky, &Ordering::Amd, &Run::default()).expect_err("not symmetric").to_string(),
         "the matrix is not symmetric: entry (1, 0) differs from its mirror image; use LU"
     );
-    let mut factor = skew.factor(Method::Auto, &Ordering::Amd).expect("regular");
+    let mut factor = skew.factor(Method::Auto, &Ordering::Amd, &Run::default()).expect("regular");
     assert_eq!(factor.solve(&[1.0; 3]), Err(SparseError::Columns { given: 3, expected: 2 }));
 }
 
@@ -170,25 +172,26 @@ fn weighted_least_squares_is_that_of_scaled_rows() {
     let b = right_hand_sides(90, 2);
     let scaled: Vec<_> = a.entries().map(|(i, j, v)| (i, j, v * weights[i].sqrt())).collect();
     let scaled_b: Vec<f64> = b.iter().enumerate().map(|(k, b)| b * weights[k % 90].sqrt()).collect();
-    let mut normal = a.factor_ata(Some(&weights), &Ordering::Amd).expect("determined");
+    let mut normal = a.factor_ata(Some(&weights), &Ordering::Amd, &Run::default()).expect("determined");
     let scaled = matrix(90, 30, &scaled);
     assert!(miss(&scaled, &scaled_b, &normal.solve_ata(&b).expect("fits")) < 1e-12);
-    normal.reweight(&[1.0; 90]).expect("determined");
+    normal.reweight(&[1.0; 90], &Run::default()).expect("determined");
     assert!(miss(&a, &b, &normal.solve_ata(&b).expect("fits")) < 1e-12);
-    let qr = scaled.factor(Method::Qr, &Ordering::Amd).expect("full rank").solve(&scaled_b).expect("fits");
+    let qr =
+        scaled.factor(Method::Qr, &Ordering::Amd, &Run::default()).expect("full rank").solve(&scaled_b).expect("fits");
     assert!(miss(&scaled, &scaled_b, &qr) < 1e-12);
 }
 
 #[test]
 fn least_squares_names_what_no_row_determines_and_refuses_bad_weights() {
     let a = matrix(3, 3, &[(0, 0, 1.0), (1, 1, 1.0), (2, 0, 1.0), (2, 1, 2.0)]);
-    let error = a.factor_ata(None, &Ordering::Amd).expect_err("column 2 is empty");
+    let error = a.factor_ata(None, &Ordering::Amd, &Run::default()).expect_err("column 2 is empty");
     assert!(matches!(&error, SparseError::Singular { component } if component.unknowns == [2]), "{error}");
     let (a, mut weights) = overdetermined();
     weights[7] = -1.0;
-    let error = a.factor_ata(Some(&weights), &Ordering::Amd).expect_err("negative");
+    let error = a.factor_ata(Some(&weights), &Ordering::Amd, &Run::default()).expect_err("negative");
     assert_eq!(error.to_string(), "row 7 has weight -1 (expected a finite number, 0 or more)");
-    let short = a.factor_ata(Some(&[1.0]), &Ordering::Amd).expect_err("one weight");
+    let short = a.factor_ata(Some(&[1.0]), &Ordering::Amd, &Run::default()).expect_err("one weight");
     assert_eq!(short, SparseError::Columns { given: 1, expected: 90 });
 }
 
@@ -202,8 +205,8 @@ fn orthogonal_factors_keep_the_digits_that_normal_equations_lose() {
     let expected = vec![1.0; degree + 1];
     let b = a.multiply(&expected);
     let worst = |x: Vec<f64>| x.iter().map(|x| (x - 1.0).abs()).fold(0.0, f64::max);
-    let qr = worst(a.factor(Method::Qr, &Ordering::Amd).expect("full rank").solve(&b).expect("fits"));
-    let normal = a.factor_ata(None, &Ordering::Amd).map(|mut f| worst(f.solve_ata(&b).expect("fits")));
+    let qr = worst(a.factor(Method::Qr, &Ordering::Amd, &Run::default()).expect("full rank").solve(&b).expect("fits"));
+    let normal = a.factor_ata(None, &Ordering::Amd, &Run::default()).map(|mut f| worst(f.solve_ata(&b).expect("fits")));
     assert!(qr < 1e-6 && normal.as_ref().map_or(true, |miss| *miss > 100.0 * qr), "{qr} {normal:?}");
 }
 
@@ -219,7 +222,7 @@ fn eliminated_values_are_kept_and_the_rest_is_in_balance() {
     let positions = (0..9).map(|i| [f64::from(i), 0.0, 0.0]).collect();
     let given = Permutation::new((0..9).rev().collect()).expect("a permutation");
     for ordering in [Ordering::Amd, Ordering::NestedDissection(positions), Ordering::Given(given)] {
-        let mut held = Eliminated::new(&a, &[8, 0], &ordering).expect("held at both ends");
+        let mut held = Eliminated::new(&a, &[8, 0], &ordering, &Run::default()).expect("held at both ends");
         let x = held.solve(&[0.0; 9], &[4.0, -4.0]).expect("fits");
         assert!(x.iter().enumerate().all(|(i, x)| (x - (i as f64 - 4.0)).abs() < 1e-13), "{x:?}");
     }
@@ -228,12 +231,16 @@ fn eliminated_values_are_kept_and_the_rest_is_in_balance() {
         4,
         &[(0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0), (2, 2, 1.0), (3, 3, 1.0), (3, 2, -1.0), (2, 3, -1.0)],
     );
-    let error = Eliminated::new(&two.symmetric().expect("symmetric"), &[1], &Ordering::Amd).expect_err("2 and 3 float");
+    let error = Eliminated::new(&two.symmetric().expect("symmetric"), &[1], &Ordering::Amd, &Run::default())
+        .expect_err("2 and 3 float");
     assert!(matches!(&error, SparseError::Singular { component } if component.unknowns == [2, 3]), "{error}");
     for bad in [&[9][..], &[3, 3]] {
-        assert!(matches!(Eliminated::new(&a, bad, &Ordering::Amd), Err(SparseError::OutOfRange { .. })));
+        assert!(matches!(
+            Eliminated::new(&a, bad, &Ordering::Amd, &Run::default()),
+            Err(SparseError::OutOfRange { .. })
+        ));
     }
-    let mut held = Eliminated::new(&a, &[0], &Ordering::Amd).expect("held");
+    let mut held = Eliminated::new(&a, &[0], &Ordering::Amd, &Run::default()).expect("held");
     assert_eq!(held.solve(&[0.0; 9], &[]), Err(SparseError::Columns { given: 0, expected: 1 }));
 }
 
@@ -242,7 +249,7 @@ fn multipliers_hold_equations_and_are_the_forces_that_do() {
     // A chain that floats but for two equations: x₀ = 2, and the mean of the last two is 5.
     let a = chain(8);
     let c = matrix(2, 8, &[(0, 0, 1.0), (1, 6, 0.5), (1, 7, 0.5)]);
-    let mut system = Multipliers::new(&a.symmetric().expect("symmetric"), &c).expect("held");
+    let mut system = Multipliers::new(&a.symmetric().expect("symmetric"), &c, &Run::default()).expect("held");
     let b: Vec<f64> = (0..8).map(|i| 0.1 * f64::from(i)).collect();
     let solution = system.solve(&b, &[2.0, 5.0]).expect("fits");
     let held = c.multiply(&solution.x);
@@ -251,10 +258,11 @@ fn multipliers_hold_equations_and_are_the_forces_that_do() {
         a.multiply(&solution.x).iter().zip(c.multiply_transposed(&solution.multipliers)).map(|(f, l)| f + l).collect();
     assert!(forces.iter().zip(&b).all(|(f, b)| (f - b).abs() < 1e-12), "{forces:?}");
     let twice = matrix(2, 8, &[(0, 0, 1.0), (1, 0, 1.0)]);
-    let error = Multipliers::new(&a.symmetric().expect("symmetric"), &twice).expect_err("the same equation twice");
+    let error = Multipliers::new(&a.symmetric().expect("symmetric"), &twice, &Run::default())
+        .expect_err("the same equation twice");
     assert!(matches!(error, SparseError::Undetermined { .. }), "{error}");
     let narrow = matrix(1, 7, &[(0, 0, 1.0)]);
-    let error = Multipliers::new(&a.symmetric().expect("symmetric"), &narrow).expect_err("7 columns");
+    let error = Multipliers::new(&a.symmetric().expect("symmetric"), &narrow, &Run::default()).expect_err("7 columns");
     assert_eq!(error, SparseError::Columns { given: 7, expected: 8 });
 }
 
@@ -264,7 +272,8 @@ fn the_condition_estimate_is_a_close_lower_bound() {
         let a = random(40, seed % 2 == 0, diagonal, seed);
         let inverse = dense(&a).try_inverse().expect("regular");
         let exact = (0..40).map(|j| inverse.column(j).lp_norm(1)).fold(0.0, f64::max) * a.norm_1();
-        let estimate = a.factor(Method::Auto, &Ordering::Amd).expect("regular").condition(&a).expect("square");
+        let estimate =
+            a.factor(Method::Auto, &Ordering::Amd, &Run::default()).expect("regular").condition(&a).expect("square");
         assert!(estimate <= exact * (1.0 + 1e-9) && 3.0 * estimate >= exact, "{exact:e} estimated {estimate:e}");
     }
     assert_eq!(inverse_norm_1(0, |_| vec![], |_| vec![]), 0.0);
@@ -284,7 +293,7 @@ fn the_condition_estimate_is_a_close_lower_bound() {
 fn refinement_ends_at_the_rounding_of_the_data() {
     let a = random(80, false, 0.4, 11);
     let b = right_hand_sides(80, 1);
-    let mut factor: Factor = a.factor(Method::Lu, &Ordering::Amd).expect("regular");
+    let mut factor: Factor = a.factor(Method::Lu, &Ordering::Amd, &Run::default()).expect("regular");
     let mut x: Vec<f64> = factor.solve(&b).expect("fits").iter().map(|x| x * 1.001).collect();
     assert!(backward_error(&a, &b, &x) > 1e-5);
     let report = factor.refine(&a, &b, &mut x).expect("fits");
@@ -302,8 +311,9 @@ fn renumbering_unknowns_renumbers_the_solution_and_nothing_else() {
     let mut moved = vec![0.0; 70];
     (0..70).for_each(|i| moved[new[i]] = b[i]);
     for method in METHODS {
-        let x = a.factor(method, &Ordering::Amd).expect("definite").solve(&b).expect("fits");
-        let y = renumbered.factor(method, &Ordering::Amd).expect("definite").solve(&moved).expect("fits");
+        let x = a.factor(method, &Ordering::Amd, &Run::default()).expect("definite").solve(&b).expect("fits");
+        let y =
+            renumbered.factor(method, &Ordering::Amd, &Run::default()).expect("definite").solve(&moved).expect("fits");
         assert!((0..70).all(|i| (y[new[i]] - x[i]).abs() < 1e-13), "{method:?}");
     }
 }
@@ -341,7 +351,7 @@ fn indefinite_systems_need_no_luck_with_their_diagonal() {
         let b = right_hand_sides(a.rows(), 2);
         for ordering in orderings(a.rows()) {
             for method in [Method::Ldlt, Method::Lu] {
-                let x = a.factor(method, &ordering).expect("regular").solve(&b).expect("fits");
+                let x = a.factor(method, &ordering, &Run::default()).expect("regular").solve(&b).expect("fits");
                 assert!(off(a, &b, &x) < 1e-9, "case {case}, {method:?}, {ordering:?}: {}", off(a, &b, &x));
             }
         }
@@ -357,7 +367,7 @@ fn rows_may_have_to_move_far() {
         let far = (0..n / 2).map(|i| (i, (7 * i + 3) % n, rng.f64() - 0.5));
         let a = matrix(n, n, &cycle.chain(far).filter(|e| e.2 != 0.0).collect::<Vec<_>>());
         let b = right_hand_sides(n, 1);
-        let mut factor = a.factor(Method::Lu, &Ordering::Amd).expect("regular");
+        let mut factor = a.factor(Method::Lu, &Ordering::Amd, &Run::default()).expect("regular");
         assert!(off(&a, &b, &factor.solve(&b).expect("fits")) < 1e-11, "{n}");
         let x = factor.solve_transposed(&b).expect("LU offers it");
         assert!(off(&a.transposed(), &b, &x) < 1e-11, "{n}, transposed");
@@ -386,11 +396,11 @@ fn full_matrices_go_through_large_fronts() {
     );
     let b = right_hand_sides(n + 40, 5);
     for method in METHODS {
-        let x = a.factor(method, &Ordering::Amd).expect("definite").solve(&b).expect("fits");
+        let x = a.factor(method, &Ordering::Amd, &Run::default()).expect("definite").solve(&b).expect("fits");
         assert!(off(&a, &b, &x) < 1e-12, "{method:?}");
     }
     for method in [Method::Ldlt, Method::Lu, Method::Qr] {
-        let x = indefinite.factor(method, &Ordering::Amd).expect("regular").solve(&b).expect("fits");
+        let x = indefinite.factor(method, &Ordering::Amd, &Run::default()).expect("regular").solve(&b).expect("fits");
         assert!(off(&indefinite, &b, &x) < 1e-11, "{method:?}");
     }
 }
@@ -407,7 +417,7 @@ fn least_squares_leave_a_residual_that_no_column_sees() {
         );
         let a = matrix(m, n, &entries);
         let b = right_hand_sides(m, 2);
-        let x = a.factor(Method::Qr, &Ordering::Amd).expect("full rank").solve(&b).expect("fits");
+        let x = a.factor(Method::Qr, &Ordering::Amd, &Run::default()).expect("full rank").solve(&b).expect("fits");
         assert!(miss(&a, &b, &x) < 1e-11, "{m}×{n}");
         for (b, x) in b.chunks(m).zip(x.chunks(n)) {
             let r: Vec<f64> = a.multiply(x).iter().zip(b).map(|(y, b)| b - y).collect();
@@ -416,9 +426,12 @@ fn least_squares_leave_a_residual_that_no_column_sees() {
     }
     // Two equal columns; and one row too few for three columns that only it and another hold.
     let equal: Vec<_> = (0..6).flat_map(|i| [(i, 0, 1.0 + i as f64), (i, 1, 1.0 + i as f64), (i, 2, 1.0)]).collect();
-    assert!(matrix(6, 3, &equal).factor(Method::Qr, &Ordering::Amd).is_err());
+    assert!(matrix(6, 3, &equal).factor(Method::Qr, &Ordering::Amd, &Run::default()).is_err());
     let starved = matrix(4, 3, &[(0, 0, 1.0), (1, 0, 2.0), (2, 0, 1.0), (3, 1, 1.0), (3, 2, 1.0)]);
-    assert!(matches!(starved.factor(Method::Qr, &Ordering::Amd), Err(SparseError::Undetermined { unknown: 1 | 2 })));
+    assert!(matches!(
+        starved.factor(Method::Qr, &Ordering::Amd, &Run::default()),
+        Err(SparseError::Undetermined { unknown: 1 | 2 })
+    ));
 }
 
 #[test]
@@ -426,7 +439,9 @@ fn a_floating_part_is_named_among_held_ones() {
     let mut entries: Vec<_> = chain(12).entries().collect();
     entries.push((0, 0, 1.0));
     entries.extend(chain(5).entries().map(|(i, j, v)| (i + 12, j + 12, v)));
-    let error = matrix(17, 17, &entries).factor(Method::Auto, &Ordering::Amd).expect_err("the second chain floats");
+    let error = matrix(17, 17, &entries)
+        .factor(Method::Auto, &Ordering::Amd, &Run::default())
+        .expect_err("the second chain floats");
     assert!(
         matches!(&error, SparseError::Singular { component } if component.unknowns == [12, 13, 14, 15, 16]),
         "{error}"

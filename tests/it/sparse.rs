@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Complex as C, DMatrix, DVector};
+use plumbline::num::run::Run;
 use plumbline::num::sparse::{Cholesky, Complex, Ordering, Pattern, Permutation, SparseError, SparseMatrix};
 
 use crate::allocations::allocations_of;
@@ -61,7 +62,7 @@ fn every_ordering_gives_the_dense_solution() {
         let b: Vec<Complex> = (0..2 * n).map(|i| Complex::new((i as f64).sin(), (i as f64).cos())).collect();
         for ordering in orderings(cols, rows) {
             let mut cholesky = Cholesky::analyze(a.pattern(), &ordering).expect("sizes agree");
-            cholesky.factor(&a).expect("positive definite");
+            cholesky.factor(&a, &Run::default()).expect("positive definite");
             let mut x = b.clone();
             cholesky.solve_in_place(&mut x);
             for (x, b) in x.chunks(n).zip(b.chunks(n)) {
@@ -112,11 +113,11 @@ fn refactoring_and_solving_allocate_nothing() {
     let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("valid");
     let mut x = vec![1.0; 3 * 400];
     // Once before: the kernels keep a packing buffer per thread.
-    cholesky.factor(&b).expect("regular");
+    cholesky.factor(&b, &Run::default()).expect("regular");
     cholesky.solve_in_place(&mut x.clone());
     let count = allocations_of(|| {
-        cholesky.factor(&a).expect("regular");
-        cholesky.factor(&b).expect("regular");
+        cholesky.factor(&a, &Run::default()).expect("regular");
+        cholesky.factor(&b, &Run::default()).expect("regular");
         cholesky.solve_in_place(&mut x);
     });
     assert_eq!(count, 0);
@@ -135,7 +136,7 @@ fn a_singular_system_names_its_component() {
         let scaled: Vec<_> = triplets.iter().map(|&(i, j, v)| (i, j, v * if i < 12 { scale } else { 1.0 })).collect();
         let a = SparseMatrix::from_triplets(21, &scaled).expect("in range");
         let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("valid");
-        let error = cholesky.factor(&a).expect_err("the second grid floats");
+        let error = cholesky.factor(&a, &Run::default()).expect_err("the second grid floats");
         let SparseError::Singular { component } = &error else { panic!("{error}") };
         assert_eq!(component.unknowns, (12..21).collect::<Vec<_>>());
         assert_eq!(
@@ -159,7 +160,7 @@ fn weak_but_regular_systems_are_accepted() {
         a.values_mut()[s] += if i == 37 { 1e-6 } else { 0.0 };
     }
     let mut cholesky = Cholesky::analyze(&pattern, &Ordering::Amd).expect("valid");
-    cholesky.factor(&a).expect("held by unknown 37");
+    cholesky.factor(&a, &Run::default()).expect("held by unknown 37");
     let mut x = vec![0.0; 100];
     x[37] = 1e-6;
     cholesky.solve_in_place(&mut x);
@@ -171,7 +172,7 @@ fn negative_matrices_and_nan_are_told_apart() {
     let refuse = |triplets: &[(usize, usize, f64)]| {
         let a = SparseMatrix::from_triplets(3, triplets).expect("in range");
         let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Natural).expect("valid");
-        cholesky.factor(&a).expect_err("refused")
+        cholesky.factor(&a, &Run::default()).expect_err("refused")
     };
     let indefinite = refuse(&[(0, 0, 1.0), (1, 1, 1.0), (1, 0, 2.0), (2, 2, 1.0)]);
     assert!(matches!(&indefinite, SparseError::NotPositiveDefinite { component } if component.unknowns == [0, 1]));
@@ -191,7 +192,7 @@ fn negative_matrices_and_nan_are_told_apart() {
 fn refinement_regains_the_digits_of_a_bad_start() {
     let a = laplacian(15, 15, 1e-7);
     let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("valid");
-    cholesky.factor(&a).expect("regular");
+    cholesky.factor(&a, &Run::default()).expect("regular");
     let b: Vec<f64> = (0..225).map(|i| (i as f64).sin()).collect();
     let (mut x, mut scratch) = (vec![1e3; 225], vec![0.0; 225]);
     let before = cholesky.refine(&a, &b, &mut x, &mut scratch);

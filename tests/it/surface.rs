@@ -9,6 +9,7 @@ use plumbline::app::pipeline::draw::{GraphFormat, draw};
 use plumbline::app::pipeline::shipped::shipped;
 use plumbline::app::pipeline::{check, print, read};
 use plumbline::image::still::{LoadOptions, load, rgb_of_frame};
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, shapes, write_model};
 use serde_json::Value as Json;
 
@@ -25,7 +26,7 @@ fn save(folder: &Path, name: &str, mesh: TriMesh) {
 }
 
 fn positions(folder: &Path, name: &str) -> Vec<Point3<f64>> {
-    let model = read_model(&folder.join(name), &ReadLimits::default()).expect("a mesh file");
+    let model = read_model(&folder.join(name), &ReadLimits::default(), &Run::default()).expect("a mesh file");
     model.mesh().positions().to_vec()
 }
 
@@ -159,7 +160,8 @@ fn the_model_that_was_read_is_written_back_in_another_pose() {
     fs::write(folder.join("h.json"), text).expect("a small file");
     let run = succeed(folder, &["deform", "cube.obj", "--handles", "h.json", "-o", "tall.obj"]);
     assert!(err(&run).contains("repair    1 vertices left out that no triangle names (first: 8)"), "{}", err(&run));
-    let read = |name: &str| read_model(&folder.join(name), &ReadLimits::default()).expect("a mesh file");
+    let read =
+        |name: &str| read_model(&folder.join(name), &ReadLimits::default(), &Run::default()).expect("a mesh file");
     let (before, after) = (read("cube.obj"), read("tall.obj"));
     assert_eq!(after.faces(), before.faces(), "quads stay quads");
     assert_eq!(
@@ -192,7 +194,7 @@ fn meshes_chosen_to_hurt_are_finished_and_told_of() {
     for (name, mesh, told) in cases {
         let (file, out) = (format!("{name}.off"), format!("{name}.out.off"));
         save(folder, &file, mesh);
-        let read = read_model(&folder.join(&file), &ReadLimits::default()).expect("a mesh file");
+        let read = read_model(&folder.join(&file), &ReadLimits::default(), &Run::default()).expect("a mesh file");
         ends(folder, read.mesh(), "\"rigid\": {\"rotation\": {\"axis\": [1, 0, 0], \"angle_deg\": 40}}");
         let run = succeed(folder, &["deform", &file, "--handles", "h.json", "-o", &out]);
         assert!(err(&run).contains(told), "{name}: {}", err(&run));

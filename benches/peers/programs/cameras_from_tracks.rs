@@ -5,6 +5,7 @@
 //! verdict, its figures, the lens, per frame `{"q": [w, x, y, z], "t": [x, y, z]}` (`cam_from_world`) or `null`.
 
 use plumbline::num::math::Point2;
+use plumbline::num::run::Run;
 use plumbline::video::motion::sfm::{SfmOptions, TrackTable, reconstruct};
 use serde_json::json;
 
@@ -21,7 +22,7 @@ pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let started = std::time::Instant::now();
     let table = TrackTable::new(header[0] as u32, header[1] as u32, frames);
     let options = SfmOptions { focal: None, rolling_shutter: !super::args().any(|a| a == "--global") };
-    let found = reconstruct(&table, &options);
+    let found = reconstruct(&table, &options, &Run::default()).expect("a run that never stops");
     let seconds = started.elapsed().as_secs_f64();
     let pose = |p: &plumbline::camera::CameraPose| {
         let (q, t) = (p.rotation.into_inner(), p.translation);

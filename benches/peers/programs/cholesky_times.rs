@@ -5,6 +5,7 @@
 
 use std::error::Error;
 
+use plumbline::num::run::Run;
 use plumbline::num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
 
 pub(super) fn main() -> Result<(), Box<dyn Error>> {
@@ -16,7 +17,7 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let mut cholesky = Cholesky::analyze(a.pattern(), &ordering)?;
     let analyze = cpu_seconds() - began;
     let mut failed = None;
-    let factor = least(|| failed = cholesky.factor(&a).err());
+    let factor = least(|| failed = cholesky.factor(&a, &Run::default()).err());
     failed.map_or(Ok(()), Err)?;
     let mut compact = CompactFactor::new(&cholesky);
     let b: Vec<[f64; 3]> = (0..a.n()).map(|i| [0.0, 1.0, 2.0].map(|k| (i as f64 + k).sin())).collect();

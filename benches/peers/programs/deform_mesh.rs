@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use nalgebra::Point3;
+use plumbline::num::run::Run;
 use plumbline::shape::mesh::{ReadLimits, read_model};
 use plumbline::shape::surface::{
     Convergence, DeformOptions, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning, bind,
@@ -45,7 +46,7 @@ struct Arguments {
 
 pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let a = Arguments::parse();
-    let model = read_model(&a.mesh, &ReadLimits::default())?;
+    let model = read_model(&a.mesh, &ReadLimits::default(), &Run::default())?;
     let (handles, pose) = read_pose(&a.pose)?;
     let method = Method::from_name(&a.method).ok_or("no such method")?;
     let solver = match a.solver.as_str() {
@@ -71,9 +72,9 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let (mut bind_s, mut deform_s, mut last) = (0.0, 0.0, None);
     for _ in 0..a.repeat.max(1) {
         let began = cpu_seconds();
-        let mut bound = bind(method, model.mesh(), &handles, &options)?;
+        let mut bound = bind(method, model.mesh(), &handles, &options, &Run::default())?;
         let ready = cpu_seconds();
-        last = Some(bound.deform(&pose, start, &convergence)?);
+        last = Some(bound.deform(&pose, start, &convergence, &Run::default())?);
         bind_s += ready - began;
         deform_s += cpu_seconds() - ready;
     }

@@ -11,6 +11,7 @@ use image::{Rgb, RgbImage};
 use plumbline::camera::{FieldAxis, FieldOfView, Lens, Projection};
 use plumbline::image::Plane;
 use plumbline::num::math::Point2;
+use plumbline::num::run::Run;
 use plumbline::photo::line_detection::{LineDetectionOptions, LineGroup, detect_lines};
 use plumbline::photo::marks::LinesFile;
 
@@ -29,7 +30,8 @@ pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
         None => None,
     };
     let began = Instant::now();
-    let found = detect_lines(luma.as_ref(), lens.as_ref(), &LineDetectionOptions::default());
+    let found = detect_lines(luma.as_ref(), lens.as_ref(), &LineDetectionOptions::default(), &Run::default())
+        .expect("a run that never stops");
     eprintln!(
         "{input}: {} lines in {:.2} s, down {:?}, {} horizontal directions",
         found.lines.len(),

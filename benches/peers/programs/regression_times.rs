@@ -9,6 +9,7 @@ use std::error::Error;
 use std::hint::black_box;
 
 use nalgebra::Matrix4;
+use plumbline::num::run::Run;
 use plumbline::shape::character::humanoid::humanoid;
 use plumbline::shape::character::regression::{Example, RegressionModel, RegressionOptions};
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
@@ -32,16 +33,17 @@ fn measured() -> Result<(), Box<dyn Error>> {
         let person = humanoid(cell)?;
         let mesh = person.model.mesh();
         let (skeleton, skin) = (&person.skeleton, &person.skin);
-        let curved = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion)?;
-        let linear = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::LinearBlend)?;
+        let curved = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion, &Run::default())?;
+        let linear = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::LinearBlend, &Run::default())?;
         let samples = poses(&person)?;
         let example = |matrices: &Vec<Matrix4<f64>>| -> Result<Example, Box<dyn Error>> {
             Ok(Example { matrices: matrices.clone(), positions: curved.positions(matrices)? })
         };
         let examples: Vec<Example> = samples.iter().map(example).collect::<Result<_, _>>()?;
         let options = RegressionOptions::default();
-        let (mut full, _) = RegressionModel::train(mesh, skeleton, skin.weights(), &examples, &options)?;
-        let reduced = full.reduced(&samples, SHAPES)?;
+        let (mut full, _) =
+            RegressionModel::train(mesh, skeleton, skin.weights(), &examples, &options, &Run::default())?;
+        let reduced = full.reduced(&samples, SHAPES, &Run::default())?;
         let pose = &samples[POSES as usize / 2];
         let told = serde_json::json!({
             "vertices": mesh.vertex_count(),

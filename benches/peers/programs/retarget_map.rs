@@ -14,6 +14,7 @@ use std::time::Instant;
 use plumbline::image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
 use plumbline::image::{Frame, Layout, PixelFormat};
 use plumbline::num::math::{Point2, PointMap};
+use plumbline::num::run::Run;
 use plumbline::photo::retarget::{RetargetOptions, Retargeter};
 use plumbline::photo::{Line, Orientation};
 
@@ -88,13 +89,16 @@ pub(super) fn main() -> Result<(), Failure> {
 
     let clock = Instant::now();
     let with_faces = keys.get("faces").is_none_or(|v| *v != "off");
-    let faces: Vec<Face> =
-        if with_faces { FaceDetector::new(FaceOptions::default()).detect(&frame) } else { Vec::new() };
+    let faces: Vec<Face> = if with_faces {
+        FaceDetector::new(FaceOptions::default()).detect(&frame, &Run::default()).expect("a run that never stops")
+    } else {
+        Vec::new()
+    };
     let faces_s = clock.elapsed().as_secs_f64();
     let judged = ImportanceOptions::default();
     let judged = ImportanceOptions { floor: value("floor", f64::from(judged.floor))? as f32, ..judged };
     let clock = Instant::now();
-    let importance = Importance::of_frame(&frame, &faces, mask.as_ref(), &judged)?;
+    let importance = Importance::of_frame(&frame, &faces, mask.as_ref(), &judged, &Run::default())?;
     let importance_s = clock.elapsed().as_secs_f64();
 
     let standard = RetargetOptions::default();
@@ -111,11 +115,11 @@ pub(super) fn main() -> Result<(), Failure> {
     let clock = Instant::now();
     let mut retargeter =
         Retargeter::new((frame.width, frame.height), importance.clone(), lines, faces.clone(), options)?;
-    let result = retargeter.solve(out)?;
+    let result = retargeter.solve(out, &Run::default())?;
     let first_s = clock.elapsed().as_secs_f64();
     let again = |(w, h): (usize, usize), r: &mut Retargeter| -> Result<f64, Failure> {
         let clock = Instant::now();
-        r.solve((w, h))?;
+        r.solve((w, h), &Run::default())?;
         Ok(clock.elapsed().as_secs_f64())
     };
     let mut resolves: Vec<f64> = Vec::new();

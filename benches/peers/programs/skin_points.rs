@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use nalgebra::{Matrix4, Point3};
 use plumbline::num::math::Trs;
+use plumbline::num::run::Run;
 use plumbline::shape::character::skinning::{PackedSkin, Skinner, SkinningMethod};
 use plumbline::shape::character::{Joint, Skeleton, Skin, SkinWeights};
 use plumbline::shape::mesh::TriMesh;
@@ -56,7 +57,7 @@ fn double(a: &Arguments, mesh: &TriMesh, skin: &Skin, m: &[Matrix4<f64>]) -> Res
     let root = |j| Joint { name: format!("{j}"), parent: None, rest: Trs::identity(), limits: None };
     let skeleton = Skeleton::new((0..m.len()).map(root).collect())?;
     let method = if a.method == "lbs" { SkinningMethod::LinearBlend } else { SkinningMethod::DualQuaternion };
-    let skinner = Skinner::new(mesh, None, &skeleton, skin, method)?;
+    let skinner = Skinner::new(mesh, None, &skeleton, skin, method, &Run::default())?;
     let mut x = Vec::new();
     let least = timed(a.repeat, || {
         skinner.positions_into(m, &mut x)?;

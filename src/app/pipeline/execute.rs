@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use super::batch::Instance;
@@ -65,7 +65,7 @@ pub fn execute(
     instances: &[Instance],
     backend: &dyn Backend,
     progress: &dyn Progress,
-    cancel: &AtomicBool,
+    cancel: &Arc<AtomicBool>,
 ) -> Report {
     let started = Instant::now();
     let batch = pipeline.batch.clone().unwrap_or_default();
@@ -107,7 +107,7 @@ struct Executor<'a> {
     batch: &'a BatchSettings,
     backend: &'a dyn Backend,
     progress: &'a dyn Progress,
-    cancel: &'a AtomicBool,
+    cancel: &'a Arc<AtomicBool>,
     threads: usize,
     /// Folders that this run made, each after the one it is in.
     made: &'a Mutex<Vec<PathBuf>>,
@@ -181,7 +181,9 @@ impl Executor<'_> {
         let (mut values, mut summary) = (Values::default(), Summary::default());
         for pass in &instance.plan.passes {
             job.check_cancel()?;
-            self.backend.run_pass(&job, pass, &mut values, &mut summary)?;
+            // What fails once the user has stopped the run was stopped, whatever it says of itself.
+            let done = self.backend.run_pass(&job, pass, &mut values, &mut summary);
+            done.map_err(|error| job.check_cancel().err().unwrap_or(error))?;
         }
         summary.seconds = started.elapsed().as_secs_f64();
         Ok(summary)

@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::Instance;
@@ -11,6 +12,7 @@ use super::plan::Pass;
 use super::progress::TaskProgress;
 use super::run_error::RunError;
 use super::summary::Summary;
+use plumbline_num::run::{Interrupt, Run};
 
 /// One instance at work.
 pub struct Job<'a> {
@@ -23,13 +25,19 @@ pub struct Job<'a> {
     /// Where to tell frames done.
     pub progress: &'a TaskProgress<'a>,
     /// Set when the user stops the run: look at it once per frame.
-    pub cancel: &'a AtomicBool,
+    pub cancel: &'a Arc<AtomicBool>,
 }
 
 impl Job<'_> {
     /// The graph of the instance.
     pub fn graph(&self) -> &Graph {
         &self.instance.graph
+    }
+
+    /// How a long call of this job runs: it stops once the user stops the run.
+    #[must_use]
+    pub fn run(&self) -> Run {
+        Run::with_interrupt(&Interrupt::from_flag(Arc::clone(self.cancel)))
     }
 
     /// Call once per frame.

@@ -1,6 +1,7 @@
 //! Why an instance failed, and whose fault it is.
 
 use super::problem::Problems;
+use plumbline_num::run::Stopped;
 
 /// Why an instance failed. The message says what, where, the value, the allowed range and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +52,15 @@ pub enum Exit {
     Interrupted = 130,
     /// Stopped by SIGTERM.
     Terminated = 143,
+}
+
+impl From<Stopped> for RunError {
+    fn from(stopped: Stopped) -> Self {
+        match stopped {
+            Stopped::Interrupted => Self::Interrupted,
+            Stopped::OutOfTime => Self::Temporary(stopped.to_string()),
+        }
+    }
 }
 
 impl RunError {

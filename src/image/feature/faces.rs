@@ -12,6 +12,7 @@ use rustface::{Detector, ImageData, Model};
 
 use crate::{Frame, Plane, analysis_luma};
 use plumbline_num::math::{Point2, Rect};
+use plumbline_num::run::{Run, Stopped};
 
 /// The frontal model of SeetaFace Detection 1.0.
 const MODEL: &[u8] = include_bytes!("model/seeta_fd_frontal_v1.0.bin");
@@ -60,13 +61,19 @@ impl FaceDetector {
     }
 
     /// The faces of a frame, surest first. A frame whose memory does not hold its planes, or one below 40 px, has none.
-    pub fn detect(&self, frame: &Frame) -> Vec<Face> {
+    ///
+    /// The search itself, a fraction of a second at the default size, cannot be stopped: the package has no way to.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn detect(&self, frame: &Frame, run: &Run) -> Result<Vec<Face>, Stopped> {
         let mut luma = Plane::new(0, 0);
         if frame.width == 0 || frame.height == 0 || !analysis_luma(frame, self.options.max_side, &mut luma) {
-            return Vec::new();
+            return Ok(Vec::new());
         }
+        run.check()?;
         let scale = (frame.width as f64 / luma.width() as f64, frame.height as f64 / luma.height() as f64);
-        self.detect_luma(&luma, scale)
+        run.complete(self.detect_luma(&luma, scale))
     }
 
     fn detect_luma(&self, luma: &Plane<u8>, scale: (f64, f64)) -> Vec<Face> {
@@ -119,14 +126,18 @@ mod tests {
                 *v = (x + y / 2) as u8;
             }
         }
-        assert_eq!(FaceDetector::new(FaceOptions::default()).detect(&frame), Vec::new());
+        assert_eq!(FaceDetector::new(FaceOptions::default()).detect(&frame, &Run::default()), Ok(Vec::new()));
     }
 
     #[test]
     fn pictures_too_small_for_the_window_have_no_faces() {
         let detector = FaceDetector::new(FaceOptions::default());
         for (w, h) in [(0, 0), (1, 1), (39, 400), (400, 20)] {
-            assert_eq!(detector.detect(&Frame::new(PixelFormat::opaque(Layout::Gbr, 8), w, h)), Vec::new(), "{w}×{h}");
+            assert_eq!(
+                detector.detect(&Frame::new(PixelFormat::opaque(Layout::Gbr, 8), w, h), &Run::default()),
+                Ok(Vec::new()),
+                "{w}×{h}"
+            );
         }
     }
 }

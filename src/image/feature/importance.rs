@@ -16,6 +16,7 @@ use super::gradient::{box_mean, gradient};
 use super::{Face, LabPicture, saliency};
 use crate::{Frame, Plane, analysis_luma};
 use plumbline_num::math::{Point2, Rect};
+use plumbline_num::run::{Run, Stopped};
 
 /// Radius over which gradients are averaged, as a share of the longer side: about a cell of the retargeting grid. Without
 /// it outlines alone would matter, and objects be squeezed between them.
@@ -77,6 +78,9 @@ pub enum ImportanceError {
         /// What it may be.
         range: &'static str,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 /// How importance is judged.
@@ -105,12 +109,14 @@ impl Importance {
     /// Judges a frame. `faces` are in px of the frame; `mask` is a picture of the same size, black to white.
     ///
     /// # Errors
-    /// [`ImportanceError::Unreadable`], [`ImportanceError::MaskSize`], [`ImportanceError::Option`].
+    /// [`ImportanceError::Unreadable`], [`ImportanceError::MaskSize`], [`ImportanceError::Option`],
+    /// [`ImportanceError::Interrupted`].
     pub fn of_frame(
         frame: &Frame,
         faces: &[Face],
         mask: Option<&Frame>,
         options: &ImportanceOptions,
+        run: &Run,
     ) -> Result<Self, ImportanceError> {
         if !(options.floor > 0.0 && options.floor <= 1.0) {
             let value = f64::from(options.floor);
@@ -119,7 +125,8 @@ impl Importance {
         let (width, height) = (frame.width, frame.height);
         let picture = LabPicture::of_frame(frame, options.max_side.max(1))
             .ok_or(ImportanceError::Unreadable { width, height })?;
-        let mut found = found_in(&picture);
+        run.check()?;
+        let mut found = found_in(&picture, run)?;
         raise_faces(&mut found, faces, (width as f64, height as f64));
         if let Some(mask) = mask {
             apply_mask(&mut found, mask, (width, height), options)?;
@@ -172,17 +179,19 @@ impl Importance {
 }
 
 /// `Ĝ (υ + (1 − υ) Ŝ)`.
-fn found_in(picture: &LabPicture) -> Plane<f32> {
+fn found_in(picture: &LabPicture, run: &Run) -> Result<Plane<f32>, Stopped> {
     let longer = picture.width().max(picture.height()) as f64;
     let radius = |share: f64| ((longer * share).round() as usize).max(1);
     let salient = saliency(picture);
+    run.check()?;
     let busy = gradient(picture, radius(GRADIENT_RADIUS));
+    run.check()?;
     let full = quantile(&busy, BUSY_QUANTILE).max(1e-3);
     let product = map(&busy, |x, y, g| {
         let stands_out = UNSALIENT + (1.0 - UNSALIENT) * salient.as_ref().row(y)[x];
         stands_out * (g / full).min(1.0)
     });
-    box_mean(&product, radius(BLUR_RADIUS))
+    Ok(box_mean(&product, radius(BLUR_RADIUS)))
 }
 
 fn map(plane: &Plane<f32>, f: impl Fn(usize, usize, f32) -> f32) -> Plane<f32> {
@@ -326,7 +335,8 @@ mod tests {
 
     #[test]
     fn an_even_picture_matters_as_little_as_possible_everywhere() {
-        let i = Importance::of_frame(&gray(200, 100, |_, _| 90), &[], None, &OPTIONS).expect("readable");
+        let i =
+            Importance::of_frame(&gray(200, 100, |_, _| 90), &[], None, &OPTIONS, &Run::default()).expect("readable");
         assert!(i.cell_means(&Rect::of_size(1.0, 1.0), 10, 5).iter().all(|&v| (v - 0.1).abs() < 1e-6));
     }
 
@@ -334,7 +344,7 @@ mod tests {
     fn a_busy_object_matters_more_than_the_sky_around_it() {
         let object = |x: usize, y: usize| (80..120).contains(&x) && (30..70).contains(&y);
         let frame = gray(200, 100, |x, y| if object(x, y) { ((x * 7 + y * 13) % 97 * 2) as u8 } else { 200 });
-        let i = Importance::of_frame(&frame, &[], None, &OPTIONS).expect("readable");
+        let i = Importance::of_frame(&frame, &[], None, &OPTIONS, &Run::default()).expect("readable");
         let (object, sky) = (mean(&i, (0.41, 0.32, 0.59, 0.68)), mean(&i, (0.0, 0.0, 0.3, 1.0)));
         assert!(object > 5.0 * sky, "{object} against {sky}");
     }
@@ -343,7 +353,8 @@ mod tests {
     fn a_face_matters_most_and_the_body_below_it_nearly() {
         let rect = Rect { min: Point2::new(90.0, 10.0), max: Point2::new(110.0, 30.0) };
         let face = Face { rect, score: 20.0 };
-        let i = Importance::of_frame(&gray(200, 100, |_, _| 90), &[face], None, &OPTIONS).expect("readable");
+        let i = Importance::of_frame(&gray(200, 100, |_, _| 90), &[face], None, &OPTIONS, &Run::default())
+            .expect("readable");
         assert!((at(&i, 0.5, 0.2) - 1.0).abs() < 1e-6);
         assert!((at(&i, 0.5, 0.7) - BODY).abs() < 1e-6);
         assert!((at(&i, 0.1, 0.2) - 0.1).abs() < 1e-6);
@@ -357,7 +368,8 @@ mod tests {
         let mask = gray(200, 100, |x, _| if x < 100 { 0 } else { 255 });
         let rect = Rect { min: Point2::new(20.0, 10.0), max: Point2::new(40.0, 30.0) };
         let face = Face { rect, score: 20.0 };
-        let i = Importance::of_frame(&gray(200, 100, |_, _| 90), &[face], Some(&mask), &OPTIONS).expect("readable");
+        let i = Importance::of_frame(&gray(200, 100, |_, _| 90), &[face], Some(&mask), &OPTIONS, &Run::default())
+            .expect("readable");
         assert!((mean(&i, (0.0, 0.0, 0.5, 1.0)) - 0.1).abs() < 1e-6, "the floor stays");
         assert!((mean(&i, (0.5, 0.0, 1.0, 1.0)) - 1.0).abs() < 1e-6);
     }
@@ -367,7 +379,7 @@ mod tests {
         let picture = gray(200, 100, |_, _| 90);
         let of = |mask: &Frame, floor: f32| {
             let options = ImportanceOptions { floor, ..OPTIONS };
-            Importance::of_frame(&picture, &[], Some(mask), &options).expect_err("refused").to_string()
+            Importance::of_frame(&picture, &[], Some(mask), &options, &Run::default()).expect_err("refused").to_string()
         };
         let small = gray(100, 100, |_, _| 0);
         assert_eq!(

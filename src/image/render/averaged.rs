@@ -21,6 +21,7 @@ use super::source::Source;
 use super::{RenderError, Renderer, check};
 use crate::warp::Lattice;
 use crate::{Frame, PlaneMut};
+use plumbline_num::run::{Run, Stopped};
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Kernels;
@@ -97,10 +98,16 @@ impl Renderer {
     /// shrinks. For planes at full size; chroma that is subsampled is interpolated as in `render`.
     ///
     /// # Errors
-    /// As for `render`.
-    pub fn render_averaged(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame) -> Result<(), RenderError> {
+    /// As for `render`; [`RenderError::Interrupted`], and what `dst` shows is unspecified.
+    pub fn render_averaged(
+        &self,
+        src: &Frame,
+        lattice: &Lattice,
+        dst: &mut Frame,
+        run: &Run,
+    ) -> Result<(), RenderError> {
         check(src, lattice, dst)?;
-        self.render(src, lattice, dst)?;
+        self.render_planes(src, lattice, dst, run)?;
         let spreads = Spreads::of(lattice);
         if !spreads.any() {
             return Ok(());
@@ -114,10 +121,10 @@ impl Renderer {
             let unwritable = RenderError::Plane { plane: i, role: "destination" };
             if src.format.bytes_per_sample() == 1 {
                 let plane = src.plane8(i).ok_or(unreadable)?;
-                means.run(&Source::new(plane, border, black, bits), dst.plane8_mut(i).ok_or(unwritable)?);
+                means.run(&Source::new(plane, border, black, bits), dst.plane8_mut(i).ok_or(unwritable)?, run)?;
             } else {
                 let plane = src.plane16(i).ok_or(unreadable)?;
-                means.run(&Source::new(plane, border, black, bits), dst.plane16_mut(i).ok_or(unwritable)?);
+                means.run(&Source::new(plane, border, black, bits), dst.plane16_mut(i).ok_or(unwritable)?, run)?;
             }
         }
         Ok(())
@@ -132,15 +139,17 @@ struct Means<'a> {
 }
 
 impl Means<'_> {
-    fn run<S: Kernels>(&self, source: &Source<'_, S>, dst: PlaneMut<'_, S>) {
+    fn run<S: Kernels>(&self, source: &Source<'_, S>, dst: PlaneMut<'_, S>, run: &Run) -> Result<(), Stopped> {
         let (width, height) = (dst.width(), dst.height());
         let (data, stride) = dst.into_data();
         let end = data.len().min(height * stride);
-        data[..end].par_chunks_mut(stride * ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
+        data[..end].par_chunks_mut(stride * ROWS_PER_TASK).enumerate().try_for_each(|(task, rows)| {
+            run.check()?;
             for (j, row) in (task * ROWS_PER_TASK..).zip(rows.chunks_mut(stride)) {
                 self.row(source, j, &mut row[..width]);
             }
-        });
+            Ok(())
+        })
     }
 
     fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, row: &mut [S]) {
@@ -233,7 +242,7 @@ mod tests {
         let mut dst = Frame::new(src.format, w, h);
         let renderer = Renderer::new(RenderOptions { border: Border::Replicate, ..RenderOptions::default() });
         let made = if averaged {
-            renderer.render_averaged(src, &lattice, &mut dst)
+            renderer.render_averaged(src, &lattice, &mut dst, &Run::default())
         } else {
             renderer.render(src, &lattice, &mut dst)
         };

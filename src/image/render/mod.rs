@@ -32,6 +32,7 @@ pub use kernel::Interpolation;
 use crate::warp::Lattice;
 use crate::{Frame, Layout, PixelFormat};
 use plane::{Backend, Job, Tables};
+use plumbline_num::run::{Run, Stopped};
 use scan::{MAX_SIZE, Siting};
 use source::Source;
 
@@ -71,6 +72,9 @@ pub enum RenderError {
         /// `"source"` or `"destination"`.
         role: &'static str,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 /// How to render.
@@ -106,9 +110,15 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Format`], [`RenderError::Size`], [`RenderError::Dimensions`], [`RenderError::Plane`].
     pub fn render(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame) -> Result<(), RenderError> {
+        self.render_planes(src, lattice, dst, &Run::default())
+    }
+
+    /// [`Self::render`], looking at the run before each plane.
+    fn render_planes(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame, run: &Run) -> Result<(), RenderError> {
         check(src, lattice, dst)?;
         dst.copy_properties(src);
         for i in 0..src.format.planes() {
+            run.check()?;
             let (job, black) = self.job(src, lattice, i);
             let (bits, border) = (src.format.bits, self.border);
             let unreadable = RenderError::Plane { plane: i, role: "source" };

@@ -4,6 +4,7 @@ use super::alpha::{unweighted, weighted};
 use super::{RenderError, Renderer};
 use crate::Frame;
 use crate::warp::Lattice;
+use plumbline_num::run::Run;
 
 impl Renderer {
     /// `src` as `lattice` shows it: [`Renderer::render_averaged`], with colors weighted by their opacity where there is an alpha
@@ -11,17 +12,17 @@ impl Renderer {
     ///
     /// # Errors
     /// As for [`Renderer::render`].
-    pub fn render_still(&self, src: &Frame, lattice: &Lattice) -> Result<Frame, RenderError> {
+    pub fn render_still(&self, src: &Frame, lattice: &Lattice, run: &Run) -> Result<Frame, RenderError> {
         let (width, height) = lattice.size();
         let mut dst = Frame::new(src.format, width, height);
         if !src.format.alpha {
-            self.render_averaged(src, lattice, &mut dst)?;
+            self.render_averaged(src, lattice, &mut dst, run)?;
             return Ok(dst);
         }
         let plane = src.format.planes() - 1;
         let source = weighted(src).ok_or(RenderError::Plane { plane, role: "source" })?;
         let mut made = Frame::new(source.format, width, height);
-        self.render_averaged(&source, lattice, &mut made)?;
+        self.render_averaged(&source, lattice, &mut made, run)?;
         drop(source);
         unweighted(&made, &mut dst).ok_or(RenderError::Plane { plane, role: "destination" })?;
         Ok(dst)
@@ -58,7 +59,7 @@ mod tests {
         let s = Similarity2 { t: Vec2::new(by, 0.0), ..Similarity2::IDENTITY }.to_homography();
         let lattice = Lattice::new(&WarpField::from_forward_homography(&s).expect("regular"), 40, 20);
         let renderer = Renderer::new(RenderOptions { border: Border::Black, ..RenderOptions::default() });
-        renderer.render_still(frame, &lattice).expect("sizes fit")
+        renderer.render_still(frame, &lattice, &Run::default()).expect("sizes fit")
     }
 
     fn sample(frame: &Frame, plane: usize, x: usize) -> u16 {

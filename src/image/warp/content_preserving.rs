@@ -39,6 +39,7 @@ use super::salience::BASE;
 use crate::grid::{Grid, GridMesh};
 use plumbline_num::energy::{Complex, Ordering, QuadraticEnergy};
 use plumbline_num::math::{Homography, Point2};
+use plumbline_num::run::Run;
 
 /// `N₀`: the number of points for which the paper's `α` = 20 is meant. Larger trusts points more against shape.
 const REFERENCE_POINTS: f64 = 400.0;
@@ -224,7 +225,7 @@ impl ContentPreserving {
             let alpha = self.options.alpha * 4_f64.powi(raised);
             self.assemble(alpha, salience);
             let cell_px = self.cell_px;
-            let displacement = self.energy.minimize()?;
+            let displacement = self.energy.minimize(&Run::default())?;
             for ((v, v_hat), d) in mesh.vertices.iter_mut().zip(&self.prewarped.vertices).zip(displacement) {
                 *v = Point2::new(v_hat.x + d.re * cell_px, v_hat.y + d.im * cell_px);
             }

@@ -19,6 +19,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::{EnergyError, Ordering, QuadraticEnergy};
+use crate::run::Run;
 use crate::sparse::SparseError;
 
 /// Columns of the border that are solved for at once: enough to keep the kernels busy, few enough for the cache.
@@ -105,14 +106,14 @@ impl BorderedEnergy {
     /// The sparse part of the minimizer of what has been added since [`Self::clear`].
     ///
     /// # Errors
-    /// [`EnergyError::Solve`] where the terms leave something free or are not finite.
-    pub fn minimize(&mut self) -> Result<&[f64], EnergyError> {
-        self.inner.factor()?;
+    /// [`EnergyError::Solve`] where the terms leave something free or are not finite, [`EnergyError::Interrupted`].
+    pub fn minimize(&mut self, run: &Run) -> Result<&[f64], EnergyError> {
+        self.inner.factor(run)?;
         self.schur = None;
         if !self.columns.is_empty() {
             let n = self.solution.len();
             let singular = || EnergyError::Solve(SparseError::Pivot { unknown: n });
-            self.schur = Some(self.schur_complement().cholesky().ok_or_else(singular)?);
+            self.schur = Some(self.schur_complement(run)?.cholesky().ok_or_else(singular)?);
         }
         let mut solution = self.inner.rhs().to_vec();
         let border = self.solve(&mut solution, &self.corner_rhs.clone());
@@ -149,10 +150,11 @@ impl BorderedEnergy {
     }
 
     /// `S`, a block of columns at a time.
-    fn schur_complement(&mut self) -> DMatrix<f64> {
+    fn schur_complement(&mut self, run: &Run) -> Result<DMatrix<f64>, EnergyError> {
         let n = self.solution.len();
         let mut schur = self.corner.clone();
         for first in (0..self.columns.len()).step_by(COLUMNS) {
+            run.check()?;
             let count = COLUMNS.min(self.columns.len() - first);
             self.work.clear();
             self.work.resize(count * n, 0.0);
@@ -168,7 +170,7 @@ impl BorderedEnergy {
                 }
             }
         }
-        schur
+        Ok(schur)
     }
 
     /// The border's part of the last minimizer.
@@ -214,8 +216,8 @@ mod tests {
                 reference.add(*element, 2.0, &row, *b);
                 bordered.add_shared(*element, 2.0, a, &meets, *b);
             }
-            let x = reference.minimize().expect("held").to_vec();
-            let u = bordered.minimize().expect("held").to_vec();
+            let x = reference.minimize(&Run::default()).expect("held").to_vec();
+            let u = bordered.minimize(&Run::default()).expect("held").to_vec();
             let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
             assert!(near(&x[..n], &u) && near(&x[n..n + border], bordered.border()), "a border of {border}");
             // Superposition: a target that one more term has is answered by the response to it.
@@ -223,7 +225,7 @@ mod tests {
             unit[7] = 0.5;
             let response = bordered.response(&unit);
             bordered.add(7, 1e-20, &[1.0, 0.0], 0.5e20);
-            let both = bordered.minimize().expect("held").to_vec();
+            let both = bordered.minimize(&Run::default()).expect("held").to_vec();
             let sum: Vec<f64> = u.iter().zip(&response).map(|(u, r)| u + r).collect();
             assert!(near(&both, &sum), "a border of {border}");
         }
@@ -237,6 +239,6 @@ mod tests {
         energy.clear(1);
         energy.add(0, 1.0, &[1.0, 0.0], 1.0);
         energy.add(0, 1.0, &[0.0, 1.0], 1.0);
-        assert!(matches!(energy.minimize(), Err(EnergyError::Solve(SparseError::Pivot { unknown: 2 }))));
+        assert!(matches!(energy.minimize(&Run::default()), Err(EnergyError::Solve(SparseError::Pivot { unknown: 2 }))));
     }
 }

@@ -1,5 +1,6 @@
 //! What an energy can refuse.
 
+use crate::run::Stopped;
 use crate::sparse::SparseError;
 
 /// Why an energy has no minimizer, or was set up wrongly.
@@ -66,5 +67,17 @@ pub enum EnergyError {
     },
     /// Numerics: the normal equations could not be solved.
     #[error(transparent)]
-    Solve(#[from] SparseError),
+    Solve(SparseError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
+}
+
+impl From<SparseError> for EnergyError {
+    fn from(error: SparseError) -> Self {
+        match error {
+            SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Solve(error),
+        }
+    }
 }

@@ -8,6 +8,7 @@ use std::ops::{Index, IndexMut};
 use super::least_squares::Row;
 use super::{EnergyError, FixedSet, FixedValues, LeastSquares, Ordering, QuadraticEnergy, Term, Value};
 use crate::math::Vec2;
+use crate::run::Run;
 use crate::sparse::SparseError;
 
 /// What each row's `Σ a x` should equal: `b`.
@@ -55,6 +56,7 @@ impl<const D: usize> Factored<D> {
         energy: &LeastSquares<D>,
         fixed: &FixedSet,
         ordering: impl FnOnce(&[usize]) -> Ordering,
+        run: &Run,
     ) -> Result<Self, EnergyError> {
         let n = energy.unknown_count();
         let mut index_of = vec![Some(0); n];
@@ -70,7 +72,7 @@ impl<const D: usize> Factored<D> {
         let rhs = vec![0.0; D * free.len()];
         let rows = energy.rows.clone();
         let mut factored = Self { rows, fixed: fixed.clone(), free, index_of, normal, rhs, coefficients: Vec::new() };
-        factored.refactor()?;
+        factored.refactor(run)?;
         Ok(factored)
     }
 
@@ -89,7 +91,7 @@ impl<const D: usize> Factored<D> {
     /// # Errors
     /// [`EnergyError::Weight`] (nothing has changed then); [`EnergyError::Unconstrained`] where too many weights vanish
     /// (solves give NaN then, until a reweighting succeeds).
-    pub fn reweight(&mut self, mut w: impl FnMut(Term, f64) -> f64) -> Result<(), EnergyError> {
+    pub fn reweight(&mut self, mut w: impl FnMut(Term, f64) -> f64, run: &Run) -> Result<(), EnergyError> {
         for pass in 0..2 {
             for row in &mut self.rows {
                 let weight = w(Term(row.term), row.w);
@@ -101,10 +103,10 @@ impl<const D: usize> Factored<D> {
                 }
             }
         }
-        self.refactor()
+        self.refactor(run)
     }
 
-    fn refactor(&mut self) -> Result<(), EnergyError> {
+    fn refactor(&mut self, run: &Run) -> Result<(), EnergyError> {
         self.normal.clear();
         for (element, row) in self.rows.iter().enumerate() {
             let free = row.terms.iter().filter(|&&(i, _)| self.index_of[i].is_some());
@@ -112,7 +114,7 @@ impl<const D: usize> Factored<D> {
             self.coefficients.extend(free.map(|&(_, a)| a));
             self.normal.add(element, row.w, &self.coefficients, 0.0);
         }
-        self.normal.factor().map_err(|error| self.name_component(error))
+        self.normal.factor(run).map_err(|error| self.name_component(error))
     }
 
     /// Says which of the caller's unknowns a singular component consists of.

@@ -1,6 +1,7 @@
 //! The clear path: an energy written as the sum of its terms.
 
 use super::{EnergyError, Expr, Factored, FixedSet, Ordering, PlaneExpr, Value};
+use crate::run::Run;
 
 /// A weighted sum of squared expressions.
 #[derive(Clone, Debug, Default)]
@@ -56,8 +57,8 @@ impl<const D: usize> LeastSquares<D> {
     /// # Errors
     /// [`EnergyError::Weight`], [`EnergyError::NotFinite`], [`EnergyError::NoSuchUnknown`] for bad rows or a bad set;
     /// [`EnergyError::Unconstrained`] where part of the unknowns is held by nothing.
-    pub fn factor(&self, fixed: &FixedSet) -> Result<Factored<D>, EnergyError> {
-        self.factor_ordered(fixed, None)
+    pub fn factor(&self, fixed: &FixedSet, run: &Run) -> Result<Factored<D>, EnergyError> {
+        self.factor_ordered(fixed, None, run)
     }
 
     /// [`Self::factor`] for unknowns that have places (vertices of a mesh): eliminated by nested dissection, which is found
@@ -65,17 +66,27 @@ impl<const D: usize> LeastSquares<D> {
     ///
     /// # Errors
     /// As [`Self::factor`].
-    pub fn factor_placed(&self, fixed: &FixedSet, positions: &[[f64; 3]]) -> Result<Factored<D>, EnergyError> {
-        self.factor_ordered(fixed, Some(positions))
+    pub fn factor_placed(
+        &self,
+        fixed: &FixedSet,
+        positions: &[[f64; 3]],
+        run: &Run,
+    ) -> Result<Factored<D>, EnergyError> {
+        self.factor_ordered(fixed, Some(positions), run)
     }
 
-    fn factor_ordered(&self, fixed: &FixedSet, positions: Option<&[[f64; 3]]>) -> Result<Factored<D>, EnergyError> {
+    fn factor_ordered(
+        &self,
+        fixed: &FixedSet,
+        positions: Option<&[[f64; 3]]>,
+        run: &Run,
+    ) -> Result<Factored<D>, EnergyError> {
         self.check(fixed)?;
         let ordering = |free: &[usize]| match positions {
             Some(p) => Ordering::NestedDissection(free.iter().filter_map(|&i| p.get(i).copied()).collect()),
             None => Ordering::Amd,
         };
-        Factored::new(self, fixed, ordering)
+        Factored::new(self, fixed, ordering, run)
     }
 
     fn check(&self, fixed: &FixedSet) -> Result<(), EnergyError> {

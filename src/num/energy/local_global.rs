@@ -12,6 +12,7 @@
 //! O. Sorkine, M. Alexa, *As-rigid-as-possible surface modeling*, SGP 2007, section 3.
 
 use super::{EnergyError, Factored, FixedValues, Targets, Value};
+use crate::run::Run;
 
 /// When an iteration stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +94,7 @@ impl<'a, const D: usize> LocalGlobal<'a, D> {
         x: &mut [Value<D>],
         convergence: &Convergence,
         mut local: impl FnMut(&[Value<D>], &mut Targets<D>),
+        run: &Run,
     ) -> Result<Report, EnergyError> {
         convergence.check()?;
         for (&i, value) in values.set().unknowns().iter().zip(values.as_slice()) {
@@ -101,6 +103,7 @@ impl<'a, const D: usize> LocalGlobal<'a, D> {
         local(x, &mut self.targets);
         let mut energies = vec![self.factored.energy(&self.targets, x)];
         for iterations in 1..=convergence.max_iterations {
+            run.check()?;
             self.factored.solve_into(&self.targets, values, x)?;
             local(x, &mut self.targets);
             energies.push(self.factored.energy(&self.targets, x));

@@ -11,6 +11,7 @@
 use std::sync::Arc;
 
 use super::{EnergyError, Ordering, Scalar};
+use crate::run::Run;
 use crate::sparse::{Cholesky, Pattern, SparseMatrix};
 
 /// A sum of squares over fixed elements; `T = Complex` lets one unknown be a point of the plane.
@@ -116,8 +117,8 @@ impl<T: Scalar> QuadraticEnergy<T> {
     }
 
     /// Factors what has been added since [`Self::clear`].
-    pub(super) fn factor(&mut self) -> Result<(), EnergyError> {
-        Ok(self.cholesky.factor(&self.matrix)?)
+    pub(super) fn factor(&mut self, run: &Run) -> Result<(), EnergyError> {
+        Ok(self.cholesky.factor(&self.matrix, run)?)
     }
 
     /// Solves for right-hand sides other than the terms' own: columns of one entry per unknown.
@@ -128,9 +129,9 @@ impl<T: Scalar> QuadraticEnergy<T> {
     /// The minimizer of what has been added since [`Self::clear`].
     ///
     /// # Errors
-    /// [`EnergyError::Solve`] where the terms leave something free or are not finite.
-    pub fn minimize(&mut self) -> Result<&[T], EnergyError> {
-        self.factor()?;
+    /// [`EnergyError::Solve`] where the terms leave something free or are not finite, [`EnergyError::Interrupted`].
+    pub fn minimize(&mut self, run: &Run) -> Result<&[T], EnergyError> {
+        self.factor(run)?;
         self.solution.copy_from_slice(&self.rhs);
         self.cholesky.solve_in_place(&mut self.solution);
         Ok(&self.solution)

@@ -12,6 +12,7 @@
 //! losses as in Ceres.
 
 use super::{Convergence, EnergyError, Factored, FixedValues, Report, Targets, Term, Value};
+use crate::run::Run;
 
 /// `ρ(s)` of a squared residual `s`; the parameter is a residual length, in the unit of the residual, > 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,14 +77,16 @@ impl Reweighted<'_> {
         targets: &Targets<D>,
         values: &FixedValues<D>,
         x: &mut [Value<D>],
+        run: &Run,
     ) -> Result<Report, EnergyError> {
         self.loss.check()?;
         self.convergence.check()?;
         let weights: Vec<f64> = factored.rows.iter().map(|row| row.w).collect();
         let mut robust = vec![false; weights.len()];
         self.terms.iter().for_each(|term| robust[term.0] = true);
-        let result = self.iterate(factored, &weights, &robust, (targets, values), x);
-        factored.reweight(|term, _| weights[term.0])?;
+        let result = self.iterate(factored, &weights, &robust, (targets, values), x, run);
+        // The first weights come back even where the run has ended: the factored energy may be used again.
+        factored.reweight(|term, _| weights[term.0], &Run::default())?;
         result
     }
 
@@ -94,11 +97,13 @@ impl Reweighted<'_> {
         robust: &[bool],
         (targets, values): (&Targets<D>, &FixedValues<D>),
         x: &mut [Value<D>],
+        run: &Run,
     ) -> Result<Report, EnergyError> {
         let mut squares = vec![0.0; weights.len()];
         let mut energies = vec![self.measure(factored, weights, robust, targets, x, &mut squares)];
         for iterations in 1..=self.convergence.max_iterations {
-            factored.reweight(|Term(r), _| weights[r] * if robust[r] { self.loss.weight(squares[r]) } else { 1.0 })?;
+            factored
+                .reweight(|Term(r), _| weights[r] * if robust[r] { self.loss.weight(squares[r]) } else { 1.0 }, run)?;
             factored.solve_into(targets, values, x)?;
             energies.push(self.measure(factored, weights, robust, targets, x, &mut squares));
             if self.convergence.reached(&energies) {

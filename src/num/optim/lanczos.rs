@@ -18,6 +18,7 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use crate::run::{Run, Stopped};
 use crate::sparse::{Cholesky, SparseMatrix};
 
 /// Vectors per block: as many equal eigenvalues as rotations about an axis and mirrors bring, twice over. Solves with four
@@ -80,9 +81,12 @@ pub struct ShiftedPencil<'a> {
 impl ShiftedPencil<'_> {
     /// The `count` lowest eigenpairs but for the known ones; fewer where the pencil has no more.
     ///
+    /// # Errors
+    /// [`Stopped`].
+    ///
     /// # Panics
     /// Where lengths differ, or a mass or the shift is not positive.
-    pub fn lowest(&mut self, count: usize, options: &LanczosOptions) -> Eigenpairs {
+    pub fn lowest(&mut self, count: usize, options: &LanczosOptions, run: &Run) -> Result<Eigenpairs, Stopped> {
         let n = self.matrix.n();
         assert!(self.mass.len() == n && self.factor.n() == n, "one mass per unknown, one factor");
         assert!(self.mass.iter().all(|&m| m > 0.0) && self.shift > 0.0, "positive masses and shift");
@@ -93,6 +97,7 @@ impl ShiftedPencil<'_> {
         let mut block = space.random_block(count.min(BLOCK));
         let mut blocks = 0;
         while count > 0 && blocks < options.max_blocks {
+            run.step(blocks as f64 / options.max_blocks as f64)?;
             let width = block.len();
             space.take(&mut block);
             let mut image: Vec<Vec<f64>> = space.basis[space.basis.len() - width..].to_vec();
@@ -111,7 +116,8 @@ impl ShiftedPencil<'_> {
                 space.restart(&ritz, count + BLOCK);
             }
         }
-        self.pairs(&space, &roots, count, options.tolerance)
+        run.check()?;
+        Ok(self.pairs(&space, &roots, count, options.tolerance))
     }
 
     /// `C y` for each vector.
@@ -350,7 +356,7 @@ mod tests {
             shifted.values_mut()[a.pattern().column(i).start] += shift * m;
         }
         let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("a small system");
-        factor.factor(&shifted).expect("a positive definite matrix");
+        factor.factor(&shifted, &Run::default()).expect("a positive definite matrix");
         (a, factor)
     }
 
@@ -374,7 +380,7 @@ mod tests {
         let (a, mut factor) = pencil(n, |i| 1e-3 * (i % 7) as f64, &mass, 1e-4);
         let expected = dense_values(&a, &mass);
         let mut problem = ShiftedPencil { matrix: &a, mass: &mass, shift: 1e-4, factor: &mut factor, known: &[] };
-        let found = problem.lowest(12, &LanczosOptions::default());
+        let found = problem.lowest(12, &LanczosOptions::default(), &Run::default()).expect("a run that never stops");
         assert!(found.converged, "{:?}", found.residuals);
         for (value, expected) in found.values.iter().zip(&expected) {
             assert!((value - expected).abs() < 1e-10 * expected, "{value} against {expected}");
@@ -395,7 +401,7 @@ mod tests {
         let (a, mut factor) = pencil(n, |_| 0.0, &mass, 1e-6);
         let known = [vec![3.0; n]];
         let mut problem = ShiftedPencil { matrix: &a, mass: &mass, shift: 1e-6, factor: &mut factor, known: &known };
-        let found = problem.lowest(20, &LanczosOptions::default());
+        let found = problem.lowest(20, &LanczosOptions::default(), &Run::default()).expect("a run that never stops");
         assert!(found.converged, "{:?}", found.residuals);
         for (k, value) in found.values.iter().enumerate() {
             let expected = 2.0 - 2.0 * (std::f64::consts::TAU * (k / 2 + 1) as f64 / n as f64).cos();
@@ -410,7 +416,7 @@ mod tests {
         let (a, mut factor) = pencil(7, |i| i as f64, &mass, 0.1);
         let expected = dense_values(&a, &mass);
         let mut problem = ShiftedPencil { matrix: &a, mass: &mass, shift: 0.1, factor: &mut factor, known: &[] };
-        let found = problem.lowest(50, &LanczosOptions::default());
+        let found = problem.lowest(50, &LanczosOptions::default(), &Run::default()).expect("a run that never stops");
         assert_eq!(found.values.len(), 7);
         for (value, expected) in found.values.iter().zip(&expected) {
             assert!((value - expected).abs() < 1e-10 * (1.0 + expected), "{value} against {expected}");
@@ -423,7 +429,9 @@ mod tests {
         let mass = vec![1.0; n];
         let (a, mut factor) = pencil(n, |i| 0.1 * (i % 13) as f64, &mass, 1.0);
         let mut problem = ShiftedPencil { matrix: &a, mass: &mass, shift: 1.0, factor: &mut factor, known: &[] };
-        let found = problem.lowest(10, &LanczosOptions { max_blocks: 3, ..LanczosOptions::default() });
+        let found = problem
+            .lowest(10, &LanczosOptions { max_blocks: 3, ..LanczosOptions::default() }, &Run::default())
+            .expect("a run that never stops");
         assert!(!found.converged && found.values.len() == 10);
     }
 }

@@ -12,6 +12,8 @@
 //! # Reference
 //! K. Madsen, H. B. Nielsen, O. Tingleff, *Methods for Non-Linear Least Squares Problems*, 2nd ed. 2004, §3.2.
 
+use crate::run::{Run, Stopped};
+
 /// A least-squares problem at its present point.
 pub trait DampedProblem {
     /// Builds `H` and `g` at the present point.
@@ -66,11 +68,20 @@ const HOPELESS: f64 = 1e16;
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// Minimizes from the problem's present point, where `E` is `cost`.
-pub fn minimize(problem: &mut impl DampedProblem, cost: f64, options: &DampingOptions) -> DampingReport {
+///
+/// # Errors
+/// [`Stopped`]; the problem is then at the last point accepted.
+pub fn minimize(
+    problem: &mut impl DampedProblem,
+    cost: f64,
+    options: &DampingOptions,
+    run: &Run,
+) -> Result<DampingReport, Stopped> {
     let mut report = DampingReport { iterations: 0, initial_cost: cost, cost, converged: false };
     let (mut lambda, mut growth) = (options.lambda, 2.0);
     let mut stale = true;
     while report.iterations < options.max_iterations && !report.converged && lambda < HOPELESS {
+        run.check()?;
         if std::mem::take(&mut stale) {
             problem.linearize();
         }
@@ -97,7 +108,7 @@ pub fn minimize(problem: &mut impl DampedProblem, cost: f64, options: &DampingOp
             (lambda, growth) = (lambda * growth, growth * 2.0);
         }
     }
-    report
+    Ok(report)
 }
 
 #[cfg(test)]
@@ -154,7 +165,13 @@ mod tests {
     #[test]
     fn the_valley_is_followed_to_its_end() {
         let (mut valley, cost) = valley();
-        let report = minimize(&mut valley, cost, &DampingOptions { tolerance: 1e-12, ..DampingOptions::default() });
+        let report = minimize(
+            &mut valley,
+            cost,
+            &DampingOptions { tolerance: 1e-12, ..DampingOptions::default() },
+            &Run::default(),
+        )
+        .expect("a run that never stops");
         assert!((valley.at - Vector2::new(1.0, 1.0)).norm() < 1e-8, "{:?}", valley.at);
         assert!(report.converged && report.cost < 1e-16 && report.initial_cost == cost && report.iterations < 40);
     }
@@ -163,10 +180,11 @@ mod tests {
     fn a_minimum_is_recognized_and_the_iteration_limit_holds() {
         let (mut valley, cost) = valley();
         let options = DampingOptions { max_iterations: 1, ..DampingOptions::default() };
-        let report = minimize(&mut valley, cost, &options);
+        let report = minimize(&mut valley, cost, &options, &Run::default()).expect("a run that never stops");
         assert!(!report.converged && report.iterations == 1 && report.cost <= cost);
         (valley.at, valley.trial) = (Vector2::new(1.0, 1.0), Vector2::zeros());
-        let report = minimize(&mut valley, 0.0, &DampingOptions::default());
+        let report =
+            minimize(&mut valley, 0.0, &DampingOptions::default(), &Run::default()).expect("a run that never stops");
         assert!(report.converged && report.iterations == 1 && valley.at == Vector2::new(1.0, 1.0));
     }
 
@@ -185,8 +203,13 @@ mod tests {
                 unreachable!("nothing is proposed")
             }
         }
-        let report =
-            minimize(&mut Unsolvable, 5.0, &DampingOptions { max_iterations: 200, ..DampingOptions::default() });
+        let report = minimize(
+            &mut Unsolvable,
+            5.0,
+            &DampingOptions { max_iterations: 200, ..DampingOptions::default() },
+            &Run::default(),
+        )
+        .expect("a run that never stops");
         assert!(!report.converged && report.cost == 5.0 && report.iterations < 20);
     }
 }

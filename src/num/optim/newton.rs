@@ -12,6 +12,8 @@
 //! # Reference
 //! J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd ed. 2006, sections 3.1 (Armijo), 3.4 and 10.3.
 
+use crate::run::{Run, Stopped};
+
 /// A smooth energy at its present point.
 pub trait DescentProblem {
     /// `E` at the present point.
@@ -90,10 +92,18 @@ const LAST_SHIFT: f64 = 1e12;
 const HALVINGS: u32 = 40;
 
 /// Descends from the problem's present point.
-pub fn descend(problem: &mut impl DescentProblem, options: &DescentOptions) -> DescentReport {
+///
+/// # Errors
+/// [`Stopped`]; the problem is then at the last point reached.
+pub fn descend(
+    problem: &mut impl DescentProblem,
+    options: &DescentOptions,
+    run: &Run,
+) -> Result<DescentReport, Stopped> {
     let mut energies = vec![problem.energy()];
     let mut shift = 0.0;
     let end = loop {
+        run.check()?;
         let energy = energies[energies.len() - 1];
         if energies.len() > options.max_iterations {
             break DescentEnd::IterationLimit;
@@ -121,7 +131,7 @@ pub fn descend(problem: &mut impl DescentProblem, options: &DescentOptions) -> D
             shift
         };
     };
-    DescentReport { energies, end }
+    Ok(DescentReport { energies, end })
 }
 
 /// The direction under the least shift, from the present one upwards, that descends.
@@ -201,7 +211,10 @@ mod tests {
         let mut newton = from(-1.2, 1.0, valley);
         let mut gauss = from(-1.2, 1.0, valley_by_residuals);
         let options = DescentOptions { tolerance: 1e-14, floor: 1e-6, ..DescentOptions::default() };
-        let reports = [descend(&mut newton, &options), descend(&mut gauss, &options)];
+        let reports = [
+            descend(&mut newton, &options, &Run::default()).expect("a run that never stops"),
+            descend(&mut gauss, &options, &Run::default()).expect("a run that never stops"),
+        ];
         for (report, at) in reports.iter().zip([newton.at, gauss.at]) {
             assert!(report.converged() && (at - Vector2::new(1.0, 1.0)).norm() < 1e-8, "{report:?} {at:?}");
             assert!(report.energies.is_sorted_by(|a, b| a > b) && report.iterations() < 40);
@@ -212,7 +225,7 @@ mod tests {
     fn newton_doubles_the_digits_near_the_minimum() {
         let mut problem = from(1.05, 1.1, valley);
         let options = DescentOptions { tolerance: 1e-300, ..DescentOptions::default() };
-        let energies = descend(&mut problem, &options).energies;
+        let energies = descend(&mut problem, &options, &Run::default()).expect("a run that never stops").energies;
         let last = &energies[energies.len() - 3..];
         assert!(last[1] < last[0].powf(1.5), "{energies:?}");
     }
@@ -225,19 +238,30 @@ mod tests {
             (p.x.cos() + 0.5 * p.y * p.y, g, Matrix2::new(-p.x.cos(), 0.0, 0.0, 1.0))
         };
         let mut problem = from(0.1, 1.0, wave);
-        let report = descend(&mut problem, &DescentOptions::default());
+        let report =
+            descend(&mut problem, &DescentOptions::default(), &Run::default()).expect("a run that never stops");
         assert!(report.converged() && (problem.at.x.abs() - std::f64::consts::PI).abs() < 1e-6, "{:?}", problem.at);
     }
 
     #[test]
     fn what_cannot_be_minimized_is_told() {
         let nan = |_: Vector2<f64>| (f64::NAN, Vector2::zeros(), Matrix2::identity());
-        assert_eq!(descend(&mut from(0.0, 0.0, nan), &DescentOptions::default()).end, DescentEnd::NoDirection);
+        assert_eq!(
+            descend(&mut from(0.0, 0.0, nan), &DescentOptions::default(), &Run::default())
+                .expect("a run that never stops")
+                .end,
+            DescentEnd::NoDirection
+        );
         let wrong = |p: Vector2<f64>| (p.norm(), -p, Matrix2::identity());
-        assert_eq!(descend(&mut from(1.0, 0.0, wrong), &DescentOptions::default()).end, DescentEnd::NoDescent);
+        assert_eq!(
+            descend(&mut from(1.0, 0.0, wrong), &DescentOptions::default(), &Run::default())
+                .expect("a run that never stops")
+                .end,
+            DescentEnd::NoDescent
+        );
         let down = |p: Vector2<f64>| (-p.x, Vector2::new(-1.0, 0.0), Matrix2::identity());
         let options = DescentOptions { max_iterations: 5, ..DescentOptions::default() };
-        let report = descend(&mut from(0.0, 0.0, down), &options);
+        let report = descend(&mut from(0.0, 0.0, down), &options, &Run::default()).expect("a run that never stops");
         assert!(report.end == DescentEnd::IterationLimit && report.iterations() == 5);
     }
 }

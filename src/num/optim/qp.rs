@@ -14,6 +14,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
+use crate::run::{Run, Stopped};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 
@@ -137,6 +138,9 @@ pub enum QpError {
         /// The solver's own word for it.
         reason: String,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 /// A quadratic program under construction.
@@ -188,8 +192,8 @@ impl QuadraticProgram {
     ///
     /// # Errors
     /// [`QpError::Infeasible`] and [`QpError::Unbounded`] where there is none, [`QpError::Stalled`] where the iteration
-    /// gives up, [`QpError::Malformed`] for data that the solver refuses.
-    pub fn solve(self) -> Result<Vec<f64>, QpError> {
+    /// gives up, [`QpError::Malformed`] for data that the solver refuses, [`QpError::Interrupted`].
+    pub fn solve(self, run: &Run) -> Result<Vec<f64>, QpError> {
         let n = self.linear.len();
         let hessian = CscMatrix::new_from_triplets(n, n, self.hessian.row, self.hessian.col, self.hessian.value);
         let mut rows = self.equal;
@@ -200,6 +204,7 @@ impl QuadraticProgram {
         let m = rows.rhs.len();
         let constraints = CscMatrix::new_from_triplets(m, n, rows.row, rows.col, rows.value);
         let attempt = |feasibility: f64| {
+            run.check()?;
             let settings = DefaultSettingsBuilder::default()
                 .verbose(false)
                 .tol_feas(feasibility)
@@ -209,7 +214,13 @@ impl QuadraticProgram {
                 .map_err(|e| QpError::Malformed { reason: e.to_string() })?;
             let mut solver = DefaultSolver::new(&hessian, &self.linear, &constraints, &rows.rhs, &cones, settings)
                 .map_err(|e| QpError::Malformed { reason: e.to_string() })?;
+            let watched = run.silent();
+            solver.set_termination_callback(move |_| watched.check().is_err());
             solver.solve();
+            // The solver asks once per iteration; a minimizer that is found is not thrown away.
+            if solver.solution.status == SolverStatus::CallbackTerminated {
+                run.check()?;
+            }
             let done = solver.solution;
             match done.status {
                 SolverStatus::Solved | SolverStatus::AlmostSolved => Ok(done.x),
@@ -246,7 +257,7 @@ mod tests {
         qp.add_square(1.0, x(0) + x(1) - k(3.0));
         qp.add_square(4.0, x(0) - x(1) - k(1.0));
         qp.require_at_most_zero(x(0) - k(100.0));
-        let s = qp.solve().expect("convex and bounded");
+        let s = qp.solve(&Run::default()).expect("convex and bounded");
         assert!((s[0] - 2.0).abs() < 1e-6 && (s[1] - 1.0).abs() < 1e-6, "{s:?}");
     }
 
@@ -256,7 +267,7 @@ mod tests {
         qp.add_square(1.0, x(0));
         qp.add_square(3.0, x(0) - k(4.0));
         qp.require_at_most_zero(x(0) - k(100.0));
-        let s = qp.solve().expect("convex and bounded");
+        let s = qp.solve(&Run::default()).expect("convex and bounded");
         assert!((s[0] - 3.0).abs() < 1e-6, "{s:?}");
     }
 
@@ -267,7 +278,7 @@ mod tests {
         qp.add_square(1.0, x(1));
         qp.require_zero(x(0) - x(1));
         qp.require_at_most_zero(x(0) - k(2.0));
-        let s = qp.solve().expect("feasible");
+        let s = qp.solve(&Run::default()).expect("feasible");
         assert!((s[0] - 2.0).abs() < 1e-6 && (s[1] - 2.0).abs() < 1e-6, "{s:?}");
     }
 
@@ -276,7 +287,7 @@ mod tests {
         let mut qp = QuadraticProgram::new(1);
         qp.add_square(1.0, x(0) + x(0) - k(6.0));
         qp.require_at_most_zero(k(-100.0) - x(0));
-        assert!((qp.solve().expect("bounded")[0] - 3.0).abs() < 1e-6);
+        assert!((qp.solve(&Run::default()).expect("bounded")[0] - 3.0).abs() < 1e-6);
     }
 
     #[test]
@@ -284,7 +295,7 @@ mod tests {
         let mut qp = QuadraticProgram::new(1);
         qp.add_linear(&(-2.0 * x(0)));
         qp.require_at_most_zero(x(0) - k(7.0));
-        assert!((qp.solve().expect("bounded")[0] - 7.0).abs() < 1e-6);
+        assert!((qp.solve(&Run::default()).expect("bounded")[0] - 7.0).abs() < 1e-6);
     }
 
     #[test]
@@ -292,11 +303,11 @@ mod tests {
         let mut qp = QuadraticProgram::new(1);
         qp.require_at_most_zero(x(0) + k(1.0));
         qp.require_at_most_zero(k(1.0) - x(0));
-        let e = qp.solve().expect_err("x ≤ −1 and x ≥ 1");
+        let e = qp.solve(&Run::default()).expect_err("x ≤ −1 and x ≥ 1");
         assert_eq!(e.to_string(), "no point satisfies all 2 constraints of the quadratic program");
         let mut qp = QuadraticProgram::new(1);
         qp.add_linear(&x(0));
         qp.require_at_most_zero(x(0));
-        assert!(matches!(qp.solve(), Err(QpError::Unbounded)));
+        assert!(matches!(qp.solve(&Run::default()), Err(QpError::Unbounded)));
     }
 }

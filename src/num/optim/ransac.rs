@@ -13,6 +13,8 @@
 //! # Reference
 //! Torr, Zisserman, *MLESAC*, CVIU 2000 (MSAC cost); Chum, Matas, Kittler, *Locally optimized RANSAC*, DAGM 2003.
 
+use crate::run::{Run, Stopped};
+
 /// The largest minimal sample any [`Consensus`] problem may ask for.
 pub const MAX_SAMPLE: usize = 8;
 
@@ -82,14 +84,18 @@ pub struct Solution<M> {
 ///
 /// `weights` need not be normalized; negative and non-finite ones count as zero. Returns `None` where fewer data carry
 /// weight than a sample needs, or no sample was regular.
+///
+/// # Errors
+/// [`Stopped`].
 pub fn msac<P: Consensus>(
     problem: &P,
     weights: &[f64],
     options: &MsacOptions,
     start: Option<P::Model>,
     rng: &mut fastrand::Rng,
-) -> Option<Solution<P::Model>> {
-    let mut search = Search::new(problem, weights, options)?;
+    run: &Run,
+) -> Result<Option<Solution<P::Model>>, Stopped> {
+    let Some(mut search) = Search::new(problem, weights, options) else { return Ok(None) };
     if let Some(model) = start {
         search.consider(model);
     }
@@ -100,6 +106,7 @@ pub fn msac<P: Consensus>(
     let mut models = Vec::new();
     while drawn < needed.max(options.min_samples).min(options.max_samples) {
         drawn += 1;
+        run.check()?;
         if !search.draw(rng, sample) {
             continue;
         }
@@ -111,7 +118,7 @@ pub fn msac<P: Consensus>(
             }
         }
     }
-    search.best
+    Ok(search.best)
 }
 
 struct Search<'a, P: Consensus> {
@@ -278,10 +285,14 @@ mod tests {
     fn the_larger_weight_wins_not_the_larger_number() {
         let data = two_lines();
         let mut weights = vec![1.0; 100];
-        let most = msac(&data, &weights, &OPTIONS, None, &mut fastrand::Rng::with_seed(1)).expect("lines exist");
+        let most = msac(&data, &weights, &OPTIONS, None, &mut fastrand::Rng::with_seed(1), &Run::default())
+            .expect("a run that never stops")
+            .expect("lines exist");
         assert!((most.model.0 + 3.0).abs() < 0.05, "70 of 100 points: {:?}", most.model);
         weights[30..].fill(0.2);
-        let trusted = msac(&data, &weights, &OPTIONS, None, &mut fastrand::Rng::with_seed(1)).expect("lines exist");
+        let trusted = msac(&data, &weights, &OPTIONS, None, &mut fastrand::Rng::with_seed(1), &Run::default())
+            .expect("a run that never stops")
+            .expect("lines exist");
         assert!((trusted.model.0 - 2.0).abs() < 0.02, "30 trusted points: {:?}", trusted.model);
         assert!((trusted.support - 30.0 / 44.0).abs() < 0.03, "{}", trusted.support);
     }
@@ -289,7 +300,9 @@ mod tests {
     #[test]
     fn the_local_step_reaches_least_squares_on_the_inliers() {
         let data = Line(two_lines().0[..30].to_vec());
-        let found = msac(&data, &[1.0; 30], &OPTIONS, None, &mut fastrand::Rng::with_seed(3)).expect("a line exists");
+        let found = msac(&data, &[1.0; 30], &OPTIONS, None, &mut fastrand::Rng::with_seed(3), &Run::default())
+            .expect("a run that never stops")
+            .expect("a line exists");
         let ideal = data.fit_weighted(&[1.0; 30], &found.model).expect("a line exists");
         assert!((found.model.0 - ideal.0).abs() < 2e-3 && (found.model.1 - ideal.1).abs() < 5e-3, "{:?}", found.model);
     }
@@ -297,16 +310,38 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_model() {
         let data = two_lines();
-        let run = || msac(&data, &[1.0; 100], &OPTIONS, None, &mut fastrand::Rng::with_seed(7)).expect("found").model;
+        let run = || {
+            msac(&data, &[1.0; 100], &OPTIONS, None, &mut fastrand::Rng::with_seed(7), &Run::default())
+                .expect("a run that never stops")
+                .expect("found")
+                .model
+        };
         assert_eq!(run(), run());
     }
 
     #[test]
     fn too_few_or_worthless_data_give_none() {
         let mut rng = fastrand::Rng::with_seed(1);
-        assert!(msac(&Line(vec![(0.0, 0.0)]), &[1.0], &OPTIONS, None, &mut rng).is_none());
-        assert!(msac(&two_lines(), &[0.0; 100], &OPTIONS, None, &mut rng).is_none());
-        assert!(msac(&two_lines(), &[f64::NAN; 100], &OPTIONS, None, &mut rng).is_none());
-        assert!(msac(&two_lines(), &[1.0; 99], &OPTIONS, None, &mut rng).is_none(), "one weight per datum");
+        assert!(
+            msac(&Line(vec![(0.0, 0.0)]), &[1.0], &OPTIONS, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .is_none()
+        );
+        assert!(
+            msac(&two_lines(), &[0.0; 100], &OPTIONS, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .is_none()
+        );
+        assert!(
+            msac(&two_lines(), &[f64::NAN; 100], &OPTIONS, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .is_none()
+        );
+        assert!(
+            msac(&two_lines(), &[1.0; 99], &OPTIONS, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .is_none(),
+            "one weight per datum"
+        );
     }
 }

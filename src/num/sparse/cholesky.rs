@@ -7,9 +7,10 @@
 use std::sync::Arc;
 
 use super::blocks::{self, Analysis};
-use super::multifrontal::Multifrontal;
+use super::multifrontal::{Halt, Multifrontal};
 use super::wide_registers::clear_upper_halves;
 use super::{Ordering, Pattern, Permutation, Scalar, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// `lₖₖ²/aₖₖ` below which a pivot is nothing but rounding: some hundred roundings of `aₖₖ`. Larger refuses long chains
 /// (a fourth-order chain of 10⁴ links reaches 10⁻¹²), smaller lets singular systems of some thousand unknowns pass.
@@ -115,16 +116,17 @@ impl<T: Scalar> Cholesky<T> {
     /// time on each thread.
     ///
     /// # Errors
-    /// [`SparseError::NotFinite`], [`SparseError::Singular`], [`SparseError::NotPositiveDefinite`].
-    pub fn factor(&mut self, a: &SparseMatrix<T>) -> Result<(), SparseError> {
-        let result = self.try_factor(a);
+    /// [`SparseError::NotFinite`], [`SparseError::Singular`], [`SparseError::NotPositiveDefinite`],
+    /// [`SparseError::Interrupted`].
+    pub fn factor(&mut self, a: &SparseMatrix<T>, run: &Run) -> Result<(), SparseError> {
+        let result = self.try_factor(a, run);
         if result.is_err() {
             self.factor.fill(T::real(f64::NAN));
         }
         result
     }
 
-    fn try_factor(&mut self, a: &SparseMatrix<T>) -> Result<(), SparseError> {
+    fn try_factor(&mut self, a: &SparseMatrix<T>, run: &Run) -> Result<(), SparseError> {
         assert!(
             Arc::ptr_eq(a.pattern(), &self.pattern) || *a.pattern() == self.pattern,
             "the matrix has another pattern than the one analyzed"
@@ -133,12 +135,18 @@ impl<T: Scalar> Cholesky<T> {
             return Err(SparseError::NotFinite { row, col });
         }
         self.refill(a.values());
-        match self.eliminate() {
+        match self.eliminate(run) {
             Ok(()) => match self.first_vanished_pivot() {
                 None => Ok(()),
                 Some(k) => Err(SparseError::Singular { component: a.component_of(self.old(k)) }),
             },
-            Err(column) => Err(self.explain(a, column)),
+            Err(Halt::Stopped(stopped)) => Err(stopped.into()),
+            Err(Halt::Pivot(column)) => {
+                let explained = self.explain(a, column, run);
+                // A second elimination that was stopped explains nothing.
+                run.check()?;
+                Err(explained)
+            }
         }
     }
 
@@ -152,8 +160,8 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    fn eliminate(&mut self) -> Result<(), usize> {
-        let result = self.plan.factor(&self.permuted, &mut self.factor);
+    fn eliminate(&mut self, run: &Run) -> Result<(), Halt> {
+        let result = self.plan.factor(&self.permuted, &mut self.factor, run);
         clear_upper_halves();
         result
     }
@@ -172,7 +180,7 @@ impl<T: Scalar> Cholesky<T> {
     }
 
     /// A pivot was not positive: rounding of a zero, or truly negative? A shift far above rounding tells.
-    fn explain(&mut self, a: &SparseMatrix<T>, failed: usize) -> SparseError {
+    fn explain(&mut self, a: &SparseMatrix<T>, failed: usize, run: &Run) -> SparseError {
         let component = a.component_of(self.old(failed));
         self.refill(a.values());
         let largest = (0..self.n()).map(|k| self.diagonal(k)).fold(0.0, f64::max);
@@ -182,7 +190,7 @@ impl<T: Scalar> Cholesky<T> {
         }
         let negative_diagonal = (0..self.n()).any(|k| self.diagonal(k) < 0.0);
         let vanishing_row = (0..self.n()).any(|k| self.diagonal(k) <= largest * f64::MIN_POSITIVE);
-        if !negative_diagonal && (vanishing_row || self.eliminate().is_ok()) {
+        if !negative_diagonal && (vanishing_row || self.eliminate(run).is_ok()) {
             SparseError::Singular { component }
         } else {
             SparseError::NotPositiveDefinite { component }

@@ -211,6 +211,7 @@ fn panels_of(cholesky: &Cholesky) -> Panels {
 
 #[cfg(test)]
 mod tests {
+    use crate::run::Run;
     use std::sync::Arc;
 
     use super::*;
@@ -237,7 +238,7 @@ mod tests {
             let n = side * side;
             for ordering in [Ordering::Natural, Ordering::Amd] {
                 let mut cholesky = Cholesky::analyze(&Arc::clone(a.pattern()), &ordering).expect("valid");
-                cholesky.factor(&a).expect("positive definite");
+                cholesky.factor(&a, &Run::default()).expect("positive definite");
                 let mut compact = CompactFactor::new(&cholesky);
                 let b: Vec<f64> = (0..n).map(|i| (1.3 * i as f64).cos()).collect();
                 let mut x = b.clone();

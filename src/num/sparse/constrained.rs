@@ -11,6 +11,7 @@
 //! with `λ` what force holds them, at the price of an indefinite system.
 
 use super::{Cholesky, Factor, GeneralMatrix, Method, Ordering, Permutation, SparseBuilder, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// A symmetric positive definite system in which some unknowns are given.
 #[derive(Debug)]
@@ -30,7 +31,7 @@ impl Eliminated {
     /// # Errors
     /// [`SparseError::OutOfRange`] for an unknown that does not exist or is fixed twice; [`SparseError::Singular`] with the
     /// numbers of `A` where the fixed ones do not hold the rest.
-    pub fn new(a: &SparseMatrix, fixed: &[usize], ordering: &Ordering) -> Result<Self, SparseError> {
+    pub fn new(a: &SparseMatrix, fixed: &[usize], ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
         let n = a.n();
         let mut place = vec![None; n];
         for (k, &f) in fixed.iter().enumerate() {
@@ -51,7 +52,7 @@ impl Eliminated {
         }
         let inner = SparseMatrix::from_triplets(free.len(), &inner)?;
         let mut cholesky = Cholesky::analyze(inner.pattern(), &restricted(ordering, &free, &reduced)?)?;
-        cholesky.factor(&inner).map_err(|error| error.renumbered(&free))?;
+        cholesky.factor(&inner, run).map_err(|error| error.renumbered(&free))?;
         Ok(Self { reduced, free, fixed: fixed.to_vec(), coupling, cholesky })
     }
 
@@ -132,7 +133,7 @@ impl Multipliers {
     /// # Errors
     /// [`SparseError::Columns`] where `C` has another number of columns; [`SparseError::Undetermined`] where equations repeat
     /// each other (its unknown counts the multipliers after the unknowns) or leave something free.
-    pub fn new(a: &SparseMatrix, c: &GeneralMatrix) -> Result<Self, SparseError> {
+    pub fn new(a: &SparseMatrix, c: &GeneralMatrix, run: &Run) -> Result<Self, SparseError> {
         let (n, k) = (a.n(), c.rows());
         if c.columns() != n {
             return Err(SparseError::Columns { given: c.columns(), expected: n });
@@ -144,7 +145,7 @@ impl Multipliers {
         for (i, j, v) in c.entries() {
             all.add_entry(n + i, j, v).add_entry(j, n + i, v);
         }
-        let factor = all.build()?.factor(Method::Auto, &Ordering::Amd)?;
+        let factor = all.build()?.factor(Method::Auto, &Ordering::Amd, run)?;
         Ok(Self { unknowns: n, equations: k, factor })
     }
 

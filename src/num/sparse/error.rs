@@ -1,5 +1,7 @@
 //! What a sparse solve can refuse.
 
+use crate::run::Stopped;
+
 /// A connected part of the graph whose edges are the non-zero entries of a matrix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Component {
@@ -130,4 +132,7 @@ pub enum SparseError {
         /// What is wrong, and what is expected.
         problem: String,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

@@ -21,6 +21,16 @@ use super::blocks::Blocks;
 use super::etree::NONE;
 use super::front::{Front, eliminate};
 use super::permuted::Permuted;
+use crate::run::{Run, Stopped};
+
+/// Why an elimination ended early.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Halt {
+    /// The pivot of this column is not positive.
+    Pivot(usize),
+    /// The run ended.
+    Stopped(Stopped),
+}
 
 /// One block of columns of the factor.
 #[derive(Clone, Copy, Debug)]
@@ -147,9 +157,8 @@ impl<T: Scalar> Multifrontal<T> {
         self.waiting = Vec::with_capacity(self.list.len());
     }
 
-    /// Factors the permuted matrix whose entries are `a` into the panels `l`; the column of the first pivot that is not
-    /// positive on failure.
-    pub(super) fn factor(&mut self, a: &[T], l: &mut [T]) -> Result<(), usize> {
+    /// Factors the permuted matrix whose entries are `a` into the panels `l`, looking at the run before each block.
+    pub(super) fn factor(&mut self, a: &[T], l: &mut [T], run: &Run) -> Result<(), Halt> {
         l.fill(T::default());
         for (&place, &value) in self.place.iter().zip(a) {
             l[place] = value;
@@ -157,6 +166,7 @@ impl<T: Scalar> Multifrontal<T> {
         self.waiting.clear();
         let mut top = 0;
         for (s, block) in self.list.iter().enumerate() {
+            run.check().map_err(Halt::Stopped)?;
             let (below, bottom) = (block.below(), top);
             let panel = &mut l[block.values..][..block.width() * block.rows()];
             let (lower, upper) = self.stack.split_at_mut(bottom);
@@ -171,7 +181,7 @@ impl<T: Scalar> Multifrontal<T> {
                 extend_add(&lower[start..][..rows.len() * rows.len()], rows, &mut front);
                 top = start;
             }
-            eliminate(&mut front).map_err(|k| block.first as usize + k)?;
+            eliminate(&mut front).map_err(|k| Halt::Pivot(block.first as usize + k))?;
             if below > 0 {
                 self.stack.copy_within(bottom..bottom + below * below, top);
                 self.waiting.push((s as u32, top));

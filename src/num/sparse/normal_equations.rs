@@ -10,6 +10,7 @@
 use std::sync::Arc;
 
 use super::{Cholesky, GeneralMatrix, Ordering, Pattern, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// `Aᵀ W A`, factored.
 #[derive(Debug)]
@@ -26,8 +27,13 @@ impl GeneralMatrix {
     ///
     /// # Errors
     /// [`SparseError::Weight`], [`SparseError::Columns`] for bad weights; [`SparseError::Singular`] names the unknowns that no
-    /// equation determines; as [`Cholesky::analyze`].
-    pub fn factor_ata(&self, weights: Option<&[f64]>, ordering: &Ordering) -> Result<NormalEquations, SparseError> {
+    /// equation determines; as [`Cholesky::analyze`]; [`SparseError::Interrupted`].
+    pub fn factor_ata(
+        &self,
+        weights: Option<&[f64]>,
+        ordering: &Ordering,
+        run: &Run,
+    ) -> Result<NormalEquations, SparseError> {
         let transposed = self.transposed();
         let mut places = Vec::new();
         for row in 0..self.rows() {
@@ -42,8 +48,8 @@ impl GeneralMatrix {
             transposed,
         };
         match weights {
-            Some(weights) => this.reweight(weights)?,
-            None => this.refactor()?,
+            Some(weights) => this.reweight(weights, run)?,
+            None => this.refactor(run)?,
         }
         Ok(this)
     }
@@ -54,7 +60,7 @@ impl NormalEquations {
     ///
     /// # Errors
     /// As [`GeneralMatrix::factor_ata`]; for bad weights nothing has changed.
-    pub fn reweight(&mut self, weights: &[f64]) -> Result<(), SparseError> {
+    pub fn reweight(&mut self, weights: &[f64], run: &Run) -> Result<(), SparseError> {
         if weights.len() != self.weights.len() {
             return Err(SparseError::Columns { given: weights.len(), expected: self.weights.len() });
         }
@@ -62,10 +68,10 @@ impl NormalEquations {
             return Err(SparseError::Weight { row, weight: weights[row] });
         }
         self.weights.copy_from_slice(weights);
-        self.refactor()
+        self.refactor(run)
     }
 
-    fn refactor(&mut self) -> Result<(), SparseError> {
+    fn refactor(&mut self, run: &Run) -> Result<(), SparseError> {
         self.normal.values_mut().fill(0.0);
         let pattern = Arc::clone(self.normal.pattern());
         for (row, &w) in self.weights.iter().enumerate() {
@@ -76,7 +82,7 @@ impl NormalEquations {
                 }
             }
         }
-        self.cholesky.factor(&self.normal)
+        self.cholesky.factor(&self.normal, run)
     }
 
     /// The least-squares solutions for columns of `m` values one after another: `n` values for each.

@@ -23,6 +23,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{Cholesky, Ordering, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// Multiplications that analysis costs for each entry of the factor: ordering dominates, as measured on surfaces of 10⁴ to
 /// 10⁶ unknowns, where it takes 1 to 3 times the numeric factorization of minimum degree.
@@ -55,9 +56,9 @@ impl Updated {
     ///
     /// # Errors
     /// As [`Cholesky::factor`].
-    pub fn new(a: SparseMatrix, ordering: Ordering) -> Result<Self, SparseError> {
+    pub fn new(a: SparseMatrix, ordering: Ordering, run: &Run) -> Result<Self, SparseError> {
         let mut cholesky = Cholesky::analyze(a.pattern(), &ordering)?;
-        cholesky.factor(&a)?;
+        cholesky.factor(&a, run)?;
         Ok(Self { ordering, base: a, cholesky, pending: Vec::new(), inner: None, spent: 0.0, refactorizations: 0 })
     }
 
@@ -81,7 +82,7 @@ impl Updated {
     /// # Errors
     /// [`SparseError::OutOfRange`], [`SparseError::Weight`] for bad input; [`SparseError::Singular`],
     /// [`SparseError::NotPositiveDefinite`] where what remains has no minimum. After an error nothing has changed.
-    pub fn add(&mut self, terms: &[(usize, f64)], weight: f64) -> Result<(), SparseError> {
+    pub fn add(&mut self, terms: &[(usize, f64)], weight: f64, run: &Run) -> Result<(), SparseError> {
         let n = self.n();
         if let Some(&(index, _)) = terms.iter().find(|&&(i, _)| i >= n) {
             return Err(SparseError::OutOfRange { index, unknowns: n });
@@ -96,7 +97,7 @@ impl Updated {
         let update = 4.0 * self.cholesky.nnz() as f64 + 2.0 * (n * self.pending.len()) as f64;
         let lasting = n * (self.pending.len() + 1) > self.cholesky.nnz();
         if self.spent + update > self.cost_of_refactoring(&change) || lasting {
-            return self.refactor_with(&change);
+            return self.refactor_with(&change, run);
         }
         change.terms.iter().for_each(|&(i, a)| change.solved[i] += a);
         self.cholesky.solve_in_place(&mut change.solved);
@@ -106,7 +107,7 @@ impl Updated {
             return Ok(());
         }
         let Some(change) = self.pending.pop() else { return Ok(()) };
-        self.refactor_with(&change)
+        self.refactor_with(&change, run)
     }
 
     fn cost_of_refactoring(&self, change: &Change) -> f64 {
@@ -140,14 +141,14 @@ impl Updated {
     }
 
     /// Puts all changes into the matrix and factors it; on failure all stays as it was.
-    fn refactor_with(&mut self, change: &Change) -> Result<(), SparseError> {
+    fn refactor_with(&mut self, change: &Change, run: &Run) -> Result<(), SparseError> {
         let changes = || self.pending.iter().chain([change]).flat_map(pairs);
         let mut triplets: Vec<(usize, usize, f64)> =
             self.base.pattern().places().map(|(i, j, s)| (i, j, self.base.values()[s])).collect();
         triplets.extend(changes());
         let base = SparseMatrix::from_triplets(self.n(), &triplets)?;
         let mut cholesky = Cholesky::analyze(base.pattern(), &self.ordering)?;
-        cholesky.factor(&base)?;
+        cholesky.factor(&base, run)?;
         (self.base, self.cholesky, self.inner) = (base, cholesky, None);
         self.pending.clear();
         self.spent = 0.0;
@@ -212,7 +213,7 @@ mod tests {
     #[test]
     fn a_changed_system_solves_as_one_made_with_the_changes() {
         let a = held_grid(25);
-        let mut updated = Updated::new(a.clone(), Ordering::Amd).expect("held");
+        let mut updated = Updated::new(a.clone(), Ordering::Amd, &Run::default()).expect("held");
         let mut changes: Vec<(Vec<(usize, f64)>, f64)> = Vec::new();
         let b: Vec<f64> = (0..625).map(|i| f64::from(i).cos()).collect();
         for k in 0..40 {
@@ -223,7 +224,7 @@ mod tests {
                 _ => changes[changes.len() - 3].0.clone(),
             };
             let weight = if k % 4 == 3 { -changes[changes.len() - 3].1 } else { 1.0 + f64::from(k as u32) };
-            updated.add(&terms, weight).expect("stays held");
+            updated.add(&terms, weight, &Run::default()).expect("stays held");
             changes.push((terms, weight));
             let mut x = b.clone();
             updated.solve(&mut x);
@@ -237,12 +238,18 @@ mod tests {
 
     #[test]
     fn taking_away_what_holds_a_system_is_refused_and_changes_nothing() {
-        let mut updated = Updated::new(held_grid(12), Ordering::Amd).expect("held");
-        let error = updated.add(&[(0, 1.0)], -1.0).expect_err("floats");
+        let mut updated = Updated::new(held_grid(12), Ordering::Amd, &Run::default()).expect("held");
+        let error = updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect_err("floats");
         assert!(matches!(&error, SparseError::Singular { component } if component.unknowns.len() == 144), "{error}");
-        assert!(matches!(updated.add(&[(0, 1.0)], -2.0), Err(SparseError::NotPositiveDefinite { .. })));
-        assert!(matches!(updated.add(&[(144, 1.0)], 1.0), Err(SparseError::OutOfRange { index: 144, .. })));
-        assert!(matches!(updated.add(&[(3, 1.0)], f64::NAN), Err(SparseError::Weight { .. })));
+        assert!(matches!(
+            updated.add(&[(0, 1.0)], -2.0, &Run::default()),
+            Err(SparseError::NotPositiveDefinite { .. })
+        ));
+        assert!(matches!(
+            updated.add(&[(144, 1.0)], 1.0, &Run::default()),
+            Err(SparseError::OutOfRange { index: 144, .. })
+        ));
+        assert!(matches!(updated.add(&[(3, 1.0)], f64::NAN, &Run::default()), Err(SparseError::Weight { .. })));
         let mut x = vec![0.0; 144];
         x[0] = 1.0;
         updated.solve(&mut x);
@@ -251,9 +258,9 @@ mod tests {
 
     #[test]
     fn a_held_place_may_move_from_one_end_to_the_other() {
-        let mut updated = Updated::new(held_grid(12), Ordering::Amd).expect("held");
-        updated.add(&[(143, 1.0)], 5.0).expect("held twice");
-        updated.add(&[(0, 1.0)], -1.0).expect("held by the other end");
+        let mut updated = Updated::new(held_grid(12), Ordering::Amd, &Run::default()).expect("held");
+        updated.add(&[(143, 1.0)], 5.0, &Run::default()).expect("held twice");
+        updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect("held by the other end");
         let mut x = vec![0.0; 144];
         x[143] = 10.0;
         updated.solve(&mut x);

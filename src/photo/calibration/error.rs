@@ -1,5 +1,7 @@
 //! Why lines give no lens.
 
+use plumbline_num::run::Stopped;
+
 /// Marked lines that cannot tell a lens.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -41,4 +43,7 @@ pub enum CalibrationError {
         /// Lines that could tell.
         lines: usize,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

@@ -9,6 +9,7 @@ use crate::great_circle::{Sight, best_circle};
 use plumbline_camera::{FieldAxis, FieldOfView, Lens};
 use plumbline_num::math::Point2;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
+use plumbline_num::run::Run;
 
 /// Fields of view along the width from which fits start, degrees: basins of attraction are wider than their distances.
 const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
@@ -93,23 +94,25 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The best fit over all starts; `None` where the model sees the samples from none of them.
-    pub(super) fn new(samples: &Samples, model: LensModel, options: &CalibrationOptions) -> Option<Self> {
+    /// The best fit over all starts; `None` where the model sees the samples from none of them, and where the run ended.
+    pub(super) fn new(samples: &Samples, model: LensModel, options: &CalibrationOptions, run: &Run) -> Option<Self> {
         let mut problem = Problem::new(samples, model, options);
         let mut best: Option<(f64, Parameters)> = None;
         for start in starts(model, samples.size) {
             problem.x = start;
-            if let Some(cost) = problem.run(TRIAL_STEPS).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least)) {
+            if let Some(cost) =
+                problem.run(TRIAL_STEPS, run).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least))
+            {
                 best = Some((cost, problem.x));
             }
         }
         problem.x = best?.1;
         for _ in 0..ROUNDS {
             problem.soften(options.mark_sigma)?;
-            problem.run(STEPS_AT_MOST)?;
+            problem.run(STEPS_AT_MOST, run)?;
         }
         problem.decide(options.mark_sigma)?;
-        problem.run(STEPS_AT_MOST)?;
+        problem.run(STEPS_AT_MOST, run)?;
         problem.finish(options.mark_sigma)
     }
 
@@ -241,10 +244,10 @@ impl<'a> Problem<'a> {
     }
 
     /// Minimizes from the present point; `None` where that point is not seen.
-    fn run(&mut self, max_iterations: usize) -> Option<f64> {
+    fn run(&mut self, max_iterations: usize, run: &Run) -> Option<f64> {
         let cost = self.cost(&self.x)?;
         let options = DampingOptions { tolerance: 1e-7, floor: 1e-9, max_iterations, ..DampingOptions::default() };
-        Some(minimize(self, cost, &options).cost)
+        Some(minimize(self, cost, &options, run).ok()?.cost)
     }
 
     /// Rms of each line, and the usual one: the median over lines, but at least the accuracy of marks.

@@ -53,6 +53,7 @@ use rayon::prelude::*;
 
 use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
 use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::run::Run;
 
 use super::Line;
 use fit::{Fit, Samples};
@@ -146,14 +147,16 @@ pub struct Candidate {
 ///
 /// # Errors
 /// [`CalibrationError`]: a size that is none, marks that are no numbers, too few lines or samples, or lines that no lens
-/// makes straight.
+/// makes straight, an interruption.
 pub fn calibrate(
     lines: &[Line],
     size: (f64, f64),
     options: &CalibrationOptions,
+    run: &Run,
 ) -> Result<Calibration, CalibrationError> {
     let samples = Samples::new(lines, size)?;
-    let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options)).collect();
+    let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options, run)).collect();
+    run.check()?;
     let mut candidates = Vec::new();
     let mut best: Option<(f64, Fit)> = None;
     for fit in fits.into_iter().flatten() {

@@ -3,6 +3,7 @@ use std::f64::consts::PI;
 use super::*;
 use crate::Orientation;
 use plumbline_camera::{BrownConrady, DistortedPlane, DistortionTerms, Vec3};
+use plumbline_num::run::Run;
 
 const SIZE: (f64, f64) = (1000.0, 750.0);
 
@@ -79,7 +80,8 @@ fn every_model_is_found_again_from_noisy_lines() {
         (Projection::Orthographic, 130.0, LensModel::Orthographic),
     ] {
         let truth = lens(projection, degrees);
-        let found = calibrate(&scene(&truth, 0.2, 5), SIZE, &CalibrationOptions::default()).expect("a lens");
+        let found =
+            calibrate(&scene(&truth, 0.2, 5), SIZE, &CalibrationOptions::default(), &Run::default()).expect("a lens");
         assert_eq!(found.model, model, "{:?}", found.candidates);
         assert!((found.lens.focal.x / truth.focal.x).ln().abs() < 0.01, "{model:?} {:?}", found.lens);
         assert!((found.lens.center - truth.center).norm() < 3.0, "{model:?} {:?}", found.lens);
@@ -91,7 +93,8 @@ fn every_model_is_found_again_from_noisy_lines() {
 #[test]
 fn lines_become_straight_under_a_lens_with_terms_of_its_own() {
     let truth = lens(Projection::kannala_brandt([0.04, 0.038, -0.03, 0.0076]), 124.0);
-    let found = calibrate(&scene(&truth, 0.15, 3), SIZE, &CalibrationOptions::default()).expect("a lens");
+    let found =
+        calibrate(&scene(&truth, 0.15, 3), SIZE, &CalibrationOptions::default(), &Run::default()).expect("a lens");
     assert!(bend(&truth, &found.lens) < 1.0, "{} {:?}", bend(&truth, &found.lens), found.lens);
     let (field, sigma) = found.field_of_view.expect("sides see something");
     assert!((field.to_degrees() - field_deg(&truth)).abs() < 3.0 * sigma.to_degrees().max(1.0), "{field} {sigma}");
@@ -104,13 +107,13 @@ fn an_ordinary_lens_is_straightened_whatever_its_field_and_keeps_the_field_it_cl
     let mut truth = lens(Projection::Rectilinear, 70.0);
     truth.projection = Projection::BrownConrady(barrel);
     let lines = scene(&truth, 0.2, 9);
-    let guessed = calibrate(&lines, SIZE, &CalibrationOptions::default()).expect("a lens");
+    let guessed = calibrate(&lines, SIZE, &CalibrationOptions::default(), &Run::default()).expect("a lens");
     assert!(bend(&truth, &guessed.lens) < 0.5, "{} {:?}", bend(&truth, &guessed.lens), guessed.lens);
     let (field, sigma) = guessed.field_of_view.expect("the sides are seen");
     assert!((field.to_degrees() - field_deg(&truth)).abs() < 2.0 * sigma.to_degrees(), "{field} {sigma} {guessed:?}");
     let claimed = (FieldOfView::degrees(field_deg(&truth), FieldAxis::Horizontal), 0.03);
     let options = CalibrationOptions { field_of_view: Some(claimed), ..CalibrationOptions::default() };
-    let told = calibrate(&lines, SIZE, &options).expect("a lens");
+    let told = calibrate(&lines, SIZE, &options, &Run::default()).expect("a lens");
     assert!(bend(&truth, &told.lens) < 0.5, "{} {:?}", bend(&truth, &told.lens), told.lens);
     assert!((field_deg(&told.lens) - field_deg(&truth)).abs() < 3.0, "{} {:?}", field_deg(&told.lens), told.candidates);
 }
@@ -121,7 +124,7 @@ fn what_is_said_of_the_focal_length_holds() {
     for (seed, degrees) in (0..20).zip([100.0, 130.0, 160.0].into_iter().cycle()) {
         let truth = lens(Projection::Equisolid, degrees);
         let options = CalibrationOptions { models: vec![LensModel::Equisolid], ..CalibrationOptions::default() };
-        let found = calibrate(&scene(&truth, 0.4, seed), SIZE, &options).expect("a lens");
+        let found = calibrate(&scene(&truth, 0.4, seed), SIZE, &options, &Run::default()).expect("a lens");
         within += usize::from((found.lens.focal.x / truth.focal.x).ln().abs() < 2.0 * found.focal_sigma);
         total += 1;
     }
@@ -134,7 +137,7 @@ fn straight_lines_leave_the_focal_length_to_what_is_claimed() {
     let truth = lens(Projection::Rectilinear, 60.0);
     let fov = FieldOfView::degrees(75.0, FieldAxis::Horizontal);
     let options = CalibrationOptions { field_of_view: Some((fov, 0.05)), ..CalibrationOptions::default() };
-    let found = calibrate(&scene(&truth, 0.3, 8), SIZE, &options).expect("a lens");
+    let found = calibrate(&scene(&truth, 0.3, 8), SIZE, &options, &Run::default()).expect("a lens");
     assert_eq!(found.model, LensModel::Rectilinear, "{:?}", found.candidates);
     assert!((field_deg(&found.lens) - 75.0).abs() < 0.5, "{}", field_deg(&found.lens));
     assert!((found.focal_sigma - 0.05).abs() < 1e-3, "{}", found.focal_sigma);
@@ -150,7 +153,7 @@ fn a_line_that_is_not_straight_is_named_and_does_no_harm() {
         *p += Vec2::new(0.5, -0.8) * 25.0 * t * t;
     }
     lines[7].points.truncate(2);
-    let found = calibrate(&lines, SIZE, &CalibrationOptions::default()).expect("a lens");
+    let found = calibrate(&lines, SIZE, &CalibrationOptions::default(), &Run::default()).expect("a lens");
     let roles: Vec<_> = found.lines.iter().map(|l| l.role).collect();
     assert_eq!(roles[3], LineRole::Bent);
     assert_eq!((roles[7], found.lines[7].distance_px), (LineRole::TooShort, None));
@@ -166,8 +169,8 @@ fn marks_scaled_with_their_picture_give_the_lens_scaled() {
     let doubled: Vec<_> =
         lines.iter().map(|l| Line { points: l.points.iter().map(|p| p * 2.0).collect(), ..l.clone() }).collect();
     let options = CalibrationOptions::default();
-    let small = calibrate(&lines, SIZE, &options).expect("a lens");
-    let large = calibrate(&doubled, (2.0 * SIZE.0, 2.0 * SIZE.1), &options).expect("a lens");
+    let small = calibrate(&lines, SIZE, &options, &Run::default()).expect("a lens");
+    let large = calibrate(&doubled, (2.0 * SIZE.0, 2.0 * SIZE.1), &options, &Run::default()).expect("a lens");
     assert_eq!(small.model, large.model);
     assert!((large.lens.focal.x / small.lens.focal.x - 2.0).abs() < 1e-3, "{:?} {:?}", small.lens, large.lens);
 }
@@ -175,7 +178,8 @@ fn marks_scaled_with_their_picture_give_the_lens_scaled() {
 #[test]
 fn what_tells_no_lens_is_refused_with_the_reason() {
     let options = CalibrationOptions::default();
-    let refused = |lines: &[Line], size| calibrate(lines, size, &options).expect_err("refused").to_string();
+    let refused =
+        |lines: &[Line], size| calibrate(lines, size, &options, &Run::default()).expect_err("refused").to_string();
     let good = scene(&lens(Projection::Equidistant, 120.0), 0.2, 1);
     assert!(refused(&[], SIZE).starts_with("0 lines of three points or more with 0 points in all tell no lens"));
     assert!(refused(&good[..1], SIZE).contains("expected 2 lines"));
@@ -186,7 +190,7 @@ fn what_tells_no_lens_is_refused_with_the_reason() {
     // Points that coincide are no line, but no reason to panic either.
     for points in [vec![Point2::new(5.0, 5.0); 6], vec![Point2::new(500.0, 375.0); 6]] {
         let lines = vec![Line { name: "dot".into(), points, orientation: Orientation::Free }; 3];
-        let _ = calibrate(&lines, SIZE, &options);
+        let _ = calibrate(&lines, SIZE, &options, &Run::default());
     }
     let mut rng = fastrand::Rng::with_seed(2);
     let noise: Vec<_> = (0..6)
@@ -196,5 +200,5 @@ fn what_tells_no_lens_is_refused_with_the_reason() {
             orientation: Orientation::Free,
         })
         .collect();
-    let _ = calibrate(&noise, SIZE, &options);
+    let _ = calibrate(&noise, SIZE, &options, &Run::default());
 }

@@ -28,6 +28,7 @@ use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::PlaneRef;
 use plumbline_image::feature::{SegmentOptions, segments};
 use plumbline_num::math::{Point2, Rect, Vec2};
+use plumbline_num::run::{Run, Stopped};
 
 use arc::Arc;
 use vanishing::Directions;
@@ -94,19 +95,32 @@ pub enum LineGroup {
 }
 
 /// Finds the lines of a photo of gray levels 0 to 255, whose directions `lens` tells; the lens's size is the photo's.
-pub fn detect_lines(luma: PlaneRef<'_, f32>, lens: Option<&Lens>, options: &LineDetectionOptions) -> LineDetection {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn detect_lines(
+    luma: PlaneRef<'_, f32>,
+    lens: Option<&Lens>,
+    options: &LineDetectionOptions,
+    run: &Run,
+) -> Result<LineDetection, Stopped> {
     let size = (luma.width() as f64, luma.height() as f64);
     if luma.width() < 8 || luma.height() < 8 {
-        return LineDetection { lines: Vec::new(), down: None, horizontals: Vec::new() };
+        return Ok(LineDetection { lines: Vec::new(), down: None, horizontals: Vec::new() });
     }
     let flat = flat_lens(size);
     let sight = lens.unwrap_or(&flat);
     let views = View::all(luma, sight, options.max_side);
-    let arcs: Vec<Arc> = views.par_iter().flat_map_iter(arcs_of).collect();
+    run.check()?;
+    let of_view = |view: &View| if run.check().is_ok() { arcs_of(view) } else { Vec::new() };
+    let arcs: Vec<Arc> = views.par_iter().flat_map_iter(of_view).collect();
+    run.check()?;
     let arcs = arc::without_repeats(arc::joined(arcs));
+    run.check()?;
     let directions = if lens.is_some() { Directions::find(&arcs) } else { Directions::default() };
+    run.check()?;
     let lines = select::best(&arcs, &directions, sight, lens.is_none(), options);
-    LineDetection { lines, down: directions.down, horizontals: directions.horizontals }
+    Ok(LineDetection { lines, down: directions.down, horizontals: directions.horizontals })
 }
 
 /// The lines that do not lie on faces: what is straight there, glasses or hair, is no building.

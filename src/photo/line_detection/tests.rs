@@ -2,6 +2,7 @@ use super::*;
 use crate::marks::LinesFile;
 use plumbline_camera::{FieldAxis, FieldOfView};
 use plumbline_image::Plane;
+use plumbline_num::run::Run;
 
 /// A room of dark slats on bright walls, seen by a lens: slats along x, y and z in a frame that is pitched and yawed.
 struct Room {
@@ -44,7 +45,8 @@ impl Room {
     }
 
     fn detect(&self) -> LineDetection {
-        detect_lines(self.photo().as_ref(), Some(&self.lens), &LineDetectionOptions::default())
+        detect_lines(self.photo().as_ref(), Some(&self.lens), &LineDetectionOptions::default(), &Run::default())
+            .expect("a run that never stops")
     }
 }
 
@@ -119,12 +121,18 @@ fn edges_on_a_fisheye_become_whole_lines_not_chords() {
 fn names_tell_lines_apart_and_the_most_is_kept_to() {
     let room = Room::new(Projection::Equidistant, 120.0, 0.0);
     let options = LineDetectionOptions { max_lines: 15, ..LineDetectionOptions::default() };
-    let found = detect_lines(room.photo().as_ref(), Some(&room.lens), &options);
+    let found = detect_lines(room.photo().as_ref(), Some(&room.lens), &options, &Run::default())
+        .expect("a run that never stops");
     assert_eq!(found.lines.len(), 15);
     let names: std::collections::BTreeSet<_> = found.lines.iter().map(|l| l.line.name.as_str()).collect();
     assert_eq!(names.len(), 15);
     assert!(names.contains("vertical 1"), "{names:?}");
-    assert_eq!(found, detect_lines(room.photo().as_ref(), Some(&room.lens), &options), "the same again");
+    assert_eq!(
+        found,
+        detect_lines(room.photo().as_ref(), Some(&room.lens), &options, &Run::default())
+            .expect("a run that never stops"),
+        "the same again"
+    );
 }
 
 #[test]
@@ -134,7 +142,8 @@ fn without_a_lens_straight_edges_are_taken_from_the_photo_itself() {
         let flat = if (61..65).contains(&y) && x < 180 { 1.0 } else { 0.0 };
         40.0 + 160.0 * slanted.max(flat)
     });
-    let found = detect_lines(bar.as_ref(), None, &LineDetectionOptions::default());
+    let found = detect_lines(bar.as_ref(), None, &LineDetectionOptions::default(), &Run::default())
+        .expect("a run that never stops");
     let orientations: Vec<_> = found.lines.iter().map(|l| l.line.orientation).collect();
     assert!(orientations.contains(&Orientation::Horizontal) && orientations.contains(&Orientation::Free), "{found:?}");
     assert_eq!(orientations.len(), 2, "the two edges of the bar are one line: {found:?}");
@@ -154,7 +163,8 @@ fn pictures_without_lines_have_none_and_no_size_is_too_small() {
             Plane::from_fn(w, h, |_, _| 255.0 * rng.f32()),
         ] {
             for lens in [None, Some(&fisheye)] {
-                let found = detect_lines(photo.as_ref(), lens, &LineDetectionOptions::default());
+                let found = detect_lines(photo.as_ref(), lens, &LineDetectionOptions::default(), &Run::default())
+                    .expect("a run that never stops");
                 assert!(found.lines.len() <= 1, "{w}×{h}: {found:?}");
             }
         }
@@ -168,8 +178,10 @@ fn lines_of_a_photo_that_is_looked_at_shrunk_are_told_in_its_own_pixels() {
     for room in [room, flat] {
         let photo = room.photo();
         let options = |max_side| LineDetectionOptions { max_side, ..LineDetectionOptions::default() };
-        let whole = detect_lines(photo.as_ref(), Some(&room.lens), &options(1400));
-        let shrunk = detect_lines(photo.as_ref(), Some(&room.lens), &options(320));
+        let whole = detect_lines(photo.as_ref(), Some(&room.lens), &options(1400), &Run::default())
+            .expect("a run that never stops");
+        let shrunk = detect_lines(photo.as_ref(), Some(&room.lens), &options(320), &Run::default())
+            .expect("a run that never stops");
         assert!(shrunk.lines.len() >= 10, "{}", shrunk.lines.len());
         let normal = |l: &DetectedLine| {
             let rays: Vec<_> = l.line.points.iter().filter_map(|p| room.lens.unproject(*p)).collect();

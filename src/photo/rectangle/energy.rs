@@ -23,6 +23,7 @@ use plumbline_image::grid::{Grid, GridMesh, Quad};
 use plumbline_image::warp::InverseMesh;
 use plumbline_num::energy::{EnergyError, Ordering, QuadraticEnergy};
 use plumbline_num::math::{Point2, PointMap, Vec2};
+use plumbline_num::run::Run;
 
 /// Ranges of directions.
 const BINS: usize = 50;
@@ -91,7 +92,12 @@ impl<'a> Rectangling<'a> {
     }
 
     /// The mesh of least energy over the rectangle of `size`, for given turns; without them lines count for nothing.
-    pub(super) fn solve(&mut self, size: (f64, f64), turns: Option<&[f64; BINS]>) -> Result<GridMesh, EnergyError> {
+    pub(super) fn solve(
+        &mut self,
+        size: (f64, f64),
+        turns: Option<&[f64; BINS]>,
+        run: &Run,
+    ) -> Result<GridMesh, EnergyError> {
         self.energy.clear();
         let fixed = |k: usize| fixed(self.source, k, size).unwrap_or(0.0);
         let mut rows: Vec<(usize, f64, [f64; 8])> = Vec::new();
@@ -116,7 +122,7 @@ impl<'a> Rectangling<'a> {
             }
             self.energy.add(cell, w, &free[..count], b);
         }
-        let x = self.energy.minimize()?;
+        let x = self.energy.minimize(run)?;
         let value = |c: usize| self.unknown_of[c].map_or_else(|| fixed(c), |u| x[u]);
         let vertices = (0..self.source.vertices.len()).map(|i| Point2::new(value(2 * i), value(2 * i + 1))).collect();
         Ok(GridMesh { cols: self.source.cols, rows: self.source.rows, vertices })

@@ -2,6 +2,7 @@
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
+use plumbline_num::run::Stopped;
 
 /// What can be wrong. Unless said otherwise the fault is the caller's.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -36,8 +37,20 @@ pub enum RectangleError {
     },
     /// The energy has no minimizer: an input is not finite.
     #[error(transparent)]
-    Energy(#[from] EnergyError),
+    Energy(EnergyError),
     /// The grid is no warp: an input is not finite.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
+}
+
+impl From<EnergyError> for RectangleError {
+    fn from(error: EnergyError) -> Self {
+        match error {
+            EnergyError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Energy(error),
+        }
+    }
 }

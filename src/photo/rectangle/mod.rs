@@ -33,6 +33,7 @@ use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{InverseMesh, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap, Rect};
+use plumbline_num::run::Run;
 
 /// Largest side of an output, px: what the renderer takes.
 const MAX_SIDE: usize = 16_384;
@@ -105,26 +106,30 @@ pub struct Rectangled {
 /// The warp that makes a picture with an irregular outline a rectangle.
 ///
 /// # Errors
-/// [`RectangleError`]: an option out of range, an outline of nothing or too ragged.
-pub fn rectangle(input: &RectangleInput<'_>, options: &RectangleOptions) -> Result<Rectangled, RectangleError> {
+/// [`RectangleError`]: an option out of range, an outline of nothing or too ragged, an interruption.
+pub fn rectangle(
+    input: &RectangleInput<'_>,
+    options: &RectangleOptions,
+    run: &Run,
+) -> Result<Rectangled, RectangleError> {
     check(options)?;
     let share = input.outline.share();
     if share < LEAST_INSIDE {
         return Err(RectangleError::Empty { percent: 100.0 * share });
     }
-    let source = start::start(input.outline, input.luma, input.size, options.cells)?;
+    let source = start::start(input.outline, input.luma, input.size, options.cells, run)?;
     let weights = weights(&source, input.faces, options.faces);
     let lines: Vec<Line> = input.lines.iter().filter(|line| !input.outline.runs_along(line)).cloned().collect();
     let mut energy = Rectangling::new(&source, &lines, weights, options.straightness)?;
     let bounds = input.outline.bounds_px();
     let first = shaped((bounds.width(), bounds.height()), options.shape);
-    let (mut mesh, mut solves) = solved(&mut energy, regular(&source, first), first)?;
+    let (mut mesh, mut solves) = solved(&mut energy, regular(&source, first), first, run)?;
     let mut size = first;
     if options.shape == RectangleShape::Natural {
         let [sx, sy] = stretch(&source, &mesh);
         size = (first.0 / sx, first.1 / sy);
         let start = scaled(&mesh, size.0 / first.0, size.1 / first.1);
-        let (again, more) = solved(&mut energy, start, size)?;
+        let (again, more) = solved(&mut energy, start, size, run)?;
         (mesh, solves) = (again, solves + more);
     }
     let stretch = stretch(&source, &mesh);
@@ -204,13 +209,15 @@ fn solved(
     energy: &mut Rectangling<'_>,
     mut sound: GridMesh,
     size: (f64, f64),
+    run: &Run,
 ) -> Result<(GridMesh, usize), RectangleError> {
     let mut solves = 0;
     for _ in 0..FOLD_ROUNDS {
-        let mut found = energy.solve(size, None)?;
+        let mut found = energy.solve(size, None, run)?;
         for _ in 0..ROUNDS {
+            run.check()?;
             let turns = energy.turns(&found);
-            found = energy.solve(size, Some(&turns))?;
+            found = energy.solve(size, Some(&turns), run)?;
         }
         solves += ROUNDS + 1;
         let folded: Vec<usize> =

@@ -15,6 +15,8 @@
 //! S. Avidan, A. Shamir, *Seam carving for content-aware image resizing*, ACM Trans. Graph. (SIGGRAPH) 26 (2007).
 //! K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, ACM Trans. Graph. (SIGGRAPH) 32 (2013), section 3.1.
 
+use plumbline_num::run::{Run, Stopped};
+
 /// Energy of a missing pixel: more than any path through the picture.
 const MISSING: f32 = 1e6;
 /// What a seam leaves on its pixels: a quarter of the range, so that the next one goes elsewhere unless all else has edges.
@@ -53,18 +55,19 @@ impl Canvas {
     }
 
     /// Grows it until the frame is whole; false where that does not come to an end.
-    pub(super) fn grow(&mut self) -> bool {
+    pub(super) fn grow(&mut self, run: &Run) -> Result<bool, Stopped> {
         // Every seam moves at least one missing pixel out, save where a whole line is missing.
         for _ in 0..2 * (self.width + self.height) {
+            run.check()?;
             let runs = SIDES.map(|side| self.longest_run(side));
             let Some((side, (first, end))) =
                 SIDES.into_iter().zip(runs).max_by_key(|(_, (first, end))| end - first).filter(|(_, (a, b))| b > a)
             else {
-                return true;
+                return Ok(true);
             };
             self.insert(side, first, end);
         }
-        false
+        Ok(false)
     }
 
     /// Which pixel of the picture each pixel came from.
@@ -181,7 +184,7 @@ mod tests {
     fn a_grown_picture_is_whole_and_shows_only_what_was_there() {
         let before = disk(60);
         let mut after = before.clone();
-        assert!(after.grow());
+        assert!(after.grow(&Run::default()).expect("a run that never stops"));
         for (k, &(x, y)) in after.source().iter().enumerate() {
             assert!(!before.missing[y as usize * 60 + x as usize], "pixel {k} came from outside");
         }
@@ -191,7 +194,7 @@ mod tests {
     fn a_whole_picture_stays_as_it_is() {
         let mut canvas = Canvas::new(20, 10, vec![100.0; 200], vec![false; 200]);
         let before = canvas.source.clone();
-        assert!(canvas.grow());
+        assert!(canvas.grow(&Run::default()).expect("a run that never stops"));
         assert_eq!(canvas.source(), before);
     }
 
@@ -201,7 +204,7 @@ mod tests {
         let (w, h) = (40, 30);
         let luma = (0..w * h).map(|k| if k / w > 12 { ((k * 37) % 200) as f32 } else { 120.0 }).collect();
         let mut canvas = Canvas::new(w, h, luma, (0..w * h).map(|k| k < 3 * w).collect());
-        assert!(canvas.grow());
+        assert!(canvas.grow(&Run::default()).expect("a run that never stops"));
         let moved = (0..w * h).filter(|&k| k / w > 12 && canvas.source[k] != ((k % w) as u32, (k / w) as u32)).count();
         assert_eq!(moved, 0);
     }
@@ -209,7 +212,7 @@ mod tests {
     #[test]
     fn order_along_rows_and_columns_is_kept() {
         let mut canvas = disk(60);
-        assert!(canvas.grow());
+        assert!(canvas.grow(&Run::default()).expect("a run that never stops"));
         let back = |k: usize, next: usize, along: fn((u32, u32)) -> u32| {
             along(canvas.source[next]) + 1 < along(canvas.source[k])
         };

@@ -10,6 +10,7 @@ use super::seams::Canvas;
 use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::run::Run;
 
 /// How deep inside the outline the border of the grid runs, blocks.
 const MARGIN: f64 = 0.4;
@@ -30,6 +31,7 @@ pub(super) fn start(
     luma: PlaneRef<'_, u8>,
     size: (usize, usize),
     cells: usize,
+    run: &Run,
 ) -> Result<GridMesh, RectangleError> {
     let [x0, y0, x1, y1] = outline.bounds();
     let (width, height) = (x1 - x0, y1 - y0);
@@ -45,7 +47,7 @@ pub(super) fn start(
     };
     let gray = (0..width * height).map(level).collect();
     let mut canvas = Canvas::new(width, height, gray, inside.iter().map(|v| !v).collect());
-    if !canvas.grow() {
+    if !canvas.grow(run)? {
         return Err(RectangleError::Ragged);
     }
     let depth = Depth::of(width, height, &inside);
@@ -58,7 +60,8 @@ pub(super) fn start(
     };
     // A coarser grid follows a ragged outline less closely.
     let mut coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= LEAST_CELLS);
-    let mut mesh = coarser.find_map(laid).ok_or(RectangleError::Ragged)?;
+    let mesh = coarser.find_map(|cells| if run.check().is_ok() { laid(cells) } else { None });
+    let mut mesh = run.complete(mesh)?.ok_or(RectangleError::Ragged)?;
     let (origin, block) = (Vec2::new(x0 as f64, y0 as f64), outline.block as f64);
     mesh.vertices.iter_mut().for_each(|v| *v = Point2::from((v.coords + origin) * block));
     Ok(mesh)

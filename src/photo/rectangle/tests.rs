@@ -7,6 +7,7 @@ use crate::Orientation;
 use plumbline_image::still::frame_of_rgb;
 use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Vec2;
+use plumbline_num::run::Run;
 
 const SIZE: (usize, usize) = (640, 400);
 
@@ -53,7 +54,7 @@ fn made(frame: &Frame, lines: &[Line], options: &RectangleOptions) -> (Rectangle
     assert!(analysis_luma(frame, 960, &mut luma));
     let size = (frame.width, frame.height);
     let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces: &[] };
-    (rectangle(&input, options).expect("a rectangle"), outline)
+    (rectangle(&input, options, &Run::default()).expect("a rectangle"), outline)
 }
 
 /// Which pixels are shown.
@@ -202,7 +203,10 @@ fn options_out_of_range_are_refused() {
         RectangleOptions { cells: 3, ..RectangleOptions::default() },
         RectangleOptions { straightness: -1.0, ..RectangleOptions::default() },
     ] {
-        assert!(matches!(rectangle(&input, &options), Err(RectangleError::Option { .. })), "{options:?}");
+        assert!(
+            matches!(rectangle(&input, &options, &Run::default()), Err(RectangleError::Option { .. })),
+            "{options:?}"
+        );
     }
 }
 
@@ -212,7 +216,10 @@ fn a_speck_in_a_white_frame_is_refused() {
     let outline = Outline::of_frame(&frame).expect("a border");
     let luma = Plane::from_fn(4, 4, |_, _| 0);
     let input = RectangleInput { size: SIZE, outline: &outline, luma: luma.as_ref(), lines: &[], faces: &[] };
-    assert!(matches!(rectangle(&input, &RectangleOptions::default()), Err(RectangleError::Empty { .. })));
+    assert!(matches!(
+        rectangle(&input, &RectangleOptions::default(), &Run::default()),
+        Err(RectangleError::Empty { .. })
+    ));
 }
 
 proptest! {

@@ -32,6 +32,7 @@ use super::{Line, report};
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::Plane;
 use plumbline_num::math::Rect;
+use plumbline_num::run::Run;
 /// What the output shall look like.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Target {
@@ -112,9 +113,9 @@ pub struct RectifyInput<'a> {
 /// The warp that rectifies a picture.
 ///
 /// # Errors
-/// [`RectifyError`]: an option out of range, a view that shows nothing, an output without pixels.
-pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<PhotoWarp, RectifyError> {
-    let Target::Fixed(projection) = &options.target else { return Rectifier::new(input, options)?.warp() };
+/// [`RectifyError`]: an option out of range, a view that shows nothing, an output without pixels, an interruption.
+pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<PhotoWarp, RectifyError> {
+    let Target::Fixed(projection) = &options.target else { return Rectifier::new(input, options, run)?.warp() };
     check(options)?;
     let mut warp = fixed::unframed(input.lens, projection, options)?.framed(input.lens, input.faces, options)?;
     warp.lines = input.lines.iter().map(|line| report::of_line(line, Some(input.lens), &warp)).collect();

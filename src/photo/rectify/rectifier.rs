@@ -16,6 +16,7 @@ use plumbline_camera::Lens;
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::{InverseMesh, Map};
 use plumbline_num::math::Rect;
+use plumbline_num::run::Run;
 
 /// A view of a picture, to be solved for any lines.
 #[derive(Debug)]
@@ -45,7 +46,7 @@ impl Rectifier {
     ///
     /// # Errors
     /// As [`super::rectify`].
-    pub fn new(input: &RectifyInput<'_>, options: &RectifyOptions) -> Result<Self, RectifyError> {
+    pub fn new(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<Self, RectifyError> {
         check(options)?;
         let lens = input.lens;
         let chart = chart_for(options.view.view_from_camera(), options.window);
@@ -63,25 +64,26 @@ impl Rectifier {
         let (coarse, fine) = (sheet(coarse)?, sheet(fine)?);
         let (lens, options, faces) = (lens.clone(), options.clone(), input.faces.to_vec());
         let mut rectifier = Self { lens, options, faces, coarse, fine, sides, solved: None };
-        rectifier.solve(input.lines)?;
+        run.check()?;
+        rectifier.solve(input.lines, run)?;
         Ok(rectifier)
     }
 
     /// Solves for other lines from the start: the result depends on them alone.
     ///
     /// # Errors
-    /// [`RectifyError::Energy`] for lines that are not finite.
-    pub fn solve(&mut self, lines: &[Line]) -> Result<(), RectifyError> {
+    /// [`RectifyError::Energy`] for lines that are not finite; [`RectifyError::Interrupted`]: the last solve then stands.
+    pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), RectifyError> {
         let mut iterations = 0;
         let mut found = None;
         if self.sides.is_some() {
-            found = self.solve_with(lines, true, &mut iterations)?;
+            found = self.solve_with(lines, true, &mut iterations, run)?;
         }
         let border = found.is_some();
         let sheet = match found {
             Some(sheet) => sheet,
             // The border cannot be had straight without harm.
-            None => self.solve_with(lines, false, &mut iterations)?.expect("folds are held"),
+            None => self.solve_with(lines, false, &mut iterations, run)?.expect("folds are held"),
         };
         self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations });
         Ok(())
@@ -92,17 +94,17 @@ impl Rectifier {
     ///
     /// # Errors
     /// As [`Self::solve`].
-    pub fn follow(&mut self, lines: &[Line]) -> Result<(), RectifyError> {
+    pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), RectifyError> {
         let border = self.solved.as_ref().is_some_and(|s| s.border);
         let on_grid = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
-        let Some(solved) = &mut self.solved else { return self.solve(lines) };
-        match self.fine.follow(&on_grid, &solved.sheet)? {
+        let Some(solved) = &mut self.solved else { return self.solve(lines, run) };
+        match self.fine.follow(&on_grid, &solved.sheet, run)? {
             Some(sheet) => {
                 (solved.sheet, solved.iterations) = (sheet, solved.iterations + 1);
                 solved.lines = lines.to_vec();
                 Ok(())
             }
-            None => self.solve(lines),
+            None => self.solve(lines, run),
         }
     }
 
@@ -145,12 +147,13 @@ impl Rectifier {
         lines: &[Line],
         border: bool,
         iterations: &mut usize,
+        run: &Run,
     ) -> Result<Option<GridMesh>, RectifyError> {
         let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
         let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
-        let (start, first) = self.coarse.solve(&on_coarse, None, Folding::Held)?;
+        let (start, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
         let folding = if border { Folding::Refused } else { Folding::Held };
-        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&start)), folding)?;
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&start)), folding, run)?;
         *iterations += first.iterations + last.iterations;
         Ok((!border || !last.folded).then_some(sheet))
     }

@@ -39,6 +39,7 @@ use super::weights::{CellWeights, FaceTarget};
 use plumbline_image::grid::{CellPoint, Grid, GridMesh, Quad};
 use plumbline_num::energy::{BorderedEnergy, EnergyError, Ordering};
 use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::run::Run;
 
 /// `ε`: far below what conformality weighs and far above rounding. The sheet is scaled afterwards, so its size does not count.
 const PULL: f64 = 1e-6;
@@ -151,6 +152,7 @@ impl Sheet {
         lines: &[GridLine],
         start: Option<GridMesh>,
         folding: Folding,
+        run: &Run,
     ) -> Result<(GridMesh, SolveReport), EnergyError> {
         let mut sound = start.unwrap_or_else(|| self.mesh(self.rest()));
         if sound.folded_cells() > 0 {
@@ -160,7 +162,7 @@ impl Sheet {
         let mut cells = self.conformality(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
         for _ in 0..FOLD_ROUNDS {
-            let found = self.straightened(&lines, &cells, &sound, self.weights.rounds, &mut report.iterations)?;
+            let found = self.straightened(&lines, &cells, &sound, self.weights.rounds, &mut report.iterations, run)?;
             let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
                 return Ok((found, report));
@@ -180,9 +182,14 @@ impl Sheet {
     }
 
     /// The sheet after a small change of the lines, from the one before it; `None` where it would fold.
-    pub(super) fn follow(&mut self, lines: &[GridLine], before: &GridMesh) -> Result<Option<GridMesh>, EnergyError> {
+    pub(super) fn follow(
+        &mut self,
+        lines: &[GridLine],
+        before: &GridMesh,
+        run: &Run,
+    ) -> Result<Option<GridMesh>, EnergyError> {
         let cells = self.conformality(lines);
-        let mesh = self.straightened(lines, &cells, before, FOLLOWING, &mut 0)?;
+        let mesh = self.straightened(lines, &cells, before, FOLLOWING, &mut 0, run)?;
         Ok((mesh.folded_cells() == 0).then_some(mesh))
     }
 
@@ -201,12 +208,14 @@ impl Sheet {
         start: &GridMesh,
         rounds: usize,
         iterations: &mut usize,
+        run: &Run,
     ) -> Result<GridMesh, EnergyError> {
         let still = STILL * self.sphere.cell();
         let free = lines.iter().any(|line| line.normal.is_none());
         let (mut mesh, mut before) = (start.clone(), f64::INFINITY);
-        for _ in 0..rounds.max(1) {
-            let mut next = self.round(lines, cells, &mesh)?;
+        for k in 0..rounds.max(1) {
+            run.step(k as f64 / rounds.max(1) as f64)?;
+            let mut next = self.round(lines, cells, &mesh, run)?;
             *iterations += 1;
             let moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
             if !free || !(moved > still) {
@@ -221,7 +230,13 @@ impl Sheet {
     }
 
     /// The minimizer of the energy linearized about `mesh`.
-    fn round(&mut self, lines: &[GridLine], cells: &[f64], mesh: &GridMesh) -> Result<GridMesh, EnergyError> {
+    fn round(
+        &mut self,
+        lines: &[GridLine],
+        cells: &[f64],
+        mesh: &GridMesh,
+        run: &Run,
+    ) -> Result<GridMesh, EnergyError> {
         let offsets: usize = lines.iter().map(GridLine::offsets).sum();
         self.energy.clear(offsets + FACE_UNKNOWNS * self.faces.len());
         self.add_cells(cells);
@@ -230,7 +245,7 @@ impl Sheet {
         self.add_pull();
         let rest = self.rest();
         let pairs = |x: &[f64]| x.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect::<Vec<_>>();
-        let mut found = pairs(self.energy.minimize()?);
+        let mut found = pairs(self.energy.minimize(run)?);
         if lines.iter().all(|line| line.normal.is_none()) {
             let aside: Vec<f64> = rest.iter().flat_map(|s| [-s.y, s.x]).collect();
             let answer = pairs(&self.energy.response(&aside));

@@ -9,6 +9,7 @@ use crate::Orientation;
 use plumbline_camera::{FieldAxis, FieldOfView};
 use plumbline_image::grid::GridMesh;
 use plumbline_num::math::{PointMap, Vec2};
+use plumbline_num::run::Run;
 
 const SIZE: (f64, f64) = (1200.0, 900.0);
 
@@ -87,7 +88,7 @@ fn without_lines_and_faces_the_picture_is_stereographic() {
     let (lens, crop) = (fisheye(), Crop::Rectangle);
     let options = RectifyOptions { crop, ..RectifyOptions::default() };
     let fixed = RectifyOptions { target: Target::Fixed(Projection::Stereographic), ..options.clone() };
-    let warps = [options, fixed].map(|o| rectify(&input(&lens, &[], &[]), &o).expect("a warp"));
+    let warps = [options, fixed].map(|o| rectify(&input(&lens, &[], &[]), &o, &Run::default()).expect("a warp"));
     let src = plumbline_num::math::Point2::new(333.0, 222.0);
     // Crops are found on grids of their own: compare shapes, not places.
     let spread = |warp: &PhotoWarp| {
@@ -102,7 +103,7 @@ fn lines_of_a_room_become_straight_and_those_with_an_orientation_take_it() {
     for (lens, crop) in [(fisheye(), Crop::Auto), (fisheye(), Crop::Rectangle), (wide(), Crop::Auto)] {
         let lines = room(&lens);
         let options = RectifyOptions { crop, ..RectifyOptions::default() };
-        let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+        let warp = rectify(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a warp");
         assert_eq!(warp.mesh.folded_cells(), 0);
         for report in &warp.lines {
             assert!(report.max_px < 0.25 && !report.is_bent(), "{crop:?}: {report:?}");
@@ -117,7 +118,7 @@ fn a_line_between_marked_points_is_straight_too() {
     let lens = fisheye();
     let ends = [Vec3::new(-1.1, -0.5, 1.0), Vec3::new(1.0, -0.6, 1.2)];
     let lines = [line("beam", seen(&lens, ends[0], ends[1], 2), Orientation::Free)];
-    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default(), &Run::default()).expect("a warp");
     let between: Vec<_> = seen(&lens, ends[0], ends[1], 101).into_iter().filter_map(|p| (warp.forward)(p)).collect();
     let fit = super::super::FittedLine::through(&between).expect("a line");
     let worst = between.iter().map(|p| fit.off(*p).abs()).fold(0.0, f64::max);
@@ -134,7 +135,7 @@ fn a_line_goes_on_straight_beyond_its_marked_ends() {
     ];
     let marked = |(k, (a, b)): (usize, &(Vec3, Vec3))| line(&k.to_string(), seen(&lens, *a, *b, 9), Orientation::Free);
     let lines: Vec<Line> = beams.iter().enumerate().map(marked).collect();
-    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default(), &Run::default()).expect("a warp");
     for (k, (a, b)) in beams.iter().enumerate() {
         let out = |t: f64| (warp.forward)(lens.project(&(a + (b - a) * t)).expect("in the field")).expect("shown");
         let points: Vec<_> = (0..=20).map(|i| out(f64::from(i) / 20.0)).collect();
@@ -172,7 +173,7 @@ fn lines_without_any_orientation_settle_without_turning_the_picture() {
     let column = |k: i32| free(at(0.4 * f64::from(k), -0.8), at(0.4 * f64::from(k) - 0.1, 0.9));
     let lines: Vec<Line> = (-2..=2).map(row).chain((-2..=2).map(column)).collect();
     let options = RectifyOptions { crop: Crop::Rectangle, ..RectifyOptions::default() };
-    let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+    let warp = rectify(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a warp");
     assert!(warp.iterations < 20, "{} solves", warp.iterations);
     assert!(warp.lines.iter().all(|l| l.max_px < 0.25), "{:?}", warp.lines);
     let out = |x: f64| (warp.forward)(plumbline_num::math::Point2::new(450.0 + x, 450.0)).expect("shown");
@@ -185,14 +186,14 @@ fn a_line_that_is_dragged_ends_where_a_new_solve_puts_it() {
     let lens = fisheye();
     let mut lines = room(&lens);
     let options = RectifyOptions::default();
-    let mut dragged = Rectifier::new(&input(&lens, &lines, &[]), &options).expect("a view");
+    let mut dragged = Rectifier::new(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a view");
     for _ in 0..10 {
         for p in &mut lines[6].points {
             *p += Vec2::new(1.0, 2.0);
         }
-        dragged.follow(&lines).expect("solved");
+        dragged.follow(&lines, &Run::default()).expect("solved");
     }
-    let anew = Rectifier::new(&input(&lens, &lines, &[]), &options).expect("a view");
+    let anew = Rectifier::new(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a view");
     let farthest = |a: &GridMesh, b: &GridMesh| {
         a.vertices.iter().zip(&b.vertices).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
     };
@@ -200,14 +201,15 @@ fn a_line_that_is_dragged_ends_where_a_new_solve_puts_it() {
     assert!(farthest(dragged.sheet(), anew.sheet()) < 0.02 * cell, "{}", farthest(dragged.sheet(), anew.sheet()));
     let worst = |r: &Rectifier| r.warp().expect("a warp").lines.iter().map(|l| l.max_px).fold(0.0, f64::max);
     assert!(worst(&dragged) < 0.5, "{} px", worst(&dragged));
-    let again = Rectifier::new(&input(&lens, &room(&lens), &[]), &options).expect("a view");
+    let again = Rectifier::new(&input(&lens, &room(&lens), &[]), &options, &Run::default()).expect("a view");
     assert!(farthest(again.sheet(), anew.sheet()) > 0.1 * cell, "the drag moves the sheet");
 }
 
 #[test]
 fn the_frame_changes_without_a_solve() {
     let lens = fisheye();
-    let mut view = Rectifier::new(&input(&lens, &room(&lens), &[]), &RectifyOptions::default()).expect("a view");
+    let mut view =
+        Rectifier::new(&input(&lens, &room(&lens), &[]), &RectifyOptions::default(), &Run::default()).expect("a view");
     let before = view.warp().expect("a warp");
     view.set_frame(Crop::Auto, OutputSize::Exact(640, 640)).expect("a size");
     let square = view.warp().expect("a warp");
@@ -224,7 +226,8 @@ fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
         Rect { min, max: min + Vec2::new(90.0, 120.0) }
     };
     let solved = |faces: &[Rect], crop| {
-        rectify(&input(&lens, &[], faces), &RectifyOptions { crop, ..RectifyOptions::default() }).expect("a warp")
+        rectify(&input(&lens, &[], faces), &RectifyOptions { crop, ..RectifyOptions::default() }, &Run::default())
+            .expect("a warp")
     };
     let face = at(20.0, 30.0);
     let whole = |warp: &PhotoWarp, face: &Rect| {
@@ -250,7 +253,11 @@ fn a_line_that_is_not_straight_in_the_world_is_told() {
     let lens = fisheye();
     let mut points = seen(&lens, Vec3::new(-0.8, -0.4, 1.0), Vec3::new(0.9, -0.3, 1.0), 11);
     points[5].y += 25.0;
-    let warp = rectify(&input(&lens, &[line("kinked", points, Orientation::Free)], &[]), &RectifyOptions::default());
+    let warp = rectify(
+        &input(&lens, &[line("kinked", points, Orientation::Free)], &[]),
+        &RectifyOptions::default(),
+        &Run::default(),
+    );
     let off = warp.expect("a warp").lines[0].off_lens_px.expect("a lens");
     assert!(off > 15.0, "{off} px");
 }
@@ -263,10 +270,10 @@ fn faces_at_the_edge_keep_their_shape() {
     // None of them runs through the face.
     let lines: Vec<Line> =
         room(&lens).into_iter().filter(|l| !["ceiling", "left post"].contains(&l.name.as_str())).collect();
-    let warp = rectify(&input(&lens, &lines, &[face]), &RectifyOptions::default()).expect("a warp");
+    let warp = rectify(&input(&lens, &lines, &[face]), &RectifyOptions::default(), &Run::default()).expect("a warp");
     assert!(anisotropy(&lens, &warp, &face) < 1.02, "{}", anisotropy(&lens, &warp, &face));
     let fixed = RectifyOptions { target: Target::Fixed(Projection::Rectilinear), ..RectifyOptions::default() };
-    let plain = rectify(&input(&lens, &lines, &[face]), &fixed).expect("a warp");
+    let plain = rectify(&input(&lens, &lines, &[face]), &fixed, &Run::default()).expect("a warp");
     assert!(anisotropy(&lens, &plain, &face) > 1.15, "the measure sees what a rectilinear picture does");
     assert!(warp.lines.iter().all(|l| l.max_px < 0.25));
 }
@@ -293,7 +300,7 @@ fn anisotropy(lens: &Lens, warp: &PhotoWarp, face: &Rect) -> f64 {
 fn the_field_and_the_way_forward_are_inverse() {
     let lens = fisheye();
     let lines = room(&lens);
-    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default()).expect("a warp");
+    let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default(), &Run::default()).expect("a warp");
     for (x, y) in [(600.0, 450.0), (100.0, 120.0), (1100.0, 700.0), (30.0, 860.0)] {
         let src = plumbline_num::math::Point2::new(x, y);
         let back = warp.field.map((warp.forward)(src).expect("shown")).expect("covered");
@@ -308,7 +315,7 @@ fn a_cropped_output_is_covered_and_a_straightened_one_shows_the_whole_picture() 
     let picture = Rect::of_size(SIZE.0, SIZE.1);
     for crop in [Crop::Rectangle, Crop::Auto, Crop::Aspect(1.0)] {
         let options = RectifyOptions { crop, ..RectifyOptions::default() };
-        let warp = rectify(&input(&lens, &lines, &[]), &options).expect("a warp");
+        let warp = rectify(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a warp");
         let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
         for k in 0..=200 {
             let s = f64::from(k) / 200.0;
@@ -333,7 +340,8 @@ fn a_cropped_output_is_covered_and_a_straightened_one_shows_the_whole_picture() 
 fn an_exact_size_is_had_without_stretch() {
     let lens = fisheye();
     let size = OutputSize::Exact(800, 300);
-    let warp = rectify(&input(&lens, &[], &[]), &RectifyOptions { size, ..RectifyOptions::default() }).expect("a warp");
+    let warp = rectify(&input(&lens, &[], &[]), &RectifyOptions { size, ..RectifyOptions::default() }, &Run::default())
+        .expect("a warp");
     assert_eq!(warp.size, (800, 300));
     let j = warp.field.jacobian(plumbline_num::math::Point2::new(400.0, 150.0)).expect("covered");
     let s = j.singular_values();
@@ -344,7 +352,8 @@ fn an_exact_size_is_had_without_stretch() {
 fn a_view_of_nothing_and_options_out_of_range_are_refused() {
     let lens = wide();
     let behind = View { yaw: std::f64::consts::PI, ..View::default() };
-    let refused = |options: RectifyOptions| rectify(&input(&lens, &[], &[]), &options).expect_err("refused");
+    let refused =
+        |options: RectifyOptions| rectify(&input(&lens, &[], &[]), &options, &Run::default()).expect_err("refused");
     assert_eq!(refused(RectifyOptions { view: behind, ..RectifyOptions::default() }), RectifyError::EmptyView);
     let error = refused(RectifyOptions { cells: 2, ..RectifyOptions::default() });
     assert!(matches!(error, RectifyError::Option { name: "cells", .. }), "{error}");
@@ -363,7 +372,7 @@ fn a_part_of_a_panorama_shows_what_lies_there() {
     let view = View { yaw: 2.8, pitch: 0.3, roll: 0.0 };
     let window = Some(Window { half_width: 0.9, half_height: 0.6 });
     let options = RectifyOptions { view, window, ..RectifyOptions::default() };
-    let warp = rectify(&input(&lens, &[], &[]), &options).expect("a warp");
+    let warp = rectify(&input(&lens, &[], &[]), &options, &Run::default()).expect("a warp");
     let middle = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64).center();
     let src = warp.field.map(middle).expect("covered");
     let wanted = lens.project(&(view.view_from_camera().inverse() * Vec3::z())).expect("in the panorama");
@@ -381,7 +390,7 @@ fn a_view_across_the_seam_of_a_panorama_is_as_dense_as_any() {
     let size_at = |yaw: f64| {
         let view = View { yaw, ..View::default() };
         let options = RectifyOptions { view, window, ..RectifyOptions::default() };
-        rectify(&input(&lens, &[], &[]), &options).expect("a warp").size
+        rectify(&input(&lens, &[], &[]), &options, &Run::default()).expect("a warp").size
     };
     let (ahead, behind) = (size_at(0.0), size_at(std::f64::consts::PI));
     assert!(ahead.0.abs_diff(behind.0) < 20 && ahead.1.abs_diff(behind.1) < 20, "{ahead:?} and {behind:?}");
@@ -408,7 +417,7 @@ proptest! {
                 line("any", vec![picture.at(a, b), picture.at(c, d)], orientation)
             })
             .collect();
-        let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions { cells: 24, ..RectifyOptions::default() });
+        let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions { cells: 24, ..RectifyOptions::default() }, &Run::default());
         let warp = warp.expect("a warp");
         prop_assert_eq!(warp.mesh.folded_cells(), 0);
         prop_assert!(warp.lines.iter().all(|l| l.max_px.is_finite()));

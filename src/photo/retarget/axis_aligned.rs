@@ -22,6 +22,7 @@ use super::RetargetError;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_num::math::Point2;
 use plumbline_num::optim::qp::{Affine, QuadraticProgram};
+use plumbline_num::run::Run;
 
 /// Times that cells are weighed by their size of the last solution. The first moves most, the fourth a few percent.
 const REWEIGHTINGS: usize = 4;
@@ -37,8 +38,9 @@ pub(super) fn axis_aligned(
     weights: &[f64],
     size: (f64, f64),
     bounds: Bounds,
+    run: &Run,
 ) -> Result<GridMesh, RetargetError> {
-    let (columns, rows) = scales(grid, weights, (size.0 / grid.width, size.1 / grid.height), bounds)?;
+    let (columns, rows) = scales(grid, weights, (size.0 / grid.width, size.1 / grid.height), bounds, run)?;
     let (x, y) = (places(&columns, size.0), places(&rows, size.1));
     let vertices = y.iter().flat_map(|&y| x.iter().map(move |&x| Point2::new(x, y))).collect();
     Ok(GridMesh { cols: grid.cols, rows: grid.rows, vertices })
@@ -62,12 +64,13 @@ pub(crate) fn scales(
     weights: &[f64],
     (sx, sy): (f64, f64),
     bounds: Bounds,
+    run: &Run,
 ) -> Result<(Vec<f64>, Vec<f64>), RetargetError> {
     let (mut a, mut d) = (vec![1.0; grid.cols], vec![1.0; grid.rows]);
     for _ in 0..REWEIGHTINGS {
         let relative = |(cell, w): (usize, &f64)| w / (a[cell % grid.cols] * d[cell / grid.cols]);
         let weights: Vec<f64> = weights.iter().enumerate().map(relative).collect();
-        let solved = program(grid, &weights, (sx, sy), bounds).solve()?;
+        let solved = program(grid, &weights, (sx, sy), bounds).solve(run)?;
         (a, d) = (made_exact(&solved[..grid.cols], bounds.least), made_exact(&solved[grid.cols..], bounds.least));
     }
     Ok((a, d))
@@ -128,7 +131,7 @@ mod tests {
 
     #[test]
     fn equal_weights_give_the_plain_resize() {
-        let mesh = axis_aligned(&GRID, &[0.4; 96], (360.0, 500.0), BOUNDS).expect("convex");
+        let mesh = axis_aligned(&GRID, &[0.4; 96], (360.0, 500.0), BOUNDS, &Run::default()).expect("convex");
         for (i, v) in mesh.vertices.iter().enumerate() {
             let plain = GRID.vertex(i);
             let off = (v.x - plain.x * 0.6).abs().max((v.y - plain.y * 1.25).abs());
@@ -139,7 +142,7 @@ mod tests {
     #[test]
     fn columns_that_matter_keep_their_width() {
         let weights: Vec<f64> = (0..96).map(|cell| if (4..8).contains(&(cell % 12)) { 1.0 } else { 0.05 }).collect();
-        let mesh = axis_aligned(&GRID, &weights, (360.0, 400.0), BOUNDS).expect("convex");
+        let mesh = axis_aligned(&GRID, &weights, (360.0, 400.0), BOUNDS, &Run::default()).expect("convex");
         let w = widths(&mesh);
         // Rows stay plain, so that columns share one derivative: w (1 − 1/a), while 4 a + 8 b = 7.2.
         let (a, b) = (w[5] / 50.0, w[1] / 50.0);
@@ -154,7 +157,7 @@ mod tests {
             let term = |(cell, w): (usize, &f64)| w * (0.6 * x[cell % 12] - x[12 + cell / 12]).powi(2);
             weights.iter().enumerate().map(term).sum()
         };
-        let best = program(&GRID, &weights, (0.6, 1.0), BOUNDS).solve().expect("convex");
+        let best = program(&GRID, &weights, (0.6, 1.0), BOUNDS).solve(&Run::default()).expect("convex");
         let mut rng = fastrand::Rng::with_seed(3);
         for _ in 0..200 {
             let (mut other, by) = (best.clone(), 0.1 * (rng.f64() - 0.5));
@@ -179,7 +182,7 @@ mod tests {
             let mut rng = fastrand::Rng::with_seed(seed);
             let weights: Vec<f64> = (0..96).map(|_| 10_f64.powf(-3.0 * rng.f64())).collect();
             let size = (600.0 * sx, 400.0 * sy);
-            let mesh = axis_aligned(&GRID, &weights, size, Bounds { least, most: 1.5 }).expect("convex");
+            let mesh = axis_aligned(&GRID, &weights, size, Bounds { least, most: 1.5 }, &Run::default()).expect("convex");
             prop_assert_eq!(mesh.vertices[0], Point2::origin());
             prop_assert_eq!(mesh.vertices[116], Point2::new(size.0, size.1));
             prop_assert_eq!(mesh.folded_cells(), 0);

@@ -4,6 +4,7 @@ use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
 use plumbline_num::math::Rect;
 use plumbline_num::optim::qp::QpError;
+use plumbline_num::run::Stopped;
 
 /// Why a picture cannot be given another shape.
 #[derive(Debug, thiserror::Error)]
@@ -56,14 +57,35 @@ pub enum RetargetError {
     },
     /// Numerics: the start could not be solved.
     #[error("rows and columns could not be sized: {0}")]
-    Start(#[from] QpError),
+    Start(QpError),
     /// Numerics: the mesh could not be solved.
     #[error("the mesh could not be solved: {0}")]
-    Solve(#[from] EnergyError),
+    Solve(EnergyError),
     /// Numerics: the mesh cannot be inverted.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 /// Largest side of a picture, px: the largest that JPEG can hold.
 pub(super) const MAX_SIDE: usize = 65_535;
+
+impl From<QpError> for RetargetError {
+    fn from(error: QpError) -> Self {
+        match error {
+            QpError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Start(error),
+        }
+    }
+}
+
+impl From<EnergyError> for RetargetError {
+    fn from(error: EnergyError) -> Self {
+        match error {
+            EnergyError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Solve(error),
+        }
+    }
+}

@@ -26,6 +26,7 @@ use plumbline_image::feature::{Face, Importance};
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{Map, WarpField};
 use plumbline_num::math::{Point2, Rect, Vec2};
+use plumbline_num::run::Run;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
 use virtual_points::virtual_points;
@@ -133,8 +134,9 @@ pub fn retarget(
     lines: &[Line],
     faces: &[Face],
     options: &RetargetOptions,
+    run: &Run,
 ) -> Result<Retargeted, RetargetError> {
-    Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out)
+    Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out, run)
 }
 
 /// A picture ready to be given any size.
@@ -196,22 +198,23 @@ impl Retargeter {
     /// does not depend on earlier calls.
     ///
     /// # Errors
-    /// [`RetargetError::TargetSize`]; [`RetargetError::Start`], [`RetargetError::Solve`] where numerics fail.
-    pub fn solve(&mut self, out: (usize, usize)) -> Result<Retargeted, RetargetError> {
+    /// [`RetargetError::TargetSize`]; [`RetargetError::Start`], [`RetargetError::Solve`] where numerics fail;
+    /// [`RetargetError::Interrupted`].
+    pub fn solve(&mut self, out: (usize, usize), run: &Run) -> Result<Retargeted, RetargetError> {
         let (width, height) = out;
         if !is_size(out) {
             return Err(RetargetError::TargetSize { width, height });
         }
         let size = (width as f64, height as f64);
         let window = window::window(self.source, size, &self.importance, self.options.crop_below);
-        self.solve_in(window, out)
+        self.solve_in(window, out, run)
     }
 
     /// [`Self::solve`] with the window given, px of the picture.
     ///
     /// # Errors
     /// [`RetargetError::TargetSize`], [`RetargetError::Window`]; as [`Self::solve`] otherwise.
-    pub fn solve_in(&mut self, window: Rect, out: (usize, usize)) -> Result<Retargeted, RetargetError> {
+    pub fn solve_in(&mut self, window: Rect, out: (usize, usize), run: &Run) -> Result<Retargeted, RetargetError> {
         let (width, height) = out;
         if !is_size(out) {
             return Err(RetargetError::TargetSize { width, height });
@@ -230,7 +233,7 @@ impl Retargeter {
         }
         loop {
             let prepared = self.prepared.as_mut().expect("set above");
-            let (mesh, descent) = prepared.solve(size, &self.options)?;
+            let (mesh, descent) = prepared.solve(size, &self.options, run)?;
             let reports = prepared.measure(&mesh);
             let bent = prepared.bent(&reports);
             if bent.is_empty() || !self.options.refine {
@@ -308,15 +311,20 @@ fn moved(line: &Line, by: Vec2) -> Line {
 }
 
 impl Prepared {
-    fn solve(&mut self, size: (f64, f64), options: &RetargetOptions) -> Result<(GridMesh, Descent), RetargetError> {
+    fn solve(
+        &mut self,
+        size: (f64, f64),
+        options: &RetargetOptions,
+        run: &Run,
+    ) -> Result<(GridMesh, Descent), RetargetError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
         let bounds = Bounds { least: options.least_scale, most: START * options.most_scale };
-        let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds)? };
+        let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds, run)? };
         if !options.refine {
             return Ok((mesh, Descent { energies: Vec::new(), converged: true }));
         }
-        let descent = self.energy.minimize(&mut mesh, size)?;
+        let descent = self.energy.minimize(&mut mesh, size, run)?;
         Ok((mesh, descent))
     }
 

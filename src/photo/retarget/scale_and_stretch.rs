@@ -38,6 +38,7 @@ use super::straight::{Lie, Straight};
 use plumbline_image::grid::{Grid, GridMesh, Quad};
 use plumbline_num::energy::{Ordering, QuadraticEnergy};
 use plumbline_num::math::Point2;
+use plumbline_num::run::Run;
 
 /// `κ`: at 0.01 the least important cells end at 1.05 `m`, at 1 near 2 `m`.
 const STRAIN: f64 = 0.1;
@@ -147,7 +148,12 @@ impl ScaleAndStretch {
     ///
     /// # Errors
     /// [`RetargetError::Solve`] where a step cannot be solved.
-    pub(super) fn minimize(&mut self, mesh: &mut GridMesh, size: (f64, f64)) -> Result<Descent, RetargetError> {
+    pub(super) fn minimize(
+        &mut self,
+        mesh: &mut GridMesh,
+        size: (f64, f64),
+        run: &Run,
+    ) -> Result<Descent, RetargetError> {
         let scales = Scales::new(&self.grid, size, &self.settings);
         let mut energies = vec![self.cost(mesh, &scales)];
         if energies[0] < NOTHING {
@@ -155,8 +161,9 @@ impl ScaleAndStretch {
         }
         let mut trial = mesh.clone();
         for round in 0..self.settings.rounds {
+            run.step(round as f64 / self.settings.rounds as f64)?;
             self.assemble(mesh, &scales);
-            self.energy.minimize()?;
+            self.energy.minimize(run)?;
             let before = energies[round];
             let mut share = 1.0;
             let after = (0..HALVINGS).find_map(|_| {

@@ -3,6 +3,7 @@
 use super::*;
 use plumbline_image::Plane;
 use plumbline_num::math::PointMap;
+use plumbline_num::run::Run;
 use proptest::prelude::*;
 
 const SOURCE: (usize, usize) = (640, 420);
@@ -29,7 +30,8 @@ fn random_lines(seed: u64, count: usize) -> Vec<Line> {
 }
 
 fn solved(out: (usize, usize), importance: &Importance, lines: &[Line], faces: &[Face]) -> Retargeted {
-    retarget(SOURCE, out, importance, lines, faces, &RetargetOptions::default()).expect("a sound picture")
+    retarget(SOURCE, out, importance, lines, faces, &RetargetOptions::default(), &Run::default())
+        .expect("a sound picture")
 }
 
 /// Largest distance of the border from where it must be, px; exact means 0.
@@ -116,7 +118,8 @@ fn oblique_lines_stay_straight_where_columns_would_bend_them() {
         let lines = random_lines(seed, 12);
         for (refine, worst) in [false, true].into_iter().zip(&mut worst) {
             let options = RetargetOptions { refine, ..RetargetOptions::default() };
-            let found = retarget(SOURCE, (384, 420), &importance(seed), &lines, &[], &options).expect("sound");
+            let found =
+                retarget(SOURCE, (384, 420), &importance(seed), &lines, &[], &options, &Run::default()).expect("sound");
             let bend = |r: &LineReport| r.max_px / r.length_px.max(1.0);
             *worst = found.warp.lines.iter().map(bend).fold(*worst, f64::max);
         }
@@ -130,7 +133,7 @@ fn no_mesh_nearby_costs_less() {
     let out = (384.0, 420.0);
     let mut retargeter =
         Retargeter::new(SOURCE, importance(8), lines, Vec::new(), RetargetOptions::default()).expect("sound");
-    retargeter.solve((384, 420)).expect("sound");
+    retargeter.solve((384, 420), &Run::default()).expect("sound");
     let prepared = retargeter.prepared.as_mut().expect("solved");
     let settings = Settings { bending: 0.3, least: 0.3, most: 1.5, rounds: 200, tolerance: 1e-12 };
     let straight =
@@ -138,7 +141,7 @@ fn no_mesh_nearby_costs_less() {
     let mut energy =
         ScaleAndStretch::new(prepared.grid, prepared.weights.clone(), straight.collect(), settings).expect("sound");
     let mut mesh = plain_resize(&prepared.grid, out);
-    let best = *energy.minimize(&mut mesh, out).expect("sound").energies.last().expect("one at least");
+    let best = *energy.minimize(&mut mesh, out, &Run::default()).expect("sound").energies.last().expect("one at least");
     let mut rng = fastrand::Rng::with_seed(1);
     for _ in 0..300 {
         let mut other = mesh.clone();
@@ -212,16 +215,18 @@ fn a_size_dragged_ends_where_the_same_size_asked_at_once_does() {
     let new = || Retargeter::new(SOURCE, importance(5), random_lines(5, 5), Vec::new(), RetargetOptions::default());
     let (mut dragged, mut fresh) = (new().expect("sound"), new().expect("sound"));
     for width in [600, 150, 500, 410] {
-        dragged.solve((width, 420)).expect("sound");
+        dragged.solve((width, 420), &Run::default()).expect("sound");
     }
-    let [a, b] = [&mut dragged, &mut fresh].map(|r| r.solve((400, 420)).expect("sound").warp.mesh);
+    let [a, b] = [&mut dragged, &mut fresh].map(|r| r.solve((400, 420), &Run::default()).expect("sound").warp.mesh);
     assert_eq!(a, b);
 }
 
 #[test]
 fn what_cannot_be_used_is_refused_with_the_reason() {
     let ask = |source, out, lines: &[Line], options: &RetargetOptions| {
-        retarget(source, out, &Importance::even(), lines, &[], options).expect_err("refused").to_string()
+        retarget(source, out, &Importance::even(), lines, &[], options, &Run::default())
+            .expect_err("refused")
+            .to_string()
     };
     let plain = RetargetOptions::default();
     assert_eq!(ask((0, 5), (5, 5), &[], &plain), "the picture has 0×5 px (expected 1 to 65535 each way)");
@@ -251,7 +256,7 @@ proptest! {
             line.orientation = orientations[given];
         }
         let options = RetargetOptions { cells: 300, ..RetargetOptions::default() };
-        let found = retarget(SOURCE, (width, height), &importance(seed), &lines, &[], &options).expect("sound");
+        let found = retarget(SOURCE, (width, height), &importance(seed), &lines, &[], &options, &Run::default()).expect("sound");
         prop_assert_eq!(border_error(&found.warp.mesh, (width as f64, height as f64)), 0.0);
         prop_assert_eq!(found.warp.mesh.folded_cells(), 0);
         prop_assert!(found.energies.windows(2).all(|e| e[1] < e[0]), "{:?}", found.energies);

@@ -31,6 +31,7 @@ pub use frame_grid::FrameGrid;
 pub use importance::ClipImportance;
 use plumbline_image::grid::Grid;
 use plumbline_num::math::{Homography, Point2, PointMap, Rect, Similarity2};
+use plumbline_num::run::Run;
 use window_path::Sight;
 
 /// Cells of a grid, about. Half of what a still picture takes: fewer, broader rows and columns are calmer.
@@ -166,6 +167,7 @@ pub fn retarget_clip(
     importance: &ClipImportance,
     out: (usize, usize),
     options: &ClipRetargetOptions,
+    run: &Run,
 ) -> Result<ClipGrids, RetargetError> {
     options.check()?;
     let (width, height) = clip.size;
@@ -179,7 +181,7 @@ pub fn retarget_clip(
     let kept = kept_share(scale, options.crop_below);
     let share = if scale.0 < scale.1 { (kept, 1.0) } else { (1.0, kept) };
     let shape = Shape { source: (width as f64, height as f64), out: (out.0 as f64, out.1 as f64), share };
-    let solve = |frames: &Range<usize>| shape.solve(clip, importance, frames, options);
+    let solve = |frames: &Range<usize>| shape.solve(clip, importance, frames, options, run);
     let shots = clip.shots.iter().map(solve).collect::<Result<Vec<_>, _>>()?;
     Ok(ClipGrids { source: shape.source, out, share, shots })
 }
@@ -222,9 +224,10 @@ impl Shape {
         importance: &ClipImportance,
         frames: &Range<usize>,
         options: &ClipRetargetOptions,
+        run: &Run,
     ) -> Result<ShotGrids, RetargetError> {
         let followed = Followed::new(clip, importance, frames, options.follow_s);
-        let starts = self.window_path(&followed)?;
+        let starts = self.window_path(&followed, run)?;
         let grid = self.grid();
         let scale = (self.out.0 / grid.width, self.out.1 / grid.height);
         let bounds = Bounds { least: options.least_scale, most: MOST_SCALE };
@@ -233,7 +236,7 @@ impl Shape {
             for w in &mut weights {
                 *w = w.max(LEAST_WEIGHT);
             }
-            axis_aligned::scales(&grid, &weights, scale, bounds)
+            axis_aligned::scales(&grid, &weights, scale, bounds, run)
         };
         let solved = starts.par_iter().enumerate().map(solve).collect::<Result<Vec<_>, _>>()?;
         let (columns, rows): (Vec<_>, Vec<_>) = solved.into_iter().unzip();
@@ -244,14 +247,14 @@ impl Shape {
     }
 
     /// Where the window starts at each moment.
-    fn window_path(&self, followed: &Followed) -> Result<Vec<f64>, RetargetError> {
+    fn window_path(&self, followed: &Followed, run: &Run) -> Result<Vec<f64>, RetargetError> {
         let kept = self.kept();
         if kept >= 1.0 {
             return Ok(vec![0.0; followed.frames.len()]);
         }
         let sight = |moment| Sight::new(&strip_profile(moment, self.along_x(), STRIPS), kept);
         let sights: Vec<Sight> = followed.moments.iter().map(sight).collect();
-        Ok(window_path::window_path(&sights, &followed.times_s, kept)?)
+        Ok(window_path::window_path(&sights, &followed.times_s, kept, run)?)
     }
 }
 

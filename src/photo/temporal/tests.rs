@@ -2,6 +2,7 @@ use super::*;
 use plumbline_image::Plane;
 use plumbline_image::feature::Importance;
 use plumbline_num::math::{PointMap, Vec2};
+use plumbline_num::run::Run;
 use proptest::prelude::*;
 
 const SIZE: (usize, usize) = (1920, 1080);
@@ -32,7 +33,7 @@ fn solve(
 ) -> ClipGrids {
     let times_s = times(shots.last().expect("a shot").end);
     let clip = ClipData { size: SIZE, times_s: &times_s, shots, motion, shown_from_src: &[], judged: None };
-    retarget_clip(&clip, importance, out, &ClipRetargetOptions::default()).expect("it can be solved")
+    retarget_clip(&clip, importance, out, &ClipRetargetOptions::default(), &Run::default()).expect("it can be solved")
 }
 
 fn still(frames: usize) -> Vec<Similarity2> {
@@ -171,7 +172,9 @@ fn what_cannot_be_is_refused() {
         shown_from_src: &[],
         judged: None,
     };
-    let refused = |out, options| retarget_clip(&clip, &importance, out, &options).expect_err("refused").to_string();
+    let refused = |out, options| {
+        retarget_clip(&clip, &importance, out, &options, &Run::default()).expect_err("refused").to_string()
+    };
     let options = ClipRetargetOptions::default();
     assert!(refused((0, 5), options).contains("target size 0×5"));
     assert!(refused(TALL, ClipRetargetOptions { crop_below: f64::NAN, ..options }).contains("crop_below NaN"));

@@ -17,6 +17,7 @@
 //! Places and times are in shares of the picture and seconds.
 
 use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
+use plumbline_num::run::Run;
 
 /// What importance at the border of a window counts for, relative to its middle.
 const BORDER: f64 = 0.3;
@@ -65,14 +66,14 @@ fn apart(starts: usize, share: f64) -> f64 {
 }
 
 /// Starts of the window at each moment, in `[0, 1 − share]`.
-pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpError> {
+pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
     let strips = apart(sights[0].worth.len(), share);
     let wanted: Vec<f64> =
         course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - share)).collect();
     if wanted.iter().all(|w| *w == wanted[0]) {
         return Ok(wanted);
     }
-    smooth(&wanted, times_s, share)
+    smooth(&wanted, times_s, share, run)
 }
 
 /// The course worth most, as indices of starts that lie `apart`.
@@ -116,7 +117,7 @@ fn lasting(times_s: &[f64], k: usize) -> f64 {
 }
 
 /// The smooth path near the wanted one.
-fn smooth(wanted: &[f64], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpError> {
+fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
     let n = wanted.len();
     // Unknowns: the path, then how far it is off beyond what is free; both in widths of the window.
     let (c, e) = (Affine::var, |k: usize| Affine::var(n + k));
@@ -143,6 +144,6 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64) -> Result<Vec<f64>, QpErr
         let lasts = 0.5 * (step(k - 1) + step(k));
         qp.add_square(SMOOTH_S.powi(4) * lasts, (1.0 / lasts) * (speed(k) - speed(k - 1)));
     }
-    let solved = qp.solve()?;
+    let solved = qp.solve(run)?;
     Ok(solved[..n].iter().map(|c| (c * share).clamp(0.0, 1.0 - share)).collect())
 }

@@ -1,6 +1,7 @@
 //! What a skeleton, a pose or a skin can be refused for.
 
 use crate::surface::SurfaceError;
+use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
 /// Why a character could not be made.
@@ -191,12 +192,33 @@ pub enum CharacterError {
     },
     /// Numerics: a system could not be factored.
     #[error(transparent)]
-    Solve(#[from] SparseError),
+    Solve(SparseError),
     /// A surface that could not be refined.
     #[error(transparent)]
-    Surface(#[from] SurfaceError),
+    Surface(SurfaceError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 fn known(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |n| format!("; did you mean {n:?}?"))
+}
+
+impl From<SparseError> for CharacterError {
+    fn from(error: SparseError) -> Self {
+        match error {
+            SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Solve(error),
+        }
+    }
+}
+
+impl From<SurfaceError> for CharacterError {
+    fn from(error: SurfaceError) -> Self {
+        match error {
+            SurfaceError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Surface(error),
+        }
+    }
 }

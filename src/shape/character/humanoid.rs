@@ -13,6 +13,7 @@ use super::{Between, Character, CharacterError, Clip, ClipError, Curve, Joint, K
 use crate::mesh::Model;
 use crate::mesh::shapes::level_set;
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 /// Name, parent, place; of pairs the left one.
 const JOINTS: [(&str, &str, [f64; 3]); 14] = [
@@ -72,7 +73,7 @@ pub fn humanoid(cell: f64) -> Result<Character, HumanoidError> {
     let limbs = limbs(&skeleton);
     let inside = |x: &Point3<f64>| limbs.iter().map(|l| l.distance(x)).reduce(joined).unwrap_or(1.0);
     let mesh = level_set(inside, Point3::new(-1.0, -0.1, -0.3), Point3::new(1.0, 1.95, 0.35), cell);
-    let (weights, _) = bone_weights(&mesh, &skeleton, &WeightOptions::default())?;
+    let (weights, _) = bone_weights(&mesh, &skeleton, &WeightOptions::default(), &Run::default())?;
     let skin = Arc::new(Skin::bound(weights, &skeleton)?);
     let clips = vec![walk(&skeleton)?, wave(&skeleton)?];
     Ok(Character { clips, ..Character::new(Model::of_mesh(mesh), skeleton, skin)? })

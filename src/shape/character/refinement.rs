@@ -22,6 +22,7 @@ use super::skinning::joint_rotations;
 use super::{CharacterError, SkinWeights};
 use crate::mesh::TriMesh;
 use crate::surface::{DeformOptions, DetailPreserving, HandlePose, Handles, Hold};
+use plumbline_num::run::Run;
 
 /// The factor that refines a skinned surface, by whichever method it is skinned.
 #[derive(Debug)]
@@ -37,24 +38,26 @@ impl DetailRefiner {
     /// # Errors
     /// [`CharacterError::PerVertex`] for weights of another mesh; [`CharacterError::Surface`] where the surface cannot be bound or
     /// `hold` is not above 0.
-    pub fn new(mesh: &TriMesh, weights: &SkinWeights, hold: f64) -> Result<Self, CharacterError> {
+    pub fn new(mesh: &TriMesh, weights: &SkinWeights, hold: f64, run: &Run) -> Result<Self, CharacterError> {
         let (vertices, given) = (mesh.vertex_count(), weights.vertex_count());
         if given != vertices {
             return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
         }
         let handles = Handles::new((0..vertices as u32).map(|v| (v, Hold::Soft(hold))))?;
-        let solver = DetailPreserving::new(mesh, &handles, &DeformOptions::default())?;
+        let solver = DetailPreserving::new(mesh, &handles, &DeformOptions::default(), run)?;
         Ok(Self { weights: weights.clone(), solver })
     }
 
     /// The refined surface: `skinned` is where a method has the vertices in the pose of `matrices`.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Matrices`] for another number of joints.
+    /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Matrices`] for another number of joints,
+    /// [`CharacterError::Interrupted`].
     pub fn refined(
         &mut self,
         skinned: Vec<Point3<f64>>,
         matrices: &[Matrix4<f64>],
+        run: &Run,
     ) -> Result<Vec<Point3<f64>>, CharacterError> {
         let (vertices, given) = (self.weights.vertex_count(), skinned.len());
         if given != vertices {
@@ -66,7 +69,7 @@ impl DetailRefiner {
         }
         let rotations = joint_rotations(matrices);
         let turns: Vec<Matrix3<f64>> = self.weights.rows().map(|row| blended(&rotations, row)).collect();
-        Ok(self.solver.solve(&turns, &HandlePose::new(skinned))?.positions)
+        Ok(self.solver.solve(&turns, &HandlePose::new(skinned), run)?.positions)
     }
 }
 
@@ -100,14 +103,15 @@ mod tests {
 
     impl Refined {
         fn at(&mut self, m: &[Matrix4<f64>]) -> Vec<Point3<f64>> {
-            self.refiner.refined(self.skinner.positions(m).expect("fits"), m).expect("of its mesh")
+            self.refiner.refined(self.skinner.positions(m).expect("fits"), m, &Run::default()).expect("of its mesh")
         }
     }
 
     fn refiner(hold: f64) -> (TriMesh, Skeleton, Skin, Refined) {
         let (mesh, skeleton, skin) = tube(2, 16, 40);
-        let skinner = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
-        let refiner = DetailRefiner::new(&mesh, skin.weights(), hold).expect("bound");
+        let skinner =
+            Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
+        let refiner = DetailRefiner::new(&mesh, skin.weights(), hold, &Run::default()).expect("bound");
         (mesh, skeleton, skin, Refined { skinner, refiner })
     }
 
@@ -142,12 +146,12 @@ mod tests {
     #[test]
     fn a_hold_of_nothing_and_what_is_of_another_mesh_are_refused() {
         let (mesh, skeleton, skin) = tube(2, 6, 4);
-        let message = DetailRefiner::new(&mesh, skin.weights(), 0.0).expect_err("0").to_string();
+        let message = DetailRefiner::new(&mesh, skin.weights(), 0.0, &Run::default()).expect_err("0").to_string();
         assert!(message.contains("weight 0 of vertex 0"), "{message}");
-        assert!(DetailRefiner::new(&TriMesh::default(), skin.weights(), 1.0).is_err());
-        let mut refiner = DetailRefiner::new(&mesh, skin.weights(), 1.0).expect("bound");
+        assert!(DetailRefiner::new(&TriMesh::default(), skin.weights(), 1.0, &Run::default()).is_err());
+        let mut refiner = DetailRefiner::new(&mesh, skin.weights(), 1.0, &Run::default()).expect("bound");
         let m = matrices(&skeleton, &skin, |_| ());
-        assert!(refiner.refined(Vec::new(), &m).is_err());
-        assert!(refiner.refined(mesh.positions().to_vec(), &m[1..]).is_err());
+        assert!(refiner.refined(Vec::new(), &m, &Run::default()).is_err());
+        assert!(refiner.refined(mesh.positions().to_vec(), &m[1..], &Run::default()).is_err());
     }
 }

@@ -29,6 +29,7 @@ pub use marks::{Mark, Shape};
 
 use crate::mesh::TriMesh;
 use plumbline_image::canvas::{Canvas, ColorMap, Rgb};
+use plumbline_num::run::{Run, Stopped};
 
 /// The color of a surface that has none of its own: a warm light gray on which light and shadow read well.
 pub const CLAY: Rgb = [214, 208, 198];
@@ -158,13 +159,17 @@ impl Default for Style {
 }
 
 /// The picture that `camera` takes of a surface.
-pub fn draw(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style) -> Canvas {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn draw(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style, run: &Run) -> Result<Canvas, Stopped> {
     let samples = style.samples.clamp(1, 8);
+    run.check()?;
     let view = visibility::View::new(surface.mesh, camera, samples);
-    let (mut canvas, veil) = shade::shade(surface, camera, style, &view);
+    let (mut canvas, veil) = shade::shade(surface, camera, style, &view, run)?;
     marks::draw(surface.marks, camera, &veil, &mut canvas);
     if let (Paint::VertexValues(_, scale) | Paint::FaceValues(_, scale), true) = (&surface.paint, style.legend) {
         legend::draw(scale, &mut canvas);
     }
-    canvas
+    Ok(canvas)
 }

@@ -18,6 +18,7 @@ use super::{Paint, Style, Surface, SurfaceCamera, Wireframe};
 use plumbline_image::canvas::srgb::{Encode, LINEAR};
 use plumbline_image::canvas::{Canvas, Rgb};
 use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::run::{Run, Stopped};
 
 type Vec3 = Vector3<f32>;
 
@@ -37,7 +38,13 @@ struct Gathered {
 }
 
 /// Colors every pixel, and tells what lies before marks.
-pub(super) fn shade(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style, view: &View) -> (Canvas, Veil) {
+pub(super) fn shade(
+    surface: &Surface<'_>,
+    camera: &SurfaceCamera,
+    style: &Style,
+    view: &View,
+    run: &Run,
+) -> Result<(Canvas, Veil), Stopped> {
     let legible = !matches!(surface.paint, Paint::Plain(_));
     let shader = Shader {
         surface,
@@ -51,9 +58,10 @@ pub(super) fn shade(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style
         back: style.back.map(linear),
         opacity: if style.opacity < 1.0 { style.opacity.max(0.0) as f32 } else { 1.0 },
     };
+    run.check()?;
     let (width, height) = camera.size;
     let mut gathered = vec![Gathered { light: Vec3::zeros(), clear: 1.0 }; width * height];
-    let veil = shader.gather(&mut gathered);
+    let veil = shader.gather(&mut gathered, run)?;
     let encode = Encode::new();
     let mut pixels: Vec<Rgb> = vec![[0; 3]; width * height];
     let rows = pixels.par_chunks_mut(width).zip(gathered.par_chunks(width));
@@ -63,7 +71,7 @@ pub(super) fn shade(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style
             *pixel = encode.apply(g.light + behind * g.clear);
         }
     });
-    (Canvas::from_pixels(width, height, pixels).expect("one pixel per place"), veil)
+    Ok((Canvas::from_pixels(width, height, pixels).expect("one pixel per place"), veil))
 }
 
 fn background(style: &Style, y: usize, height: usize) -> Vec3 {
@@ -132,29 +140,30 @@ struct Shader<'a> {
 
 impl Shader<'_> {
     /// Gathers the light of the surface, layer by layer where it is translucent.
-    fn gather(&self, gathered: &mut [Gathered]) -> Veil {
-        let mut seen = self.view.nearest();
+    fn gather(&self, gathered: &mut [Gathered], run: &Run) -> Result<Veil, Stopped> {
+        let mut seen = self.view.nearest(run)?;
         if self.opacity >= 1.0 {
-            self.add(&seen, gathered);
-            return Veil::opaque(seen);
+            self.add(&seen, gathered, run)?;
+            return Ok(Veil::opaque(seen));
         }
         let mut veil = Veil::translucent(self.camera.size.0);
         for _ in 0..LAYERS {
             if seen.is_empty() {
                 break;
             }
-            veil.lay(&self.add(&seen, gathered), &seen);
-            seen = self.view.behind(&seen);
+            veil.lay(&self.add(&seen, gathered, run)?, &seen);
+            seen = self.view.behind(&seen, run)?;
         }
-        veil
+        Ok(veil)
     }
 
     /// Adds the light of a layer; how opaque it is in each pixel.
-    fn add(&self, seen: &Seen, gathered: &mut [Gathered]) -> Vec<f32> {
+    fn add(&self, seen: &Seen, gathered: &mut [Gathered], run: &Run) -> Result<Vec<f32>, Stopped> {
         let mut opacity = vec![0.0; gathered.len()];
         let width = self.camera.size.0;
         let rows = gathered.par_chunks_mut(width).zip(opacity.par_chunks_mut(width));
-        rows.enumerate().for_each(|(y, (row, opacity))| {
+        rows.enumerate().try_for_each(|(y, (row, opacity))| {
+            run.check()?;
             for (x, (g, opacity)) in row.iter_mut().zip(opacity).enumerate() {
                 if let Some((light, cover)) = self.pixel(seen, x, y) {
                     g.light += light * g.clear;
@@ -162,8 +171,9 @@ impl Shader<'_> {
                     *opacity = cover;
                 }
             }
-        });
-        opacity
+            Ok(())
+        })?;
+        Ok(opacity)
     }
 
     /// Light that a layer adds to a pixel, and how much of the pixel it covers; `None` where no sample sees it.

@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::*;
+use plumbline_num::run::Run;
 
 fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> TriMesh {
     TriMesh::new(positions.iter().map(|p| Point3::from(*p)).collect(), triangles.to_vec()).unwrap()
@@ -48,7 +49,8 @@ fn a_fitted_camera_shows_everything_and_is_as_near_as_it_can_be() {
         for (name, ..) in ViewDirection::NAMED {
             for size in [(200, 100), (100, 200), (150, 150)] {
                 let camera = camera(&mesh, name, size);
-                let drawn = draw(&Surface::new(&mesh), &camera, &PLAIN);
+                let drawn =
+                    draw(&Surface::new(&mesh), &camera, &PLAIN, &Run::default()).expect("a run that never stops");
                 let [left, right, top, bottom] = box_of_ink(&drawn).expect("something is seen");
                 assert!(left > 0 && top > 0 && right + 1 < size.0 && bottom + 1 < size.1, "{name} {size:?}");
                 // One of the sides is filled to the margin.
@@ -91,7 +93,8 @@ fn the_nearer_face_hides_the_farther_one_whatever_their_order() {
             colors.reverse();
         }
         let surface = Surface { paint: Paint::FaceColors(&colors), ..Surface::new(&mesh) };
-        let drawn = draw(&surface, &camera(&mesh, "front", (80, 80)), &PLAIN);
+        let drawn =
+            draw(&surface, &camera(&mesh, "front", (80, 80)), &PLAIN, &Run::default()).expect("a run that never stops");
         let [r, _, b] = drawn.pixels()[40 * 80 + 40];
         assert!(r > 2 * b, "the red face is nearer: {r} {b}");
     }
@@ -108,14 +111,16 @@ fn triangles_that_share_an_edge_leave_no_crack_and_cover_no_sample_twice() {
     let whole = mesh(&positions, &fan);
     let camera = camera(&whole, "front", (120, 120));
     let covered = |triangles: &[[u32; 3]]| -> Vec<bool> {
-        let seen = visibility::View::new(&mesh(&positions, triangles), &camera, 3).nearest();
+        let seen = visibility::View::new(&mesh(&positions, triangles), &camera, 3)
+            .nearest(&Run::default())
+            .expect("a run that never stops");
         let samples = (0..120 * 120 * 9).map(|i| seen.triangle(i / 9 % 120, i / 9 / 120, i % 3, i % 9 / 3));
         samples.map(|t| t != visibility::NOTHING).collect()
     };
     let together = covered(&fan).iter().filter(|c| **c).count();
     let alone: usize = fan.iter().map(|t| covered(&[*t]).iter().filter(|c| **c).count()).sum();
     assert_eq!(together, alone, "each sample belongs to one triangle");
-    let seen = draw(&Surface::new(&whole), &camera, &PLAIN);
+    let seen = draw(&Surface::new(&whole), &camera, &PLAIN, &Run::default()).expect("a run that never stops");
     for y in 30..90 {
         for x in 30..90 {
             assert_ne!(seen.pixels()[y * 120 + x], [0; 3], "a crack at ({x}, {y})");
@@ -130,10 +135,16 @@ fn both_sides_are_lit_alike_and_the_back_can_be_told_apart() {
     let camera = camera(&one, "front", (50, 50));
     for flat in [true, false] {
         let style = Style { flat, ..PLAIN };
-        assert_eq!(draw(&Surface::new(&one), &camera, &style), draw(&Surface::new(&other), &camera, &style));
+        assert_eq!(
+            draw(&Surface::new(&one), &camera, &style, &Run::default()).expect("a run that never stops"),
+            draw(&Surface::new(&other), &camera, &style, &Run::default()).expect("a run that never stops")
+        );
     }
     let marked = Style { back: Some([200, 0, 0]), ..PLAIN };
-    let middle = |m: &TriMesh| draw(&Surface::new(m), &camera, &marked).pixels()[30 * 50 + 25];
+    let middle = |m: &TriMesh| {
+        draw(&Surface::new(m), &camera, &marked, &Run::default()).expect("a run that never stops").pixels()
+            [30 * 50 + 25]
+    };
     assert!(middle(&other)[0] > 2 * middle(&other)[1] && middle(&one)[1] > 100);
 }
 
@@ -154,7 +165,11 @@ fn a_wireframe_darkens_edges_and_spares_those_that_are_not_shown() {
         mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 3]]);
     let camera = camera(&square, "front", (101, 101));
     let style = Style { wireframe: Some(Wireframe { color: [0; 3], width_px: 3.0 }), ..PLAIN };
-    let center = |edges| draw(&Surface { edges, ..Surface::new(&square) }, &camera, &style).pixels()[50 * 101 + 50];
+    let center = |edges| {
+        draw(&Surface { edges, ..Surface::new(&square) }, &camera, &style, &Run::default())
+            .expect("a run that never stops")
+            .pixels()[50 * 101 + 50]
+    };
     assert!(center(None)[0] < 20, "the diagonal passes through the middle");
     assert!(center(Some(&[0b011, 0b110]))[0] > 100, "of a quad it is not shown");
 }
@@ -166,7 +181,7 @@ fn numbers_are_mixed_before_they_become_colors() {
     let camera = camera(&square, "front", (101, 101));
     let paint = |values: &[f64; 4]| {
         let surface = Surface { paint: Paint::VertexValues(values, Scale::of(values)), ..Surface::new(&square) };
-        draw(&surface, &camera, &PLAIN).pixels()[50 * 101 + 50]
+        draw(&surface, &camera, &PLAIN, &Run::default()).expect("a run that never stops").pixels()[50 * 101 + 50]
     };
     // Halfway between the ends of a diverging map is its light middle, not a mixture of blue and red.
     let [r, g, b] = paint(&[-1.0, 1.0, 1.0, -1.0]);
@@ -182,7 +197,9 @@ fn marks_behind_a_surface_are_fainter() {
     let camera = camera(&square, "front", (101, 101));
     let at = |z: f64| {
         let mark = Mark { shape: Shape::Point(Point3::new(0.0, 0.0, z)), color: [0, 0, 255], width_px: 9.0 };
-        draw(&Surface { marks: &[mark], ..Surface::new(&square) }, &camera, &PLAIN).pixels()[50 * 101 + 50]
+        draw(&Surface { marks: &[mark], ..Surface::new(&square) }, &camera, &PLAIN, &Run::default())
+            .expect("a run that never stops")
+            .pixels()[50 * 101 + 50]
     };
     assert_eq!(at(0.01), [0, 0, 255]);
     assert_eq!(at(0.0), [0, 0, 255], "on the surface counts as before it");
@@ -206,7 +223,11 @@ fn layers_of_glass_let_through_what_each_of_them_lets_through() {
     let camera = camera(&glass, "front", (101, 101));
     let middle = |m: &TriMesh, opacity: f64| {
         let black = Surface { paint: Paint::Plain([0; 3]), ..Surface::new(m) };
-        linear(draw(&black, &camera, &Style { opacity, ..style }).pixels()[50 * 101 + 50])
+        linear(
+            draw(&black, &camera, &Style { opacity, ..style }, &Run::default())
+                .expect("a run that never stops")
+                .pixels()[50 * 101 + 50],
+        )
     };
     let gloss = middle(&glass, 1.0);
     let one = 0.3 * gloss + 0.7;
@@ -228,7 +249,8 @@ fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
     let camera = camera(&glass, "front", (101, 101));
     let style = Style { flat: true, opacity: 0.4, ..PLAIN };
     let red = |marks: &[Mark]| {
-        let drawn = draw(&Surface { marks, ..Surface::new(&glass) }, &camera, &style);
+        let drawn = draw(&Surface { marks, ..Surface::new(&glass) }, &camera, &style, &Run::default())
+            .expect("a run that never stops");
         f64::from(drawn.pixels()[50 * 101 + 50][0])
     };
     // A blue mark takes as much of the red as it is seen.
@@ -272,7 +294,8 @@ fn nothing_degenerate_or_empty_is_drawn_and_nothing_fails() {
                 marks: &marks,
                 mesh: &mesh,
             };
-            let drawn = draw(&surface, &camera(&mesh, "corner", size), &style);
+            let drawn = draw(&surface, &camera(&mesh, "corner", size), &style, &Run::default())
+                .expect("a run that never stops");
             assert_eq!((drawn.width(), drawn.height()), size);
         }
     }
@@ -284,7 +307,7 @@ fn a_camera_inside_a_model_sees_the_walls_around_it() {
     let outside = camera(&room, "front", (60, 60));
     let pose = plumbline_camera::CameraPose::looking_from(Point3::origin(), outside.pose.rotation);
     let inside = SurfaceCamera { pose, near: 1e-3, ..outside };
-    let drawn = draw(&Surface::new(&room), &inside, &PLAIN);
+    let drawn = draw(&Surface::new(&room), &inside, &PLAIN, &Run::default()).expect("a run that never stops");
     assert!(drawn.pixels().iter().all(|p| *p != [0; 3]), "walls cross the near plane and are clipped, not lost");
 }
 

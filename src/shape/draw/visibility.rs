@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::SurfaceCamera;
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// The number of no triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
@@ -63,26 +64,28 @@ impl View {
     }
 
     /// The nearest triangles.
-    pub(super) fn nearest(&self) -> Seen {
-        self.peeled(None)
+    pub(super) fn nearest(&self, run: &Run) -> Result<Seen, Stopped> {
+        self.peeled(None, run)
     }
 
     /// The nearest triangles behind those of a layer (C. Everitt, *Interactive order-independent transparency*, 2001).
-    pub(super) fn behind(&self, layer: &Seen) -> Seen {
-        self.peeled(Some(layer))
+    pub(super) fn behind(&self, layer: &Seen, run: &Run) -> Result<Seen, Stopped> {
+        self.peeled(Some(layer), run)
     }
 
-    fn peeled(&self, layer: Option<&Seen>) -> Seen {
+    fn peeled(&self, layer: Option<&Seen>, run: &Run) -> Result<Seen, Stopped> {
         let mut triangle = vec![NOTHING; self.columns * self.rows];
         let mut nearness = vec![0.0_f32; self.columns * self.rows];
         let size = self.columns * BAND;
         let targets = triangle.par_chunks_mut(size).zip(nearness.par_chunks_mut(size));
-        targets.enumerate().for_each(|(band, (triangle, nearness))| {
+        targets.enumerate().try_for_each(|(band, (triangle, nearness))| {
+            run.check()?;
             let before = layer.map(|l| &l.nearness[band * size..][..nearness.len()]);
             let mut target = Target { top: band * BAND, columns: self.columns, triangle, nearness, before };
             self.bands.of(band).iter().for_each(|i| self.screen[*i as usize].draw(&mut target));
-        });
-        Seen { samples: self.samples, columns: self.columns, triangle, nearness }
+            Ok(())
+        })?;
+        Ok(Seen { samples: self.samples, columns: self.columns, triangle, nearness })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::io::MeshFormat;
+use plumbline_num::run::Stopped;
 
 /// Why a mesh could not be made, read or written.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -122,11 +123,18 @@ pub enum MeshError {
         /// What is wrong with it.
         fault: Box<MeshError>,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 impl MeshError {
     /// The same fault, of this file.
     pub(super) fn of_file(self, path: &std::path::Path) -> Self {
+        // That a run ended is no fault of the file.
+        if let Self::Interrupted(_) = self {
+            return self;
+        }
         Self::InFile { path: path.display().to_string(), fault: Box::new(self) }
     }
 

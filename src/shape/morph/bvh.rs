@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// Triangles in a leaf.
 const LEAF: usize = 4;
@@ -104,9 +105,10 @@ impl Bvh {
     }
 
     /// Visits each pair of triangles `t < u` whose boxes meet.
-    pub(super) fn pairs(&self, mut visit: impl FnMut(u32, u32)) {
+    pub(super) fn pairs(&self, mut visit: impl FnMut(u32, u32), run: &Run) -> Result<(), Stopped> {
         let mut stack = if self.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
         while let Some((a, b)) = stack.pop() {
+            run.check()?;
             let (p, q) = (&self.nodes[a as usize], &self.nodes[b as usize]);
             if !meet((&p.low, &p.high), (&q.low, &q.high)) {
                 continue;
@@ -118,6 +120,7 @@ impl Bvh {
                 _ => stack.extend([(a, q.first), (a, q.second)]),
             }
         }
+        Ok(())
     }
 
     fn pairs_of_leaves(&self, same: bool, p: &Node, q: &Node, visit: &mut impl FnMut(u32, u32)) {

@@ -10,6 +10,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::MorphError;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
 use plumbline_num::union_find::numbered_components;
 
@@ -29,11 +30,16 @@ pub(super) struct ElasticSolve {
 
 impl ElasticSolve {
     /// All pieces free.
-    pub(super) fn free(triangles: &[[u32; 3]], half: Vec<[f64; 3]>, at: &[Point3<f64>]) -> Result<Self, MorphError> {
+    pub(super) fn free(
+        triangles: &[[u32; 3]],
+        half: Vec<[f64; 3]>,
+        at: &[Point3<f64>],
+        run: &Run,
+    ) -> Result<Self, MorphError> {
         let (piece, pieces) = numbered_components(at.len(), triangles);
         let mut met = vec![false; pieces];
         let held: Vec<bool> = piece.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
-        Self::new(triangles, half, at, &held, piece, pieces)
+        Self::new(triangles, half, at, &held, piece, pieces, run)
     }
 
     /// Some vertices held; each piece must have one.
@@ -42,9 +48,10 @@ impl ElasticSolve {
         half: Vec<[f64; 3]>,
         at: &[Point3<f64>],
         held: &[bool],
+        run: &Run,
     ) -> Result<Self, MorphError> {
         let (piece, pieces) = numbered_components(at.len(), triangles);
-        Self::new(triangles, half, at, held, piece, pieces)
+        Self::new(triangles, half, at, held, piece, pieces, run)
     }
 
     fn new(
@@ -54,6 +61,7 @@ impl ElasticSolve {
         held: &[bool],
         piece: Vec<u32>,
         pieces: usize,
+        run: &Run,
     ) -> Result<Self, MorphError> {
         let free: Vec<usize> = (0..at.len()).filter(|&v| !held[v]).collect();
         let mut unknown = vec![PINNED; at.len()];
@@ -69,7 +77,7 @@ impl ElasticSolve {
             }
         }
         let places = free.iter().map(|&v| at[v].coords.into()).collect();
-        let factor = factored(free.len(), &triplets, places)?;
+        let factor = factored(free.len(), &triplets, places, run)?;
         Ok(Self { triangles: triangles.to_vec(), half, unknown, factor, piece, pieces })
     }
 
@@ -151,12 +159,14 @@ pub(super) fn factored(
     n: usize,
     triplets: &[(usize, usize, f64)],
     places: Vec<[f64; 3]>,
+    run: &Run,
 ) -> Result<Option<CompactFactor>, MorphError> {
     if n == 0 {
         return Ok(None);
     }
     let matrix = SparseMatrix::from_triplets(n, triplets)?;
+    run.check()?;
     let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::NestedDissection(places))?;
-    cholesky.factor(&matrix)?;
+    cholesky.factor(&matrix, run)?;
     Ok(Some(CompactFactor::new(&cholesky)))
 }

@@ -1,6 +1,7 @@
 //! What a morph can be refused for.
 
 use crate::mesh::MeshError;
+use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
 /// Why shapes could not be joined, or what lies between them not found.
@@ -101,12 +102,33 @@ pub enum MorphError {
     },
     /// Input: a mesh that cannot be used.
     #[error(transparent)]
-    Mesh(#[from] MeshError),
+    Mesh(MeshError),
     /// Numerics: a system that cannot be solved.
     #[error("the surface cannot be solved for: {0}")]
-    Numerics(#[from] SparseError),
+    Numerics(SparseError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }
 
 fn corners(triangle: Option<&[u32; 3]>) -> String {
     triangle.map_or_else(|| "nothing".to_owned(), |[a, b, c]| format!("vertices {a}, {b}, {c}"))
+}
+
+impl From<MeshError> for MorphError {
+    fn from(error: MeshError) -> Self {
+        match error {
+            MeshError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Mesh(error),
+        }
+    }
+}
+
+impl From<SparseError> for MorphError {
+    fn from(error: SparseError) -> Self {
+        match error {
+            SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Numerics(error),
+        }
+    }
 }

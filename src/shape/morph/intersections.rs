@@ -7,18 +7,25 @@ use nalgebra::{Point3, Vector3};
 
 use super::bvh::Bvh;
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// Pairs of triangles, the lower number first, that pass through each other; ascending.
-pub fn self_intersections(mesh: &TriMesh) -> Vec<[u32; 2]> {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
     let mut found = Vec::new();
-    Bvh::new(mesh).pairs(|t, u| {
-        if intersect(mesh, t as usize, u as usize) {
-            found.push([t, u]);
-        }
-    });
+    Bvh::new(mesh).pairs(
+        |t, u| {
+            if intersect(mesh, t as usize, u as usize) {
+                found.push([t, u]);
+            }
+        },
+        run,
+    )?;
     found.sort_unstable();
     found.dedup();
-    found
+    Ok(found)
 }
 
 /// An edge that passes through a triangle.
@@ -73,7 +80,7 @@ mod tests {
     #[test]
     fn a_sphere_pushed_through_a_wall_meets_it_along_a_circle_only() {
         let sphere = shapes::icosphere(2);
-        assert!(self_intersections(&sphere).is_empty());
+        assert!(self_intersections(&sphere, &Run::default()).expect("a run that never stops").is_empty());
         let wall = shapes::plane(8);
         let placed: Vec<_> =
             wall.positions().iter().map(|p| Point3::new(6.0 * p.x - 3.03, 6.0 * p.y - 2.98, 0.11)).collect();
@@ -81,7 +88,7 @@ mod tests {
         let positions = [sphere.positions(), &placed].concat();
         let moved = wall.triangles().iter().map(|t| t.map(|v| v + first));
         let both = TriMesh::new(positions, sphere.triangles().iter().copied().chain(moved).collect()).unwrap();
-        let pairs = self_intersections(&both);
+        let pairs = self_intersections(&both, &Run::default()).expect("a run that never stops");
         let n = sphere.triangle_count() as u32;
         let strays = pairs.iter().filter(|[t, u]| *t >= n || *u < n).count();
         assert!(pairs.len() > 20 && strays == 0, "{} {strays}", pairs.len());
@@ -103,10 +110,10 @@ mod tests {
     fn neighbors_at_a_vertex_meet_where_one_is_pushed_through_the_other() {
         let p = [[0.0, 0.0, 0.0], [2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [1.0, 0.1, 1.0], [1.0, 0.1, -1.0]];
         let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [0, 3, 4]]).unwrap();
-        assert_eq!(self_intersections(&mesh), [[0, 1]]);
+        assert_eq!(self_intersections(&mesh, &Run::default()).expect("a run that never stops"), [[0, 1]]);
         let apart = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 3, 4]]).unwrap();
-        assert_eq!(self_intersections(&apart), [[0, 1]]);
+        assert_eq!(self_intersections(&apart, &Run::default()).expect("a run that never stops"), [[0, 1]]);
         let neighbors = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 0, 4]]).unwrap();
-        assert!(self_intersections(&neighbors).is_empty());
+        assert!(self_intersections(&neighbors, &Run::default()).expect("a run that never stops").is_empty());
     }
 }

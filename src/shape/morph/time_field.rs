@@ -12,6 +12,7 @@ use nalgebra::Point3;
 use super::MorphError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Eliminated, Ordering};
 use plumbline_num::union_find::numbered_components;
 
@@ -25,7 +26,7 @@ const LEAST: f64 = 1e-6;
 ///
 /// # Panics
 /// Unless there is one entry per vertex.
-pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64) -> Result<Vec<f64>, MorphError> {
+pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64, run: &Run) -> Result<Vec<f64>, MorphError> {
     assert_eq!(painted.len(), mesh.vertex_count(), "one entry per vertex");
     let (piece, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
     let mut reached = vec![false; count];
@@ -46,7 +47,7 @@ pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64) -> Re
     }
     let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(mesh.vertex_count(), &triplets)?;
     let places = mesh.positions().iter().map(|p: &Point3<f64>| p.coords.into()).collect();
-    let mut solver = Eliminated::new(&matrix, &fixed, &Ordering::NestedDissection(places))?;
+    let mut solver = Eliminated::new(&matrix, &fixed, &Ordering::NestedDissection(places), run)?;
     let values: Vec<f64> = fixed.iter().filter_map(|&v| given[v]).collect();
     Ok(solver.solve(&vec![0.0; mesh.vertex_count()], &values)?)
 }
@@ -63,7 +64,7 @@ mod tests {
         let (low, high) = z.iter().fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(*z), h.max(*z)));
         let paint = |z: &f64| if *z < low + 1e-9 { Some(0.2) } else { (*z > high - 1e-9).then_some(0.8) };
         let painted: Vec<_> = z.iter().map(paint).collect();
-        let field = time_field(&tube, &painted, 0.0).unwrap();
+        let field = time_field(&tube, &painted, 0.0, &Run::default()).unwrap();
         for (t, z) in field.iter().zip(&z) {
             assert!((t - (0.2 + 0.6 * (z - low) / (high - low))).abs() < 1e-9);
         }
@@ -76,7 +77,7 @@ mod tests {
         let both = shapes::disjoint(&[first, shapes::icosphere(1)]);
         let mut painted = vec![None; both.vertex_count()];
         (painted[3], painted[n / 2], painted[n - 1]) = (Some(0.0), Some(1.0), Some(0.4));
-        let field = time_field(&both, &painted, 0.7).unwrap();
+        let field = time_field(&both, &painted, 0.7, &Run::default()).unwrap();
         assert!(field[..n].iter().all(|t| (-1e-9..=1.0 + 1e-9).contains(t)));
         assert!(field[n..].iter().all(|t| *t == 0.7));
         assert_eq!((field[3], field[n / 2], field[n - 1]), (0.0, 1.0, 0.4));

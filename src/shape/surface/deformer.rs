@@ -12,6 +12,7 @@ use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::CotangentRule;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::Run;
 
 /// A method of deformation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -152,12 +153,14 @@ pub trait Deformer: Send + std::fmt::Debug {
     /// [`Start::Last`]. Methods that need one solve only have no use for start and criterion.
     ///
     /// # Errors
-    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`].
+    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Interrupted`]. After
+    /// an interrupted call the deformer may be used as if that call had never been; [`Start::Last`] then starts by itself.
     fn deform(
         &mut self,
         pose: &HandlePose,
         start: Start<'_>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError>;
 }
 
@@ -166,14 +169,15 @@ pub trait Deformer: Send + std::fmt::Debug {
 ///
 /// # Errors
 /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
-/// [`SurfaceError::Solve`] where a system has no safe factorization.
+/// [`SurfaceError::Solve`] where a system has no safe factorization, [`SurfaceError::Interrupted`].
 pub fn bind(
     method: Method,
     mesh: &TriMesh,
     handles: &Handles,
     options: &DeformOptions,
+    run: &Run,
 ) -> Result<Box<dyn Deformer>, SurfaceError> {
-    let alone = bind_alone(method, mesh, handles, options)?;
+    let alone = bind_alone(method, mesh, handles, options, run)?;
     if Multiresolution::iterates(method, options) {
         Ok(Box::new(Multiresolution::new(method, mesh, handles, options, alone)))
     } else {
@@ -187,17 +191,18 @@ pub(super) fn bind_alone(
     mesh: &TriMesh,
     handles: &Handles,
     options: &DeformOptions,
+    run: &Run,
 ) -> Result<Box<dyn Deformer>, SurfaceError> {
     let arap = |kind, solver| -> Result<Box<dyn Deformer>, SurfaceError> {
-        Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options })?))
+        Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options }, run)?))
     };
     match method {
         Method::Arap => arap(CellKind::SpokesAndRims, options.solver),
         Method::ArapSpokes => arap(CellKind::Spokes, options.solver),
         Method::ArapElements => arap(CellKind::Elements, options.solver),
         Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
-        Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options)?)),
-        Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options)?)),
-        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options)?)),
+        Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options, run)?)),
+        Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options, run)?)),
+        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options, run)?)),
     }
 }

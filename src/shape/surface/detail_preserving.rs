@@ -24,6 +24,7 @@ use super::lanes::Lanes;
 use super::{DeformOptions, Deformation, HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::run::{Run, Stopped};
 
 /// Which Laplacian the differential coordinates are of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,7 +53,7 @@ impl DetailPreserving {
     ///
     /// # Errors
     /// As [`super::bind`].
-    pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
+    pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions, run: &Run) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
         let cotangents = Cotangents::new(mesh, options.cotangents).limited(LARGEST);
         let (weights, inverse_mass) = match options.laplacian {
@@ -67,7 +68,7 @@ impl DetailPreserving {
             }
         };
         let delta = laplacian(&weights, &bound.rest);
-        let system = HeldLaplacian::new(&weights.squared(&inverse_mass), 1.0, &bound.held)?;
+        let system = HeldLaplacian::new(&weights.squared(&inverse_mass), 1.0, &bound.held, run)?;
         Ok(Self { bound, weights, degenerate: cotangents.degenerate(), inverse_mass, delta, system })
     }
 
@@ -75,7 +76,12 @@ impl DetailPreserving {
     ///
     /// # Errors
     /// [`SurfaceError::Pose`] for another number of transforms or targets, [`SurfaceError::NotFinite`].
-    pub fn solve(&mut self, transforms: &[Matrix3<f64>], pose: &HandlePose) -> Result<Deformation, SurfaceError> {
+    pub fn solve(
+        &mut self,
+        transforms: &[Matrix3<f64>],
+        pose: &HandlePose,
+        run: &Run,
+    ) -> Result<Deformation, SurfaceError> {
         let targets = self.bound.targets(pose)?;
         let vertices = self.bound.rest.len();
         if transforms.len() != vertices {
@@ -84,7 +90,7 @@ impl DetailPreserving {
         if let Some(v) = transforms.iter().position(|t| !t.iter().all(|c| c.is_finite())) {
             return Err(SurfaceError::NotFinite { what: "transform", vertex: v as u32 });
         }
-        let (x, energy) = self.solve_inner(|v| transforms[v], &targets, self.bound.rest.clone());
+        let (x, energy) = self.solve_inner(|v| transforms[v], &targets, self.bound.rest.clone(), run)?;
         Ok(self.bound.done(&x, pose, vec![energy], Stop::Solved, (self.weights.negative(), self.degenerate)))
     }
 
@@ -99,13 +105,15 @@ impl DetailPreserving {
         transform: impl Fn(usize) -> Matrix3<f64>,
         targets: &[Lanes],
         mut x: Vec<Lanes>,
-    ) -> (Vec<Lanes>, f64) {
+        run: &Run,
+    ) -> Result<(Vec<Lanes>, f64), Stopped> {
         self.bound.impose(targets, &mut x);
         let wanted = |(v, d): (usize, &Lanes)| Lanes::point((transform(v) * Vector3::from(d.xyz())).into());
         let wanted: Vec<Lanes> = self.delta.iter().enumerate().map(wanted).collect();
         let mut step = vec![Lanes::ZERO; self.bound.held.free.len()];
         // The second round is the refinement.
         for _ in 0..2 {
+            run.check()?;
             let misfit = self.misfit(&wanted, &x);
             let slope = laplacian(&self.weights, &misfit);
             for (step, &v) in step.iter_mut().zip(&self.bound.held.free) {
@@ -120,7 +128,7 @@ impl DetailPreserving {
         let misfit = self.misfit(&wanted, &x);
         let squares = misfit.iter().zip(&self.inverse_mass).map(|(r, &w)| if w > 0.0 { r.dot(*r) / w } else { 0.0 });
         let energy = squares.sum::<f64>() + self.system.soft_energy(&x, targets);
-        (x, energy)
+        Ok((x, energy))
     }
 
     /// `M⁻¹ (L x − T δ)`.

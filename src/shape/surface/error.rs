@@ -1,6 +1,7 @@
 //! What a deformation can be refused for.
 
 use plumbline_num::energy::EnergyError;
+use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
 /// Why a surface could not be deformed.
@@ -82,8 +83,29 @@ pub enum SurfaceError {
     },
     /// Settings: a criterion of convergence that cannot be met.
     #[error(transparent)]
-    Convergence(#[from] EnergyError),
+    Convergence(EnergyError),
     /// Numerics: the system of the method could not be factored.
     #[error(transparent)]
-    Solve(#[from] SparseError),
+    Solve(SparseError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
+}
+
+impl From<EnergyError> for SurfaceError {
+    fn from(error: EnergyError) -> Self {
+        match error {
+            EnergyError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Convergence(error),
+        }
+    }
+}
+
+impl From<SparseError> for SurfaceError {
+    fn from(error: SparseError) -> Self {
+        match error {
+            SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Solve(error),
+        }
+    }
 }

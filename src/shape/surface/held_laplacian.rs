@@ -11,6 +11,7 @@
 use super::held::{FIXED, Held};
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// The factored system.
@@ -31,7 +32,7 @@ impl HeldLaplacian {
     ///
     /// # Errors
     /// As [`Cholesky::analyze`] and [`Cholesky::factor`].
-    pub(super) fn new(weights: &EdgeWeights, q: f64, held: &Held) -> Result<Self, SparseError> {
+    pub(super) fn new(weights: &EdgeWeights, q: f64, held: &Held, run: &Run) -> Result<Self, SparseError> {
         let n = held.free.len();
         let unknowns = |i: usize, j: usize| (held.unknown[i], held.unknown[j]);
         let inner = weights.iter().filter_map(|(i, j, w)| match unknowns(i, j) {
@@ -66,7 +67,7 @@ impl HeldLaplacian {
         for &(unknown, _, weight) in &soft {
             values[diagonal[unknown as usize] as usize] += weight;
         }
-        let factor = factored(&matrix)?;
+        let factor = factored(&matrix, run)?;
         Ok(Self { free: held.free.clone(), borders, soft, factor, points: vec![[0.0; 3]; n] })
     }
 
@@ -139,11 +140,11 @@ impl HeldLaplacian {
 }
 
 /// The factor of a matrix, for many solves; none for a system without unknowns.
-pub(super) fn factored(matrix: &SparseMatrix) -> Result<Option<CompactFactor>, SparseError> {
+pub(super) fn factored(matrix: &SparseMatrix, run: &Run) -> Result<Option<CompactFactor>, SparseError> {
     if matrix.n() == 0 {
         return Ok(None);
     }
     let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-    cholesky.factor(matrix)?;
+    cholesky.factor(matrix, run)?;
     Ok(Some(CompactFactor::new(&cholesky)))
 }

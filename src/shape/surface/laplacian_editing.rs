@@ -27,6 +27,7 @@ use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Method, S
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::{Run, Stopped};
 
 /// Where the rotations of differential coordinates come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,8 +60,13 @@ enum Turns {
 }
 
 impl LaplacianEditing {
-    pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
-        let details = DetailPreserving::new(mesh, handles, options)?;
+    pub(super) fn new(
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        run: &Run,
+    ) -> Result<Self, SurfaceError> {
+        let details = DetailPreserving::new(mesh, handles, options, run)?;
         let fitted = |rounds_given| Turns::Fitted {
             // Only to fit rotations: weights that are never negative turn no cell against its surroundings.
             cells: Cells::new(
@@ -73,12 +79,12 @@ impl LaplacianEditing {
         };
         let turns = match options.turning {
             Turning::Spread => {
-                let system = HeldLaplacian::new(&details.weights, 1.0, &details.bound.held)?;
+                let system = HeldLaplacian::new(&details.weights, 1.0, &details.bound.held, run)?;
                 Turns::Spread(Patches::new(&details.bound), system)
             }
             Turning::FirstSolve => fitted(false),
             Turning::Alternating => fitted(true),
-            Turning::Linear => Turns::Linear(SimilarityEditing::new(&details)?),
+            Turning::Linear => Turns::Linear(SimilarityEditing::new(&details, run)?),
         };
         Ok(Self { details, turns, last: None })
     }
@@ -89,35 +95,40 @@ impl LaplacianEditing {
         targets: &[Lanes],
         start: Option<Vec<Lanes>>,
         convergence: &Convergence,
-    ) -> (Vec<Lanes>, Vec<f64>, Stop) {
+        run: &Run,
+    ) -> Result<(Vec<Lanes>, Vec<f64>, Stop), Stopped> {
         let details = &mut self.details;
         let rest = details.bound.rest.clone();
         let overall = overall_turn(&details.bound, targets);
         match &mut self.turns {
             Turns::Spread(patches, system) => {
                 let turns = patches.turns(&details.bound, system, pose, targets);
-                let (x, energy) = details.solve_inner(|v| matrix(&turns[v]), targets, rest);
-                (x, vec![energy], Stop::Solved)
+                let (x, energy) = details.solve_inner(|v| matrix(&turns[v]), targets, rest, run)?;
+                Ok((x, vec![energy], Stop::Solved))
             }
             Turns::Linear(linear) => {
                 let (x, energy) = linear.solve(&details.bound, &overall, targets);
-                (x, vec![energy], Stop::Solved)
+                Ok((x, vec![energy], Stop::Solved))
             }
             Turns::Fitted { cells, rounds_given } => {
                 let mut unused = rest.clone();
-                let mut x = start.unwrap_or_else(|| details.solve_inner(|_| matrix(&overall), targets, rest).0);
+                let mut x = match start {
+                    Some(x) => x,
+                    None => details.solve_inner(|_| matrix(&overall), targets, rest, run)?.0,
+                };
                 let rounds = if *rounds_given { convergence.max_iterations } else { 1 };
                 let mut energies = Vec::new();
-                for _ in 0..rounds {
+                for k in 0..rounds {
+                    run.step(k as f64 / rounds as f64)?;
                     cells.fit(&x, &mut unused);
                     let energy;
-                    (x, energy) = details.solve_inner(|v| matrix(&cells.turn(v)), targets, x);
+                    (x, energy) = details.solve_inner(|v| matrix(&cells.turn(v)), targets, x, run)?;
                     energies.push(energy);
                     if stands_still(&energies, convergence) {
-                        return (x, energies, Stop::Converged);
+                        return Ok((x, energies, Stop::Converged));
                     }
                 }
-                (x, energies, if *rounds_given { Stop::IterationsUsedUp } else { Stop::Solved })
+                Ok((x, energies, if *rounds_given { Stop::IterationsUsedUp } else { Stop::Solved }))
             }
         }
     }
@@ -142,6 +153,7 @@ impl Deformer for LaplacianEditing {
         pose: &HandlePose,
         start: Start<'_>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         let targets = self.details.bound.targets(pose)?;
@@ -150,7 +162,7 @@ impl Deformer for LaplacianEditing {
             Begin::Rest => Some(self.details.bound.rest.clone()),
             Begin::Last(x) | Begin::At(x) => Some(x),
         };
-        let (x, energies, stop) = self.solve(pose, &targets, start, convergence);
+        let (x, energies, stop) = self.solve(pose, &targets, start, convergence, run)?;
         let counts = (self.details.weights.negative(), self.details.degenerate);
         let done = self.details.bound.done(&x, pose, energies, stop, counts);
         self.last = Some(x);

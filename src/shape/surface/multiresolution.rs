@@ -23,6 +23,7 @@ use super::{
 };
 use crate::mesh::TriMesh;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::{Run, Stopped};
 
 /// Vertices of the coarsest level: a solve costs next to nothing, and fingers are still there.
 const COARSEST: usize = 500;
@@ -89,10 +90,13 @@ impl Multiresolution {
     }
 
     /// Where the fine surface starts; none where there is no coarser one.
-    fn prolonged(&mut self, pose: &HandlePose) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
+    fn prolonged(&mut self, pose: &HandlePose, run: &Run) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
         pose.check(&self.handles)?;
-        let make = || Coarse::new(self.method, &self.mesh, &self.handles, &self.options);
-        self.coarse.get_or_insert_with(make).solve(pose)
+        let coarse = match self.coarse.take() {
+            Some(coarse) => coarse,
+            None => Coarse::new(self.method, &self.mesh, &self.handles, &self.options, run)?,
+        };
+        self.coarse.insert(coarse).solve(pose, run)
     }
 }
 
@@ -106,6 +110,7 @@ impl Deformer for Multiresolution {
         pose: &HandlePose,
         start: Start<'_>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         let coarse = match start {
@@ -114,28 +119,43 @@ impl Deformer for Multiresolution {
             Start::Last => !self.solved && self.gains(),
             Start::Spread | Start::Rest | Start::At(_) => false,
         };
-        let at = if coarse { self.prolonged(pose)? } else { None };
-        let done = self.fine.deform(pose, at.as_ref().map_or(start, |at| Start::At(at)), convergence)?;
-        self.solved = true;
-        Ok(done)
+        // How far the coarse levels are is not reported: they are quick.
+        let at = if coarse { self.prolonged(pose, &run.silent())? } else { None };
+        let done = self.fine.deform(pose, at.as_ref().map_or(start, |at| Start::At(at)), convergence, run);
+        match &done {
+            Ok(_) => self.solved = true,
+            // Where the last call ended is lost with the call that went on from there.
+            Err(SurfaceError::Interrupted(_)) => self.solved = false,
+            Err(_) => {}
+        }
+        done
     }
 }
 
 impl Coarse {
     /// No levels where one of them cannot be solved: the fine surface then starts by itself.
-    fn new(method: Method, mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Self {
-        let hierarchy = Hierarchy::new(mesh, handles.vertices(), COARSEST);
-        let level = |level: usize| Level::new(method, &hierarchy, level, handles, options);
-        let levels = (1..hierarchy.levels()).map(level).collect::<Result<_, _>>().unwrap_or_default();
-        Self { hierarchy, levels }
+    fn new(
+        method: Method,
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        run: &Run,
+    ) -> Result<Self, Stopped> {
+        let hierarchy = Hierarchy::new(mesh, handles.vertices(), COARSEST, run)?;
+        let level = |level: usize| Level::new(method, &hierarchy, level, handles, options, run);
+        let levels = match (1..hierarchy.levels()).map(level).collect::<Result<_, _>>() {
+            Err(SurfaceError::Interrupted(stopped)) => return Err(stopped),
+            levels => levels.unwrap_or_default(),
+        };
+        Ok(Self { hierarchy, levels })
     }
 
     /// Solves from the coarsest level on, and prolongs to the fine surface.
-    fn solve(&mut self, pose: &HandlePose) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
+    fn solve(&mut self, pose: &HandlePose, run: &Run) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
         let mut at: Option<Vec<Point3<f64>>> = None;
         for (level, of) in self.levels.iter_mut().enumerate().rev() {
             let start = at.as_ref().map_or(Start::Spread, |at| Start::At(at));
-            let positions = of.bound.deform(&of.pose(pose), start, &GOOD_ENOUGH)?.positions;
+            let positions = of.bound.deform(&of.pose(pose), start, &GOOD_ENOUGH, run)?.positions;
             let rotations = self.hierarchy.rotations(level + 1, &positions);
             at = Some(self.hierarchy.prolong_pose(level, &LevelPose { positions, rotations }).positions);
         }
@@ -150,6 +170,7 @@ impl Level {
         level: usize,
         handles: &Handles,
         options: &DeformOptions,
+        run: &Run,
     ) -> Result<Self, SurfaceError> {
         let names = hierarchy.vertices(level);
         let number = |k: &usize| names.binary_search(&handles.vertices()[*k]).ok();
@@ -172,7 +193,7 @@ impl Level {
             primo: options.primo.of_copy(mesh, copy),
             ..*options
         };
-        Ok(Self { bound: bind_alone(method, copy, &Handles::new(held)?, &options)?, left })
+        Ok(Self { bound: bind_alone(method, copy, &Handles::new(held)?, &options, run)?, left })
     }
 
     /// The pose of the handles that are left.

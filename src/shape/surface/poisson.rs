@@ -18,6 +18,7 @@ use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Method, S
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::Run;
 
 /// Poisson editing, bound to a mesh and handles.
 #[derive(Debug)]
@@ -28,10 +29,15 @@ pub(super) struct Poisson {
 }
 
 impl Poisson {
-    pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
+    pub(super) fn new(
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        run: &Run,
+    ) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
         let cotangents = Cotangents::new(mesh, options.cotangents);
-        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held, 1.0)?;
+        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held, 1.0, run)?;
         Ok(Self { patches: Patches::new(&bound), bound, elastic })
     }
 }
@@ -46,7 +52,9 @@ impl Deformer for Poisson {
         pose: &HandlePose,
         _start: Start<'_>,
         _convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError> {
+        run.check()?;
         let targets = self.bound.targets(pose)?;
         let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, &targets);
         self.elastic.turn_cells(&turns);

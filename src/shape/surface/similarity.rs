@@ -25,6 +25,7 @@ use super::held::FIXED;
 use super::held_laplacian::factored;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{CompactFactor, Pattern, SparseMatrix};
 
 /// ε, relative to the size of the energy's own terms: far above rounding, far below what a picture shows.
@@ -44,7 +45,7 @@ pub(super) struct SimilarityEditing {
 }
 
 impl SimilarityEditing {
-    pub(super) fn new(details: &DetailPreserving) -> Result<Self, SurfaceError> {
+    pub(super) fn new(details: &DetailPreserving, run: &Run) -> Result<Self, SurfaceError> {
         let (bound, weights) = (&details.bound, details.inverse_mass().to_vec());
         let mut ring: Vec<Vec<(u32, f64)>> = vec![Vec::new(); bound.rest.len()];
         for (i, j, w) in details.weights.iter() {
@@ -99,7 +100,7 @@ impl SimilarityEditing {
                 matrix.values_mut()[pattern.column_starts()[3 * unknown + c] as usize] += weight;
             }
         }
-        Ok(Self { rows, weights, edges, faint, factor: factored(&matrix)? })
+        Ok(Self { rows, weights, edges, faint, factor: factored(&matrix, run)? })
     }
 
     /// The minimizer and its energy, seen in a frame that turns with the surface: there the turns left are small.

@@ -8,6 +8,7 @@ use super::test_meshes::{placed, sheet, tube};
 use super::*;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{Cotangents, EdgeWeights, Gradient};
+use plumbline_num::run::Run;
 
 const TURNINGS: [Turning; 4] = [Turning::Spread, Turning::FirstSolve, Turning::Alternating, Turning::Linear];
 
@@ -30,9 +31,10 @@ fn solve(
     handles: &Handles,
     targets: Vec<Point3<f64>>,
 ) -> Deformation {
-    let mut bound = bind(*method, mesh, handles, options).unwrap_or_else(|e| panic!("{method:?} {options:?}: {e}"));
+    let mut bound = bind(*method, mesh, handles, options, &Run::default())
+        .unwrap_or_else(|e| panic!("{method:?} {options:?}: {e}"));
     let convergence = Convergence { max_iterations: 60, tolerance: 1e-9 };
-    bound.deform(&HandlePose::new(targets), Start::Spread, &convergence).unwrap()
+    bound.deform(&HandlePose::new(targets), Start::Spread, &convergence, &Run::default()).unwrap()
 }
 
 /// The left end of a tube stays, the right one is moved by an isometry.
@@ -124,8 +126,8 @@ fn translated_handles_move_the_surface_harmonically_in_poisson_and_biharmonicall
     let still = vec![UnitQuaternion::identity(); handles.len()];
     let pose = HandlePose::new(targets).with_rotations(still);
     let deform = |method| {
-        let mut bound = bind(method, &mesh, &handles, &DeformOptions::default()).unwrap();
-        displacement(&mesh, &bound.deform(&pose, Start::Spread, &Convergence::default()).unwrap())
+        let mut bound = bind(method, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+        displacement(&mesh, &bound.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap())
     };
     let harmonic = laplacian(&weights, &deform(Method::Poisson));
     let mut curved = laplacian(&weights, &deform(Method::Laplacian));
@@ -144,8 +146,9 @@ fn poisson_editing_has_the_gradients_that_are_asked_for_where_they_can_be_had() 
     // A flat strip rolled up: each column turned by its own angle is integrable in no other way than by its arc.
     let mesh = tube(30, 8);
     let (handles, targets) = ends(&mesh, &Isometry3::rotation(Vector3::new(0.0, 0.0, 0.4)));
-    let mut poisson = bind(Method::Poisson, &mesh, &handles, &DeformOptions::default()).unwrap();
-    let done = poisson.deform(&HandlePose::new(targets), Start::Spread, &Convergence::default()).unwrap();
+    let mut poisson = bind(Method::Poisson, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+    let done =
+        poisson.deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default()).unwrap();
     let moved = mesh.with_positions(done.positions).unwrap();
     let gradient = Gradient::new(&mesh);
     let stretch = |axis: usize| gradient.apply(&moved.positions().iter().map(|p| p[axis]).collect::<Vec<_>>());
@@ -164,16 +167,16 @@ fn details_turn_with_the_transforms_they_are_given() {
     for laplacian in [LaplacianKind::Cotangent, LaplacianKind::Uniform] {
         let options = DeformOptions { laplacian, ..Default::default() };
         let handles = Handles::exact([0]).unwrap();
-        let mut details = DetailPreserving::new(&mesh, &handles, &options).unwrap();
+        let mut details = DetailPreserving::new(&mesh, &handles, &options, &Run::default()).unwrap();
         let pose = HandlePose::new(vec![Point3::new(1.0, 2.0, 3.0)]);
         // A similarity of everything: turned, and twice as large.
-        let done = details.solve(&[turn.matrix() * 2.0; 144], &pose).unwrap();
+        let done = details.solve(&[turn.matrix() * 2.0; 144], &pose, &Run::default()).unwrap();
         for (p, x) in mesh.positions().iter().zip(&done.positions) {
             let expected = pose.positions()[0] + turn * (p - mesh.positions()[0]) * 2.0;
             assert!((expected - x).norm() < 1e-9, "{laplacian:?}");
         }
         assert!(done.report.energies[0] < 1e-18);
-        let few = details.solve(&[Matrix3::identity(); 3], &pose).unwrap_err();
+        let few = details.solve(&[Matrix3::identity(); 3], &pose, &Run::default()).unwrap_err();
         assert_eq!(few.to_string(), "3 transforms do not fit a mesh of 144 vertices: give one for each");
     }
 }
@@ -182,9 +185,14 @@ fn details_turn_with_the_transforms_they_are_given() {
 fn rotations_make_laplacian_editing_keep_lengths_that_the_naive_form_loses() {
     let mesh = tube(24, 12);
     let (handles, targets) = ends(&mesh, &Isometry3::new(Vector3::new(0.83, -0.8, 0.0), Vector3::new(0.0, 0.0, 1.2)));
-    let mut naive = DetailPreserving::new(&mesh, &handles, &DeformOptions::default()).unwrap();
+    let mut naive = DetailPreserving::new(&mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
     let pose = HandlePose::new(targets.clone());
-    let worst = naive.solve(&vec![Matrix3::identity(); mesh.vertex_count()], &pose).unwrap().report.shape.rms_stretch;
+    let worst = naive
+        .solve(&vec![Matrix3::identity(); mesh.vertex_count()], &pose, &Run::default())
+        .unwrap()
+        .report
+        .shape
+        .rms_stretch;
     for turning in TURNINGS {
         let method = (Method::Laplacian, DeformOptions { turning, ..Default::default() });
         let done = solve(&method, &mesh, &handles, targets.clone());

@@ -19,6 +19,7 @@
 
 use plumbline_num::math::{Homography, Similarity2, Vec2};
 use plumbline_num::optim::ransac::{self, MsacOptions};
+use plumbline_num::run::Run;
 
 use super::background::{Background, weighted_median};
 use super::frame_motion::{FrameInput, FrameMotion, MotionQuality, PlanarModel};
@@ -184,11 +185,14 @@ impl MotionEstimator {
         let unit = self.unit_px;
         let options = |threshold, max_samples| MsacOptions { threshold, min_samples: 24, max_samples, local_steps: 3 };
         let wide = options((4.0 * self.spreads.0).clamp(1.0 * unit, 6.0 * unit), self.options.max_samples);
-        let coarse = ransac::msac(&BySimilarity(&data), &self.matches.votes, &wide, None, &mut self.rng)?;
+        let coarse =
+            ransac::msac(&BySimilarity(&data), &self.matches.votes, &wide, None, &mut self.rng, &Run::default())
+                .expect("a run that never stops")?;
         let start = coarse.model.to_homography();
         let narrow = options((5.0 * self.spreads.1).clamp(0.8 * unit, 4.0 * unit), self.options.max_samples / 3);
         let family = ByHomography { data: &data, start, kappa: self.kappa(self.spreads.1) };
-        let fine = ransac::msac(&family, &self.matches.votes, &narrow, Some(start), &mut self.rng)?;
+        let fine = ransac::msac(&family, &self.matches.votes, &narrow, Some(start), &mut self.rng, &Run::default())
+            .expect("a run that never stops")?;
         if !(coarse.support >= LEAST_SUPPORT) {
             return None;
         }

@@ -41,6 +41,7 @@ mod virtual_camera;
 use std::ops::Range;
 
 use plumbline_num::math::{Homography, Similarity2};
+use plumbline_num::run::Stopped;
 
 pub use camera_path::{PathShape, Sight, shaped_poses};
 pub use level::{leveled, roll, upward};
@@ -237,4 +238,7 @@ pub enum PathError {
         /// Frames covered by shots that follow each other.
         covered: usize,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

@@ -30,6 +30,7 @@ use std::ops::Range;
 use super::chain::Chain;
 use super::pose::{C64, Pose, Stage};
 use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
+use plumbline_num::run::Run;
 
 /// Weight of scale and rotation against displacement: the squared radius of gyration of the frame in stage units.
 const TURN_WEIGHT: f64 = 1.0 / 3.0;
@@ -158,7 +159,7 @@ impl PoseExpr {
 
 impl Program<'_> {
     /// Solves for `frames` of the shot. The cameras in `head` are those of the range's first frames, already decided.
-    pub(super) fn solve(&self, frames: Range<usize>, head: &Cameras) -> Result<Cameras, QpError> {
+    pub(super) fn solve(&self, frames: Range<usize>, head: &Cameras, run: &Run) -> Result<Cameras, QpError> {
         let n = frames.len();
         let mut qp = QuadraticProgram::new(n * self.stride());
         let strength = |i: usize| self.strength[frames.start + i].max(LEAST_SHAKE * LEAST_SHAKE);
@@ -177,7 +178,7 @@ impl Program<'_> {
                 self.hold(&mut qp, &frames, i, head);
             }
         }
-        let x = qp.solve()?;
+        let x = qp.solve(run)?;
         let about = &self.about[frames.clone()];
         let pose =
             |k: usize, o: &Pose| Pose { d: o.d + C64::new(x[k], x[k + 1]), z: o.z + C64::new(x[k + 2], x[k + 3]) };

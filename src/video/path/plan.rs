@@ -8,6 +8,7 @@ use super::pose::{C64, Pose, Stage, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::optim::qp::QpError;
+use plumbline_num::run::{Run, Stopped};
 
 /// Length (s) of the windows of time; half of each is look-ahead. Decisions reach as far as the zoom takes to change,
 /// a few seconds, so half a window ahead leaves no trace of where it ends.
@@ -39,11 +40,11 @@ const MIDDLE: f64 = 1e-3;
 ///
 /// # Errors
 /// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input. A shot
-/// whose program the solver does not solve is left as it is, and its segment says so.
-pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathError> {
+/// whose program the solver does not solve is left as it is, and its segment says so. [`PathError::Interrupted`].
+pub fn plan(clip: &Clip<'_>, options: &PathOptions, run: &Run) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     let stage = Stage::new(clip.width, clip.height);
-    Ok(plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot)))
+    Ok(plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot, run), run)?)
 }
 
 /// The virtual path that shows `wanted` (`out_from_src` per frame): exactly where the border may show, else held inside the
@@ -51,19 +52,31 @@ pub fn plan(clip: &Clip<'_>, options: &PathOptions) -> Result<VirtualPath, PathE
 ///
 /// # Errors
 /// As for [`plan`]; [`PathError::Lengths`] also for another number of wanted maps.
-pub fn plan_along(clip: &Clip<'_>, options: &PathOptions, wanted: &[Similarity2]) -> Result<VirtualPath, PathError> {
+pub fn plan_along(
+    clip: &Clip<'_>,
+    options: &PathOptions,
+    wanted: &[Similarity2],
+    run: &Run,
+) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     expect_one_per_frame(clip, wanted.len())?;
     let stage = Stage::new(clip.width, clip.height);
     // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
     let window = if options.border_allows_outside { MIDDLE } else { options.window() };
-    let mut plan = plan_shots(clip, &stage, window, |shot| {
-        let chain = Chain::of_shot(clip, &stage, shot.clone());
-        let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(|w| window_of(&stage, w)).collect();
-        let path = if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal) };
-        let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
-        Ok((path, "the path that was given".to_owned()))
-    });
+    let mut plan = plan_shots(
+        clip,
+        &stage,
+        window,
+        |shot| {
+            let chain = Chain::of_shot(clip, &stage, shot.clone());
+            let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(|w| window_of(&stage, w)).collect();
+            let path =
+                if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal, run) };
+            let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
+            Ok((path, "the path that was given".to_owned()))
+        },
+        run,
+    )?;
     let followed = plan.segments.iter_mut().filter(|s| s.tier == Tier::Smoothed);
     followed.for_each(|s| s.tier = Tier::Given);
     Ok(plan)
@@ -84,11 +97,15 @@ pub(super) fn plan_shots(
     stage: &Stage,
     window: f64,
     shot_path: impl Fn(Range<usize>) -> ShotPath,
-) -> VirtualPath {
+    run: &Run,
+) -> Result<VirtualPath, Stopped> {
     let mut plan =
         VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
     for shot in clip.shots {
-        let segment = match shot_path(shot.clone()) {
+        let found = shot_path(shot.clone());
+        // A shot that was stopped is no shot without a path.
+        run.check()?;
+        let segment = match found {
             Ok((path, reason)) => {
                 for pose in path {
                     let (pose, out_from_src) = settle(stage, pose, window);
@@ -105,13 +122,19 @@ pub(super) fn plan_shots(
         };
         plan.segments.push(segment);
     }
-    plan
+    Ok(plan)
 }
 
 /// The smoothed poses of a shot and what to say of them, or why it is left as it is.
 pub(super) type ShotPath = Result<(Vec<Pose>, String), String>;
 
-pub(super) fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, shot: Range<usize>) -> ShotPath {
+pub(super) fn shot_path(
+    clip: &Clip<'_>,
+    options: &PathOptions,
+    stage: &Stage,
+    shot: Range<usize>,
+    run: &Run,
+) -> ShotPath {
     if shot.len() < 3 {
         return Err(format!("shot of {} frames, too short to smooth", shot.len()));
     }
@@ -128,7 +151,7 @@ pub(super) fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, s
     if options.smallest_window() > 1.0 - ROOM {
         return Err("the least crop leaves no room to move".to_owned());
     }
-    let path = kind_path(&chain, stage, options).map_err(|e| format!("no path was found: {e}"))?;
+    let path = kind_path(&chain, stage, options, run).map_err(|e| format!("no path was found: {e}"))?;
     let after = mean(&chain.seen_through(&path).shake());
     if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
         return Err("smoothing would not have made it steadier".to_owned());
@@ -137,23 +160,23 @@ pub(super) fn shot_path(clip: &Clip<'_>, options: &PathOptions, stage: &Stage, s
 }
 
 /// The path of the kind wanted, level where that is wanted.
-fn kind_path(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, QpError> {
+fn kind_path(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let ideal = match options.kind {
-        PathKind::Optimal if !options.level => return optimal(chain, stage, options),
+        PathKind::Optimal if !options.level => return optimal(chain, stage, options, run),
         // Where it leads, at one size: a window that no longer turns with the frame has other corners.
         PathKind::Optimal => {
-            optimal(chain, stage, options)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
+            optimal(chain, stage, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
         }
         PathKind::Gaussian => ideal::gaussian(chain, options.smoothness_s),
         PathKind::Linear => ideal::polynomial(chain, 1),
         PathKind::Parabolic => ideal::polynomial(chain, 2),
         PathKind::Tripod => ideal::tripod(chain),
     };
-    follow(chain, stage, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal })
+    follow(chain, stage, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal }, run)
 }
 
 /// The path that balances shake, acceleration and crop.
-fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Pose>, QpError> {
+fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
     let about = ideal::gaussian(chain, options.smoothness_s.min(LONGEST_REFERENCE_S));
     let mut program = Program {
@@ -167,11 +190,11 @@ fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions) -> Result<Vec<Po
         sizing: sizing(options),
         window: options.window(),
     };
-    let path = in_windows(&program)?;
+    let path = in_windows(&program, run)?;
     if program.sizing == Sizing::Shared && windows(chain).len() > 1 {
         // Every window of time has chosen its own size; the shot gets their mean, at which all were nearly content.
         program.sizing = Sizing::Pinned(mean(&path.iter().map(|p| p.z.re).collect::<Vec<f64>>()));
-        return in_windows(&program);
+        return in_windows(&program, run);
     }
     Ok(path)
 }
@@ -192,6 +215,7 @@ pub(super) fn follow(
     stage: &Stage,
     options: &PathOptions,
     ideal: &[Pose],
+    run: &Run,
 ) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
     let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
@@ -213,7 +237,7 @@ pub(super) fn follow(
         sizing: if options.border_allows_outside { Sizing::Pinned(size) } else { Sizing::Followed },
         window,
     };
-    in_windows(&program)
+    in_windows(&program, run)
 }
 
 /// The pose nearest to `ideal` whose window is no smaller than allowed and would fit the frame with [`ROOM`] around it if it
@@ -239,10 +263,10 @@ fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
 
 /// Solves the shot. Where the solver stalls, with half the time constant: the weights of the accelerations, the largest
 /// numbers by far, fall to a sixteenth.
-fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
+fn in_windows(program: &Program<'_>, run: &Run) -> Result<Vec<Pose>, QpError> {
     let mut program = *program;
     loop {
-        match window_by_window(&program) {
+        match window_by_window(&program, run) {
             Err(QpError::Stalled { .. }) if program.smoothness_s > SHORTEST_S => program.smoothness_s /= 2.0,
             done => return done,
         }
@@ -250,12 +274,12 @@ fn in_windows(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
 }
 
 /// Of each window the first half is kept, its last two frames start the next.
-fn window_by_window(program: &Program<'_>) -> Result<Vec<Pose>, QpError> {
+fn window_by_window(program: &Program<'_>, run: &Run) -> Result<Vec<Pose>, QpError> {
     let mut done = Cameras::default();
     for frames in windows(program.chain) {
         let decided = done.path.len() - frames.start;
         let head = Cameras { path: done.path[frames.start..].to_vec(), ideal: done.ideal[frames.start..].to_vec() };
-        let part = program.solve(frames.clone(), &head)?;
+        let part = program.solve(frames.clone(), &head, run)?;
         let keep = if frames.end == program.chain.len() { frames.len() } else { frames.len() / 2 };
         done.path.extend(&part.path[decided..keep]);
         done.ideal.extend(&part.ideal[decided..keep]);
@@ -350,8 +374,8 @@ mod tests {
             sizing: Sizing::Adaptive,
             window: 1.0,
         };
-        let pieces = in_windows(&program).expect("solvable");
-        let whole = program.solve(0..900, &Cameras::default()).expect("solvable").path;
+        let pieces = in_windows(&program, &Run::default()).expect("solvable");
+        let whole = program.solve(0..900, &Cameras::default(), &Run::default()).expect("solvable").path;
         let apart = pieces.iter().zip(&whole).map(|(p, q)| (p.d - q.d).norm() + (p.z - q.z).norm()).fold(0.0, f64::max);
         assert!(apart < 1e-3, "{apart} of half the diagonal");
     }
@@ -376,7 +400,7 @@ mod tests {
                     level,
                     ..PathOptions::default()
                 };
-                let path = plan(&clip, &options).expect("valid input");
+                let path = plan(&clip, &options, &Run::default()).expect("valid input");
                 let reason = &path.segments[0].reason;
                 assert!(!reason.contains("no path"), "{options:?}: {reason}");
             }

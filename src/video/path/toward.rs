@@ -5,6 +5,7 @@ use super::plan::{expect_one_per_frame, follow, plan_shots, shot_path, validate,
 use super::pose::{Pose, Stage};
 use super::{Clip, PathError, PathOptions, VirtualPath};
 use plumbline_num::math::Similarity2;
+use plumbline_num::run::Run;
 
 /// Distance, in halves of the diagonal, below which two windows are one.
 const SAME: f64 = 1e-9;
@@ -28,19 +29,26 @@ pub fn plan_toward(
     clip: &Clip<'_>,
     options: &PathOptions,
     wanted: &[Option<Similarity2>],
+    run: &Run,
 ) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     expect_one_per_frame(clip, wanted.len())?;
     let stage = Stage::new(clip.width, clip.height);
-    Ok(plan_shots(clip, &stage, options.window(), |shot| {
-        let window = |w: &Option<Similarity2>| w.as_ref().map(|w| window_of(&stage, w)).filter(Pose::is_finite);
-        let known: Vec<Option<Pose>> = wanted[shot.clone()].iter().map(window).collect();
-        let Some(ideal) = bridged(&known) else { return shot_path(clip, options, &stage, shot) };
-        let chain = Chain::of_shot(clip, &stage, shot);
-        let path = follow(&chain, &stage, options, &ideal).map_err(|e| format!("no path was found: {e}"))?;
-        let reason = if alike_but_for_size(&path, &ideal) { "shown as wanted" } else { "held inside the frame" };
-        Ok((path, reason.to_owned()))
-    }))
+    Ok(plan_shots(
+        clip,
+        &stage,
+        options.window(),
+        |shot| {
+            let window = |w: &Option<Similarity2>| w.as_ref().map(|w| window_of(&stage, w)).filter(Pose::is_finite);
+            let known: Vec<Option<Pose>> = wanted[shot.clone()].iter().map(window).collect();
+            let Some(ideal) = bridged(&known) else { return shot_path(clip, options, &stage, shot, run) };
+            let chain = Chain::of_shot(clip, &stage, shot);
+            let path = follow(&chain, &stage, options, &ideal, run).map_err(|e| format!("no path was found: {e}"))?;
+            let reason = if alike_but_for_size(&path, &ideal) { "shown as wanted" } else { "held inside the frame" };
+            Ok((path, reason.to_owned()))
+        },
+        run,
+    )?)
 }
 
 /// Windows between which the unknown ones lie evenly; `None` where all are unknown.
@@ -91,7 +99,7 @@ mod tests {
             let shift = |t: usize| Similarity2 { t: Vec2::new(0.8 * t as f64, 2.0), ..Similarity2::IDENTITY };
             let wanted: Vec<_> = (0..frames).map(|t| (!(20..30).contains(&t)).then(|| shift(t))).collect();
             assert!(wanted.iter().flatten().all(|w| PathOptions::default().covers((640, 360), w)));
-            let path = plan_toward(&clip, &PathOptions::default(), &wanted).expect("valid input");
+            let path = plan_toward(&clip, &PathOptions::default(), &wanted, &Run::default()).expect("valid input");
             assert_eq!(path.segments[0].reason, "shown as wanted", "{frames} frames");
             for (t, out_from_src) in path.out_from_src.iter().enumerate() {
                 let middle = out_from_src.apply(Point2::new(320.0, 180.0)).expect("affine");
@@ -111,7 +119,7 @@ mod tests {
         let wanted: Vec<_> = (0..60).map(|t| Some(far(t))).collect();
         let options = PathOptions::default();
         assert!(options.covers((640, 360), &far(0)) && !options.covers((640, 360), &far(59)));
-        let path = plan_toward(&clip, &options, &wanted).expect("valid input");
+        let path = plan_toward(&clip, &options, &wanted, &Run::default()).expect("valid input");
         assert_eq!(path.segments[0].reason, "held inside the frame");
         assert!(path.crop.iter().all(|c| *c >= options.min_crop - 1e-6));
         let stage = Stage::new(640, 360);
@@ -133,11 +141,12 @@ mod tests {
         let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots };
         let options = PathOptions::default();
         let wanted: Vec<_> = (0..120).map(|t| (t >= 60).then_some(Similarity2::IDENTITY)).collect();
-        let (mixed, alone) = (plan_toward(&clip, &options, &wanted), plan(&clip, &options));
+        let (mixed, alone) =
+            (plan_toward(&clip, &options, &wanted, &Run::default()), plan(&clip, &options, &Run::default()));
         let (mixed, alone) = (mixed.expect("valid"), alone.expect("valid"));
         assert_eq!((&mixed.segments[0], &mixed.crop[..60]), (&alone.segments[0], &alone.crop[..60]));
         assert_eq!(mixed.segments[1].reason, "shown as wanted");
-        assert!(plan_toward(&clip, &options, &wanted[1..]).is_err());
+        assert!(plan_toward(&clip, &options, &wanted[1..], &Run::default()).is_err());
     }
 
     #[test]

@@ -12,6 +12,7 @@ use super::failure::Failure;
 use super::tell;
 use crate::pipeline::Exit;
 use files::{Target, TargetArgs, all_inputs};
+use plumbline_num::run::Run;
 use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_with};
 use plumbline_shape::mesh::{
     MeshError, MeshFacts, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair,
@@ -105,7 +106,7 @@ struct Told {
 impl MeshArgs {
     pub(super) fn run(self) -> Result<Exit, Failure> {
         match self.command {
-            MeshCommand::Info(args) => args.read.each(|_, model, format| Ok(info(model, format))),
+            MeshCommand::Info(args) => args.read.each(|_, model, format| info(model, format)),
             MeshCommand::Repair(args) => {
                 let options = RepairOptions { weld: args.faults.weld, flat: args.faults.flat };
                 let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
@@ -130,7 +131,7 @@ impl ReadArgs {
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
         for (k, path) in inputs.iter().enumerate() {
             let format = MeshFormat::of_name(path);
-            let told = read_model(path, &limits).and_then(|model| work(k, &model, format));
+            let told = read_model(path, &limits, &Run::default()).and_then(|model| work(k, &model, format));
             match told {
                 Ok(told) => {
                     let name = path.display().to_string();
@@ -161,9 +162,9 @@ fn with_file(name: &str, mut told: Value) -> Value {
     told
 }
 
-fn info(model: &Model, format: Option<MeshFormat>) -> Told {
+fn info(model: &Model, format: Option<MeshFormat>) -> Result<Told, MeshError> {
     let facts = MeshFacts::of(model.mesh());
-    let report = repair(model.mesh(), &RepairOptions::default()).report;
+    let report = repair(model.mesh(), &RepairOptions::default(), &Run::default())?.report;
     let mut text = format!("{facts}\n");
     let polygons = model.faces().iter().filter(|face| face.len() > 3).count();
     let lists = [
@@ -196,11 +197,11 @@ fn info(model: &Model, format: Option<MeshFormat>) -> Told {
         "notes": model.warnings(),
         "repair": report,
     });
-    Told { text, json }
+    Ok(Told { text, json })
 }
 
 fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<Told, MeshError> {
-    let repaired = repair(model.mesh(), options);
+    let repaired = repair(model.mesh(), options, &Run::default())?;
     let told = written(&model.repaired(&repaired), target)?;
     let text = format!("{}\n{}", repaired.report, told.text);
     Ok(Told { text, json: json!({ "repair": repaired.report, "written": told.json }) })
@@ -208,7 +209,7 @@ fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<T
 
 fn written(model: &Model, target: &Target) -> Result<Told, MeshError> {
     let Target { path, ascii } = target;
-    write_model_with(path, model, &WriteOptions { ascii: *ascii })?;
+    write_model_with(path, model, &WriteOptions { ascii: *ascii }, &Run::default())?;
     let lost = MeshFormat::of_name(path).map(|format| losses(model, format)).unwrap_or_default();
     let mut text = format!("written: {}", path.display());
     if !lost.is_empty() {

@@ -11,6 +11,7 @@ use serde_json::{Value as Json, json};
 use super::run_error::RunError;
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline_media::Unfinished;
+use plumbline_num::run::Run;
 pub use plumbline_num::sparse::Method;
 use plumbline_num::sparse::{
     FactorStructure, GeneralMatrix, IncompleteCholesky, Ordering, Pattern, SparseError, Stop, backward_error,
@@ -151,7 +152,7 @@ fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, Sparse
     let ordering = &ORDERINGS[job.ordering].1;
     let (m, n) = (a.rows(), a.columns());
     let Approach::Direct(method) = job.approach else { return iterated(a, b) };
-    let mut factor = a.factor(method, ordering)?;
+    let mut factor = a.factor(method, ordering, &Run::default())?;
     let mut x = factor.solve(b)?;
     let mut steps = 0;
     if m == n && n > 0 {
@@ -175,7 +176,7 @@ fn iterated(a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
     let mut x = vec![0.0; b.len()];
     let mut steps = 0;
     for (b, x) in b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1))) {
-        let report = conjugate_gradients(&a, b, x, &mut preconditioner, &Stop::default())?;
+        let report = conjugate_gradients(&a, b, x, &mut preconditioner, &Stop::default(), &Run::default())?;
         steps = steps.max(report.iterations);
     }
     Ok(Solved { x, method: "cg", condition: None, steps })

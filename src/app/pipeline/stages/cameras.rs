@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::analysis::{Tracks, store_error};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::math::Point2;
+use plumbline_num::run::Run;
 use plumbline_video::motion::sfm::{SfmOptions, TrackTable, Windows, reconstruct_shot};
 use plumbline_video::motion::{ClipCameras, ClipMotion};
 use plumbline_video::track::TrackStore;
@@ -23,12 +24,12 @@ pub(super) fn recover(
 ) -> Result<ClipCameras, RunError> {
     let mut cameras = ClipCameras::default();
     let options = SfmOptions { focal: focal_px.map(|f| (f, SIGMA_TOLD)), rolling_shutter };
-    let table = |frames: Range<usize>| {
+    let table = |frames: Range<usize>| -> Result<TrackTable, RunError> {
         let seen = frames.map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, RunError>>()?;
         Ok(TrackTable::new(motion.width, motion.height, seen))
     };
     for shot in &motion.shots {
-        let segments = reconstruct_shot(shot.clone(), table, &options, &Windows::default())?;
+        let segments = reconstruct_shot(shot.clone(), table, &options, &Windows::default(), &Run::default())?;
         for segment in segments {
             cameras.push(segment);
         }

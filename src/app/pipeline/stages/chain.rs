@@ -152,6 +152,7 @@ mod tests {
     use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
     use plumbline_image::{Layout, PixelFormat};
     use plumbline_num::math::{Point2, PointMap, Similarity2};
+    use plumbline_num::run::Run;
     use plumbline_photo::rectify::{OutputSize, RectifyInput, RectifyOptions, Target, rectify};
     use plumbline_photo::temporal::{ClipData, ClipImportance, ClipRetargetOptions, retarget_clip};
 
@@ -162,7 +163,7 @@ mod tests {
         let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
         let target = Target::Fixed(Projection::Rectilinear);
         let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
-        let lens = Undistorted::new(rectify(&input, &options).expect("a map"), (640, 360));
+        let lens = Undistorted::new(rectify(&input, &options, &Run::default()).expect("a map"), (640, 360));
         let (times_s, importance) = ([0.0, 0.04], ClipImportance::new((640, 360)));
         let motion = [Similarity2::IDENTITY; 2];
         let clip = ClipData {
@@ -173,7 +174,8 @@ mod tests {
             shown_from_src: &[],
             judged: None,
         };
-        let grids = retarget_clip(&clip, &importance, (202, 360), &ClipRetargetOptions::default()).expect("grids");
+        let grids = retarget_clip(&clip, &importance, (202, 360), &ClipRetargetOptions::default(), &Run::default())
+            .expect("grids");
         let map = |lens, shape, size| ChainMaps { lens, steady: None, shape, size, constant: None, next: 0 };
         let frame = Frame::new(PixelFormat::opaque(Layout::Gray, 8), 640, 360);
         let both = map(Some(&lens), Some(&grids), (202, 360)).next(&frame).expect("a map");

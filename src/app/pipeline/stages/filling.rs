@@ -12,6 +12,7 @@ use plumbline_image::render::{FillOptions, Filler, Renderer};
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_media::FramePool;
 use plumbline_num::math::Homography;
+use plumbline_num::run::Run;
 use plumbline_video::motion::ClipMotion;
 
 /// The window of neighbors and the lattices of the frames that wait in it.
@@ -51,7 +52,7 @@ impl<'v> Filling<'v> {
         let mut result = pool.get().map_err(media_error)?;
         renderer.render(&frame, &lattice, &mut result).map_err(internal)?;
         let neighbor = |n| neighbor_from_this(self.motion, index, n);
-        self.filler.fill(renderer, &lattice, &mut result, neighbor).map_err(internal)?;
+        self.filler.fill(renderer, &lattice, &mut result, neighbor, &Run::default()).map_err(internal)?;
         Ok(Some(Sampled::new(frame, result)))
     }
 }

@@ -35,7 +35,8 @@ pub(super) fn run(
     let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
     let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
     let out = coded_size(wanted, size, &watched.video);
-    let grids: Result<ClipGrids, RetargetError> = retarget_clip(&clip, &watched.importance, out, &options);
+    let grids: Result<ClipGrids, RetargetError> =
+        retarget_clip(&clip, &watched.importance, out, &options, &context.job.run());
     let grids = grids.map_err(|e| match e {
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
         other => RunError::Input(other.to_string()),

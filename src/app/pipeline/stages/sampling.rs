@@ -17,6 +17,7 @@ use plumbline_image::Frame;
 use plumbline_image::render::{Border, Interpolation, RenderOptions, Renderer};
 use plumbline_image::warp::Lattice;
 use plumbline_media::{FramePool, VideoInfo};
+use plumbline_num::run::Run;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
 
@@ -163,7 +164,7 @@ impl Drawer {
     fn draw(&self, frame: &Frame, lattice: &Lattice) -> Result<Frame, RunError> {
         let mut result = self.pool.get().map_err(media_error)?;
         let drawn = if self.averages {
-            self.renderer.render_averaged(frame, lattice, &mut result)
+            self.renderer.render_averaged(frame, lattice, &mut result, &Run::default())
         } else {
             self.renderer.render(frame, lattice, &mut result)
         };

@@ -12,6 +12,7 @@ use crate::pipeline::kinds::{InSpace, PathMethod, SmoothSettings, Zoom};
 use crate::pipeline::run_error::RunError;
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Similarity2;
+use plumbline_num::run::Run;
 use plumbline_video::motion::sfm::SfmVerdict;
 use plumbline_video::motion::{ClipCameras, ClipMotion, FrameCamera, FrameMotion, MotionQuality, ShotCameras};
 use plumbline_video::path::{
@@ -66,7 +67,8 @@ impl<'a> Planner<'a> {
 
     /// The path that the motion in the picture allows.
     fn in_picture(&self) -> Result<VirtualPath, RunError> {
-        let mut path = path::plan(&self.clip(&self.steps), &options(self.settings)).map_err(not_planned)?;
+        let mut path =
+            path::plan(&self.clip(&self.steps), &options(self.settings), &Run::default()).map_err(not_planned)?;
         path.segments.iter_mut().for_each(|s| self.tell_of_no_cameras(s));
         Ok(path)
     }
@@ -84,7 +86,7 @@ impl<'a> Planner<'a> {
         let in_space = match self.wishes(&real, near, &spans, tracks, &places)? {
             Wish::Free(near) => {
                 let views = Views::new(tracks, &places, &near, &self.times_s)?;
-                self.shown(&views, tracks, &places, path::plan)?
+                self.shown(&views, tracks, &places, |clip, options| path::plan(clip, options, &Run::default()))?
             }
             Wish::Given(wishes) => self.toward(&wishes, tracks, &places)?,
         };
@@ -128,7 +130,7 @@ impl<'a> Planner<'a> {
         let shares = wishes.shares(|c| Ok(views(c)?.shown_from_src()), covers, |shot| clip.period_s(shot))?;
         let views = views(&wishes.at(&shares))?;
         let wanted = views.shown_from_src();
-        let plan = |clip: &Clip<'_>, options: &PathOptions| path::plan_toward(clip, options, &wanted);
+        let plan = |clip: &Clip<'_>, options: &PathOptions| path::plan_toward(clip, options, &wanted, &Run::default());
         let mut path = self.shown(&views, tracks, places, plan)?;
         for segment in &mut path.segments {
             match wishes.told(&segment.frames, shape(self.settings.method), &shares) {
@@ -185,7 +187,8 @@ impl<'a> Planner<'a> {
             let blind = "the wanted cameras see nothing of what the clip's cameras saw";
             return Err(RunError::Input(format!("{file}: {blind}")));
         }
-        let planned = path::plan_along(&self.clip(&self.steps), &options(self.settings), &views.out_from_src());
+        let planned =
+            path::plan_along(&self.clip(&self.steps), &options(self.settings), &views.out_from_src(), &Run::default());
         let mut path = planned.map_err(not_planned)?;
         path.cameras = views.cameras(&path);
         let aligned = format!("; aligned to {:.2} % of the path's length", 100.0 * given.residual);

@@ -43,11 +43,11 @@ pub(super) fn run(
     found.warnings.into_iter().for_each(|w| context.warn(w));
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
     let mut options = options(settings, &video);
-    let mut warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+    let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
     let even = even_size((warp.size.0 as f64, warp.size.1 as f64), &video);
     if even != warp.size {
         options.size = OutputSize::Exact(even.0, even.1);
-        warp = rectify(&input, &options).map_err(|e| rectify_error(&e))?;
+        warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
     }
     context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
     Ok(())
@@ -87,6 +87,7 @@ pub(super) fn even_size((width, height): (f64, f64), video: &VideoInfo) -> (usiz
 
 fn rectify_error(error: &RectifyError) -> RunError {
     match error {
+        RectifyError::Interrupted(stopped) => (*stopped).into(),
         RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
             RunError::Usage(error.to_string())
         }
@@ -133,6 +134,7 @@ impl PointMap for Undistorted {
 mod tests {
     use super::*;
     use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
+    use plumbline_num::run::Run;
     use plumbline_num::time::Timestamp;
     use plumbline_photo::rectify::Target;
     use plumbline_video::track::{FrameQuality, Observation};
@@ -143,7 +145,7 @@ mod tests {
         let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
         let target = Target::Fixed(Projection::Rectilinear);
         let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
-        Undistorted::new(rectify(&input, &options).expect("a map"), (640, 360))
+        Undistorted::new(rectify(&input, &options, &Run::default()).expect("a map"), (640, 360))
     }
 
     #[test]

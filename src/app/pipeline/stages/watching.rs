@@ -10,6 +10,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_image::Frame;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
 use plumbline_media::{Ratio, VideoInfo};
+use plumbline_num::run::Run;
 use plumbline_photo::temporal::ClipImportance;
 
 /// Moments judged per second. Importance is evened out over a second: more would tell nothing new.
@@ -67,12 +68,12 @@ impl Watching {
             return Ok(());
         }
         if let Some(detector) = self.detector.as_ref().filter(|_| cut || self.moments.is_multiple_of(FACES_EVERY)) {
-            self.faces = detector.detect(frame);
+            self.faces = detector.detect(frame, &Run::default())?;
         }
         self.moments = if cut { 1 } else { self.moments + 1 };
         let options = ImportanceOptions { max_side: JUDGED_SIDE, ..ImportanceOptions::default() };
         let mask = self.mask.as_ref().map(|(_, mask)| mask);
-        let judged = Importance::of_frame(frame, &self.faces, mask, &options);
+        let judged = Importance::of_frame(frame, &self.faces, mask, &options, &Run::default());
         let judged = judged.map_err(|e| match &self.mask {
             Some((name, _)) => RunError::Input(format!("{name}: {e}")),
             None => RunError::Input(e.to_string()),

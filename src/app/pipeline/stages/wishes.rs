@@ -78,7 +78,7 @@ impl Wishes {
         }
         let from = shown(&self.at(&vec![0.0; frames]))?;
         // Where nothing is known of the view near by either, nothing speaks against the wish.
-        let fits = |shares: &[f64]| {
+        let fits = |shares: &[f64]| -> Result<_, RunError> {
             let views = shown(&self.at(shares))?;
             let fits = |(view, from): (&Option<Similarity2>, &Option<Similarity2>)| {
                 view.as_ref().map_or(from.is_none(), &covers)

@@ -25,6 +25,7 @@ mod vote;
 use super::RenderError;
 use crate::{Frame, Plane};
 use level::Level;
+use plumbline_num::run::Run;
 use search::Search;
 
 /// Longest side of the small copy, px.
@@ -39,8 +40,9 @@ const ROUNDS: (usize, usize) = (16, 5);
 /// Nothing changes where nothing is shown at all.
 ///
 /// # Errors
-/// [`RenderError::Plane`] where the frame's memory does not hold its planes.
-pub fn complete(frame: &mut Frame, shown: &Plane<u8>) -> Result<(), RenderError> {
+/// [`RenderError::Plane`] where the frame's memory does not hold its planes; [`RenderError::Interrupted`], and the frame is as it
+/// was.
+pub fn complete(frame: &mut Frame, shown: &Plane<u8>, run: &Run) -> Result<(), RenderError> {
     let fine = Level::of_frame(frame, shown, WORKING_SIDE)?;
     if fine.known.iter().all(|k| *k) || !fine.known.contains(&true) {
         return Ok(());
@@ -49,6 +51,7 @@ pub fn complete(frame: &mut Frame, shown: &Plane<u8>) -> Result<(), RenderError>
     while let Some(next) = levels.last().filter(|l| l.width.max(l.height) > COARSEST_SIDE).and_then(Level::halved) {
         levels.push(next);
     }
+    let (mut done, all) = (0, ROUNDS.0 + ROUNDS.1 * (levels.len() - 1));
     let mut field: Option<(Vec<u32>, usize, usize)> = None;
     let mut filled: Option<Level> = None;
     while let Some(mut level) = levels.pop() {
@@ -58,41 +61,47 @@ pub fn complete(frame: &mut Frame, shown: &Plane<u8>) -> Result<(), RenderError>
         }
         let mut search = Search::new(&level, field.as_ref());
         let rounds = if field.is_none() { ROUNDS.0 } else { ROUNDS.1 };
-        for _ in 0..rounds {
-            search.improve(&level);
+        for round in 0..rounds {
+            run.step((done + round) as f64 / all as f64)?;
+            search.improve(&level, run)?;
             vote::vote(&mut level, &search);
         }
+        done += rounds;
         field = Some((search.nearest, level.width, level.height));
         filled = Some(level);
     }
     match (filled, field) {
-        (Some(level), Some((nearest, ..))) => finish(frame, shown, &level, &nearest),
+        (Some(level), Some((nearest, ..))) => finish(frame, shown, &level, &nearest, run),
         _ => Ok(()),
     }
 }
 
-/// Copies pixels of the picture to where the small copy found them missing.
-fn finish(frame: &mut Frame, shown: &Plane<u8>, level: &Level, nearest: &[u32]) -> Result<(), RenderError> {
-    let scale = (level.width as f64 / frame.width as f64, level.height as f64 / frame.height as f64);
+/// Copies pixels of the picture to where the small copy found them missing. Nothing is written before all are found.
+fn finish(frame: &mut Frame, shown: &Plane<u8>, level: &Level, nearest: &[u32], run: &Run) -> Result<(), RenderError> {
+    let size = (frame.width, frame.height);
+    let scale = (level.width as f64 / size.0 as f64, level.height as f64 / size.1 as f64);
+    let narrow = frame.format.bytes_per_sample() == 1;
+    let most = ((1_u32 << frame.format.bits) - 1) as f32;
+    let unwritable = |plane| RenderError::Plane { plane, role: "destination" };
+    let mut found = Vec::with_capacity(level.channels.len());
     for plane in 0..level.channels.len() {
         let source = vote::Copier { shown, level, nearest, scale, channel: plane };
-        if frame.format.bytes_per_sample() == 1 {
-            let fault = RenderError::Plane { plane, role: "destination" };
-            let before = frame.plane8(plane).ok_or_else(|| fault.clone())?;
-            let rows = source.rows(|x, y| f32::from(before.row(y)[x]) / 255.0, (frame.width, frame.height));
-            let mut out = frame.plane8_mut(plane).ok_or(fault)?;
-            for (x, y, v) in rows {
-                out.row_mut(y)[x] = (255.0 * v).round().clamp(0.0, 255.0) as u8;
-            }
+        found.push(if narrow {
+            let before = frame.plane8(plane).ok_or_else(|| unwritable(plane))?;
+            source.values(|x, y| f32::from(before.row(y)[x]) / 255.0, size, run)?
         } else {
-            let fault = RenderError::Plane { plane, role: "destination" };
-            let most = ((1_u32 << frame.format.bits) - 1) as f32;
-            let before = frame.plane16(plane).ok_or_else(|| fault.clone())?;
-            let rows = source.rows(|x, y| f32::from(before.row(y)[x]) / most, (frame.width, frame.height));
-            let mut out = frame.plane16_mut(plane).ok_or(fault)?;
-            for (x, y, v) in rows {
-                out.row_mut(y)[x] = (most * v).round().clamp(0.0, most) as u16;
-            }
+            let before = frame.plane16(plane).ok_or_else(|| unwritable(plane))?;
+            source.values(|x, y| f32::from(before.row(y)[x]) / most, size, run)?
+        });
+    }
+    for (plane, values) in found.into_iter().enumerate() {
+        let pixels = vote::hole(shown, size).zip(values);
+        if narrow {
+            let mut out = frame.plane8_mut(plane).ok_or_else(|| unwritable(plane))?;
+            pixels.for_each(|((x, y), v)| out.row_mut(y)[x] = (255.0 * v).round().clamp(0.0, 255.0) as u8);
+        } else {
+            let mut out = frame.plane16_mut(plane).ok_or_else(|| unwritable(plane))?;
+            pixels.for_each(|((x, y), v)| out.row_mut(y)[x] = (most * v).round().clamp(0.0, most) as u16);
         }
     }
     Ok(())
@@ -145,7 +154,7 @@ mod tests {
     fn what_repeats_goes_on_in_corners_and_what_is_shown_stays_to_the_bit() {
         let hole = |x: usize, y: usize| x + y > 30 && (199 - x) + (139 - y) > 36;
         let (whole, mut cut, shown) = scene(hole);
-        complete(&mut cut, &shown).expect("planes");
+        complete(&mut cut, &shown, &Run::default()).expect("planes");
         assert!(off(&whole, &cut, &shown) < 12.0, "{}", off(&whole, &cut, &shown));
         for (y, x) in (0..140).flat_map(|y| (0..200).map(move |x| (y, x))).filter(|&(y, x)| hole(x, y)) {
             assert_eq!(cut.plane8(2).expect("8 bit").row(y)[x], whole.plane8(2).expect("8 bit").row(y)[x]);
@@ -157,7 +166,7 @@ mod tests {
         for all in [true, false] {
             let (_, mut cut, shown) = scene(|_, _| all);
             let before = cut.plane8(0).expect("8 bit").row(100).to_vec();
-            complete(&mut cut, &shown).expect("planes");
+            complete(&mut cut, &shown, &Run::default()).expect("planes");
             assert_eq!(cut.plane8(0).expect("8 bit").row(100), before);
         }
     }
@@ -166,7 +175,7 @@ mod tests {
     fn filling_is_repeatable() {
         let fill = || {
             let (_, mut cut, shown) = scene(|x, y| x > 25 || y > 30);
-            complete(&mut cut, &shown).expect("planes");
+            complete(&mut cut, &shown, &Run::default()).expect("planes");
             (0..30).flat_map(|y| cut.plane8(0).expect("8 bit").row(y).to_vec()).collect::<Vec<_>>()
         };
         assert_eq!(fill(), fill());

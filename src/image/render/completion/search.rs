@@ -4,6 +4,7 @@
 //! around its own, ever nearer. Sweeps go forth and back in turn.
 
 use super::level::Level;
+use plumbline_num::run::{Run, Stopped};
 
 /// Half a patch, px: patches have 7×7 px.
 pub(super) const RADIUS: usize = 3;
@@ -94,8 +95,9 @@ impl Search {
     }
 
     /// One round: distances anew, for the hole has changed, then sweeps.
-    pub(super) fn improve(&mut self, level: &Level) {
+    pub(super) fn improve(&mut self, level: &Level, run: &Run) -> Result<(), Stopped> {
         for n in 0..self.targets.len() {
+            run.check()?;
             let k = self.targets[n] as usize;
             self.distance[k] = distance(level, k, self.nearest[k] as usize, f32::INFINITY);
         }
@@ -103,10 +105,12 @@ impl Search {
             let forth = self.sweeps.is_multiple_of(2);
             self.sweeps += 1;
             for n in 0..self.targets.len() {
+                run.check()?;
                 let n = if forth { n } else { self.targets.len() - 1 - n };
                 self.improve_one(level, self.targets[n] as usize, forth);
             }
         }
+        Ok(())
     }
 
     fn improve_one(&mut self, level: &Level, k: usize, forth: bool) {

@@ -3,6 +3,7 @@
 use super::level::Level;
 use super::search::{Search, around};
 use crate::Plane;
+use plumbline_num::run::{Run, Stopped};
 
 /// Patches that differ from what they stand for by this share of the range (RMS over all channels) have little say.
 const DEVIATION: f32 = 0.08;
@@ -39,6 +40,12 @@ pub(super) fn vote(level: &mut Level, search: &Search) {
     }
 }
 
+/// Column and row of every pixel that is not shown whole.
+pub(super) fn hole(shown: &Plane<u8>, (width, height): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
+    let shown = shown.as_ref();
+    (0..height).flat_map(move |y| (0..width).map(move |x| (x, y))).filter(move |&(x, y)| shown.row(y)[x] < 255)
+}
+
 /// Copies pixels of the full picture to where the small one found its patches.
 pub(super) struct Copier<'a> {
     pub(super) shown: &'a Plane<u8>,
@@ -50,15 +57,15 @@ pub(super) struct Copier<'a> {
 }
 
 impl Copier<'_> {
-    /// Column, row and value of every pixel that is not shown whole.
-    pub(super) fn rows(
+    /// The values of every pixel that is not shown whole, in the order of [`hole`].
+    pub(super) fn values(
         &self,
         sample: impl Fn(usize, usize) -> f32,
-        (width, height): (usize, usize),
-    ) -> Vec<(usize, usize, f32)> {
-        let shown = self.shown.as_ref();
-        let hole = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&(x, y)| shown.row(y)[x] < 255);
-        hole.map(|(x, y)| (x, y, self.value((x, y), &sample, (width, height)))).collect()
+        size: (usize, usize),
+        run: &Run,
+    ) -> Result<Vec<f32>, Stopped> {
+        let value = |at: (usize, usize)| run.check().map(|()| self.value(at, &sample, size));
+        hole(self.shown, size).map(value).collect()
     }
 
     /// The mean of what the four nearest pixels of the small picture point to; their own value where that is not shown.

@@ -47,6 +47,7 @@ use crate::warp::{Lattice, WarpField};
 use align::Aligned;
 use canvas::Canvas;
 use choose::{Choice, Neighbor};
+use plumbline_num::run::Run;
 use strip::Strip;
 pub use window::FillOptions;
 use window::Window;
@@ -100,13 +101,15 @@ impl Filler {
     /// from positions in that frame to positions in another one, by number; `None` where there is none (another shot).
     ///
     /// # Errors
-    /// [`RenderError::Size`], [`RenderError::Dimensions`], and [`RenderError::Plane`] for memory that cannot be accessed.
+    /// [`RenderError::Size`], [`RenderError::Dimensions`], [`RenderError::Interrupted`], and [`RenderError::Plane`] for memory that
+    /// cannot be accessed.
     pub fn fill(
         &mut self,
         renderer: &Renderer,
         own: &Lattice,
         dst: &mut Frame,
         mut neighbor_from_src: impl FnMut(usize) -> Option<WarpField>,
+        run: &Run,
     ) -> Result<FillReport, RenderError> {
         super::check(dst, own, dst)?;
         let before = std::mem::take(&mut self.before);
@@ -117,8 +120,8 @@ impl Filler {
         let choice = Choice::new(&strip, now, &before, mapped);
         let canvas = Canvas::new(&strip, dst)?;
         let mut composition = Composition { renderer, strip: &strip, canvas, choice, used: Vec::new() };
-        let refused = composition.trusted()?;
-        composition.coarse(&refused)?;
+        let refused = composition.trusted(run)?;
+        composition.coarse(&refused, run)?;
         let Composition { canvas, used, .. } = composition;
         if !used.is_empty() {
             canvas.write(&strip, dst)?;
@@ -141,9 +144,10 @@ struct Composition<'a> {
 
 impl<'a> Composition<'a> {
     /// Adds neighbors that continue the texture; gives all that were aligned.
-    fn trusted(&mut self) -> Result<Vec<(Neighbor<'a>, Aligned)>, RenderError> {
+    fn trusted(&mut self, run: &Run) -> Result<Vec<(Neighbor<'a>, Aligned)>, RenderError> {
         let mut tried = Vec::new();
         for _ in 0..MOST_TRIED {
+            run.check()?;
             let Some(neighbor) = self.choice.next().filter(|_| self.used.len() < MOST_LAYERS) else { break };
             let part = self.canvas.part(self.strip);
             let Some(aligned) = Aligned::new(self.renderer, self.strip, &self.canvas, part, &neighbor)? else {
@@ -160,8 +164,9 @@ impl<'a> Composition<'a> {
     }
 
     /// Adds, behind all others, neighbors that agree at a quarter of the size.
-    fn coarse(&mut self, tried: &[(Neighbor<'a>, Aligned)]) -> Result<(), RenderError> {
+    fn coarse(&mut self, tried: &[(Neighbor<'a>, Aligned)], run: &Run) -> Result<(), RenderError> {
         for (neighbor, aligned) in tried.iter().take(MOST_COARSE) {
+            run.check()?;
             if !self.canvas.left_probes(self.strip).contains(&true) {
                 break;
             }

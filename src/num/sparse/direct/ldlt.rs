@@ -22,6 +22,7 @@
 //! of indefinite sparse symmetric linear equations*, ACM TOMS 9 (1983); I. S. Duff, *MA57 – a code for the solution of sparse
 //! symmetric definite and indefinite systems*, ACM TOMS 30 (2004), for the threshold.
 
+use crate::run::Run;
 use crate::sparse::blocks::Analysis;
 use crate::sparse::front::subtract_product;
 use crate::sparse::{Ordering, Permutation, SparseError, SparseMatrix};
@@ -62,7 +63,7 @@ struct Remainder {
 
 impl Ldlt {
     /// The factor; where pivots vanish an unknown among those left free, as [`SparseError::Undetermined`].
-    pub(super) fn new(a: &SparseMatrix, ordering: &Ordering) -> Result<Self, SparseError> {
+    pub(super) fn new(a: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
         let Analysis { order, permuted, blocks, .. } = Analysis::new(a.pattern(), &ordering.permutation(a.pattern())?);
         let entries: Vec<f64> = permuted.sources().map(|(slot, _)| a.values()[slot]).collect();
         let mut scale = vec![0.0; a.n()];
@@ -78,6 +79,7 @@ impl Ldlt {
         let mut waiting: Vec<Remainder> = Vec::new();
         let mut fronts = Vec::with_capacity(blocks.len());
         for (s, block) in blocks.iter().enumerate() {
+            run.check()?;
             let children =
                 waiting.split_off(waiting.iter().rposition(|c| parents[c.front] != s as u32).map_or(0, |k| k + 1));
             let delayed = children.iter().flat_map(|c| &c.rows[..c.delayed]).copied();

@@ -19,6 +19,7 @@
 //! Comput. 9 (1988); S. C. Eisenstat, J. W. H. Liu, *Exploiting structural symmetry in a sparse partial pivoting code*, SIAM J.
 //! Sci. Comput. 14 (1993), for what the search need not visit; Davis 2006, chapter 6.
 
+use crate::run::Run;
 use crate::sparse::etree::NONE;
 use crate::sparse::ordering::column_degree;
 use crate::sparse::{GeneralMatrix, Ordering, Permutation, SparseError};
@@ -67,11 +68,12 @@ pub(super) struct Lu {
 
 impl Lu {
     /// The factors of a square matrix; a column without a pivot as [`SparseError::Undetermined`].
-    pub(super) fn new(a: &GeneralMatrix, ordering: &Ordering) -> Result<Self, SparseError> {
+    pub(super) fn new(a: &GeneralMatrix, ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
         let symmetric = symmetry(a) >= SYMMETRIC_SHARE;
         let columns = if symmetric { ordering.permutation(&a.symmetric_pattern()?)? } else { column_degree(a)? };
         let mut work = Elimination::new(a, if symmetric { DIAGONAL_SHARE } else { f64::INFINITY });
         for &column in columns.old_from_new() {
+            run.check()?;
             work.eliminate(column as usize)?;
         }
         let Elimination { mut lower, upper, pivots, pivot_rows, pivot_of, .. } = work;

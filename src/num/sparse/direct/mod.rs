@@ -21,6 +21,7 @@ mod qr;
 mod simplicial;
 
 use super::{Cholesky, GeneralMatrix, Ordering, SparseError, SparseMatrix};
+use crate::run::Run;
 use ldlt::Ldlt;
 use lu::Lu;
 use qr::Qr;
@@ -71,16 +72,16 @@ impl GeneralMatrix {
     /// # Errors
     /// [`SparseError::NotSquare`], [`SparseError::NotSymmetric`], [`SparseError::Underdetermined`] where the method does not
     /// take such a matrix; [`SparseError::Singular`], [`SparseError::NotPositiveDefinite`], [`SparseError::Undetermined`]
-    /// where it has no solution; [`SparseError::OutOfMemory`].
-    pub fn factor(&self, method: Method, ordering: &Ordering) -> Result<Factor, SparseError> {
+    /// where it has no solution; [`SparseError::OutOfMemory`], [`SparseError::Interrupted`].
+    pub fn factor(&self, method: Method, ordering: &Ordering, run: &Run) -> Result<Factor, SparseError> {
         let kind = match method {
-            Method::Auto if self.rows() != self.columns() => self.qr()?,
-            Method::Auto => self.best(ordering)?,
-            Method::Cholesky => cholesky(&self.symmetric()?, ordering)?,
-            Method::SimplicialCholesky => simplicial(&self.symmetric()?, ordering)?,
-            Method::Ldlt => Kind::Ldlt(Box::new(Ldlt::new(&self.symmetric()?, ordering)?)),
-            Method::Lu => self.lu(ordering)?,
-            Method::Qr => self.qr()?,
+            Method::Auto if self.rows() != self.columns() => self.qr(run)?,
+            Method::Auto => self.best(ordering, run)?,
+            Method::Cholesky => cholesky(&self.symmetric()?, ordering, run)?,
+            Method::SimplicialCholesky => simplicial(&self.symmetric()?, ordering, run)?,
+            Method::Ldlt => Kind::Ldlt(Box::new(Ldlt::new(&self.symmetric()?, ordering, run)?)),
+            Method::Lu => self.lu(ordering, run)?,
+            Method::Qr => self.qr(run)?,
         };
         let mut factor = Factor { rows: self.rows(), columns: self.columns(), kind };
         if !matches!(factor.kind, Kind::Cholesky(_)) {
@@ -89,12 +90,12 @@ impl GeneralMatrix {
         Ok(factor)
     }
 
-    fn best(&self, ordering: &Ordering) -> Result<Kind, SparseError> {
+    fn best(&self, ordering: &Ordering, run: &Run) -> Result<Kind, SparseError> {
         if self.first_asymmetry().is_some() {
-            return self.lu(ordering);
+            return self.lu(ordering, run);
         }
         let a = self.symmetric()?;
-        let fault = match cholesky(&a, ordering) {
+        let fault = match cholesky(&a, ordering, run) {
             Err(SparseError::NotPositiveDefinite { .. }) => None,
             // Zeros on the diagonal look singular to Cholesky, and may be those of constraints.
             Err(fault @ SparseError::Singular { .. }) if a.n() > 1 => {
@@ -104,47 +105,51 @@ impl GeneralMatrix {
             other => return other,
         };
         // Where nothing else works either, what Cholesky found of a semidefinite matrix says most.
-        self.indefinite(&a, ordering).map_err(|error| fault.unwrap_or(error))
+        self.indefinite(&a, ordering, run).map_err(|error| match error {
+            SparseError::Interrupted(_) => error,
+            error => fault.unwrap_or(error),
+        })
     }
 
-    fn indefinite(&self, a: &SparseMatrix, ordering: &Ordering) -> Result<Kind, SparseError> {
+    fn indefinite(&self, a: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Kind, SparseError> {
         let factor = |kind| Factor { rows: a.n(), columns: a.n(), kind };
-        if let Ok(ldlt) = Ldlt::new(a, ordering) {
+        if let Ok(ldlt) = Ldlt::new(a, ordering, run) {
             let mut ldlt = factor(Kind::Ldlt(Box::new(ldlt)));
             if ldlt.probe(self).is_ok() {
                 return Ok(ldlt.kind);
             }
         }
-        let mut lu = factor(self.lu(ordering)?);
+        run.check()?;
+        let mut lu = factor(self.lu(ordering, run)?);
         lu.probe(self)?;
         Ok(lu.kind)
     }
 
-    fn lu(&self, ordering: &Ordering) -> Result<Kind, SparseError> {
+    fn lu(&self, ordering: &Ordering, run: &Run) -> Result<Kind, SparseError> {
         self.square()?;
-        Ok(Kind::Lu(Box::new(Lu::new(self, ordering)?)))
+        Ok(Kind::Lu(Box::new(Lu::new(self, ordering, run)?)))
     }
 
-    fn qr(&self) -> Result<Kind, SparseError> {
+    fn qr(&self, run: &Run) -> Result<Kind, SparseError> {
         let (rows, columns) = (self.rows(), self.columns());
         if rows < columns {
             return Err(SparseError::Underdetermined { rows, columns });
         }
-        Ok(Kind::Qr(Box::new(Qr::new(self)?)))
+        Ok(Kind::Qr(Box::new(Qr::new(self, run)?)))
     }
 }
 
-fn cholesky(a: &SparseMatrix, ordering: &Ordering) -> Result<Kind, SparseError> {
+fn cholesky(a: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Kind, SparseError> {
     let mut cholesky = Cholesky::analyze(a.pattern(), ordering)?;
-    cholesky.factor(a)?;
+    cholesky.factor(a, run)?;
     Ok(Kind::Cholesky(Box::new(cholesky)))
 }
 
-fn simplicial(a: &SparseMatrix, ordering: &Ordering) -> Result<Kind, SparseError> {
-    match Simplicial::new(a, ordering)? {
+fn simplicial(a: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Kind, SparseError> {
+    match Simplicial::new(a, ordering, run)? {
         Some(factor) => Ok(Kind::Simplicial(Box::new(factor))),
         // The supernodal one knows the component.
-        None => cholesky(a, ordering),
+        None => cholesky(a, ordering, run),
     }
 }
 

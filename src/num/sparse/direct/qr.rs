@@ -17,6 +17,7 @@
 //! T. A. Davis, *Algorithm 915, SuiteSparseQR*, ACM TOMS 38 (2011); G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th
 //! ed. 2013, §5.1 (reflections).
 
+use crate::run::Run;
 use crate::sparse::blocks::Analysis;
 use crate::sparse::etree::NONE;
 use crate::sparse::ordering::column_degree;
@@ -56,7 +57,7 @@ struct Remainder {
 impl Qr {
     /// The factors of a matrix with at least as many rows as columns; a column without a pivot as
     /// [`SparseError::Undetermined`].
-    pub(super) fn new(a: &GeneralMatrix) -> Result<Self, SparseError> {
+    pub(super) fn new(a: &GeneralMatrix, run: &Run) -> Result<Self, SparseError> {
         let order = column_degree(a)?;
         let rows = a.transposed();
         let first_of = |i: usize, order: &Permutation| rows.column(i).map(|(j, _)| (order.new_from_old()[j], j)).min();
@@ -75,6 +76,7 @@ impl Qr {
         let mut left: Vec<(usize, Remainder)> = Vec::new();
         let mut fronts: Vec<Reduced> = Vec::with_capacity(blocks.len());
         for (s, block) in blocks.iter().enumerate() {
+            run.check()?;
             let own = block.first..block.first + block.width;
             let names = || own.clone().map(|j| j as u32).chain(block.rows.iter().copied());
             names().enumerate().for_each(|(k, j)| place[j as usize] = k as u32);

@@ -11,6 +11,7 @@
 //! # Reference
 //! Davis 2006, section 4.7 (up-looking Cholesky).
 
+use crate::run::Run;
 use crate::sparse::blocks::Analysis;
 use crate::sparse::{Ordering, Permutation, SparseError, SparseMatrix};
 
@@ -25,7 +26,7 @@ pub(super) struct Simplicial {
 
 impl Simplicial {
     /// The factor, or `None` where a pivot is not positive.
-    pub(super) fn new(a: &SparseMatrix, ordering: &Ordering) -> Result<Option<Self>, SparseError> {
+    pub(super) fn new(a: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Option<Self>, SparseError> {
         let n = a.n();
         let Analysis { order, parent, counts, permuted, .. } =
             Analysis::new(a.pattern(), &ordering.permutation(a.pattern())?);
@@ -37,6 +38,7 @@ impl Simplicial {
         let entry: Vec<f64> = permuted.sources().map(|(slot, _)| a.values()[slot]).collect();
         let (mut x, mut seen, mut reach) = (vec![0.0; n], vec![usize::MAX; n], Vec::new());
         for i in 0..n {
+            run.check()?;
             seen[i] = i;
             reach.clear();
             let mut pivot = 0.0;

@@ -8,6 +8,7 @@
 //! a few sweeps after a small change. A symmetric sweep (forwards, then backwards) is also a preconditioner.
 
 use super::{IterativeReport, Preconditioner, Stop, norm, relative};
+use crate::run::{Run, Stopped};
 use crate::sparse::{GeneralMatrix, SparseError, SparseMatrix};
 
 /// A symmetric matrix by rows, ready for relaxation.
@@ -39,17 +40,21 @@ impl GaussSeidel {
     }
 
     /// Forward sweeps from `x` until the residual is small enough.
-    pub fn solve(&self, b: &[f64], x: &mut [f64], stop: &Stop) -> IterativeReport {
+    ///
+    /// # Errors
+    /// [`Stopped`], and `x` is the last approximation.
+    pub fn solve(&self, b: &[f64], x: &mut [f64], stop: &Stop, run: &Run) -> Result<IterativeReport, Stopped> {
         let residual = |x: &[f64]| self.rows.multiply(x).iter().zip(b).map(|(y, b)| b - y).collect::<Vec<_>>();
         let target = stop.tolerance * norm(b);
         let mut iterations = 0;
         let mut r = residual(x);
         while norm(&r) > target && iterations < stop.max_iterations {
+            run.check()?;
             self.sweep(b, x, false);
             r = residual(x);
             iterations += 1;
         }
-        IterativeReport { iterations, residual: relative(&r, b), converged: norm(&r) <= target }
+        Ok(IterativeReport { iterations, residual: relative(&r, b), converged: norm(&r) <= target })
     }
 }
 
@@ -78,7 +83,9 @@ mod tests {
         let gauss_seidel = GaussSeidel::new(&chain(6)).expect("positive");
         let mut x = vec![0.0; 6];
         let b = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let report = gauss_seidel.solve(&b, &mut x, &Stop { tolerance: 1e-12, max_iterations: 2000 });
+        let report = gauss_seidel
+            .solve(&b, &mut x, &Stop { tolerance: 1e-12, max_iterations: 2000 }, &Run::default())
+            .expect("a run that never stops");
         assert!(report.converged && x.iter().all(|x| (x - 1.0).abs() < 1e-10), "{report:?} {x:?}");
     }
 
@@ -109,7 +116,9 @@ mod tests {
         let b: Vec<f64> = (0..200).map(|i| f64::from(i).sin()).collect();
         let run = |mut p: Box<dyn Preconditioner>| {
             let stop = Stop { tolerance: 1e-8, max_iterations: 1000 };
-            conjugate_gradients(&a, &b, &mut vec![0.0; 200], &mut *p, &stop).expect("definite").iterations
+            conjugate_gradients(&a, &b, &mut vec![0.0; 200], &mut *p, &stop, &Run::default())
+                .expect("definite")
+                .iterations
         };
         let (plain, swept) = (run(Box::new(Plain)), run(Box::new(GaussSeidel::new(&a).expect("positive"))));
         assert!(10 * swept < 7 * plain, "{plain} {swept}");

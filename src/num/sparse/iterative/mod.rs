@@ -14,6 +14,7 @@ pub use gauss_seidel::GaussSeidel;
 pub use incomplete_cholesky::IncompleteCholesky;
 
 use super::{Cholesky, CompactFactor, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// Something that approximates `A⁻¹`, symmetric and positive definite.
 pub trait Preconditioner {
@@ -103,13 +104,14 @@ pub struct IterativeReport {
 ///
 /// # Errors
 /// [`SparseError::NotPositiveDefinite`] where a direction of no or negative curvature turns up; `x` is then the last
-/// approximation.
+/// approximation, as it is with [`SparseError::Interrupted`].
 pub fn conjugate_gradients(
     a: &SparseMatrix,
     b: &[f64],
     x: &mut [f64],
     preconditioner: &mut (impl Preconditioner + ?Sized),
     stop: &Stop,
+    run: &Run,
 ) -> Result<IterativeReport, SparseError> {
     let n = a.n();
     assert!(b.len() == n && x.len() == n, "vectors of a system of {n} unknowns");
@@ -121,6 +123,7 @@ pub fn conjugate_gradients(
     let mut rz = dot(&r, &z);
     let mut iterations = 0;
     while norm(&r) > target && iterations < stop.max_iterations {
+        run.check()?;
         a.multiply(&p, &mut q);
         let curvature = dot(&p, &q);
         if !(curvature > 0.0) {
@@ -181,7 +184,8 @@ mod tests {
         let b: Vec<f64> = (0..a.n()).map(|i| (i as f64).sin()).collect();
         let mut x = vec![0.0; a.n()];
         let stop = Stop { tolerance: 1e-9, ..Stop::default() };
-        let report = conjugate_gradients(a, &b, &mut x, preconditioner, &stop).expect("positive definite");
+        let report =
+            conjugate_gradients(a, &b, &mut x, preconditioner, &stop, &Run::default()).expect("positive definite");
         assert!(report.converged && report.residual < 1e-7, "{report:?}");
         let mut r = vec![0.0; a.n()];
         a.residual(&x, &b, &mut r);
@@ -193,7 +197,7 @@ mod tests {
     fn the_nearer_the_preconditioner_the_fewer_the_steps() {
         let a = held_grid(30);
         let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("valid");
-        cholesky.factor(&a).expect("held");
+        cholesky.factor(&a, &Run::default()).expect("held");
         let plain = steps(&a, &mut Plain);
         let jacobi = steps(&a, &mut Jacobi::new(&a).expect("positive"));
         let incomplete = steps(&a, &mut IncompleteCholesky::new(&a).expect("positive"));
@@ -205,11 +209,12 @@ mod tests {
     #[test]
     fn an_indefinite_matrix_is_found_out_and_a_solution_is_left_alone() {
         let a = SparseMatrix::from_triplets(2, &[(0, 0, 1.0), (1, 1, -1.0)]).expect("in range");
-        let error = conjugate_gradients(&a, &[0.0, 1.0], &mut [0.0; 2], &mut Plain, &Stop::default());
+        let error = conjugate_gradients(&a, &[0.0, 1.0], &mut [0.0; 2], &mut Plain, &Stop::default(), &Run::default());
         assert!(matches!(error, Err(SparseError::NotPositiveDefinite { component }) if component.unknowns == [1]));
         assert!(matches!(Jacobi::new(&a), Err(SparseError::Pivot { unknown: 1 })));
         let mut x = [3.0, 0.0];
-        let report = conjugate_gradients(&a, &[3.0, 0.0], &mut x, &mut Plain, &Stop::default()).expect("solved");
+        let report = conjugate_gradients(&a, &[3.0, 0.0], &mut x, &mut Plain, &Stop::default(), &Run::default())
+            .expect("solved");
         assert_eq!((report.iterations, report.residual, x), (0, 0.0, [3.0, 0.0]));
     }
 
@@ -217,7 +222,8 @@ mod tests {
     fn running_out_of_steps_is_told() {
         let a = held_grid(10);
         let stop = Stop { max_iterations: 3, tolerance: 1e-12 };
-        let report = conjugate_gradients(&a, &[1.0; 100], &mut [0.0; 100], &mut Plain, &stop).expect("definite");
+        let report = conjugate_gradients(&a, &[1.0; 100], &mut [0.0; 100], &mut Plain, &stop, &Run::default())
+            .expect("definite");
         assert!(!report.converged && report.iterations == 3 && report.residual > 1e-3);
     }
 }

@@ -17,6 +17,7 @@ use super::centering::{AGREE, distances, nearest, tangent};
 use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::web::Web;
+use plumbline_num::run::Run;
 
 /// Times that the steps are taken. After four, curves of sixty capsules, straight and bent, are within a hundredth of the radius of their
 /// axes; after two, all but one are.
@@ -27,13 +28,14 @@ const ROUND: f64 = 1.1;
 const FLAT: f64 = 1.3;
 
 /// Moves nodes on round limbs to the axis, but for junctions, ends and pinned nodes.
-pub(super) fn settle(web: &mut Web, tree: &AabbTree) -> Result<(), ExtractionError> {
+pub(super) fn settle(web: &mut Web, tree: &AabbTree, run: &Run) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();
     let feet = nearest(web, tree);
-    let mut fairing = Fairing::new(web, &alive, &distances(web, &feet), AGREE, |_| false)?;
+    let mut fairing = Fairing::new(web, &alive, &distances(web, &feet), AGREE, |_| false, run)?;
     let between_two = alive.iter().filter(|v| web.degree(**v) == 2);
     let mut round: Vec<(u32, Point3<f64>)> = between_two.filter_map(|v| Some((*v, feet[*v as usize]?))).collect();
     for _ in 0..PASSES {
+        run.check()?;
         let mut steps = vec![Vector3::zeros(); web.nodes.len()];
         // Nodes that are not on round limbs at first are not asked again.
         round.retain_mut(|(v, foot)| {

@@ -19,6 +19,7 @@ use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::order::Cost;
 use super::web::Web;
+use plumbline_num::run::Run;
 
 /// Over how many radii steps agree.
 pub(super) const AGREE: f64 = 0.5;
@@ -70,11 +71,18 @@ pub(super) fn nearest(web: &Web, tree: &AabbTree) -> Vec<Option<Point3<f64>>> {
 }
 
 /// Moves all nodes but pinned ones toward the middle, and back in where that took them out. Only a `closed` surface has an outside.
-pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize) -> Result<(), ExtractionError> {
+pub(super) fn center(
+    web: &mut Web,
+    tree: &AabbTree,
+    closed: bool,
+    passes: usize,
+    run: &Run,
+) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();
     let pinned = web.pinned.clone();
     let mut feet: Vec<Option<Foot>> = vec![None; web.nodes.len()];
     for pass in 0..passes {
+        run.check()?;
         let share = 1.0 / (1.0 + FADING * pass as f64);
         let mut radii = vec![0.0; web.nodes.len()];
         let mut steps = vec![Vector3::zeros(); web.nodes.len()];
@@ -86,11 +94,11 @@ pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize
             let (step, along) = (foot.step(tree), tangent(web, v));
             steps[v as usize] = step - along * step.dot(&along);
         }
-        Fairing::new(web, &alive, &radii, AGREE, |_| false)?.apply(&mut steps);
+        Fairing::new(web, &alive, &radii, AGREE, |_| false, run)?.apply(&mut steps);
         for &v in alive.iter().filter(|v| !pinned[**v as usize]) {
             web.nodes[v as usize] += steps[v as usize] * share;
         }
-        smooth(web, &alive, &radii, SMOOTH)?;
+        smooth(web, &alive, &radii, SMOOTH, run)?;
     }
     if closed {
         bring_nodes_in(web, tree);
@@ -99,9 +107,9 @@ pub(super) fn center(web: &mut Web, tree: &AabbTree, closed: bool, passes: usize
 }
 
 /// Smooths the curve over a share of the radius about it; ends stay.
-fn smooth(web: &mut Web, alive: &[u32], radii: &[f64], share: f64) -> Result<(), ExtractionError> {
+fn smooth(web: &mut Web, alive: &[u32], radii: &[f64], share: f64, run: &Run) -> Result<(), ExtractionError> {
     let held = |v: u32| web.pinned[v as usize] || web.degree(v) < 2;
-    let mut fairing = Fairing::new(web, alive, radii, share, held)?;
+    let mut fairing = Fairing::new(web, alive, radii, share, held, run)?;
     let free: Vec<u32> = alive.iter().copied().filter(|v| !held(*v)).collect();
     let mut places: Vec<Vector3<f64>> = web.nodes.iter().map(|p| p.coords).collect();
     fairing.apply(&mut places);

@@ -38,6 +38,7 @@ use super::error::ExtractionError;
 use super::medial::Ball;
 use super::normal_equations::NormalEquations;
 use super::order::Cost;
+use plumbline_num::run::{Run, Stopped};
 
 /// Weights and bounds of the contraction; lengths in the unit of the normalized model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,9 +108,9 @@ impl Contraction {
     }
 
     /// One round; true where it was the last.
-    pub(super) fn step(&mut self) -> Result<bool, ExtractionError> {
-        self.solve()?;
-        if self.collapse_short() {
+    pub(super) fn step(&mut self, run: &Run) -> Result<bool, ExtractionError> {
+        self.solve(run)?;
+        if self.collapse_short(run)? {
             self.system = None;
         }
         let area = self.complex.area();
@@ -119,7 +120,7 @@ impl Contraction {
         Ok(lost.abs() < self.weights.still * self.first_area || self.round >= self.weights.rounds)
     }
 
-    fn solve(&mut self) -> Result<(), ExtractionError> {
+    fn solve(&mut self, run: &Run) -> Result<(), ExtractionError> {
         let mut system = match self.system.take() {
             Some(system) => system,
             None => NormalEquations::analyze(&self.complex)?,
@@ -156,7 +157,7 @@ impl Contraction {
             }
         }
         system.set(&self.complex, &rows, &diagonal);
-        system.solve_in_place(&mut rhs)?;
+        system.solve_in_place(&mut rhs, run)?;
         let mut moved = self.complex.positions.clone();
         for (i, &v) in system.vertices.iter().enumerate() {
             let place = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
@@ -203,7 +204,7 @@ impl Contraction {
     }
 
     /// Collapses short edges, the shortest first; true where there was one.
-    fn collapse_short(&mut self) -> bool {
+    fn collapse_short(&mut self, run: &Run) -> Result<bool, Stopped> {
         let mut scratch = [Vec::new(), Vec::new()];
         let mut any = false;
         loop {
@@ -211,6 +212,7 @@ impl Contraction {
             edges.sort_unstable();
             let mut progress = false;
             for (_, a, b) in edges {
+                run.check()?;
                 let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
                 if !alive
                     || self.length(a, b) > self.short(a, b)
@@ -225,7 +227,7 @@ impl Contraction {
             }
             any |= progress;
             if !progress {
-                return any;
+                return Ok(any);
             }
         }
     }

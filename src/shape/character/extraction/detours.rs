@@ -18,6 +18,7 @@ use nalgebra::Point3;
 use super::aabb::AabbTree;
 use super::centering::radius;
 use super::web::{Branch, Web};
+use plumbline_num::run::{Run, Stopped};
 
 /// A line costs this many times what it does before it is taken.
 const GAIN: f64 = 1.5;
@@ -29,13 +30,15 @@ const PIECES: usize = 16;
 const LEAST_RADIUS: f64 = 1e-3;
 
 /// Cuts detours of all branches; `radii` are the distances of the nodes to the surface.
-pub(super) fn cut(web: &mut Web, tree: &AabbTree, radii: &[f64]) {
+pub(super) fn cut(web: &mut Web, tree: &AabbTree, radii: &[f64], run: &Run) -> Result<(), Stopped> {
     for branch in web.branches() {
+        run.check()?;
         let kept = shortest(web, tree, radii, &branch);
         for pair in kept.windows(2) {
             bridge(web, &branch[pair[0]..=pair[1]]);
         }
     }
+    Ok(())
 }
 
 /// Merges the inner nodes of a row into the nearer of its two ends, which are neighbors after.

@@ -1,5 +1,6 @@
 //! Why a skeleton could not be extracted.
 
+use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
 /// Why a skeleton could not be extracted.
@@ -27,9 +28,9 @@ pub enum ExtractionError {
         /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// The caller asked to stop.
-    #[error("the extraction was interrupted")]
-    Interrupted,
+    /// The observer asked to stop, the run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
     /// Numerics: a system of the contraction could not be solved.
     #[error("the contraction could not be solved: {0}")]
     Numerics(SparseError),
@@ -37,6 +38,9 @@ pub enum ExtractionError {
 
 impl ExtractionError {
     pub(super) fn from_sparse(error: SparseError) -> Self {
-        Self::Numerics(error)
+        match error {
+            SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Numerics(error),
+        }
     }
 }

@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 
 use super::error::ExtractionError;
 use super::web::Web;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
 /// Mass of a node that is held.
@@ -36,6 +37,7 @@ impl Fairing {
         radii: &[f64],
         share: f64,
         held: impl Fn(u32) -> bool,
+        run: &Run,
     ) -> Result<Self, ExtractionError> {
         let mut number = vec![u32::MAX; web.nodes.len()];
         alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
@@ -64,7 +66,7 @@ impl Fairing {
             add(slot(b), slot(b), weight);
             add(slot(a), slot(b), -weight);
         }
-        factor.factor(&matrix).map_err(ExtractionError::from_sparse)?;
+        factor.factor(&matrix, run).map_err(ExtractionError::from_sparse)?;
         Ok(Self { number, masses, factor })
     }
 

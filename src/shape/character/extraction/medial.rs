@@ -16,6 +16,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::kd_tree::KdTree;
+use plumbline_num::run::{Run, Stopped};
 
 /// Balls shrink at most this often: each time the radius falls, two or three times are the rule.
 const ROUNDS: usize = 20;
@@ -35,16 +36,22 @@ pub(super) struct Ball {
 }
 
 /// The ball of each vertex. `widest` bounds their radii: open surfaces have sides without an inside.
-pub(super) fn balls(positions: &[Point3<f64>], normals: &[Vector3<f64>], widest: f64) -> Vec<Ball> {
+pub(super) fn balls(
+    positions: &[Point3<f64>],
+    normals: &[Vector3<f64>],
+    widest: f64,
+    run: &Run,
+) -> Result<Vec<Ball>, Stopped> {
     let tree = KdTree::new(positions);
     let mut first = widest;
     let of = |(i, (p, n)): (usize, (&Point3<f64>, &Vector3<f64>))| {
+        run.check()?;
         let ball = shrunk(i as u32, p, n, first, &tree, positions);
         // Neighbors in the list are often neighbors on the surface: their balls are a good start.
         let start = first;
         first = (3.0 * ball.radius).min(widest);
         let ball = if ball.radius >= start { shrunk(i as u32, p, n, widest, &tree, positions) } else { ball };
-        if ball.radius >= widest { Ball { center: *p, radius: UNBOUNDED * widest } } else { ball }
+        Ok(if ball.radius >= widest { Ball { center: *p, radius: UNBOUNDED * widest } } else { ball })
     };
     positions.iter().zip(normals).enumerate().map(of).collect()
 }

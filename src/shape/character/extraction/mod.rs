@@ -71,6 +71,7 @@ use crate::mesh::TriMesh;
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
 use kd_tree::KdTree;
+use plumbline_num::run::Run;
 use plumbline_num::union_find::UnionFind;
 
 /// Which ends must stay.
@@ -181,14 +182,15 @@ pub struct ExtractionReport {
 ///
 /// # Errors
 /// [`ExtractionError`]: a mesh without area, an option outside its range, a vertex to keep that does not exist, an interruption by
-/// `observer`, a system that cannot be solved.
+/// `observer` or `run`, a system that cannot be solved.
 pub fn extract(
     mesh: &TriMesh,
     options: &ExtractionOptions,
     observer: &mut Observer<'_>,
+    run: &Run,
 ) -> Result<(CurveSkeleton, ExtractionReport), ExtractionError> {
     options.check(mesh.vertex_count())?;
-    let (parts, repairs) = parts::of(mesh);
+    let (parts, repairs) = parts::of(mesh, run)?;
     if parts.is_empty() {
         return Err(ExtractionError::Empty);
     }
@@ -196,7 +198,13 @@ pub fn extract(
     let mut curve = CurveSkeleton { node_of_vertex: vec![u32::MAX; mesh.vertex_count()], ..CurveSkeleton::default() };
     let count = parts.len();
     for (i, part) in parts.into_iter().enumerate() {
-        let found = part::extract(&part, (i, count), options, observer)?;
+        let found = part::extract(
+            &part,
+            (i, count),
+            options,
+            observer,
+            &run.part(i as f64 / count as f64, (i + 1) as f64 / count as f64),
+        )?;
         report.rounds += found.rounds;
         report.handles += found.handles;
         let first = curve.nodes.len() as u32;

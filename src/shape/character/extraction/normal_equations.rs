@@ -13,6 +13,7 @@ use nalgebra::Point3;
 
 use super::complex::{Complex, NONE};
 use super::error::ExtractionError;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
 /// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
@@ -87,8 +88,8 @@ impl NormalEquations {
     }
 
     /// Solves for three right-hand sides, one behind the other.
-    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64]) -> Result<(), ExtractionError> {
-        self.factor.factor(&self.matrix).map_err(ExtractionError::from_sparse)?;
+    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], run: &Run) -> Result<(), ExtractionError> {
+        self.factor.factor(&self.matrix, run).map_err(ExtractionError::from_sparse)?;
         self.factor.solve_in_place(rhs);
         Ok(())
     }
@@ -206,7 +207,7 @@ mod tests {
             .chunks(n)
             .flat_map(|x| (&wanted * nalgebra::DVector::from_row_slice(x)).as_slice().to_vec())
             .collect::<Vec<f64>>();
-        system.solve_in_place(&mut rhs).unwrap();
+        system.solve_in_place(&mut rhs, &Run::default()).unwrap();
         assert!(rhs.iter().zip(&x).all(|(found, x)| (found - x).abs() < 1e-10));
     }
 }

@@ -14,6 +14,7 @@ use super::web::Web;
 use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
 use super::{bends, caps, centering, cones, detours, pruning, reduction, resampling, sheet, sight, surgery, tips};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
+use plumbline_num::run::{Run, Stopped};
 
 /// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
 const MOST_BALLS: usize = 12000;
@@ -75,16 +76,19 @@ pub(super) fn extract(
     which: (usize, usize),
     options: &ExtractionOptions,
     observer: &mut Observer<'_>,
+    run: &Run,
 ) -> Result<Found, ExtractionError> {
     let Some(frame) = Frame::of(&part.mesh).filter(|_| part.mesh.triangle_count() >= LEAST_TRIANGLES) else {
         return Ok(point(part));
     };
     let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
     let mut surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
+    run.check()?;
     let mut tree = AabbTree::new(surface.positions(), surface.triangles());
     let mut handles = parts::handles(&surface);
     let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
     let mut closed = parts::is_closed(&surface);
+    run.check()?;
     if !closed {
         let turned = inside_out(&surface);
         let solid = [&surface, &turned].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals())).map(caps::closed);
@@ -93,10 +97,12 @@ pub(super) fn extract(
         } else if let Some((thick, sources)) = sheet::thickened(&surface) {
             (surface, over) = (thick, sources);
         }
+        run.check()?;
         tree = AabbTree::new(surface.positions(), surface.triangles());
         handles = parts::handles(&surface);
         closed = parts::is_closed(&surface);
     }
+    run.check()?;
     let fine = divided(&surface);
     let normals = fine.vertex_normals();
     let mut pinned = vec![false; fine.vertex_count()];
@@ -109,15 +115,17 @@ pub(super) fn extract(
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     if complex.alive_count() > MOST_BALLS {
-        reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| SHORTEST);
+        reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| SHORTEST, run)?;
     }
-    let balls = balls_of(&complex, &normals);
+    let balls = balls_of(&complex, &normals, run)?;
     let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
-    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(LEAST_SIZE));
+    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(LEAST_SIZE), run)?;
+    run.check()?;
     let tips = Tips::of(&complex, &balls, &options.keep);
     for v in &tips.kept {
         pinned[*v as usize] = true;
     }
+    run.check()?;
     let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
     complex.collapses.clear();
     let job = Job {
@@ -131,9 +139,11 @@ pub(super) fn extract(
         balls: &balls,
         places: &places,
         pinned: &pinned,
+        run,
     };
     let (web, rounds) = job.curve(&complex, &classes, &tips, observer)?;
     let Job { tree, frame, .. } = job;
+    run.check()?;
     let mut found = found(&web, &tree, &frame, surface.vertex_count(), rounds);
     found.handles = handles.unwrap_or(0);
     // Of the two sides of a sheet the first counts.
@@ -191,6 +201,7 @@ struct Job<'a> {
     /// Where the curve should be seen from.
     places: &'a [Point3<f64>],
     pinned: &'a [bool],
+    run: &'a Run,
 }
 
 impl Job<'_> {
@@ -219,9 +230,9 @@ impl Job<'_> {
         }
         let mut classes = classes.clone();
         let mut contraction = Contraction::new(complex.clone(), self.balls, pinned.clone(), weights);
-        let rounds = contract(&mut contraction, self.which, options, &self.frame, observer)?;
+        let rounds = contract(&mut contraction, self.which, options, &self.frame, observer, self.run)?;
         classes.follow(&contraction.complex.collapses);
-        let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes);
+        let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes, self.run)?;
         let mut web = Web::new(graph.nodes, &graph.edges, graph.node_of_vertex);
         for v in (0..pinned.len()).filter(|v| self.pinned[*v]) {
             let node = web.node_of(v) as usize;
@@ -251,41 +262,46 @@ impl Job<'_> {
     fn finished(&self, web: &Web) -> Result<Web, ExtractionError> {
         let (tree, closed) = (&self.tree, self.closed);
         let mut web = resampling::resample(web, SPACING);
-        centering::center(&mut web, tree, closed, PASSES[0])?;
+        centering::center(&mut web, tree, closed, PASSES[0], self.run)?;
+        self.run.check()?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         if closed {
             tips::extend(&mut web, tree);
         }
         web = resampling::resample(&web, SPACING);
-        self.take_away_what_says_nothing(&mut web);
+        self.take_away_what_says_nothing(&mut web)?;
         web = resampling::resample(&web, SPACING);
         tips::go_on(&mut web, tree);
-        centering::center(&mut web, tree, closed, PASSES[1])?;
+        centering::center(&mut web, tree, closed, PASSES[1], self.run)?;
+        self.run.check()?;
         tips::trim(&mut web, tree, &|p| self.is_inside(p));
         tips::go_on(&mut web, tree);
-        axis::settle(&mut web, tree)?;
+        axis::settle(&mut web, tree, self.run)?;
         web = resampling::resample(&web, SPACING);
-        sight::draw(&mut web, tree, self.places)?;
+        sight::draw(&mut web, tree, self.places, self.run)?;
+        self.run.check()?;
         if closed {
             centering::keep_inside(&mut web, tree);
         }
+        self.run.check()?;
         bends::round_off(&mut web, tree);
         resampling::thin(&mut web, tree, SPACING);
         Ok(web)
     }
 
     /// Takes branches away that are no limbs, and ways there and back.
-    fn take_away_what_says_nothing(&self, web: &mut Web) {
+    fn take_away_what_says_nothing(&self, web: &mut Web) -> Result<(), Stopped> {
         let (tree, prune) = (&self.tree, self.options.prune);
         let radii = centering::radii(web, tree);
         cones::take_crowns(web, &radii);
-        pruning::prune(web, tree, &radii, prune);
+        pruning::prune(web, tree, &radii, prune, self.run)?;
         if cones::take_crowns(web, &radii) {
-            pruning::prune(web, tree, &radii, prune);
+            pruning::prune(web, tree, &radii, prune, self.run)?;
         }
-        pruning::join_junctions(web, &radii, ONE_JUNCTION);
-        detours::cut(web, tree, &radii);
+        pruning::join_junctions(web, &radii, ONE_JUNCTION, self.run)?;
+        detours::cut(web, tree, &radii, self.run)?;
         cones::unhook(web, &radii);
+        Ok(())
     }
 
     /// Where a surface has no inside, everything counts as inside.
@@ -338,15 +354,15 @@ fn divided(surface: &TriMesh) -> TriMesh {
 }
 
 /// Balls of the vertices that are left; the others have none.
-fn balls_of(complex: &Complex, normals: &[Vector3<f64>]) -> Vec<Ball> {
+fn balls_of(complex: &Complex, normals: &[Vector3<f64>], run: &Run) -> Result<Vec<Ball>, Stopped> {
     let alive: Vec<u32> = complex.vertices().collect();
     let points: Vec<_> = alive.iter().map(|v| complex.positions[*v as usize]).collect();
     let normals: Vec<_> = alive.iter().map(|v| normals[*v as usize]).collect();
     let mut all = vec![Ball { center: Point3::origin(), radius: 0.0 }; complex.positions.len()];
-    for (v, ball) in alive.iter().zip(balls(&points, &normals, WIDEST)) {
+    for (v, ball) in alive.iter().zip(balls(&points, &normals, WIDEST, run)?) {
         all[*v as usize] = ball;
     }
-    all
+    Ok(all)
 }
 
 /// Contracts round by round; the number of rounds.
@@ -356,14 +372,16 @@ fn contract(
     options: &ExtractionOptions,
     frame: &Frame,
     observer: &mut Observer<'_>,
+    run: &Run,
 ) -> Result<usize, ExtractionError> {
     for round in 1..=options.rounds {
-        let done = contraction.step()?;
+        run.step((round - 1) as f64 / options.rounds as f64)?;
+        let done = contraction.step(run)?;
         let surface = || contracted(&contraction.complex, frame);
         let area_left = contraction.area_left();
         let told = Round { part, parts, round, rounds: options.rounds, area_left, surface: &surface };
         if observer(&told).is_break() {
-            return Err(ExtractionError::Interrupted);
+            return Err(Stopped::Interrupted.into());
         }
         if done {
             return Ok(round);

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use crate::mesh::{RepairOptions, TriMesh, edge_groups, repair};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::numbered_components;
 
 /// A part of the surface.
@@ -35,8 +36,8 @@ pub(super) fn is_closed(mesh: &TriMesh) -> bool {
 }
 
 /// Parts in the order of their first vertex, and what repair did.
-pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
-    let repaired = repair(mesh, &RepairOptions::default());
+pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<(Vec<Part>, Vec<String>), Stopped> {
+    let repaired = repair(mesh, &RepairOptions::default(), run)?;
     let mut number: HashMap<[u64; 3], u32> = HashMap::new();
     let mut positions = Vec::new();
     let place = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
@@ -60,6 +61,7 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
             sources[joined[*v as usize] as usize].push(source as u32);
         }
     }
+    run.check()?;
     let (component, count) = numbered_components(positions.len(), &triangles);
     let mut own = vec![0_u32; positions.len()];
     let mut parts = vec![(Vec::new(), Vec::new(), Vec::new()); count];
@@ -76,7 +78,7 @@ pub(super) fn of(mesh: &TriMesh) -> (Vec<Part>, Vec<String>) {
         let mesh = TriMesh::new(points, triangles).expect("corners exist and positions are those of a mesh");
         Part { mesh, sources }
     };
-    (parts.into_iter().map(made).collect(), repaired.report.changes().collect())
+    Ok((parts.into_iter().map(made).collect(), repaired.report.changes().collect()))
 }
 
 #[cfg(test)]

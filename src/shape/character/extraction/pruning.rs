@@ -19,6 +19,7 @@ use nalgebra::Vector3;
 use super::aabb::AabbTree;
 use super::order::Cost;
 use super::web::{Branch, Web};
+use plumbline_num::run::{Run, Stopped};
 
 /// Chords across an end.
 const CHORDS: usize = 8;
@@ -30,11 +31,12 @@ const TILT: f64 = 0.8;
 const HAIRPIN: f64 = 1.05;
 
 /// Takes away what is covered; `radii` are the distances of the nodes to the surface.
-pub(super) fn prune(web: &mut Web, tree: &AabbTree, radii: &[f64], prune: f64) {
+pub(super) fn prune(web: &mut Web, tree: &AabbTree, radii: &[f64], prune: f64, run: &Run) -> Result<(), Stopped> {
     let mut widths = std::collections::HashMap::new();
     loop {
         let mut worst: Option<(Cost, Branch)> = None;
         for branch in web.limbs() {
+            run.check()?;
             let (junction, end) = (branch[0], branch[branch.len() - 1]);
             let width =
                 *widths.entry((junction, end)).or_insert_with(|| half_width(web, tree, &branch, radii[end as usize]));
@@ -46,7 +48,7 @@ pub(super) fn prune(web: &mut Web, tree: &AabbTree, radii: &[f64], prune: f64) {
                 worst = Some((out, branch));
             }
         }
-        let Some((_, branch)) = worst else { return };
+        let Some((_, branch)) = worst else { return Ok(()) };
         web.take_away(&branch);
     }
 }
@@ -109,7 +111,7 @@ fn half_width(web: &Web, tree: &AabbTree, branch: &[u32], radius: f64) -> f64 {
 }
 
 /// Merges junctions that are one.
-pub(super) fn join_junctions(web: &mut Web, radii: &[f64], share: f64) {
+pub(super) fn join_junctions(web: &mut Web, radii: &[f64], share: f64, run: &Run) -> Result<(), Stopped> {
     let radius = |v: u32| radii[v as usize];
     loop {
         let mut nearest: Option<(Cost, Vec<u32>)> = None;
@@ -128,7 +130,8 @@ pub(super) fn join_junctions(web: &mut Web, radii: &[f64], share: f64) {
                 nearest = Some((rank, branch));
             }
         }
-        let Some((_, branch)) = nearest else { return };
+        run.check()?;
+        let Some((_, branch)) = nearest else { return Ok(()) };
         let (a, b) = (branch[0], branch[branch.len() - 1]);
         let (inner, keep) = if radius(a) >= radius(b) {
             (branch[1..].to_vec(), a)

@@ -9,9 +9,16 @@ use std::collections::BinaryHeap;
 
 use super::complex::Complex;
 use super::order::Cost;
+use plumbline_num::run::{Run, Stopped};
 
 /// Collapses edges shorter than `size` at either end, and others until at most `most` vertices are left, as far as they can go.
-pub(super) fn reduce(complex: &mut Complex, most: usize, pinned: &[bool], size: &dyn Fn(u32) -> f64) {
+pub(super) fn reduce(
+    complex: &mut Complex,
+    most: usize,
+    pinned: &[bool],
+    size: &dyn Fn(u32) -> f64,
+    run: &Run,
+) -> Result<(), Stopped> {
     let mut heap = BinaryHeap::new();
     let mut version = vec![0_u32; complex.positions.len()];
     let length = |c: &Complex, a: u32, b: u32| {
@@ -19,12 +26,14 @@ pub(super) fn reduce(complex: &mut Complex, most: usize, pinned: &[bool], size: 
     };
     let (mut neighbors, mut scratch) = (Vec::new(), [Vec::new(), Vec::new()]);
     for a in complex.vertices() {
+        run.check()?;
         complex.neighbors(a, &mut neighbors);
         heap.extend(neighbors.iter().filter(|b| a < **b).map(|b| Reverse((length(complex, a, *b), a, *b, 0, 0))));
     }
     while let Some(Reverse((cost, a, b, at_a, at_b))) = heap.pop() {
+        run.check()?;
         if cost >= Cost::new(1.0) && complex.alive_count() <= most {
-            return;
+            return Ok(());
         }
         if version[a as usize] != at_a || version[b as usize] != at_b || !complex.is_alive(a) || !complex.is_alive(b) {
             continue;
@@ -46,6 +55,7 @@ pub(super) fn reduce(complex: &mut Complex, most: usize, pinned: &[bool], size: 
             heap.push(Reverse((length(complex, a, b), a, b, version[a as usize], version[b as usize])));
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -60,7 +70,14 @@ mod tests {
         let kept = vec![false; ball.vertex_count()];
         let mut complex = whole();
         let heights: Vec<f64> = ball.positions().iter().map(|p| p.z).collect();
-        reduce(&mut complex, usize::MAX, &kept, &|v| if heights[v as usize] > 0.0 { 0.3 } else { 0.1 });
+        reduce(
+            &mut complex,
+            usize::MAX,
+            &kept,
+            &|v| if heights[v as usize] > 0.0 { 0.3 } else { 0.1 },
+            &Run::default(),
+        )
+        .expect("a run that never stops");
         let (upper, lower): (Vec<u32>, Vec<u32>) = complex.vertices().partition(|v| heights[*v as usize] > 0.0);
         assert!(lower.len() > 4 * upper.len(), "{} and {}", lower.len(), upper.len());
         let length = |a: u32, b: u32| nalgebra::distance(&ball.positions()[a as usize], &ball.positions()[b as usize]);
@@ -71,9 +88,9 @@ mod tests {
         });
         assert_eq!(short.count(), 0);
         let mut untouched = whole();
-        reduce(&mut untouched, usize::MAX, &kept, &|_| 1e-3);
+        reduce(&mut untouched, usize::MAX, &kept, &|_| 1e-3, &Run::default()).expect("a run that never stops");
         assert_eq!(untouched.alive_count(), ball.vertex_count());
-        reduce(&mut untouched, 300, &kept, &|_| 1e-3);
+        reduce(&mut untouched, 300, &kept, &|_| 1e-3, &Run::default()).expect("a run that never stops");
         assert_eq!(untouched.alive_count(), 300);
     }
 }

@@ -14,6 +14,7 @@ use super::fairing::Fairing;
 use super::kd_tree::KdTree;
 use super::order::Cost;
 use super::web::Web;
+use plumbline_num::run::Run;
 
 /// Times that it is drawn.
 const PASSES: usize = 8;
@@ -29,12 +30,13 @@ const FARTHEST: f64 = 0.7;
 const MARGIN: f64 = 0.05;
 
 /// Draws the curve to places that do not see it.
-pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Result<(), ExtractionError> {
+pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>], run: &Run) -> Result<(), ExtractionError> {
     let alive: Vec<u32> = web.alive().collect();
     let middle = web.nodes.clone();
     let radii = radii(web, tree);
     let mut hidden = places.to_vec();
     for pass in 0..PASSES {
+        run.check()?;
         if pass == PASSES / 2 {
             // What has moved may have hidden others.
             hidden = places.to_vec();
@@ -42,7 +44,7 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
         let clear: Vec<f64> =
             (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&web.nodes[v], &middle[v])).collect();
         let Some(mut steps) = steps(web, tree, (&alive, &clear), &mut hidden) else { break };
-        Fairing::new(web, &alive, &radii, AGREE, |_| false)?.apply(&mut steps);
+        Fairing::new(web, &alive, &radii, AGREE, |_| false, run)?.apply(&mut steps);
         let free = |v: &u32| !web.pinned[*v as usize] && web.degree(*v) > 1;
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
         for v in free {
@@ -53,7 +55,7 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>]) -> Re
     }
     // Steps of single places leave corners.
     let mut off: Vec<Vector3<f64>> = web.nodes.iter().zip(&middle).map(|(p, m)| p - m).collect();
-    Fairing::new(web, &alive, &radii, EVEN, |_| false)?.apply(&mut off);
+    Fairing::new(web, &alive, &radii, EVEN, |_| false, run)?.apply(&mut off);
     let pinned = web.pinned.clone();
     for v in alive.iter().map(|v| *v as usize).filter(|v| !pinned[*v]) {
         web.nodes[v] = middle[v] + off[v];

@@ -27,6 +27,7 @@ use nalgebra::{Matrix4, Point3, Vector4};
 use super::complex::{Complex, NONE};
 use super::homology::Classes;
 use super::order::Cost;
+use plumbline_num::run::{Run, Stopped};
 
 /// Weight of the shape, as in the paper.
 const SHAPE: f64 = 1.0;
@@ -67,14 +68,19 @@ struct Surgery<'c> {
 }
 
 /// Collapses all triangles of a complex.
-pub(super) fn collapse_to_curve(complex: &Complex, pinned: &[bool], classes: &mut Classes) -> Graph {
+pub(super) fn collapse_to_curve(
+    complex: &Complex,
+    pinned: &[bool],
+    classes: &mut Classes,
+    run: &Run,
+) -> Result<Graph, Stopped> {
     let mut surgery = Surgery::new(complex, pinned, classes);
     for v in complex.vertices() {
         surgery.offer(v);
     }
-    surgery.run();
-    surgery.close_trivial_loops();
-    surgery.graph(complex)
+    surgery.run(run)?;
+    surgery.close_trivial_loops(run)?;
+    Ok(surgery.graph(complex))
 }
 
 impl<'c> Surgery<'c> {
@@ -146,8 +152,9 @@ impl<'c> Surgery<'c> {
         }
     }
 
-    fn run(&mut self) {
+    fn run(&mut self, run: &Run) -> Result<(), Stopped> {
         while let Some(Reverse((_, i, j, at_i, at_j))) = self.heap.pop() {
+            run.check()?;
             if self.version[i as usize] == at_i
                 && self.version[j as usize] == at_j
                 && self.has_face(i, j)
@@ -156,6 +163,7 @@ impl<'c> Surgery<'c> {
                 self.collapse(i, j);
             }
         }
+        Ok(())
     }
 
     fn has_face(&self, i: u32, j: u32) -> bool {
@@ -229,8 +237,8 @@ impl<'c> Surgery<'c> {
 
     /// What is left may hold loops that bound inside the shape, where faces of several branches died between them: the
     /// shortest edge of a shortest such loop collapses until there is none.
-    fn close_trivial_loops(&mut self) {
-        while let Some(cycle) = self.trivial_cycle() {
+    fn close_trivial_loops(&mut self, run: &Run) -> Result<(), Stopped> {
+        while let Some(cycle) = self.trivial_cycle(run)? {
             let edge = |k: usize| (cycle[k], cycle[(k + 1) % cycle.len()]);
             let length = |(a, b): (u32, u32)| {
                 Cost::new(nalgebra::distance(&self.positions[a as usize], &self.positions[b as usize]))
@@ -239,17 +247,18 @@ impl<'c> Surgery<'c> {
             let (i, j) = if self.pinned[shortest.0 as usize] { (shortest.1, shortest.0) } else { shortest };
             self.collapse(i, j);
         }
+        Ok(())
     }
 
     /// The simple cycle of fewest edges whose class is zero, by searches from every vertex.
-    fn trivial_cycle(&mut self) -> Option<Vec<u32>> {
+    fn trivial_cycle(&mut self, run: &Run) -> Result<Option<Vec<u32>>, Stopped> {
         let mut best: Option<Vec<u32>> = None;
         let junctions: Vec<u32> = (0..self.spokes.len() as u32)
             .filter(|v| self.spokes[*v as usize].len() > 2 && self.into[*v as usize] == *v)
             .collect();
         let loops = self.loop_count();
         if loops <= self.classes.rank() {
-            return None;
+            return Ok(None);
         }
         let lone: Vec<u32> = if junctions.is_empty() {
             (0..self.spokes.len() as u32).filter(|v| self.spokes[*v as usize].len() == 2).collect()
@@ -257,11 +266,12 @@ impl<'c> Surgery<'c> {
             junctions
         };
         for v in lone {
+            run.check()?;
             if let Some(cycle) = self.trivial_cycle_through(v, best.as_ref().map_or(usize::MAX, Vec::len)) {
                 best = Some(cycle);
             }
         }
-        best
+        Ok(best)
     }
 
     fn loop_count(&self) -> usize {

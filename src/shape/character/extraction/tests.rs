@@ -6,9 +6,10 @@ use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::*;
 use crate::mesh::shapes;
+use plumbline_num::run::{Run, Stopped};
 
 fn curve_of(mesh: &TriMesh) -> (CurveSkeleton, ExtractionReport) {
-    extract(mesh, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(())).unwrap()
+    extract(mesh, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()), &Run::default()).unwrap()
 }
 
 fn moved(mesh: &TriMesh, place: impl Fn(&Point3<f64>) -> Point3<f64>) -> TriMesh {
@@ -150,7 +151,7 @@ fn what_is_kept_ends_a_branch() {
     let mesh = shapes::icosphere(3);
     let ends = vec![0, 7];
     let options = ExtractionOptions { keep: Keep::Vertices(ends.clone()), ..ExtractionOptions::default() };
-    let (curve, _) = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap();
+    let (curve, _) = extract(&mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default()).unwrap();
     for v in ends {
         let p = mesh.positions()[v as usize];
         let (node, off) = (0..curve.nodes.len())
@@ -161,7 +162,7 @@ fn what_is_kept_ends_a_branch() {
         assert_eq!(curve.edges.iter().flatten().filter(|n| **n as usize == node).count(), 1);
     }
     let options = ExtractionOptions { keep: Keep::Vertices(vec![9999]), ..ExtractionOptions::default() };
-    let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default()).unwrap_err();
     assert_eq!(refused.to_string(), "vertex 9999 is to be kept, but the mesh has 642 vertices, numbered from 0");
 }
 
@@ -187,7 +188,7 @@ fn surfaces_that_hurt_have_curves_too() {
         assert!(curve.nodes.iter().all(near), "{name} leaves its box");
     }
     let nothing = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap();
-    let refused = extract(&nothing, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()));
+    let refused = extract(&nothing, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()), &Run::default());
     assert_eq!(refused.unwrap_err(), ExtractionError::Empty);
 }
 
@@ -196,14 +197,19 @@ fn rounds_are_told_and_an_observer_can_stop_them() {
     let mesh = shapes::cactus(24);
     let mut left = vec![1.0];
     let mut rounds = 0;
-    let stopped = extract(&mesh, &ExtractionOptions::default(), &mut |round| {
-        left.push(round.area_left);
-        rounds += 1;
-        assert_eq!((round.part, round.parts, round.round), (0, 1, rounds));
-        assert!(round.surface().triangle_count() > 0);
-        if rounds == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    assert_eq!(stopped.unwrap_err(), ExtractionError::Interrupted);
+    let stopped = extract(
+        &mesh,
+        &ExtractionOptions::default(),
+        &mut |round| {
+            left.push(round.area_left);
+            rounds += 1;
+            assert_eq!((round.part, round.parts, round.round), (0, 1, rounds));
+            assert!(round.surface().triangle_count() > 0);
+            if rounds == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        },
+        &Run::default(),
+    );
+    assert_eq!(stopped.unwrap_err(), ExtractionError::Interrupted(Stopped::Interrupted));
     assert!(left.len() == 4 && left[3] < 0.7, "{left:?}");
 }
 
@@ -220,7 +226,7 @@ fn options_are_checked() {
             "medial 0 is invalid (expected more than 0, at most 1000)",
         ),
     ] {
-        let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(())).unwrap_err();
+        let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default()).unwrap_err();
         assert_eq!(refused.to_string(), message);
     }
 }
@@ -284,11 +290,11 @@ fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
     for side in [0.3, 0.9] {
         let mut web = comb(0.0, 10.0, side);
         let radii = centering::radii(&web, &tree);
-        pruning::prune(&mut web, &tree, &radii, 1.0);
+        pruning::prune(&mut web, &tree, &radii, 1.0, &Run::default()).expect("a run that never stops");
         assert_eq!(web.alive().filter(|v| web.degree(*v) == 1).count(), 2, "a branch {side} long");
         assert!([0, 20].iter().all(|v| web.is_alive(*v)), "the ends of the capsule stay");
         let mut all = comb(0.0, 10.0, side);
-        pruning::prune(&mut all, &tree, &radii, 0.0);
+        pruning::prune(&mut all, &tree, &radii, 0.0, &Run::default()).expect("a run that never stops");
         assert!(all.is_alive(21), "nothing goes at zero");
     }
 }
@@ -334,7 +340,7 @@ fn evening_out_keeps_constants_and_sums_and_works_farther_where_it_is_wide() {
     let alive: Vec<u32> = web.alive().collect();
     let spread = |radius: f64| {
         let radii = vec![radius; web.nodes.len()];
-        let mut fairing = fairing::Fairing::new(&web, &alive, &radii, 0.5, |_| false).unwrap();
+        let mut fairing = fairing::Fairing::new(&web, &alive, &radii, 0.5, |_| false, &Run::default()).unwrap();
         let mut same = vec![Vector3::new(1.0, -2.0, 3.0); web.nodes.len()];
         fairing.apply(&mut same);
         assert!(same.iter().all(|v| (v - Vector3::new(1.0, -2.0, 3.0)).norm() < 1e-9));
@@ -353,7 +359,7 @@ fn a_curve_that_all_places_see_stays() {
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let mut web = comb(0.0, 10.0, 0.3);
     let before = web.nodes.clone();
-    sight::draw(&mut web, &tree, mesh.positions()).unwrap();
+    sight::draw(&mut web, &tree, mesh.positions(), &Run::default()).unwrap();
     assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }
 
@@ -391,7 +397,7 @@ fn steps_toward_the_middle_come_to_rest() {
     let edges: Vec<[u32; 2]> = (1..40).map(|k| [k - 1, k]).collect();
     let after = |passes: usize| {
         let mut web = web::Web::new(nodes.clone(), &edges, vec![0; 1]);
-        centering::center(&mut web, &tree, true, passes).unwrap();
+        centering::center(&mut web, &tree, true, passes, &Run::default()).unwrap();
         web.nodes
     };
     let inner = |nodes: &[Point3<f64>]| nodes[8..32].iter().map(|p| (p.coords - middle).xy()).collect::<Vec<_>>();
@@ -430,7 +436,7 @@ fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
     let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii);
+    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
     assert!(web.alive().all(|v| web.nodes[v as usize].y < 0.1), "the detour is left");
     assert!((web.branches().iter().map(|b| web.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
     let bent = capsule(10.0, |s| {
@@ -447,7 +453,7 @@ fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
     let mut web = row(&axis);
     let before = web.alive().count();
     let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii);
+    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
     assert_eq!(web.alive().count(), before);
 }
 
@@ -459,7 +465,7 @@ fn what_is_pinned_is_no_detour() {
     let top = web.alive().max_by(|a, b| web.nodes[*a as usize].y.total_cmp(&web.nodes[*b as usize].y)).unwrap();
     web.pinned[top as usize] = true;
     let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii);
+    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
     assert!(web.is_alive(top) && web.nodes[top as usize].y == 0.8);
 }
 
@@ -679,7 +685,7 @@ fn a_curve_comes_to_the_axis_of_what_is_round_and_stays_where_it_is_in_what_is_f
         let mut web = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
         web.pinned[100] = true;
         let pinned = web.nodes[100];
-        axis::settle(&mut web, &tree).unwrap();
+        axis::settle(&mut web, &tree, &Run::default()).unwrap();
         assert_eq!(web.nodes[100], pinned, "what is pinned stays");
         for v in (40..=160).filter(|v| !(90..=110).contains(v)) {
             let off = web.nodes[v].y.hypot(web.nodes[v].z);

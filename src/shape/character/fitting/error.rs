@@ -1,6 +1,7 @@
 //! Why a template does not fit.
 
 use crate::character::CharacterError;
+use plumbline_num::run::Stopped;
 
 /// Why a template was not fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -38,4 +39,7 @@ pub enum FitError {
     /// Numerics: frames that are none.
     #[error(transparent)]
     Character(#[from] CharacterError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

@@ -15,6 +15,7 @@
 use super::ends::Ends;
 use super::graph::Graph;
 use super::moments::Moments;
+use plumbline_num::run::{Run, Stopped};
 
 /// Image of each end of the template: a number of an end of the curve.
 pub(super) type Images = Vec<Option<usize>>;
@@ -48,7 +49,13 @@ struct Partial {
 }
 
 /// The best matchings, best first.
-pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &Ends) -> Vec<Images> {
+pub(super) fn candidates(
+    bones: &Graph,
+    ours: &Ends,
+    branches: &Graph,
+    theirs: &Ends,
+    run: &Run,
+) -> Result<Vec<Images>, Stopped> {
     let none = Partial {
         images: Vec::new(),
         logs: [0.0; 3],
@@ -62,6 +69,7 @@ pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &
         let place = bones.points[ours.nodes[k] as usize];
         let mut next = Vec::with_capacity(beam.len() * (theirs.nodes.len() + 1));
         for partial in &beam {
+            run.check()?;
             let without = |mut p: Partial| {
                 p.images.push(None);
                 p.missing += ours.need[k];
@@ -83,7 +91,7 @@ pub(super) fn candidates(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &
         next.truncate(if k < 2 { WIDEST } else { WIDTH });
         beam = next;
     }
-    beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(LAID_OUT).collect()
+    Ok(beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(LAID_OUT).collect())
 }
 
 /// What the part of the curve without a limb costs.

@@ -41,6 +41,7 @@ use super::{CurveSkeleton, Skeleton};
 pub use error::FitError;
 use graph::Graph;
 use limbs::Layout;
+use plumbline_num::run::Run;
 
 /// Layouts whose costs differ by less are not told apart: what a curve is off the middle changes them by as much.
 const TIE: f64 = 2e-3;
@@ -84,15 +85,18 @@ pub struct TemplateFit {
 ///
 /// # Errors
 /// [`FitError`]: a template without two joints apart, a curve without two nodes apart or with nodes that are not finite, names of nodes
-/// beyond their number.
-pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton) -> Result<TemplateFit, FitError> {
+/// beyond their number; an interruption.
+pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Result<TemplateFit, FitError> {
     let bones = Graph::of_skeleton(template).ok_or(FitError::Template { joints: template.joint_count() })?;
     let branches = Graph::of_curve(curve)?;
     let (ours, theirs) = (ends::of_template(template, &bones), ends::of_curve(&branches));
-    let mut layouts: Vec<Layout> = matching::candidates(&bones, &ours, &branches, &theirs)
+    let mut layouts: Vec<Layout> = matching::candidates(&bones, &ours, &branches, &theirs, run)?
         .iter()
-        .filter_map(|images| Layout::new(&bones, &ours, &branches, &theirs, images))
-        .collect();
+        .filter_map(|images| match run.check() {
+            Ok(()) => Layout::new(&bones, &ours, &branches, &theirs, images).map(Ok),
+            Err(stopped) => Some(Err(stopped)),
+        })
+        .collect::<Result<_, _>>()?;
     layouts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = layouts.first().ok_or(FitError::Curve { nodes: curve.nodes.len() })?;
     let rivals: Vec<&Layout> =

@@ -9,6 +9,7 @@ use crate::character::extraction::{ExtractionOptions, extract};
 use crate::character::humanoid::humanoid;
 use crate::character::{Joint, Pose};
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 /// A curve along the bones of a skeleton in a pose, with nodes every hundredth of a unit; bones into `without` are left out with all below.
 fn curve_along(skeleton: &Skeleton, pose: &Pose, without: &[&str]) -> CurveSkeleton {
@@ -83,7 +84,8 @@ fn apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
 #[test]
 fn a_skeleton_on_the_curve_of_its_own_bones_is_itself() {
     let skeleton = person();
-    let fit = fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[])).expect("fits");
+    let fit =
+        fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[]), &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
     assert!(off < 1e-2, "{off}");
     assert!((fit.scale - 1.0).abs() < 1e-2 && fit.residual < 1e-2 && !fit.ambiguous, "{fit:?}");
@@ -101,7 +103,7 @@ fn a_skeleton_on_the_curve_of_its_pose_stands_in_that_pose() {
     let pose = posed(&skeleton);
     let expected: Vec<Point3<f64>> =
         skeleton.globals(&pose).expect("fits").iter().map(|g| Point3::from(g.column(3).xyz())).collect();
-    let fit = fit_template(&skeleton, &curve_along(&skeleton, &pose, &[])).expect("fits");
+    let fit = fit_template(&skeleton, &curve_along(&skeleton, &pose, &[]), &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &expected);
     assert!(off < 0.025, "{off}: a tenth of an arm's bone");
     // Frames go with the bones: those of joints in a chain as the pose turned them, but for twists.
@@ -115,16 +117,16 @@ fn a_skeleton_on_the_curve_of_its_pose_stands_in_that_pose() {
 fn scale_turn_and_place_of_either_do_not_matter() {
     let skeleton = person();
     let curve = curve_along(&skeleton, &posed(&skeleton), &[]);
-    let reference = fit_template(&skeleton, &curve).expect("fits");
+    let reference = fit_template(&skeleton, &curve, &Run::default()).expect("fits");
     let turn = Rotation3::from_euler_angles(0.7, -2.0, 1.3);
     let (scale, by) = (37.0, Vector3::new(1e4, -2e4, 500.0));
     let map = |p: &Point3<f64>| turn * (p * scale) + by;
-    let theirs = fit_template(&skeleton, &mapped(&curve, map)).expect("fits");
+    let theirs = fit_template(&skeleton, &mapped(&curve, map), &Run::default()).expect("fits");
     let expected: Vec<_> = reference.skeleton.rest_positions().iter().map(map).collect();
     let off = apart(&theirs.skeleton.rest_positions(), &expected);
     assert!(off < 1e-6 * scale, "{off}");
     assert!((theirs.scale / reference.scale - scale).abs() < 1e-6 * scale);
-    let ours = fit_template(&moved(&skeleton, map), &curve).expect("fits");
+    let ours = fit_template(&moved(&skeleton, map), &curve, &Run::default()).expect("fits");
     let off = apart(&ours.skeleton.rest_positions(), &reference.skeleton.rest_positions());
     assert!(off < 1e-6, "{off}");
 }
@@ -134,13 +136,13 @@ fn left_is_left_for_the_template_and_for_its_mirror_image() {
     let skeleton = person();
     let curve = curve_along(&skeleton, &posed(&skeleton), &[]);
     let mirror = |p: &Point3<f64>| Point3::new(-p.x, p.y, p.z);
-    let fit = fit_template(&skeleton, &curve).expect("fits");
-    let mirrored = fit_template(&moved(&skeleton, mirror), &mapped(&curve, mirror)).expect("fits");
+    let fit = fit_template(&skeleton, &curve, &Run::default()).expect("fits");
+    let mirrored = fit_template(&moved(&skeleton, mirror), &mapped(&curve, mirror), &Run::default()).expect("fits");
     let expected: Vec<_> = fit.skeleton.rest_positions().iter().map(mirror).collect();
     let off = apart(&mirrored.skeleton.rest_positions(), &expected);
     assert!(off < 1e-9, "{off}");
     // The mirrored template on the curve as it was: its left arm is where the right one was.
-    let crossed = fit_template(&moved(&skeleton, mirror), &curve).expect("fits");
+    let crossed = fit_template(&moved(&skeleton, mirror), &curve, &Run::default()).expect("fits");
     let [left, right] = ["hand.L", "hand.R"].map(|n| skeleton.named(n).expect("there") as usize);
     let [was, is] = [&fit, &crossed].map(|f| f.skeleton.rest_positions());
     assert!((is[left] - was[right]).norm() < 0.05 && (is[right] - was[left]).norm() < 0.05);
@@ -168,7 +170,7 @@ fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
     let body = curve_along(&skeleton, &skeleton.rest_pose(), &[]).nodes;
     let of_body = |p: &Point3<f64>| body.iter().any(|q| (p - q).norm() < 0.011);
     curve.radius = curve.nodes.iter().map(|p| if of_body(p) { 0.08 } else { 0.03 }).collect();
-    let fit = fit_template(&skeleton, &curve).expect("fits");
+    let fit = fit_template(&skeleton, &curve, &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
     assert!(off < 0.05, "{off}");
     assert_eq!(fit.spare_ends, 7);
@@ -180,7 +182,8 @@ fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
     for (missing, ends) in
         [("arm.R", ["chest", "hand end.R"]), ("neck", ["chest", "head end"]), ("hand end.L", ["", ""])]
     {
-        let fit = fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[missing])).expect("fits");
+        let fit = fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[missing]), &Run::default())
+            .expect("fits");
         let off = apart(&fit.skeleton.rest_positions(), &skeleton.rest_positions());
         let without: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
         if missing == "hand end.L" {
@@ -201,7 +204,8 @@ fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() 
     let map =
         |p: &Point3<f64>| Rotation3::from_euler_angles(0.4, 2.0, -0.6) * (p * 3.0) + Vector3::new(10.0, -4.0, 2.0);
     for pose in [skeleton.rest_pose(), posed(skeleton)] {
-        let fit = fit_template(skeleton, &mapped(&curve_along(skeleton, &pose, &[]), map)).expect("fits");
+        let fit =
+            fit_template(skeleton, &mapped(&curve_along(skeleton, &pose, &[]), map), &Run::default()).expect("fits");
         let hips = map(&person.skeleton.rest_positions()[0]);
         for clip in &person.clips {
             let there = fit.retargeted(skeleton, clip).expect("its own");
@@ -228,7 +232,7 @@ fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() 
 fn what_ends_a_limb_keeps_how_it_stood_there_and_morphs_are_left_out() {
     let person = humanoid(0.1).expect("made");
     let skeleton = &person.skeleton;
-    let fit = fit_template(skeleton, &curve_along(skeleton, &posed(skeleton), &[])).expect("fits");
+    let fit = fit_template(skeleton, &curve_along(skeleton, &posed(skeleton), &[]), &Run::default()).expect("fits");
     // A movement of nothing: all joints stand as in the template but those at the ends of limbs.
     let morph = crate::character::clip::MorphTrack {
         target: 0,
@@ -257,8 +261,9 @@ fn a_root_on_the_ground_is_no_limb() {
     let ground = Trs::identity();
     joints.push(Joint { name: "ground".into(), parent: None, rest: ground, limits: None });
     let grounded = Skeleton::new(joints).expect("valid");
-    let fit = fit_template(&grounded, &curve_along(&skeleton, &posed(&skeleton), &[])).expect("fits");
-    let without = fit_template(&skeleton, &curve_along(&skeleton, &posed(&skeleton), &[])).expect("fits");
+    let fit = fit_template(&grounded, &curve_along(&skeleton, &posed(&skeleton), &[]), &Run::default()).expect("fits");
+    let without =
+        fit_template(&skeleton, &curve_along(&skeleton, &posed(&skeleton), &[]), &Run::default()).expect("fits");
     let (is, was) = (fit.skeleton.rest_positions(), without.skeleton.rest_positions());
     assert!(apart(&is, &was) < 1e-9, "{}", apart(&is, &was));
     assert!(is[22].y.abs() < 0.1, "below the hips as in the template: {}", is[22]);
@@ -282,7 +287,7 @@ fn a_root_on_the_ground_is_no_tail_either() {
         });
     }
     let tailed = Skeleton::new(joints).expect("valid");
-    let fit = fit_template(&grounded, &curve_along(&tailed, &tailed.rest_pose(), &[])).expect("fits");
+    let fit = fit_template(&grounded, &curve_along(&tailed, &tailed.rest_pose(), &[]), &Run::default()).expect("fits");
     let ground = skeleton.joint_count() as u32;
     let limb = fit.limbs.iter().find(|l| l.from == ground || l.to == ground).expect("told");
     assert!(limb.stretch.is_none() && fit.spare_ends == 1, "{:?}", fit.limbs);
@@ -310,7 +315,7 @@ fn a_limb_ends_where_the_surface_is_and_not_in_a_spike_on_the_way() {
     let mut curve = curve_along(&armored, &armored.rest_pose(), &[]);
     let of_spike = |p: &Point3<f64>| p.x.abs() > 0.47 && (p.y - 1.4).abs() < 1e-9;
     curve.radius = curve.nodes.iter().map(|p| if of_spike(p) { 0.03 } else { 0.08 }).collect();
-    let fit = fit_template(&skeleton, &curve).expect("fits");
+    let fit = fit_template(&skeleton, &curve, &Run::default()).expect("fits");
     for side in ["L", "R"] {
         let hand = |s: &Skeleton| s.rest_positions()[s.named(&format!("hand end.{side}")).expect("there") as usize];
         let off = (hand(&fit.skeleton) - hand(&armored)).norm();
@@ -347,7 +352,8 @@ fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() 
             joints[next].rest = Trs::from_translation(at[next] - place);
         }
         let other = Skeleton::new(joints).expect("valid");
-        let fit = fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[])).expect("fits");
+        let fit =
+            fit_template(&skeleton, &curve_along(&other, &other.rest_pose(), &[]), &Run::default()).expect("fits");
         let off = (fit.skeleton.rest_positions()[chest as usize] - at[chest as usize]).norm();
         assert!(off < 0.03, "{low} {high}: {off}");
     }
@@ -356,9 +362,14 @@ fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() 
 #[test]
 fn a_template_fits_the_curve_that_is_extracted_from_its_surface() {
     let person = humanoid(0.05).expect("made");
-    let (curve, _) = extract(person.model.mesh(), &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()))
-        .expect("a curve");
-    let fit = fit_template(&person.skeleton, &curve).expect("fits");
+    let (curve, _) = extract(
+        person.model.mesh(),
+        &ExtractionOptions::default(),
+        &mut |_| ControlFlow::Continue(()),
+        &Run::default(),
+    )
+    .expect("a curve");
+    let fit = fit_template(&person.skeleton, &curve, &Run::default()).expect("fits");
     let (is, was) = (fit.skeleton.rest_positions(), person.skeleton.rest_positions());
     let off = apart(&is, &was);
     assert!(off < 0.1, "{off}");
@@ -375,7 +386,7 @@ fn a_chain_with_a_bend_fits_a_chain_and_pieces_are_joined() {
     let chain = Skeleton::new(places.iter().enumerate().map(joint).collect()).expect("valid");
     let mut curve = curve_along(&chain, &chain.rest_pose(), &[]);
     curve.edges.remove(40);
-    let fit = fit_template(&chain, &curve).expect("fits");
+    let fit = fit_template(&chain, &curve, &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &chain.rest_positions());
     assert!(off < 0.05, "{off}");
     // A straight one may lie either way: as the template does, and that is told.
@@ -385,7 +396,7 @@ fn a_chain_with_a_bend_fits_a_chain_and_pieces_are_joined() {
         ..CurveSkeleton::default()
     };
     let straight = moved(&chain, |p| Point3::new(p.x, 0.0, 0.0));
-    let fit = fit_template(&straight, &line).expect("fits");
+    let fit = fit_template(&straight, &line, &Run::default()).expect("fits");
     let at = fit.skeleton.rest_positions();
     assert!(fit.ambiguous && at[0].x < at[3].x, "{at:?}");
 }
@@ -414,7 +425,7 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
         (&skeleton, &broken, "node 3 of the curve is not finite"),
         (&skeleton, &beyond, "ends at node 9999, but there are"),
     ] {
-        let message = fit_template(template, curve).expect_err(expected).to_string();
+        let message = fit_template(template, curve, &Run::default()).expect_err(expected).to_string();
         assert!(message.contains(expected), "{message}");
     }
 }

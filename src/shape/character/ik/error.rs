@@ -1,6 +1,7 @@
 //! What a target can be refused for.
 
 use crate::character::CharacterError;
+use plumbline_num::run::Stopped;
 
 /// Why targets cannot be sought.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -39,4 +40,7 @@ pub enum IkError {
     /// Input: what the pose is refused for.
     #[error(transparent)]
     Character(#[from] CharacterError),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

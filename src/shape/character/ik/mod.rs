@@ -39,6 +39,7 @@ use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 
 use super::{Pose, Skeleton};
 use plumbline_num::optim::levenberg_marquardt::{DampingOptions, minimize};
+use plumbline_num::run::Run;
 
 pub use ccd::ccd;
 pub use error::IkError;
@@ -144,12 +145,13 @@ const BENT: f64 = 0.3;
 /// Turns joints of a pose so that targets are met as well as possible. Joints outside of their limits are brought inside first.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Character`.
+/// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Character`, `Interrupted`.
 pub fn solve(
     skeleton: &Skeleton,
     start: &Pose,
     targets: &[Target],
     options: &IkOptions,
+    run: &Run,
 ) -> Result<IkSolution, IkError> {
     check(skeleton, targets)?;
     let allowed = within_limits(skeleton, start);
@@ -164,18 +166,18 @@ pub fn solve(
             max_iterations: iterations,
             ..DampingOptions::default()
         };
-        let report = minimize(&mut problem, cost, &damping);
-        (problem.into_pose(), report)
+        let report = minimize(&mut problem, cost, &damping, run)?;
+        Ok::<_, IkError>((problem.into_pose(), report))
     };
-    let run = |pose: Pose| run_with(pose, 0.0, options.iterations);
+    let meet = |pose: Pose| run_with(pose, 0.0, options.iterations);
     let first =
-        if options.rest > 0.0 { run_with(allowed, options.rest, options.iterations.min(DRAWN)).0 } else { allowed };
-    let (mut pose, mut report) = run(first);
+        if options.rest > 0.0 { run_with(allowed, options.rest, options.iterations.min(DRAWN))?.0 } else { allowed };
+    let (mut pose, mut report) = meet(first)?;
     let missed = |pose: &Pose| residual::missed(skeleton, targets, &Frames::chained(skeleton, pose));
     let unmet = |pose: &Pose| missed(pose).iter().zip(targets).any(|(m, t)| *m > MET * frames.scale(t));
     if unmet(&pose) {
         // A stretched chain whose target lies along it has no gradient.
-        let (second, other) = run(variables.bent(skeleton, &pose, BENT));
+        let (second, other) = meet(variables.bent(skeleton, &pose, BENT))?;
         if other.cost < BETTER * report.cost {
             (pose, report) = (second, other);
         }

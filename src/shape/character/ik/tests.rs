@@ -3,6 +3,7 @@ use nalgebra::Translation3;
 use super::*;
 use crate::character::{Joint, Limits};
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 /// A chain of joints along x with bones of these lengths, turned frames, and an end.
 fn chain(lengths: &[f64], limits: Option<Limits>) -> Skeleton {
@@ -48,13 +49,15 @@ fn i1_targets_within_reach_are_reached_and_a_chain_out_of_reach_is_straight() {
     let skeleton = chain(&lengths, None);
     let (rest, length) = (skeleton.rest_pose(), 2.2);
     for at in places(&skeleton, length, 0.95) {
-        let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default()).expect("valid");
+        let found =
+            solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default(), &Run::default()).expect("valid");
         assert!(found.missed[0] <= 1e-6 * length, "{at}: {} after {}", found.missed[0], found.iterations);
     }
     let root = Frames::chained(&skeleton, &rest).at(0);
     for at in places(&skeleton, length, 1.0) {
         let far = root + (at - root).normalize() * 1.7 * length;
-        let found = solve(&skeleton, &rest, &[Target::position(4, far)], &IkOptions::default()).expect("valid");
+        let found = solve(&skeleton, &rest, &[Target::position(4, far)], &IkOptions::default(), &Run::default())
+            .expect("valid");
         assert!(found.missed[0] - 0.7 * length <= 1e-6 * length, "{}", found.missed[0] - 0.7 * length);
     }
 }
@@ -66,7 +69,7 @@ fn i1_a_stretched_chain_reaches_inward() {
     straight.locals.iter_mut().for_each(|l| l.rotation = UnitQuaternion::identity());
     let root = Frames::chained(&skeleton, &straight).at(0);
     let at = root + Vector3::x();
-    let found = solve(&skeleton, &straight, &[Target::position(2, at)], &IkOptions::default());
+    let found = solve(&skeleton, &straight, &[Target::position(2, at)], &IkOptions::default(), &Run::default());
     assert!(found.expect("valid").missed[0] < 2e-6);
 }
 
@@ -80,10 +83,13 @@ fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
         for at in places(&skeleton, 2.2, 1.2) {
             for iterations in [1, 2, 3, 5, 200] {
                 let options = IkOptions { iterations, ..Default::default() };
-                let found = solve(&skeleton, &pose, &[Target::position(4, at)], &options).expect("valid");
+                let found =
+                    solve(&skeleton, &pose, &[Target::position(4, at)], &options, &Run::default()).expect("valid");
                 assert!(within(&skeleton, &found.pose), "{at} after {iterations}");
             }
-            let found = solve(&skeleton, &pose, &[Target::position(4, at)], &IkOptions::default()).expect("valid").pose;
+            let found = solve(&skeleton, &pose, &[Target::position(4, at)], &IkOptions::default(), &Run::default())
+                .expect("valid")
+                .pose;
             for k in 0..=10 {
                 let on_the_way = between(&skeleton, &pose, &found, f64::from(k) / 10.0).expect("valid");
                 assert!(within(&skeleton, &on_the_way));
@@ -113,7 +119,8 @@ fn i2_what_limits_allow_is_reached_within_them() {
         }
         let at = tip_of(&skeleton, &there);
         let found =
-            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default()).expect("valid");
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default(), &Run::default())
+                .expect("valid");
         assert!(found.missed[0] <= 2e-6 && within(&skeleton, &found.pose), "{k}: {}", found.missed[0]);
     }
 }
@@ -125,7 +132,8 @@ fn i3_a_chain_bends_toward_its_pole() {
     for (at, pole) in places(&skeleton, 1.3, 0.9).into_iter().zip(places(&skeleton, 9.0, 1.0).into_iter().rev()) {
         let position = Target::position(2, at);
         let toward = Target { goal: Goal::Pole { root: 0, middle: 1, at: pole }, ..position.clone() };
-        let found = solve(&skeleton, &rest, &[position, toward], &IkOptions::default()).expect("valid");
+        let found =
+            solve(&skeleton, &rest, &[position, toward], &IkOptions::default(), &Run::default()).expect("valid");
         assert!(found.missed[0] < 2e-6 && found.missed[1] < 0.1_f64.to_radians(), "{:?}", found.missed);
         let by_hand = two_bone(&skeleton, &rest, [0, 1, 2], &at, Some(&pole)).expect("valid");
         assert!((tip_of(&skeleton, &by_hand) - at).norm() < 1e-12);
@@ -152,7 +160,9 @@ fn i4_a_target_that_moves_a_little_moves_joints_a_little() {
         for k in 0..400 {
             let t = f64::from(k) * step;
             let at = root + Vector3::new(1.2 + 0.2 * t.cos(), 0.5 * t.sin(), 0.4 * (0.7 * t).sin());
-            let found = solve(&skeleton, &pose, &[Target::position(3, at)], &IkOptions::default()).expect("valid").pose;
+            let found = solve(&skeleton, &pose, &[Target::position(3, at)], &IkOptions::default(), &Run::default())
+                .expect("valid")
+                .pose;
             let turned = found.locals.iter().zip(&pose.locals).map(|(a, b)| a.rotation.angle_to(&b.rotation));
             let most = turned.fold(0.0, f64::max);
             assert!(first || most < 8.0 * step, "{limits:?}: {most} at {k}");
@@ -167,7 +177,9 @@ fn i5_bones_keep_their_lengths() {
     let skeleton = chain(&lengths, None);
     let rest = skeleton.rest_pose();
     for at in places(&skeleton, 2.2, 1.3) {
-        let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default()).expect("valid").pose;
+        let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default(), &Run::default())
+            .expect("valid")
+            .pose;
         let [(a, _), (b, _)] =
             [ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9)), fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9))]
                 .map(|r| r.expect("valid"));
@@ -199,7 +211,8 @@ fn all_goals_are_met_together() {
             Goal::Position { point: Point3::new(0.1, 0.2, 0.0), at: frames.point(4, &Point3::new(0.1, 0.2, 0.0)) },
         ),
     ];
-    let found = solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default()).expect("valid");
+    let found =
+        solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default(), &Run::default()).expect("valid");
     for (k, missed) in found.missed.iter().enumerate() {
         assert!(*missed < 1e-5, "target {k}: {missed} after {}", found.iterations);
     }
@@ -271,9 +284,12 @@ fn the_answer_moves_with_the_world_and_grows_with_the_model() {
     let other = Skeleton::new(joints).expect("valid");
     for at in places(&skeleton, 1.8, 0.9) {
         let a =
-            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(3, at)], &IkOptions::default()).expect("valid");
+            solve(&skeleton, &skeleton.rest_pose(), &[Target::position(3, at)], &IkOptions::default(), &Run::default())
+                .expect("valid");
         let moved = world.transform_point(&(at * 3.0));
-        let b = solve(&other, &other.rest_pose(), &[Target::position(3, moved)], &IkOptions::default()).expect("valid");
+        let b =
+            solve(&other, &other.rest_pose(), &[Target::position(3, moved)], &IkOptions::default(), &Run::default())
+                .expect("valid");
         for (k, (a, b)) in a.pose.locals.iter().zip(&b.pose.locals).enumerate().skip(1) {
             assert!(a.rotation.angle_to(&b.rotation) < 1e-4, "joint {k}");
         }
@@ -286,7 +302,7 @@ fn locked_joints_and_joints_beyond_the_chain_stay() {
     let rest = skeleton.rest_pose();
     let target = Target { chain: Some(3), ..Target::position(4, Point3::new(1.2, 0.9, 0.2)) };
     let options = IkOptions { locked: vec![2], ..Default::default() };
-    let found = solve(&skeleton, &rest, &[target], &options).expect("valid").pose;
+    let found = solve(&skeleton, &rest, &[target], &options, &Run::default()).expect("valid").pose;
     assert_eq!([0, 2].map(|j| found.locals[j]), [0, 2].map(|j| rest.locals[j]));
     assert!([1, 3].iter().all(|&j| found.locals[j] != rest.locals[j]));
 }
@@ -295,7 +311,7 @@ fn locked_joints_and_joints_beyond_the_chain_stay() {
 fn faults_are_told_with_target_and_value() {
     let skeleton = chain(&[1.0, 1.0], None);
     let told = |target: Target| {
-        let e = solve(&skeleton, &skeleton.rest_pose(), &[target], &IkOptions::default());
+        let e = solve(&skeleton, &skeleton.rest_pose(), &[target], &IkOptions::default(), &Run::default());
         e.expect_err("to be refused").to_string()
     };
     let at = Target::position(2, Point3::origin());

@@ -13,6 +13,7 @@ use std::path::{Component, Path, PathBuf};
 use super::text::malformed;
 use super::{Rig, RigFileError, parse_anim, parse_skel, text_of};
 use crate::mesh::{Model, ReadLimits, read_model};
+use plumbline_num::run::Run;
 
 /// Most movements that are looked for.
 const MOST_CLIPS: usize = 1000;
@@ -42,7 +43,7 @@ pub fn read_ini(path: &Path) -> Result<(Model, Rig), RigFileError> {
             }
         }
         let missing = |key: &str| malformed("ini", 1, format!("has no line {key}"));
-        let model = read_model(&mesh.ok_or_else(|| missing("SIMMESH"))?, &ReadLimits::default())?;
+        let model = read_model(&mesh.ok_or_else(|| missing("SIMMESH"))?, &ReadLimits::default(), &Run::default())?;
         let at = skeleton.ok_or_else(|| missing("SKELETON"))?;
         let skeleton = text_of(&at).and_then(|text| parse_skel(&text)).map_err(|e| e.of_file(&at))?;
         let mut clips = Vec::new();

@@ -14,6 +14,7 @@ mod tgf;
 use std::path::Path;
 
 use super::{Clip, Skeleton};
+use plumbline_num::run::Run;
 
 pub use bvh::{bvh_text, parse_bvh};
 pub use error::RigFileError;
@@ -46,7 +47,7 @@ pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
     let read = || match extension.as_str() {
         "json" => Ok(alone(super::skeleton_file::SkeletonFile::read(path)?.skeleton)),
         "gltf" | "glb" => {
-            let model = crate::mesh::read_model(path, &crate::mesh::ReadLimits::default())?;
+            let model = crate::mesh::read_model(path, &crate::mesh::ReadLimits::default(), &Run::default())?;
             let character = character_of(&model)?;
             Ok(Rig { skeleton: character.skeleton, clips: character.clips, warnings: character.warnings })
         }

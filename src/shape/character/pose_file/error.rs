@@ -2,6 +2,7 @@
 
 use crate::character::ik::IkError;
 use crate::character::{CharacterError, ClipError};
+use plumbline_num::run::Stopped;
 
 /// Why a pose file could not be used.
 #[derive(Debug, thiserror::Error)]
@@ -42,7 +43,7 @@ pub enum PoseFileError {
     Clip(#[from] ClipError),
     /// Input: targets that cannot be sought.
     #[error(transparent)]
-    Ik(#[from] IkError),
+    Ik(IkError),
     /// Input: a file beyond the limit.
     #[error("{bytes} bytes are too many (at most {most})")]
     TooLarge {
@@ -54,4 +55,16 @@ pub enum PoseFileError {
     /// Environment: the file cannot be read.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
+}
+
+impl From<IkError> for PoseFileError {
+    fn from(error: IkError) -> Self {
+        match error {
+            IkError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Ik(error),
+        }
+    }
 }

@@ -29,6 +29,7 @@ pub use document::pose_file_schema;
 pub use error::PoseFileError;
 
 use document::Document;
+use plumbline_num::run::Run;
 
 /// What `format` says.
 const FORMAT: &str = "plumbline.pose";
@@ -77,10 +78,10 @@ impl WantedPose {
     /// The pose, within the limits of the skeleton.
     ///
     /// # Errors
-    /// [`PoseFileError::Ik`].
-    pub fn solve(&self, character: &Character, iterations: usize) -> Result<IkSolution, PoseFileError> {
+    /// [`PoseFileError::Ik`], [`PoseFileError::Interrupted`].
+    pub fn solve(&self, character: &Character, iterations: usize, run: &Run) -> Result<IkSolution, PoseFileError> {
         let options = IkOptions { iterations, locked: self.locked.clone(), ..IkOptions::default() };
-        Ok(solve(&character.skeleton, &self.start, &self.targets, &options)?)
+        Ok(solve(&character.skeleton, &self.start, &self.targets, &options, run)?)
     }
 }
 

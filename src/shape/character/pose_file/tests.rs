@@ -7,6 +7,7 @@ use crate::character::clip::{Between, rotations};
 use crate::character::{Clip, Curve, Joint, MorphShape, Skeleton, Skin, SkinWeights, Track};
 use crate::mesh::{Model, TriMesh};
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 fn character() -> Character {
     let joint = |k: u32| Joint {
@@ -53,7 +54,7 @@ fn turns_follow_the_clip_and_targets_the_turns() {
 #[test]
 fn targets_are_reached() {
     let wanted = parse(r#", "targets": [{"joint": "foot", "position": [1.2, 0.4, 0.3]}]"#).expect("valid");
-    let found = wanted.solve(&character(), 100).expect("valid");
+    let found = wanted.solve(&character(), 100, &Run::default()).expect("valid");
     assert!(found.missed[0] < 1e-6, "{}", found.missed[0]);
 }
 

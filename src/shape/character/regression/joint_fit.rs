@@ -7,6 +7,7 @@ use super::super::{CharacterError, Skeleton, SkinWeights};
 use super::Example;
 use crate::mesh::TriMesh;
 use plumbline_num::math::nearest_rotation;
+use plumbline_num::run::{Run, Stopped};
 
 /// Where what follows a joint lies in the middle, at rest and in the example.
 type Middles = (Vector3<f64>, Vector3<f64>);
@@ -106,8 +107,13 @@ fn with_idle(skeleton: &Skeleton, mut motions: Vec<Option<Matrix4<f64>>>) -> Vec
 /// by active sets. `u` are the weights given: they decide between joints that the examples do not tell apart.
 ///
 /// # Errors
-/// [`CharacterError::NoExamples`], [`CharacterError::PerVertex`], [`CharacterError::Matrices`].
-pub fn fit_weights(mesh: &TriMesh, weights: &SkinWeights, examples: &[Example]) -> Result<SkinWeights, CharacterError> {
+/// [`CharacterError::NoExamples`], [`CharacterError::PerVertex`], [`CharacterError::Matrices`], [`CharacterError::Interrupted`].
+pub fn fit_weights(
+    mesh: &TriMesh,
+    weights: &SkinWeights,
+    examples: &[Example],
+    run: &Run,
+) -> Result<SkinWeights, CharacterError> {
     let joints = weights.joint_count();
     let vertices = mesh.vertex_count();
     if weights.vertex_count() != vertices {
@@ -127,6 +133,7 @@ pub fn fit_weights(mesh: &TriMesh, weights: &SkinWeights, examples: &[Example]) 
     }
     let least = (NOISE * mesh.diagonal()).powi(2).max(f64::MIN_POSITIVE);
     let row = |(v, p): (usize, &Point3<f64>)| {
+        run.check()?;
         let mut moved = DMatrix::zeros(3 * examples.len(), joints);
         for (k, example) in examples.iter().enumerate() {
             // From where the vertex is, so that digits are kept far from the origin: weights sum to one.
@@ -137,9 +144,9 @@ pub fn fit_weights(mesh: &TriMesh, weights: &SkinWeights, examples: &[Example]) 
         let mut prior = DVector::zeros(joints);
         weights.row(v).iter().for_each(|i| prior[i.joint as usize] = i.weight);
         let w = on_simplex(&moved.tr_mul(&moved), &prior, least);
-        (0..).zip(w.iter().copied().collect::<Vec<_>>()).collect::<Vec<(u32, f64)>>()
+        Ok((0..).zip(w.iter().copied().collect::<Vec<_>>()).collect::<Vec<(u32, f64)>>())
     };
-    let rows: Vec<_> = mesh.positions().par_iter().enumerate().map(row).collect();
+    let rows = mesh.positions().par_iter().enumerate().map(row).collect::<Result<Vec<_>, Stopped>>()?;
     Ok(SkinWeights::normalized(joints, rows, None)?.0)
 }
 

@@ -44,6 +44,7 @@ pub use tuning::tuned;
 
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 use surface_of_gradients::SurfaceOfGradients;
 use training::Regressor;
 
@@ -128,13 +129,14 @@ impl RegressionModel {
     ///
     /// # Errors
     /// [`CharacterError::NoExamples`]; [`CharacterError::PerVertex`], [`CharacterError::Matrices`] for examples or weights of other
-    /// meshes or skeletons; [`CharacterError::Option`]; [`CharacterError::Solve`].
+    /// meshes or skeletons; [`CharacterError::Option`]; [`CharacterError::Solve`]; [`CharacterError::Interrupted`].
     pub fn train(
         mesh: &TriMesh,
         skeleton: &Skeleton,
         weights: &SkinWeights,
         examples: &[Example],
         options: &RegressionOptions,
+        run: &Run,
     ) -> Result<(Self, TrainingReport), CharacterError> {
         for (name, value) in [("ridge", options.ridge), ("hold", options.hold)] {
             if !(value > 0.0 && value.is_finite()) {
@@ -143,11 +145,12 @@ impl RegressionModel {
         }
         check(mesh, skeleton, weights, examples)?;
         let parents = parents_of(skeleton);
-        let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge);
-        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples)? };
-        let surface = SurfaceOfGradients::new(mesh, options.hold)?;
+        let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge, run)?;
+        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples, run)? };
+        run.step(0.5)?;
+        let surface = SurfaceOfGradients::new(mesh, options.hold, run)?;
         let mut model = Self { regressors, surface, places, parents, hold: options.hold };
-        let report = training::report(&mut model, mesh, examples)?;
+        let report = training::report(&mut model, mesh, examples, run)?;
         Ok((model, report))
     }
 

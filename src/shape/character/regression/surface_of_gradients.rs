@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::super::CharacterError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering};
 use plumbline_num::union_find::UnionFind;
 
@@ -29,7 +30,8 @@ pub(super) struct SurfaceOfGradients {
 
 impl SurfaceOfGradients {
     /// Factors the matrix. `hold` is `μ`, above 0.
-    pub(super) fn new(mesh: &TriMesh, hold: f64) -> Result<Self, CharacterError> {
+    pub(super) fn new(mesh: &TriMesh, hold: f64, run: &Run) -> Result<Self, CharacterError> {
+        run.check()?;
         let cotangents = Cotangents::new(mesh, CotangentRule::Raw).limited(LARGEST);
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
         let shares = shares(&barycentric_areas(mesh), &pieces(&edges));
@@ -41,7 +43,7 @@ impl SurfaceOfGradients {
             matrix.values_mut()[*start as usize] += hold;
         }
         let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-        cholesky.factor(&matrix)?;
+        cholesky.factor(&matrix, run)?;
         Ok(Self {
             rest: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),

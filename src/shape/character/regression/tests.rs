@@ -6,6 +6,7 @@ use super::super::skinning::{Skinner, SkinningMethod};
 use super::super::{Outside, Skin, SkinWeights};
 use super::*;
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 /// An elbow that bends with a muscle: twist spreads evenly over the forearm, the upper arm swells with the bend. No blend of
 /// two matrices does either.
@@ -41,12 +42,14 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
     let (train, held): (Vec<_>, Vec<_>) = all.into_iter().enumerate().partition(|(k, _)| k % 2 == 0);
     let (train, held): (Vec<_>, Vec<_>) =
         (train.into_iter().map(|e| e.1).collect(), held.into_iter().map(|e| e.1).collect());
-    let options = tuned(&mesh, &skeleton, skin.weights(), &train).expect("tuned");
+    let options = tuned(&mesh, &skeleton, skin.weights(), &train, &Run::default()).expect("tuned");
     let (mut model, report) =
-        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options).expect("trained");
+        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options, &Run::default()).expect("trained");
     // The best that linear blending can do with these joints.
-    let fitted = Skin::bound(fit_weights(&mesh, skin.weights(), &train).expect("fitted"), &skeleton).expect("not flat");
-    let linear = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
+    let fitted = Skin::bound(fit_weights(&mesh, skin.weights(), &train, &Run::default()).expect("fitted"), &skeleton)
+        .expect("not flat");
+    let linear =
+        Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
     let errors = |examples: &[Example], model: &mut RegressionModel| {
         let mine =
             examples.iter().map(|e| rms(&model.positions(&e.matrices).expect("fits"), &e.positions)).sum::<f64>();
@@ -64,13 +67,20 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
 fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
     let (mesh, skeleton, skin, example) = arm(12, 24);
     let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
-    let (mut model, _) =
-        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
-            .expect("trained");
+    let (mut model, _) = RegressionModel::train(
+        &mesh,
+        &skeleton,
+        skin.weights(),
+        &train,
+        &RegressionOptions::default(),
+        &Run::default(),
+    )
+    .expect("trained");
     let pose = example(0.8, 0.3).matrices;
     let motion = Trs::rigid(turn([1.0, 2.0, -0.5], 2.5), Vector3::new(100.0, -3.0, 7.0));
     let there: Vec<_> = pose.iter().map(|m| motion.matrix() * m).collect();
-    let reduced = model.reduced(&train.iter().map(|e| e.matrices.clone()).collect::<Vec<_>>(), 4).expect("fits");
+    let reduced =
+        model.reduced(&train.iter().map(|e| e.matrices.clone()).collect::<Vec<_>>(), 4, &Run::default()).expect("fits");
     // The product of the reduced model is of single precision.
     let pairs = [
         (model.positions(&pose).expect("fits"), model.positions(&there).expect("fits"), 1e-9),
@@ -90,13 +100,19 @@ fn examples_that_move_rigidly_come_back_exactly() {
         Example { matrices: vec![motion.matrix(); 2], positions }
     };
     let train = [rigid(0.0), rigid(1.0), rigid(2.5)];
-    let (mut model, report) =
-        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
-            .expect("trained");
+    let (mut model, report) = RegressionModel::train(
+        &mesh,
+        &skeleton,
+        skin.weights(),
+        &train,
+        &RegressionOptions::default(),
+        &Run::default(),
+    )
+    .expect("trained");
     assert!(report.error < 1e-12, "{report:?}");
     let new = rigid(-1.7);
     assert!(rms(&model.positions(&new.matrices).expect("fits"), &new.positions) < 1e-10);
-    let reduced = model.reduced(std::slice::from_ref(&new.matrices), 3).expect("fits");
+    let reduced = model.reduced(std::slice::from_ref(&new.matrices), 3, &Run::default()).expect("fits");
     assert!(rms(&reduced.positions(&new.matrices).expect("fits"), &new.positions) < 1e-6 * mesh.diagonal());
 }
 
@@ -106,14 +122,20 @@ fn few_shapes_do_what_all_triangles_do_whatever_the_surface() {
     for (around, along) in [(12, 24), (24, 60)] {
         let (mesh, skeleton, skin, example) = arm(around, along);
         let train: Vec<Example> = (0..10).map(|k| example(0.15 * k as f64, 0.1 * ((3 * k) % 10) as f64)).collect();
-        let (mut model, _) =
-            RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
-                .expect("trained");
+        let (mut model, _) = RegressionModel::train(
+            &mesh,
+            &skeleton,
+            skin.weights(),
+            &train,
+            &RegressionOptions::default(),
+            &Run::default(),
+        )
+        .expect("trained");
         let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
         let new = example(0.7, 0.5).matrices;
         let full = model.positions(&new).expect("fits");
         let error = |most| {
-            let reduced = model.reduced(&samples, most).expect("fits");
+            let reduced = model.reduced(&samples, most, &Run::default()).expect("fits");
             (rms(&reduced.positions(&new).expect("fits"), &full) / mesh.diagonal(), reduced.shape_count())
         };
         let (rigid, few, many) = (error(0), error(2), error(8));
@@ -130,10 +152,11 @@ fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
     for hold in [10.0, 1e4] {
         let options = RegressionOptions { hold, ..RegressionOptions::default() };
         let (mut model, _) =
-            RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options).expect("trained");
+            RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options, &Run::default())
+                .expect("trained");
         let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
         // As many shapes as there are: nothing else is missing in the poses that were learnt from.
-        let reduced = model.reduced(&samples, 32).expect("fits");
+        let reduced = model.reduced(&samples, 32, &Run::default()).expect("fits");
         for e in &train {
             let (few, all) =
                 (reduced.positions(&e.matrices).expect("fits"), model.positions(&e.matrices).expect("fits"));
@@ -147,11 +170,17 @@ fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
 fn joints_that_scale_do_so_in_few_shapes_as_in_all_triangles() {
     let (mesh, skeleton, skin, example) = arm(12, 24);
     let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
-    let (mut model, _) =
-        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
-            .expect("trained");
+    let (mut model, _) = RegressionModel::train(
+        &mesh,
+        &skeleton,
+        skin.weights(),
+        &train,
+        &RegressionOptions::default(),
+        &Run::default(),
+    )
+    .expect("trained");
     let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
-    let reduced = model.reduced(&samples, 8).expect("fits");
+    let reduced = model.reduced(&samples, 8, &Run::default()).expect("fits");
     let mut pose = train[2].matrices.clone();
     pose[1] *= Matrix4::new_nonuniform_scaling(&Vector3::new(1.3, 0.8, 1.1));
     let (few, all) = (reduced.positions(&pose).expect("fits"), model.positions(&pose).expect("fits"));
@@ -168,7 +197,8 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
             p.locals[2].rotation = turn([1.0, 0.0, 0.5], 0.7 * a);
         })
     };
-    let linear = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
+    let linear =
+        Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
     let examples: Vec<Example> = [0.0, 0.4, 0.9, -0.8]
         .map(posed)
         .into_iter()
@@ -177,10 +207,11 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
             Example { matrices, positions }
         })
         .collect();
-    let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
+    let found = fit_weights(&mesh, skin.weights(), &examples, &Run::default()).expect("fitted");
     // Where the examples do not tell joints apart the weights may be others, but they do the same.
     let fitted = Skin::bound(found, &skeleton).expect("not flat");
-    let again = Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend).expect("fits");
+    let again =
+        Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
     for example in &examples {
         assert!(rms(&again.positions(&example.matrices).expect("fits"), &example.positions) < 1e-3);
     }
@@ -194,6 +225,7 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
         &skeleton,
         &Skin::bound(rigid.clone(), &skeleton).expect("fits"),
         SkinningMethod::LinearBlend,
+        &Run::default(),
     );
     let m = posed(0.6);
     let fitted =
@@ -213,6 +245,7 @@ fn what_cannot_be_learnt_from_is_refused() {
             skin.weights(),
             e,
             &RegressionOptions { ridge, ..RegressionOptions::default() },
+            &Run::default(),
         )
         .expect_err("refused")
         .to_string()
@@ -251,12 +284,12 @@ fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
     let (train, held): (Vec<_>, Vec<_>) =
         (train.into_iter().map(|e| e.1).collect(), held.into_iter().map(|e| e.1).collect());
     let error = |options: &RegressionOptions| {
-        let trained = RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, options);
+        let trained = RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, options, &Run::default());
         let mut model = trained.expect("trained").0;
         let errors = held.iter().map(|e| rms(&model.positions(&e.matrices).expect("fits"), &e.positions));
         errors.sum::<f64>()
     };
-    let found = tuned(&mesh, &skeleton, skin.weights(), &train).expect("tuned");
+    let found = tuned(&mesh, &skeleton, skin.weights(), &train, &Run::default()).expect("tuned");
     // These poses are what gradients explain and blends do not: little ridge, little hold.
     assert!(found.hold <= 100.0 && found.ridge <= 1e-2, "{found:?}");
     let best = error(&found);
@@ -269,7 +302,8 @@ fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
 fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_vertices_alone() {
     let person = humanoid(0.07).expect("its own data");
     let (mesh, skeleton, skin) = (person.model.mesh(), &person.skeleton, &person.skin);
-    let curved = Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion).expect("its own");
+    let curved =
+        Skinner::new(mesh, None, skeleton, skin, SkinningMethod::DualQuaternion, &Run::default()).expect("its own");
     let mut shown = Vec::new();
     for clip in &person.clips {
         let (first, last) = clip.span().expect("keys");
@@ -285,9 +319,9 @@ fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_
     }
     let (held, train): (Vec<_>, Vec<_>) = shown.into_iter().enumerate().partition(|(k, _)| k % 4 == 1);
     let [held, train] = [held, train].map(|set| set.into_iter().map(|e| e.1).collect::<Vec<_>>());
-    let options = tuned(mesh, skeleton, skin.weights(), &train).expect("tuned");
+    let options = tuned(mesh, skeleton, skin.weights(), &train, &Run::default()).expect("tuned");
     let (mut model, report) =
-        RegressionModel::train(mesh, skeleton, skin.weights(), &train, &options).expect("trained");
+        RegressionModel::train(mesh, skeleton, skin.weights(), &train, &options, &Run::default()).expect("trained");
     assert!(report.error < 0.8 * report.linear_error, "{report:?}");
     let (mut mine, mut linear) = (0.0, 0.0);
     for e in &held {
@@ -302,11 +336,12 @@ fn weights_that_examples_do_not_tell_are_those_that_were_given() {
     let (mesh, skeleton, skin) = tube(3, 10, 30);
     // The last two joints go together in all examples, and at rest all do.
     let posed = |a: f64| matrices(&skeleton, &skin, |p| p.locals[1].rotation = turn([0.0, 0.3, 1.0], a));
-    let linear = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend).expect("fits");
+    let linear =
+        Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
     for angles in [&[0.0][..], &[0.0, 0.7, -1.2]] {
         let example = |&a: &f64| Example { positions: linear.positions(&posed(a)).expect("fits"), matrices: posed(a) };
         let examples: Vec<Example> = angles.iter().map(example).collect();
-        let found = fit_weights(&mesh, skin.weights(), &examples).expect("fitted");
+        let found = fit_weights(&mesh, skin.weights(), &examples, &Run::default()).expect("fitted");
         for v in 0..mesh.vertex_count() {
             for j in 0..3 {
                 let (found, given) = (found.weight(v, j), skin.weights().weight(v, j));
@@ -320,12 +355,19 @@ fn weights_that_examples_do_not_tell_are_those_that_were_given() {
 fn a_surface_that_is_morphed_at_rest_moves_from_there() {
     let (mesh, skeleton, skin, example) = arm(12, 30);
     let train: Vec<Example> = (0..6).map(|k| example(0.25 * k as f64, 0.2 * k as f64)).collect();
-    let (mut model, _) =
-        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &RegressionOptions::default())
-            .expect("trained");
+    let (mut model, _) = RegressionModel::train(
+        &mesh,
+        &skeleton,
+        skin.weights(),
+        &train,
+        &RegressionOptions::default(),
+        &Run::default(),
+    )
+    .expect("trained");
     let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
-    let file = SkinModel::of_reduced(&mesh, &skeleton, &model.reduced(&samples, 8).expect("fits")).expect("its own");
-    let mut few = file.bound(&mesh, &skeleton).expect("its own");
+    let file = SkinModel::of_reduced(&mesh, &skeleton, &model.reduced(&samples, 8, &Run::default()).expect("fits"))
+        .expect("its own");
+    let mut few = file.bound(&mesh, &skeleton, &Run::default()).expect("its own");
     // A bump on the upper arm, which is far from the elbow.
     let bump = |p: &Point3<f64>| Vector3::y() * (0.4 * (-(p.x - 0.7).powi(2) / 0.05).exp());
     let morphed: Vec<_> = mesh.positions().iter().map(|p| p + bump(p)).collect();
@@ -333,7 +375,7 @@ fn a_surface_that_is_morphed_at_rest_moves_from_there() {
     let pose: Vec<_> = train[4].matrices.iter().map(|m| motion * m).collect();
     let before = (model.positions(&pose).expect("fits"), few.positions(&pose).expect("fits"));
     model.set_rest(&morphed).expect("as many");
-    few.set_rest(&morphed).expect("as many");
+    few.set_rest(&morphed, &Run::default()).expect("as many");
     let after = (model.positions(&pose).expect("fits"), few.positions(&pose).expect("fits"));
     let turned = pose[0].fixed_view::<3, 3>(0, 0).into_owned();
     for (v, p) in mesh.positions().iter().enumerate().filter(|(_, p)| p.x < 1.5) {
@@ -342,7 +384,7 @@ fn a_surface_that_is_morphed_at_rest_moves_from_there() {
         assert!((after.1[v] - before.1[v] - full).norm() < 2e-4 * mesh.diagonal(), "{p}: {full}");
     }
     // And back.
-    few.set_rest(mesh.positions()).expect("as many");
+    few.set_rest(mesh.positions(), &Run::default()).expect("as many");
     assert_eq!(few.positions(&pose).expect("fits"), before.1);
     assert!(model.set_rest(&morphed[1..]).expect_err("one less").to_string().contains("positions at rest do not fit"));
 }

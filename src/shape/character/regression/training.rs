@@ -7,6 +7,7 @@ use super::super::{CharacterError, Skeleton, SkinWeights};
 use super::gradients::{gradient, polar};
 use super::{Example, JointTurns, RegressionModel};
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// Three numbers of the turn, six of the stretch.
 pub(super) const OUTPUTS: usize = 9;
@@ -69,11 +70,13 @@ pub(super) fn regressors(
     weights: &SkinWeights,
     examples: &[Example],
     ridge: f64,
-) -> Vec<Regressor> {
+    run: &Run,
+) -> Result<Vec<Regressor>, Stopped> {
     let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
     let turns: Vec<JointTurns> = examples.iter().map(|e| JointTurns::new(&e.matrices, &parents)).collect();
     let inverses: Vec<Matrix4<f64>> = (0..skeleton.joint_count()).map(|j| inverse(&turns, j, ridge)).collect();
     let regressor = |t: usize| {
+        run.check()?;
         let bone = bone_of(weights, &mesh.triangles()[t]);
         let outputs: Vec<SVector<f64, OUTPUTS>> = examples
             .iter()
@@ -85,7 +88,7 @@ pub(super) fn regressors(
             })
             .collect();
         let best = candidates(skeleton, bone).map(|j| fitted(j, bone, &turns, &outputs, &inverses[j as usize]));
-        best.min_by(|a, b| a.1.total_cmp(&b.1)).expect("its own joint at least").0
+        Ok(best.min_by(|a, b| a.1.total_cmp(&b.1)).expect("its own joint at least").0)
     };
     (0..mesh.triangle_count()).into_par_iter().map(regressor).collect()
 }
@@ -141,9 +144,11 @@ pub(super) fn report(
     model: &mut RegressionModel,
     mesh: &TriMesh,
     examples: &[Example],
+    run: &Run,
 ) -> Result<TrainingReport, CharacterError> {
     let (mut error, mut linear) = (0.0, 0.0);
     for example in examples {
+        run.check()?;
         error += square(&model.positions(&example.matrices)?, &example.positions);
         linear += square(&model.linear_positions(&example.matrices)?, &example.positions);
     }

@@ -12,6 +12,7 @@ use super::training::{regressors, square};
 use super::{Example, JointTurns, Places, RegressionOptions, check, fit_weights, parents_of};
 use crate::character::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 
 /// Ridges tried, rad²: joints are believed that turned by 1°, 2°, 6°, 18° or 60° in all examples together.
 const RIDGES: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
@@ -29,13 +30,14 @@ pub fn tuned(
     skeleton: &Skeleton,
     weights: &SkinWeights,
     examples: &[Example],
+    run: &Run,
 ) -> Result<RegressionOptions, CharacterError> {
     check(mesh, skeleton, weights, examples)?;
     if examples.len() < 2 {
         return Ok(RegressionOptions::default());
     }
     let mut surfaces: Vec<SurfaceOfGradients> =
-        HOLDS.iter().map(|&hold| SurfaceOfGradients::new(mesh, hold)).collect::<Result<_, _>>()?;
+        HOLDS.iter().map(|&hold| SurfaceOfGradients::new(mesh, hold, run)).collect::<Result<_, _>>()?;
     let parents = parents_of(skeleton);
     let folds = FOLDS.min(examples.len());
     let mut errors = [[0.0; HOLDS.len()]; RIDGES.len()];
@@ -43,10 +45,11 @@ pub fn tuned(
         // Neighbors in a movement are alike: they are left out together no more than chance has it.
         let (held, kept): (Vec<_>, Vec<_>) = examples.iter().enumerate().partition(|(k, _)| k % folds == fold);
         let kept: Vec<Example> = kept.into_iter().map(|(_, e)| e.clone()).collect();
-        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, &kept)? };
+        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, &kept, run)? };
         for (errors, &ridge) in errors.iter_mut().zip(&RIDGES) {
-            let regressors = regressors(mesh, skeleton, weights, &kept, ridge);
+            let regressors = regressors(mesh, skeleton, weights, &kept, ridge, run)?;
             for (_, Example { matrices, positions }) in &held {
+                run.check()?;
                 let turns = JointTurns::new(matrices, &parents);
                 let gradients: Vec<_> = regressors.iter().map(|r| r.gradient(&turns)).collect();
                 let blended = places.all(matrices);

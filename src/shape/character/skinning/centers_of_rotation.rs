@@ -29,6 +29,7 @@ use super::dual_quaternion::{Motions, Parts, blend, moved, moved_along, sign};
 use super::linear_blend::Affine;
 use super::{Jet, PosedMethod, Posing};
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// Width of the likeness of weights, from the paper.
 const SIGMA: f64 = 0.1;
@@ -47,14 +48,18 @@ struct Bin {
 
 /// The center of each vertex, in the space at rest.
 ///
+/// # Errors
+/// [`Stopped`].
+///
 /// # Panics
 /// Where the weights are for another number of vertices.
-pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights) -> Vec<Point3<f64>> {
+pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights, run: &Run) -> Result<Vec<Point3<f64>>, Stopped> {
     assert_eq!(mesh.vertex_count(), weights.vertex_count(), "one row of weights per vertex");
     // About the middle of the model, so that sums of places keep their digits.
     let middle = mesh.bounding_box().map_or(Vector3::zeros(), |(low, high)| nalgebra::center(&low, &high).coords);
     let bins = binned(mesh, weights, &middle);
     let center = |(v, p): (usize, &Point3<f64>)| {
+        run.check()?;
         let (mut sum, mut total) = (Vector3::zeros(), 0.0);
         for (j, k, a) in pairs(weights.row(v)) {
             for bin in bins.get(&(j, k)).into_iter().flatten() {
@@ -63,7 +68,7 @@ pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights) -> Vec<Point3<
                 total += likeness;
             }
         }
-        if total > 0.0 { Point3::from(sum / total + middle) } else { *p }
+        Ok(if total > 0.0 { Point3::from(sum / total + middle) } else { *p })
     };
     mesh.positions().iter().enumerate().map(center).collect()
 }
@@ -224,7 +229,7 @@ mod tests {
     #[test]
     fn centers_are_those_of_the_paper_and_lie_in_the_middle_of_a_limb() {
         let (mesh, _, skin) = tube(3, 24, 60);
-        let centers = centers_of_rotation(&mesh, skin.weights());
+        let centers = centers_of_rotation(&mesh, skin.weights(), &Run::default()).expect("a run that never stops");
         for v in (0..mesh.vertex_count()).step_by(37) {
             let exact = slowly(&mesh, skin.weights(), v);
             assert!((centers[v] - exact).norm() < 1e-3, "{v}: {} {exact}", centers[v]);
@@ -239,7 +244,10 @@ mod tests {
         let (mesh, _, skin) = tube(3, 12, 30);
         let at = Vector3::new(1e5, -2e5, 3e5);
         let there = mesh.with_positions(mesh.positions().iter().map(|p| p + at).collect()).expect("finite");
-        let (here, there) = (centers_of_rotation(&mesh, skin.weights()), centers_of_rotation(&there, skin.weights()));
+        let (here, there) = (
+            centers_of_rotation(&mesh, skin.weights(), &Run::default()).expect("a run that never stops"),
+            centers_of_rotation(&there, skin.weights(), &Run::default()).expect("a run that never stops"),
+        );
         for (a, b) in here.iter().zip(&there) {
             assert!((b - a - at).norm() < 1e-8, "{a} {b}");
         }

@@ -39,6 +39,7 @@ use crate::mesh::TriMesh;
 use centers_of_rotation::CentersPose;
 use dual_quaternion::DualQuaternionPose;
 use linear_blend::LinearPose;
+use plumbline_num::run::Run;
 use rest_surface::RestSurface;
 use twist_swing::TwistSwingPose;
 
@@ -120,6 +121,7 @@ impl Skinner {
         skeleton: &Skeleton,
         skin: &Skin,
         method: SkinningMethod,
+        run: &Run,
     ) -> Result<Self, CharacterError> {
         let (joints, matrices) = (skeleton.joint_count(), skin.inverse_bind().len());
         if joints != matrices {
@@ -134,7 +136,7 @@ impl Skinner {
             SkinningMethod::LinearBlend => Bound::LinearBlend,
             SkinningMethod::DualQuaternion => Bound::DualQuaternion,
             SkinningMethod::CentersOfRotation => {
-                let centers = centers_of_rotation(mesh, &weights);
+                let centers = centers_of_rotation(mesh, &weights, run)?;
                 let slopes = rest.slopes_of_points(mesh, &centers, |v| weights.row(v).len() > 1);
                 Bound::CentersOfRotation { centers, slopes }
             }

@@ -6,6 +6,7 @@ use super::super::{CharacterError, Joint, Pose, Skeleton, Skin, SkinWeights};
 use super::*;
 use crate::mesh::TriMesh;
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 pub(super) const METHODS: [SkinningMethod; 4] = [
     SkinningMethod::LinearBlend,
@@ -68,7 +69,7 @@ pub(in super::super) fn turn(axis: [f64; 3], angle: f64) -> UnitQuaternion<f64> 
 }
 
 fn skinner(tube: &(TriMesh, Skeleton, Skin), method: SkinningMethod) -> Skinner {
-    Skinner::new(&tube.0, None, &tube.1, &tube.2, method).expect("fits")
+    Skinner::new(&tube.0, None, &tube.1, &tube.2, method, &Run::default()).expect("fits")
 }
 
 #[test]
@@ -216,8 +217,9 @@ fn scales_lie_about_the_joint_so_that_the_model_may_stand_anywhere() {
         p.locals[1].rotation = turn([0.1, 1.0, 0.4], 1.3);
     };
     for method in METHODS {
-        let here = Skinner::new(&mesh, None, &skeleton, &skin, method).expect("fits");
-        let there = Skinner::new(&mesh_there, None, &skeleton_there, &skin_there, method).expect("fits");
+        let here = Skinner::new(&mesh, None, &skeleton, &skin, method, &Run::default()).expect("fits");
+        let there =
+            Skinner::new(&mesh_there, None, &skeleton_there, &skin_there, method, &Run::default()).expect("fits");
         let here = here.positions(&matrices(&skeleton, &skin, change)).expect("fits");
         let there = there.positions(&matrices(&skeleton_there, &skin_there, change)).expect("fits");
         for (a, b) in here.iter().zip(&there) {
@@ -261,16 +263,19 @@ fn a_bend_bulges_with_dual_quaternions_and_less_so_about_centers() {
 fn what_does_not_fit_is_refused_by_name() {
     let (mesh, skeleton, skin) = tube(2, 6, 4);
     let message = |e: CharacterError| e.to_string();
-    let posed = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::default()).expect("fits");
+    let posed = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::default(), &Run::default()).expect("fits");
     assert!(message(posed.positions(&[Matrix4::identity()]).expect_err("one")).contains("2 joints but 1 matrices"));
     let nan = Matrix4::repeat(f64::NAN);
     assert!(message(posed.positions(&[nan, nan]).expect_err("NaN")).contains("matrix of joint 0 is not finite"));
     let (other, chain, _) = tube(3, 6, 5);
-    let refused = Skinner::new(&other, None, &skeleton, &skin, SkinningMethod::default()).expect_err("other mesh");
+    let refused = Skinner::new(&other, None, &skeleton, &skin, SkinningMethod::default(), &Run::default())
+        .expect_err("other mesh");
     assert!(message(refused).contains("rows of weights do not fit a mesh of 36 vertices"));
-    let refused = Skinner::new(&mesh, None, &chain, &skin, SkinningMethod::default()).expect_err("other chain");
+    let refused =
+        Skinner::new(&mesh, None, &chain, &skin, SkinningMethod::default(), &Run::default()).expect_err("other chain");
     assert!(matches!(refused, CharacterError::Matrices { joints: 3, matrices: 2 }));
-    let refused = Skinner::new(&mesh, Some(&[]), &skeleton, &skin, SkinningMethod::default()).expect_err("no normals");
+    let refused = Skinner::new(&mesh, Some(&[]), &skeleton, &skin, SkinningMethod::default(), &Run::default())
+        .expect_err("no normals");
     assert!(message(refused).contains("0 normals do not fit"));
 }
 

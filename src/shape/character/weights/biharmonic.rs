@@ -31,6 +31,7 @@ use super::heat::{Source, sources};
 use super::welded::Welded;
 use super::{Row, WeightReport, heat};
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, SparseMatrix};
 
 /// The part of a bone about its middle that holds the surface.
@@ -60,15 +61,16 @@ pub(super) fn rows(
     bones: &[Bone],
     joints: usize,
     report: &mut WeightReport,
+    run: &Run,
 ) -> Result<Vec<Row>, CharacterError> {
-    let start = heat::rows(welded, bones, joints)?;
-    let sources = sources(welded, bones);
-    let system = System::new(welded, &anchors(welded, bones, &sources))?;
+    let start = heat::rows(welded, bones, joints, run)?;
+    let sources = sources(welded, bones, run)?;
+    let system = System::new(welded, &anchors(welded, bones, &sources), run)?;
     let Some(system) = system else { return Ok(start) };
     let mut used: Vec<u32> = bones.iter().map(|b| b.joint).collect();
     used.dedup();
     let mut rows = start;
-    system.solve(&used, &mut rows, report)?;
+    system.solve(&used, &mut rows, report, run)?;
     Ok(rows)
 }
 
@@ -98,7 +100,7 @@ struct System {
 
 impl System {
     /// `None` where nothing is free.
-    fn new(welded: &Welded, anchors: &[Option<u32>]) -> Result<Option<Self>, SparseError> {
+    fn new(welded: &Welded, anchors: &[Option<u32>], run: &Run) -> Result<Option<Self>, SparseError> {
         let mesh = welded.mesh();
         let free = free_vertices(welded, anchors);
         if free.is_empty() {
@@ -106,6 +108,7 @@ impl System {
         }
         let mut number = vec![u32::MAX; anchors.len()];
         free.iter().zip(0..).for_each(|(&v, u)| number[v] = u);
+        run.check()?;
         let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
         let areas = barycentric_areas(mesh);
         let mean = areas.iter().sum::<f64>() / areas.len() as f64;
@@ -131,22 +134,29 @@ impl System {
         let smoothness = SparseMatrix::from_triplets(free.len(), &triplets)?;
         let mass: Vec<f64> = free.iter().map(|&v| areas[v]).collect();
         let rho = (LENGTH * mesh.diagonal()).powi(-4);
+        run.check()?;
         let mut cholesky = Cholesky::analyze(smoothness.pattern(), &Ordering::Amd)?;
-        cholesky.factor(&regularized(&smoothness, &mass, rho))?;
+        cholesky.factor(&regularized(&smoothness, &mass, rho), run)?;
         let factor = CompactFactor::new(&cholesky);
         let anchored = anchors.iter().enumerate().filter_map(|(v, a)| a.map(|j| (v, j))).collect();
         Ok(Some(Self { free, pull, anchored, smoothness, mass, rho, cholesky, factor }))
     }
 
-    fn set_rho(&mut self, rho: f64) -> Result<(), SparseError> {
+    fn set_rho(&mut self, rho: f64, run: &Run) -> Result<(), SparseError> {
         self.rho = rho;
-        self.cholesky.factor(&regularized(&self.smoothness, &self.mass, rho))?;
+        self.cholesky.factor(&regularized(&self.smoothness, &self.mass, rho), run)?;
         self.factor.refill(&self.cholesky);
         Ok(())
     }
 
     /// Solves for the joints `used`, from `rows` on.
-    fn solve(mut self, used: &[u32], rows: &mut [Row], report: &mut WeightReport) -> Result<(), SparseError> {
+    fn solve(
+        mut self,
+        used: &[u32],
+        rows: &mut [Row],
+        report: &mut WeightReport,
+        run: &Run,
+    ) -> Result<(), SparseError> {
         let n = self.free.len();
         let place = |joint: u32| used.binary_search(&joint).expect("a joint of a bone");
         let mut copies = Copies::new(n, used.len());
@@ -156,6 +166,7 @@ impl System {
         let mut given = vec![0.0; copies.bounded.len()];
         self.pull.iter().for_each(|&(u, j, w)| given[place(j) * n + u as usize] += w);
         for round in 1..=ROUNDS {
+            run.step((round - 1) as f64 / ROUNDS as f64)?;
             for (i, x) in copies.smooth.iter_mut().enumerate() {
                 *x = given[i] + self.rho * self.mass[i % n] * (copies.bounded[i] - copies.dual[i]);
             }
@@ -167,7 +178,7 @@ impl System {
             }
             let change = step.change_of_rho();
             if round % LOOK == 0 && !(1.0 / OFF..=OFF).contains(&change) {
-                self.set_rho(self.rho * change)?;
+                self.set_rho(self.rho * change, run)?;
                 copies.dual.iter_mut().for_each(|u| *u /= change);
             }
         }

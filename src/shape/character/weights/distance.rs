@@ -11,13 +11,14 @@ use nalgebra::Point3;
 use super::super::Bone;
 use super::Row;
 use super::bone_distance::nearest;
+use plumbline_num::run::{Run, Stopped};
 
 /// Joints of a row.
 const NEAREST: usize = 4;
 
 /// A row for each vertex.
-pub(super) fn rows(positions: &[Point3<f64>], bones: &[Bone]) -> Vec<Row> {
-    positions.iter().map(|p| row(p, bones)).collect()
+pub(super) fn rows(positions: &[Point3<f64>], bones: &[Bone], run: &Run) -> Result<Vec<Row>, Stopped> {
+    positions.iter().map(|p| run.check().map(|()| row(p, bones))).collect()
 }
 
 fn row(p: &Point3<f64>, bones: &[Bone]) -> Row {

@@ -24,6 +24,7 @@ use super::bone_distance::nearest;
 use super::visibility::Occluders;
 use super::welded::Welded;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError};
 
 /// Bones whose distances differ by less than this fraction are equally near.
@@ -45,8 +46,8 @@ pub(super) struct Source {
 }
 
 /// A row for each welded vertex; empty where its piece sees no bone.
-pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec<Row>, CharacterError> {
-    let sources = sources(welded, bones);
+pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) -> Result<Vec<Row>, CharacterError> {
+    let sources = sources(welded, bones, run)?;
     let mut warm = vec![false; welded.positions().len() + 1];
     for (v, source) in sources.iter().enumerate() {
         // A vertex without triangles has no area that heat could pass.
@@ -64,7 +65,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec
     if unknown.is_empty() {
         return Ok(rows);
     }
-    let (mut factor, flow) = factored(welded, &sources, &unknown, &number)?;
+    let (mut factor, flow) = factored(welded, &sources, &unknown, &number, run)?;
     let mut heated = vec![Vec::new(); joints];
     for (u, &v) in unknown.iter().enumerate() {
         for &b in &sources[v].bones {
@@ -72,6 +73,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize) -> Result<Vec
         }
     }
     for (joint, heated) in heated.iter().enumerate().filter(|(_, h)| !h.is_empty()) {
+        run.check()?;
         let mut temperature = vec![0.0; unknown.len()];
         for &(u, heat) in heated {
             temperature[u] += heat;
@@ -92,8 +94,10 @@ fn factored(
     sources: &[Source],
     unknown: &[usize],
     number: &[u32],
+    run: &Run,
 ) -> Result<(CompactFactor, Vec<f64>), SparseError> {
     let mesh = welded.mesh();
+    run.check()?;
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
     let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
     let areas = barycentric_areas(mesh);
@@ -117,16 +121,18 @@ fn factored(
         triplets.extend([(a, a, w), (b, b, w), (a.max(b), a.min(b), -w)]);
     }
     let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(unknown.len(), &triplets)?;
+    run.check()?;
     let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-    cholesky.factor(&matrix)?;
+    cholesky.factor(&matrix, run)?;
     Ok((CompactFactor::new(&cholesky), flow))
 }
 
 /// The nearest visible bones of every welded vertex.
-pub(super) fn sources(welded: &Welded, bones: &[Bone]) -> Vec<Source> {
+pub(super) fn sources(welded: &Welded, bones: &[Bone], run: &Run) -> Result<Vec<Source>, Stopped> {
     let occluders = Occluders::new(welded.mesh());
     let mut by_distance: Vec<(f64, u32, Point3<f64>)> = Vec::with_capacity(bones.len());
     let source = |(v, p): (usize, &Point3<f64>)| {
+        run.check()?;
         by_distance.clear();
         by_distance.extend(bones.iter().zip(0..).map(|(bone, b)| {
             let (q, d2, _) = nearest(bone, p);
@@ -146,7 +152,7 @@ pub(super) fn sources(welded: &Welded, bones: &[Bone]) -> Vec<Source> {
                 source.bones.push(*b);
             }
         }
-        source
+        Ok(source)
     };
     welded.positions().iter().enumerate().map(source).collect()
 }

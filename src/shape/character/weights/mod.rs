@@ -27,6 +27,7 @@ pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
 use nearest::Nearest;
+use plumbline_num::run::{Run, Stopped};
 use welded::Welded;
 
 /// How weights are found.
@@ -82,11 +83,12 @@ pub struct WeightReport {
 /// Weights of every joint that has bones, for every vertex.
 ///
 /// # Errors
-/// [`CharacterError::Option`] for options out of range, [`CharacterError::Solve`].
+/// [`CharacterError::Option`] for options out of range, [`CharacterError::Solve`], [`CharacterError::Interrupted`].
 pub fn bone_weights(
     mesh: &TriMesh,
     skeleton: &Skeleton,
     options: &WeightOptions,
+    run: &Run,
 ) -> Result<(SkinWeights, WeightReport), CharacterError> {
     if options.influences == 0 {
         return Err(CharacterError::Option { name: "influences", value: 0.0, range: "1 or more" });
@@ -94,19 +96,20 @@ pub fn bone_weights(
     if !(0.0..1.0).contains(&options.least) {
         return Err(CharacterError::Option { name: "least weight", value: options.least, range: "0 or more, below 1" });
     }
+    run.check()?;
     let welded = Welded::new(mesh);
     let bones = skeleton.bones();
     let joints = skeleton.joint_count();
     let mut report = WeightReport { components: welded.piece_count(), ..Default::default() };
     let mut rows = match options.method {
-        WeightMethod::Heat => heat::rows(&welded, &bones, joints)?,
-        WeightMethod::BoundedBiharmonic => biharmonic::rows(&welded, &bones, joints, &mut report)?,
-        WeightMethod::Distance => distance::rows(welded.positions(), &bones),
+        WeightMethod::Heat => heat::rows(&welded, &bones, joints, run)?,
+        WeightMethod::BoundedBiharmonic => biharmonic::rows(&welded, &bones, joints, &mut report, run)?,
+        WeightMethod::Distance => distance::rows(welded.positions(), &bones, run)?,
     };
-    borrow(&welded, &bones, &mut rows, &mut report);
+    borrow(&welded, &bones, &mut rows, &mut report, run)?;
     let (of_welded, _) = SkinWeights::normalized(joints, rows, None)?;
     let weights = of_welded.gathered(welded.vertex_of());
-    let smoothed = if options.smooth > 0 { weights.smoothed(mesh, options.smooth)? } else { weights };
+    let smoothed = if options.smooth > 0 { weights.smoothed(mesh, options.smooth, run)? } else { weights };
     // What is pruned after the limit is small; what is limited after pruning need not be.
     let weights = smoothed.limited(options.influences)?.pruned(options.least)?;
     report.idle_joints = idle(&weights, bones.iter().map(|b| b.joint));
@@ -117,21 +120,28 @@ pub fn bone_weights(
 type Row = Vec<(u32, f64)>;
 
 /// Fills the rows that are empty from the nearest that are not.
-fn borrow(welded: &Welded, bones: &[super::Bone], rows: &mut [Row], report: &mut WeightReport) {
+fn borrow(
+    welded: &Welded,
+    bones: &[super::Bone],
+    rows: &mut [Row],
+    report: &mut WeightReport,
+    run: &Run,
+) -> Result<(), Stopped> {
     let (full, empty): (Vec<usize>, Vec<usize>) = (0..rows.len()).partition(|&v| !rows[v].is_empty());
     if empty.is_empty() {
-        return;
+        return Ok(());
     }
     if full.is_empty() {
         report.by_distance = true;
-        for (row, by_distance) in rows.iter_mut().zip(distance::rows(welded.positions(), bones)) {
+        for (row, by_distance) in rows.iter_mut().zip(distance::rows(welded.positions(), bones, run)?) {
             *row = by_distance;
         }
-        return;
+        return Ok(());
     }
     let tree = Nearest::new(full.iter().map(|&v| welded.positions()[v]).collect());
     let mut pieces: Vec<u32> = Vec::new();
     for &v in &empty {
+        run.check()?;
         let (nearest, _) = tree.find(&welded.positions()[v]).expect("there are full rows");
         let borrowed = rows[full[nearest]].clone();
         rows[v] = borrowed;
@@ -142,6 +152,7 @@ fn borrow(welded: &Welded, bones: &[super::Bone], rows: &mut [Row], report: &mut
     report.borrowed_components = pieces.len();
     let borrowed = |w: &&u32| empty.binary_search(&(**w as usize)).is_ok();
     report.borrowed_vertices = welded.vertex_of().iter().filter(borrowed).count();
+    Ok(())
 }
 
 /// Joints of bones that no vertex follows.

@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use super::super::{CharacterError, SkinWeights};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::EdgeWeights;
+use plumbline_num::run::Run;
 
 impl SkinWeights {
     /// Each round moves the weights of every vertex halfway to the mean of its neighbors. Rows grow by the neighbors' joints.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another mesh.
-    pub fn smoothed(&self, mesh: &TriMesh, rounds: usize) -> Result<Self, CharacterError> {
+    pub fn smoothed(&self, mesh: &TriMesh, rounds: usize, run: &Run) -> Result<Self, CharacterError> {
         let (given, vertices) = (self.vertex_count(), mesh.vertex_count());
         if given != vertices {
             return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
@@ -23,6 +24,7 @@ impl SkinWeights {
         }
         let mut weights = self.clone();
         for _ in 0..rounds {
+            run.check()?;
             let row = |(v, around): (usize, &Vec<usize>)| {
                 let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
                 let own = if around.is_empty() { 1.0 } else { 0.5 };

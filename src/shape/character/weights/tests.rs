@@ -4,6 +4,7 @@ use super::super::skinning::tests::tube;
 use super::super::{Joint, Skeleton};
 use super::*;
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 const METHODS: [WeightMethod; 3] = [WeightMethod::Heat, WeightMethod::BoundedBiharmonic, WeightMethod::Distance];
 
@@ -37,7 +38,7 @@ fn limb() -> (TriMesh, Skeleton) {
 fn weights_are_a_partition_that_follows_the_bones() {
     let (mesh, skeleton) = limb();
     for method in METHODS {
-        let (weights, report) = bone_weights(&mesh, &skeleton, &options(method)).expect("found");
+        let (weights, report) = bone_weights(&mesh, &skeleton, &options(method), &Run::default()).expect("found");
         assert!(weights.sums().all(|s| (s - 1.0).abs() < 1e-12) && weights.most_influences() <= 4);
         assert!(weights.rows().flatten().all(|i| i.weight > 0.0 && i.weight <= 1.0 + 1e-12));
         assert_eq!((report.borrowed_vertices, report.by_distance), (0, false));
@@ -57,7 +58,7 @@ fn a_symmetric_rig_gives_symmetric_weights() {
     let (mesh, skeleton) = limb();
     for method in METHODS {
         let all = WeightOptions { influences: 8, least: 0.0, ..options(method) };
-        let (weights, _) = bone_weights(&mesh, &skeleton, &all).expect("found");
+        let (weights, _) = bone_weights(&mesh, &skeleton, &all, &Run::default()).expect("found");
         let rings = mesh.vertex_count() / 24;
         for v in 0..mesh.vertex_count() {
             // The ring at the other end, and the other bone; turned over in y, so that diagonals fall on diagonals.
@@ -97,12 +98,12 @@ fn bones_behind_the_surface_do_not_heat_it() {
         joint("b end", Some(2), [3.0, 0.0, 0.0]),
     ])
     .expect("a forest");
-    let (heat, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Heat)).expect("found");
+    let (heat, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     assert!(
         (0..n as usize).all(|v| heat.weight(v, 0) > 0.999)
             && (n as usize..2 * n as usize).all(|v| heat.weight(v, 2) > 0.999)
     );
-    let (near, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Distance)).expect("found");
+    let (near, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Distance), &Run::default()).expect("found");
     assert!((n as usize..2 * n as usize).any(|v| near.weight(v, 0) > 0.5), "by distance it leaks");
 }
 
@@ -110,7 +111,7 @@ fn bones_behind_the_surface_do_not_heat_it() {
 fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
     let (mesh, skeleton) = limb();
     for method in [WeightMethod::Heat, WeightMethod::BoundedBiharmonic] {
-        let (alone, _) = bone_weights(&mesh, &skeleton, &options(method)).expect("found");
+        let (alone, _) = bone_weights(&mesh, &skeleton, &options(method), &Run::default()).expect("found");
         let mut positions = mesh.positions().to_vec();
         let n = positions.len() as u32;
         // A closed speck outside, and a vertex without triangles; both in the box of the tube, whose size rounds depend on.
@@ -119,7 +120,7 @@ fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
         let mut triangles = mesh.triangles().to_vec();
         triangles.extend([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(|t| t.map(|v| v + n)));
         let with = TriMesh::new(positions, triangles).expect("valid");
-        let (weights, report) = bone_weights(&with, &skeleton, &options(method)).expect("found");
+        let (weights, report) = bone_weights(&with, &skeleton, &options(method), &Run::default()).expect("found");
         assert_eq!((report.components, report.borrowed_components, report.borrowed_vertices), (2, 2, 5), "{method:?}");
         for v in 0..n as usize {
             for i in alone.row(v) {
@@ -133,12 +134,12 @@ fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
 #[test]
 fn copies_of_a_vertex_have_the_weights_of_one() {
     let (mesh, skeleton) = limb();
-    let (whole, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Heat)).expect("found");
+    let (whole, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     let positions = mesh.triangles().iter().flatten().map(|&v| mesh.positions()[v as usize]).collect();
     let soup =
         TriMesh::new(positions, (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect());
     let (weights, report) =
-        bone_weights(&soup.expect("valid"), &skeleton, &options(WeightMethod::Heat)).expect("found");
+        bone_weights(&soup.expect("valid"), &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     assert_eq!(report.components, 1);
     for (c, &v) in mesh.triangles().iter().flatten().enumerate() {
         for i in whole.row(v as usize) {
@@ -161,7 +162,7 @@ fn where_nothing_sees_a_bone_distance_decides_and_idle_joints_are_told() {
         [9.0, 100.0, 0.0],
         [9.0, 200.0, 0.0],
     ]);
-    let (_, report) = bone_weights(&lonely, &skeleton, &options(WeightMethod::Heat)).expect("found");
+    let (_, report) = bone_weights(&lonely, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     assert_eq!(report.components, 0);
     let mut positions = mesh.positions().to_vec();
     positions.extend(inner);
@@ -169,7 +170,8 @@ fn where_nothing_sees_a_bone_distance_decides_and_idle_joints_are_told() {
     let mut triangles = mesh.triangles().to_vec();
     triangles.extend(mesh.triangles().iter().map(|t| t.map(|v| v + n)));
     let nested = TriMesh::new(positions, triangles).expect("valid");
-    let (weights, report) = bone_weights(&nested, &skeleton, &options(WeightMethod::Heat)).expect("found");
+    let (weights, report) =
+        bone_weights(&nested, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     assert_eq!((report.components, report.borrowed_components), (2, 0), "its ends are open: it sees bones there");
     assert!(weights.sums().all(|s| (s - 1.0).abs() < 1e-12));
     assert_eq!(report.idle_joints, [4]);
@@ -184,10 +186,10 @@ fn smoothing_keeps_the_sum_and_lowers_the_slope() {
         let across = |t: &[u32; 3]| (w.weight(t[0] as usize, 0) - w.weight(t[1] as usize, 0)).abs();
         mesh.triangles().iter().map(across).fold(0.0, f64::max)
     };
-    let smooth = weights.smoothed(&mesh, 10).expect("fits");
+    let smooth = weights.smoothed(&mesh, 10, &Run::default()).expect("fits");
     assert!(smooth.sums().all(|s| (s - 1.0).abs() < 1e-12));
     assert!(steepest(&weights) == 1.0 && steepest(&smooth) < 0.3, "{}", steepest(&smooth));
-    assert!(weights.smoothed(&TriMesh::default(), 1).is_err());
+    assert!(weights.smoothed(&TriMesh::default(), 1, &Run::default()).is_err());
 }
 
 #[test]
@@ -225,7 +227,8 @@ fn mirroring_carries_weights_to_the_joints_of_the_other_side() {
 fn bounded_weights_converge_and_are_smoother_than_heat_at_the_same_bounds() {
     let (mesh, skeleton) = limb();
     let all = |method| WeightOptions { influences: 8, least: 0.0, ..options(method) };
-    let (bounded, report) = bone_weights(&mesh, &skeleton, &all(WeightMethod::BoundedBiharmonic)).expect("found");
+    let (bounded, report) =
+        bone_weights(&mesh, &skeleton, &all(WeightMethod::BoundedBiharmonic), &Run::default()).expect("found");
     assert!(report.residual < 1e-4 && report.iterations < 400, "{report:?}");
     assert!(bounded.rows().flatten().all(|i| i.weight >= 0.0 && i.weight <= 1.0));
     // No dip: along the tube the first joint's weight falls from 1 to 0 and never rises.
@@ -239,7 +242,8 @@ fn bounded_weights_of_bones_far_shorter_than_the_model_converge_too() {
     let thin = mesh.positions().iter().map(|p| Point3::new(p.x, 0.02 * p.y, 0.02 * p.z)).collect();
     let joints: Vec<[f64; 3]> = (0..90).map(|k| [0.1 * f64::from(k), 0.0, 0.0]).collect();
     let all = WeightOptions { influences: 8, least: 0.0, ..options(WeightMethod::BoundedBiharmonic) };
-    let (_, report) = bone_weights(&mesh.with_positions(thin).expect("finite"), &chain(&joints), &all).expect("found");
+    let (_, report) = bone_weights(&mesh.with_positions(thin).expect("finite"), &chain(&joints), &all, &Run::default())
+        .expect("found");
     assert!(report.residual < 1e-4, "{report:?}");
 }
 
@@ -261,7 +265,8 @@ fn the_simplex_projection_is_the_nearest_point() {
 #[test]
 fn options_out_of_range_are_refused() {
     let (mesh, skeleton) = limb();
-    let refused = |o: WeightOptions| bone_weights(&mesh, &skeleton, &o).expect_err("refused").to_string();
+    let refused =
+        |o: WeightOptions| bone_weights(&mesh, &skeleton, &o, &Run::default()).expect_err("refused").to_string();
     assert!(refused(WeightOptions { influences: 0, ..Default::default() }).contains("influences 0"));
     assert!(refused(WeightOptions { least: f64::NAN, ..Default::default() }).contains("least weight NaN"));
 }

@@ -7,6 +7,7 @@ use super::text::Words;
 use super::text::shown;
 use super::{MeshFormat, finite};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
+use plumbline_num::run::Run;
 
 /// Keywords with the number of values of each of their items.
 const KEYWORDS: [(&[u8], usize); 13] = [
@@ -26,7 +27,7 @@ const KEYWORDS: [(&[u8], usize); 13] = [
 ];
 
 /// Reads the file.
-pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut words = Words::new(bytes, 0, 1, MeshFormat::Medit, Some(b'#'));
     let mut builder = ModelBuilder::default();
     while let Some(keyword) = words.next_word() {
@@ -38,9 +39,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
                     return Err(words.fault(format!("dimension {dimension}; only surfaces in space are read (3)")));
                 }
             }
-            b"Vertices" => vertices(&mut words, &mut builder)?,
-            b"Triangles" => faces::<3>(&mut words, &mut builder)?,
-            b"Quadrilaterals" => faces::<4>(&mut words, &mut builder)?,
+            b"Vertices" => vertices(&mut words, &mut builder, run)?,
+            b"Triangles" => faces::<3>(&mut words, &mut builder, run)?,
+            b"Quadrilaterals" => faces::<4>(&mut words, &mut builder, run)?,
             b"End" => break,
             _ => {
                 let Some((_, values)) = KEYWORDS.iter().find(|(word, _)| *word == keyword) else {
@@ -48,6 +49,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
                 };
                 let count = count(&mut words, *values)?;
                 for _ in 0..count * values {
+                    run.check()?;
                     words.number("a value")?;
                 }
                 if count > 0 {
@@ -72,10 +74,11 @@ fn count(words: &mut Words<'_>, values: usize) -> Result<usize, MeshError> {
     Ok(count)
 }
 
-fn vertices(words: &mut Words<'_>, builder: &mut ModelBuilder) -> Result<(), MeshError> {
+fn vertices(words: &mut Words<'_>, builder: &mut ModelBuilder, run: &Run) -> Result<(), MeshError> {
     let count = count(words, 4)?;
     builder.positions.reserve(count);
     for _ in 0..count {
+        run.check()?;
         let mut xyz = [0.0; 3];
         for value in &mut xyz {
             *value = words.number("a coordinate")?;
@@ -87,9 +90,10 @@ fn vertices(words: &mut Words<'_>, builder: &mut ModelBuilder) -> Result<(), Mes
     Ok(())
 }
 
-fn faces<const N: usize>(words: &mut Words<'_>, builder: &mut ModelBuilder) -> Result<(), MeshError> {
+fn faces<const N: usize>(words: &mut Words<'_>, builder: &mut ModelBuilder, run: &Run) -> Result<(), MeshError> {
     let vertices = builder.positions.len();
     for _ in 0..count(words, N + 1)? {
+        run.check()?;
         let mut corners = [0; N];
         for corner in &mut corners {
             let vertex: usize = words.whole("a vertex")?;

@@ -19,6 +19,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use super::{MeshError, Model, Position};
+use plumbline_num::run::Run;
 
 pub use write::{WriteOptions, encode_model, losses, write_model, write_model_with};
 
@@ -99,12 +100,12 @@ impl ReadLimits {
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`MeshError::InFile`] around what is wrong with it.
-pub fn read_model(path: &Path, limits: &ReadLimits) -> Result<Model, MeshError> {
+/// [`MeshError::InFile`] around what is wrong with it; [`MeshError::Interrupted`].
+pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, MeshError> {
     let read = || {
         let bytes = read_file(path, limits.max_bytes)?;
         let format = detect::format(&bytes, path)?;
-        decode_model(&bytes, format, path.parent().or(Some(Path::new("."))), limits)
+        decode_model(&bytes, format, path.parent().or(Some(Path::new("."))), limits, run)
     };
     read().map_err(|fault: MeshError| fault.of_file(path))
 }
@@ -120,23 +121,26 @@ pub fn detect_format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError>
 /// The model in these bytes. `folder` is where a glTF file may refer to other files; `None` allows none.
 ///
 /// # Errors
-/// [`MeshError::Malformed`] where the bytes are not what the format asks for, [`MeshError::TooLarge`] beyond the limits.
+/// [`MeshError::Malformed`] where the bytes are not what the format asks for, [`MeshError::TooLarge`] beyond the limits,
+/// [`MeshError::Interrupted`].
 pub fn decode_model(
     bytes: &[u8],
     format: MeshFormat,
     folder: Option<&Path>,
     limits: &ReadLimits,
+    run: &Run,
 ) -> Result<Model, MeshError> {
     let builder = match format {
-        MeshFormat::Obj => obj::read(bytes)?,
-        MeshFormat::Ply => ply::read(bytes)?,
-        MeshFormat::Off => off::read(bytes)?,
-        MeshFormat::Stl => stl::read(bytes)?,
-        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, folder, limits)?,
-        MeshFormat::Medit => medit::read(bytes)?,
+        MeshFormat::Obj => obj::read(bytes, run)?,
+        MeshFormat::Ply => ply::read(bytes, run)?,
+        MeshFormat::Off => off::read(bytes, run)?,
+        MeshFormat::Stl => stl::read(bytes, run)?,
+        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, folder, limits, run)?,
+        MeshFormat::Medit => medit::read(bytes, run)?,
     };
     limits.check("number of vertices", builder.positions.len())?;
     limits.check("number of corners", builder.faces.corner_count())?;
+    run.check()?;
     builder.finish()
 }
 

@@ -13,6 +13,7 @@ use super::text::{Lines, number, shown, words};
 use super::write::Number;
 use super::{MeshFormat, finite, malformed, or_zero};
 use crate::mesh::{MeshError, Model, ModelBuilder, NO_VALUE, Position};
+use plumbline_num::run::Run;
 
 /// Which variant the keyword names.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,7 +57,7 @@ impl<'a> Content<'a> {
 }
 
 /// Reads the file.
-pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut content = Content(Lines::of(bytes));
     let (variant, [vertices, faces]) = header(&mut content)?;
     let (at, left) = (content.0.number(), content.0.remaining());
@@ -68,10 +69,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     let mut builder = ModelBuilder::default();
     builder.positions.reserve(vertices as usize);
     for _ in 0..vertices {
+        run.check()?;
         vertex(&mut content, variant, &mut builder)?;
     }
     let mut left_out = Skipped::default();
     for _ in 0..faces {
+        run.check()?;
         face(&mut content, variant, vertices, &mut builder, &mut left_out)?;
     }
     scale_colors(&mut builder.colors);

@@ -12,6 +12,7 @@ use super::text::{Words, shown};
 use super::write::{Number, one_line};
 use super::{MeshFormat, finite, malformed};
 use crate::mesh::{Group, MeshError, Model, ModelBuilder, NO_VALUE, Position, TriMesh};
+use plumbline_num::run::Run;
 
 const HEADER: usize = 84;
 const FACET: usize = 50;
@@ -28,13 +29,13 @@ pub(super) fn is_binary(bytes: &[u8]) -> bool {
 }
 
 /// Reads the file.
-pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let text = bytes.trim_ascii_start().starts_with(b"solid");
     let has_facets = || bytes[..bytes.len().min(1 << 16)].windows(5).any(|w| w == b"facet" || w == b"endso");
-    if !is_binary(bytes) && text && has_facets() { read_text(bytes) } else { read_binary(bytes) }
+    if !is_binary(bytes) && text && has_facets() { read_text(bytes, run) } else { read_binary(bytes, run) }
 }
 
-fn read_binary(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+fn read_binary(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let fault = |at: usize, told: String| malformed(MeshFormat::Stl, Position::Byte(at), told);
     let Some(count) = announced(bytes) else {
         return Err(fault(bytes.len(), format!("the file ends inside its header of {HEADER} bytes; it is cut short")));
@@ -49,6 +50,7 @@ fn read_binary(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     let mut builder = ModelBuilder::default();
     builder.positions.reserve(3 * count as usize);
     for (t, facet) in bytes[HEADER..].chunks_exact(FACET).take(count as usize).enumerate() {
+        run.check()?;
         for k in 0..3 {
             let at = 12 + 12 * k;
             let coordinate = |c: usize| {
@@ -69,11 +71,12 @@ fn read_binary(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     Ok(builder)
 }
 
-fn read_text(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+fn read_text(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut words = Words::new(bytes, 0, 1, MeshFormat::Stl, None);
     let mut builder = ModelBuilder::default();
     let mut group = NO_VALUE;
     while let Some(word) = words.next_word() {
+        run.check()?;
         match word.to_ascii_lowercase().as_slice() {
             b"solid" => {
                 let object = String::from_utf8_lossy(words.rest_of_line()).trim().to_owned();

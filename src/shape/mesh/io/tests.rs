@@ -3,9 +3,10 @@ use std::path::Path;
 use super::*;
 use crate::mesh::shapes::{bar, icosphere, soup};
 use crate::mesh::{ModelBuilder, TriMesh};
+use plumbline_num::run::Run;
 
 fn decode(bytes: &[u8], format: MeshFormat) -> Result<Model, MeshError> {
-    decode_model(bytes, format, None, &ReadLimits::default())
+    decode_model(bytes, format, None, &ReadLimits::default(), &Run::default())
 }
 
 fn off(text: &str) -> Result<Model, MeshError> {
@@ -19,7 +20,7 @@ fn every_format_gives_back_the_triangles_it_was_given() {
     let formats =
         [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Off, MeshFormat::Stl, MeshFormat::Gltf, MeshFormat::Glb];
     for (format, ascii) in formats.into_iter().flat_map(|f| [(f, false), (f, true)]) {
-        let bytes = encode_model(&model, format, &WriteOptions { ascii }).expect("valid");
+        let bytes = encode_model(&model, format, &WriteOptions { ascii }, &Run::default()).expect("valid");
         assert_eq!(detect_format(&bytes, Path::new("x")).unwrap_or(MeshFormat::Obj), format, "told by content");
         let again = decode(&bytes, format).expect("valid");
         let joined = format == MeshFormat::Stl;
@@ -82,7 +83,8 @@ fn faults_of_off_and_stl_are_told_with_place_value_and_range() {
         let fault = off(text).expect_err("to be refused").to_string();
         assert!(fault.contains(told), "{fault}");
     }
-    let whole = encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).expect("valid");
+    let whole = encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default(), &Run::default())
+        .expect("valid");
     let cut = decode(&whole[..whole.len() - 1], MeshFormat::Stl).expect_err("to be refused").to_string();
     assert_eq!(cut, "STL, byte 80: 20 triangles are announced, but the file has room for 19; it is cut short");
     let mut nan = whole.clone();
@@ -100,7 +102,8 @@ fn faults_of_off_and_stl_are_told_with_place_value_and_range() {
 #[test]
 fn binary_stl_may_begin_with_any_word() {
     let mut bytes =
-        encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default()).expect("valid");
+        encode_model(&Model::of_mesh(icosphere(0)), MeshFormat::Stl, &WriteOptions::default(), &Run::default())
+            .expect("valid");
     for word in ["solid facet", "ply\n       ", "OFF        "] {
         bytes[..11].copy_from_slice(word.as_bytes());
         assert_eq!(detect_format(&bytes, Path::new("a.stl")), Ok(MeshFormat::Stl));
@@ -145,9 +148,11 @@ fn files_appear_whole_and_name_themselves_in_faults() {
     let path = folder.path().join("a.ply");
     let model = Model::of_mesh(icosphere(1));
     write_model(&path, &model).expect("valid");
-    assert_eq!(read_model(&path, &ReadLimits::default()).expect("valid"), model);
+    assert_eq!(read_model(&path, &ReadLimits::default(), &Run::default()).expect("valid"), model);
     assert_eq!(std::fs::read_dir(folder.path()).expect("valid").count(), 1, "nothing else is left");
-    let refused = |path: &Path, limits: &ReadLimits| read_model(path, limits).expect_err("to be refused").to_string();
+    let refused = |path: &Path, limits: &ReadLimits| {
+        read_model(path, limits, &Run::default()).expect_err("to be refused").to_string()
+    };
     let small = refused(&path, &ReadLimits { max_bytes: 100, ..ReadLimits::default() });
     assert!(
         small.starts_with(&path.display().to_string()) && small.contains("is more than the limit of 100"),

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::{MeshFormat, gltf, obj, off, ply, stl};
 use crate::mesh::{CornerData, MeshError, Model};
+use plumbline_num::run::Run;
 
 /// How a file is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,31 +20,54 @@ pub struct WriteOptions {
 /// # Errors
 /// [`MeshError::InFile`] around [`MeshError::UnknownFormat`] or [`MeshError::Unwritable`].
 pub fn write_model(path: &Path, model: &Model) -> Result<(), MeshError> {
-    write_model_with(path, model, &WriteOptions::default())
+    write_model_with(path, model, &WriteOptions::default(), &Run::default())
 }
 
 /// [`write_model`] with options.
 ///
 /// # Errors
-/// Those of [`write_model`].
-pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions) -> Result<(), MeshError> {
+/// Those of [`write_model`]; [`MeshError::Interrupted`].
+pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions, run: &Run) -> Result<(), MeshError> {
     let write = || {
         let unknown = || MeshError::Unwritable {
             reason: "the name's extension is none of .obj, .ply, .off, .stl, .gltf, .glb".to_owned(),
         };
         let format = MeshFormat::of_name(path).filter(|&f| f != MeshFormat::Medit).ok_or_else(unknown)?;
-        let bytes = encode_model(model, format, options)?;
+        let bytes = encode_model(model, format, options, run)?;
         publish(path, &bytes).map_err(|e| MeshError::Unwritable { reason: e.to_string() })
     };
     write().map_err(|fault: MeshError| fault.of_file(path))
 }
 
+/// Bytes that no longer grow once the run has ended.
+struct Watched<'a> {
+    bytes: Vec<u8>,
+    run: &'a Run,
+}
+
+impl io::Write for Watched<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.run.check().map_err(io::Error::other)?;
+        self.bytes.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// The bytes of a model's file.
 ///
 /// # Errors
-/// [`MeshError::Unwritable`] for a format that is only read, and where the model is larger than the format can hold.
-pub fn encode_model(model: &Model, format: MeshFormat, options: &WriteOptions) -> Result<Vec<u8>, MeshError> {
-    let mut out = Vec::new();
+/// [`MeshError::Unwritable`] for a format that is only read, and where the model is larger than the format can hold;
+/// [`MeshError::Interrupted`].
+pub fn encode_model(
+    model: &Model,
+    format: MeshFormat,
+    options: &WriteOptions,
+    run: &Run,
+) -> Result<Vec<u8>, MeshError> {
+    let mut out = Watched { bytes: Vec::new(), run };
     let beyond = |x: &f64| x.abs() > f64::from(f32::MAX);
     let single = matches!(format, MeshFormat::Gltf | MeshFormat::Glb) || format == MeshFormat::Stl && !options.ascii;
     if single && model.mesh().positions().iter().any(|p| p.coords.iter().any(beyond)) {
@@ -61,8 +85,9 @@ pub fn encode_model(model: &Model, format: MeshFormat, options: &WriteOptions) -
         MeshFormat::Glb => gltf::write(model, true, &mut out),
         MeshFormat::Medit => Err(io::Error::other("Medit files are only read; write OBJ, PLY, OFF, STL or glTF")),
     };
+    run.check()?;
     written.map_err(|e| MeshError::Unwritable { reason: e.to_string() })?;
-    Ok(out)
+    Ok(out.bytes)
 }
 
 /// What of this model the format cannot hold, in words; empty where nothing is lost.

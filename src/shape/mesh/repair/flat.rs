@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use super::{RepairReport, Soup};
+use plumbline_num::run::{Run, Stopped};
 
 /// Rounds of collapses and flips: each collapse or flip may flatten a neighbor, of which long chains are not seen.
 const ROUNDS: usize = 8;
@@ -14,12 +15,12 @@ const ROUNDS: usize = 8;
 const CROWDED: u32 = u32::MAX;
 
 /// Removes all triangles whose height is at most `flat` of their longest side.
-pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport) {
+pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport, run: &Run) -> Result<(), Stopped> {
     for _ in 0..ROUNDS {
-        let Some(found) = Some(flat_ones(soup, flat)).filter(|found| !found.is_empty()) else { return };
-        collapse_needles(soup, flat, &found, report);
+        let Some(found) = Some(flat_ones(soup, flat)).filter(|found| !found.is_empty()) else { return Ok(()) };
+        collapse_needles(soup, flat, &found, report, run)?;
         let found = flat_ones(soup, flat);
-        flip_caps(soup, &found, report);
+        flip_caps(soup, &found, report, run)?;
         soup.drop_collapsed();
         let duplicates = soup.drop_duplicates();
         report.duplicates.extend(duplicates);
@@ -30,6 +31,7 @@ pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport) 
         dead[t] = true;
     }
     report.flat_dropped.extend(soup.drop_dead(&dead));
+    Ok(())
 }
 
 /// Lengths of the sides opposite to each corner, and twice the area.
@@ -48,8 +50,15 @@ fn flat_ones(soup: &Soup<'_>, flat: f64) -> Vec<usize> {
     (0..soup.corners.len()).filter(|&t| is_flat(soup, soup.vertices(t), flat)).collect()
 }
 
-fn collapse_needles(soup: &mut Soup<'_>, flat: f64, found: &[usize], report: &mut RepairReport) {
+fn collapse_needles(
+    soup: &mut Soup<'_>,
+    flat: f64,
+    found: &[usize],
+    report: &mut RepairReport,
+    run: &Run,
+) -> Result<(), Stopped> {
     for &t in found {
+        run.check()?;
         let vertices = soup.vertices(t);
         let (lengths, _) = sides(soup, vertices);
         let shortest = (0..3).min_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).expect("three sides");
@@ -60,6 +69,7 @@ fn collapse_needles(soup: &mut Soup<'_>, flat: f64, found: &[usize], report: &mu
         }
     }
     soup.drop_collapsed();
+    Ok(())
 }
 
 fn edge(p: u32, q: u32) -> (u32, u32) {
@@ -113,12 +123,13 @@ impl Edges {
     }
 }
 
-fn flip_caps(soup: &mut Soup<'_>, found: &[usize], report: &mut RepairReport) {
+fn flip_caps(soup: &mut Soup<'_>, found: &[usize], report: &mut RepairReport, run: &Run) -> Result<(), Stopped> {
     if found.is_empty() {
-        return;
+        return Ok(());
     }
     let mut edges = Edges::of(soup);
     for &t in found {
+        run.check()?;
         let vertices = soup.vertices(t);
         let (lengths, _) = sides(soup, vertices);
         let tip = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).expect("three sides");
@@ -141,4 +152,5 @@ fn flip_caps(soup: &mut Soup<'_>, found: &[usize], report: &mut RepairReport) {
         edges.add(other as u32, [d, b, second]);
         report.caps_flipped += 1;
     }
+    Ok(())
 }

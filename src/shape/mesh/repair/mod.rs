@@ -19,6 +19,8 @@ use nalgebra::Point3;
 use super::TriMesh;
 use plumbline_num::union_find::UnionFind;
 
+use plumbline_num::run::{Run, Stopped};
+
 pub use report::{BoundaryLoop, Component, RepairReport};
 pub use survey::MeshFacts;
 
@@ -143,21 +145,25 @@ impl Soup<'_> {
 }
 
 /// Repairs a mesh.
-pub fn repair(mesh: &TriMesh, options: &RepairOptions) -> Repaired {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repaired, Stopped> {
     let mut report = RepairReport {
         vertices_before: mesh.vertex_count(),
         triangles_before: mesh.triangle_count(),
         ..RepairReport::default()
     };
     report.unreferenced = unreferenced(mesh);
-    let joined = weld::join(mesh, options.weld, &report.unreferenced);
+    let joined = weld::join(mesh, options.weld, &report.unreferenced, run)?;
     report.welded = joined.joined();
     let corners = (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let mut soup = Soup { mesh, joined, corners };
+    run.check()?;
     report.collapsed = soup.drop_collapsed();
     report.duplicates = soup.drop_duplicates();
-    flat::remove(&mut soup, options.flat, &mut report);
-    sheets::finish(&soup, report)
+    flat::remove(&mut soup, options.flat, &mut report, run)?;
+    sheets::finish(&soup, report, run)
 }
 
 fn unreferenced(mesh: &TriMesh) -> Vec<u32> {

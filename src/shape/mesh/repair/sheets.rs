@@ -9,6 +9,7 @@ use super::report::describe;
 use super::{RepairReport, Repaired, Soup};
 use crate::mesh::half_edges::edge_groups;
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::UnionFind;
 
 const NONE: u32 = u32::MAX;
@@ -25,14 +26,18 @@ struct Sheets<'a> {
 }
 
 /// Orients, splits and numbers.
-pub(super) fn finish(soup: &Soup<'_>, report: RepairReport) -> Repaired {
+pub(super) fn finish(soup: &Soup<'_>, report: RepairReport, run: &Run) -> Result<Repaired, Stopped> {
     let triangles = soup.corners.len();
     let mut sheets = Sheets { soup, across: vec![NONE; 3 * triangles], flipped: vec![false; triangles], report };
+    run.check()?;
     sheets.pair();
+    run.check()?;
     sheets.orient();
-    let classes = sheets.split();
+    let classes = sheets.split(run)?;
+    run.check()?;
     sheets.face_outward(&classes);
-    sheets.build(&classes)
+    run.check()?;
+    Ok(sheets.build(&classes))
 }
 
 impl Sheets<'_> {
@@ -220,8 +225,9 @@ impl Sheets<'_> {
     }
 
     /// For each corner `3t + k` of the soup the set of corners that become one vertex.
-    fn split(&mut self) -> UnionFind {
+    fn split(&mut self, run: &Run) -> Result<UnionFind, Stopped> {
         loop {
+            run.check()?;
             let mut classes = UnionFind::new(self.across.len());
             for h in 0..self.across.len() as u32 {
                 let other = self.across[h as usize];
@@ -238,7 +244,7 @@ impl Sheets<'_> {
             }
             let crowded = self.crowded(&classes);
             if crowded.is_empty() {
-                return classes;
+                return Ok(classes);
             }
             for t in crowded {
                 (3 * t..3 * t + 3).for_each(|h| self.cut(h));

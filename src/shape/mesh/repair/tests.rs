@@ -6,9 +6,10 @@ use crate::mesh::shapes::{
     bar, book, cylinder, disjoint, holed_torus, hourglass, icosphere, moebius, one_triangle, plane, soup,
 };
 use crate::mesh::{HalfEdges, MeshError};
+use plumbline_num::run::Run;
 
 fn fixed(mesh: &TriMesh) -> Repaired {
-    repair(mesh, &RepairOptions::default())
+    repair(mesh, &RepairOptions::default(), &Run::default()).expect("a run that never stops")
 }
 
 fn changed(mesh: &TriMesh, change: impl FnOnce(&mut Vec<Point3<f64>>, &mut Vec<[u32; 3]>)) -> TriMesh {
@@ -21,7 +22,8 @@ fn changed(mesh: &TriMesh, change: impl FnOnce(&mut Vec<Point3<f64>>, &mut Vec<[
 fn check(source: &TriMesh, result: &Repaired, options: &RepairOptions) {
     let mesh = &result.mesh;
     HalfEdges::new(mesh).expect("an oriented manifold");
-    let again = repair(mesh, &RepairOptions { weld: Weld::Never, ..*options });
+    let again = repair(mesh, &RepairOptions { weld: Weld::Never, ..*options }, &Run::default())
+        .expect("a run that never stops");
     assert!(again.report.is_clean() && again.mesh == *mesh, "repaired twice: {}", again.report);
     for (t, corners) in result.source_corners.iter().enumerate() {
         for (k, &corner) in corners.iter().enumerate() {
@@ -227,10 +229,12 @@ fn welding_within_a_distance_joins_what_is_near_and_nothing_else() {
     assert_eq!(fixed(&shaken).mesh.vertex_count(), 960);
     for fraction in [1e-7, 1e-5, 1e-3] {
         let options = RepairOptions { weld: Weld::Within(fraction), ..RepairOptions::default() };
-        let result = repair(&shaken, &options);
+        let result = repair(&shaken, &options, &Run::default()).expect("a run that never stops");
         assert_eq!((result.mesh.vertex_count(), result.report.boundary_loops.len()), (162, 0), "{fraction}");
     }
-    let never = repair(&soup(&plane(2)), &RepairOptions { weld: Weld::Never, ..RepairOptions::default() });
+    let never =
+        repair(&soup(&plane(2)), &RepairOptions { weld: Weld::Never, ..RepairOptions::default() }, &Run::default())
+            .expect("a run that never stops");
     assert!(never.report.is_clean() && never.report.components.len() == 8);
 }
 
@@ -258,7 +262,7 @@ proptest! {
         let mesh = TriMesh::new(positions, corners.iter().map(|t| t.map(|v| v % n)).collect()).expect("valid");
         for weld in [Weld::Exact, Weld::Never, Weld::Within(1e-9)] {
             let options = RepairOptions { weld, ..RepairOptions::default() };
-            check(&mesh, &repair(&mesh, &options), &options);
+            check(&mesh, &repair(&mesh, &options, &Run::default()).expect("a run that never stops"), &options);
         }
     }
 }

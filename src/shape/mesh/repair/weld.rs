@@ -5,10 +5,11 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Vector3};
 
 use super::{TriMesh, Weld};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::UnionFind;
 
 /// Joins the vertices of a mesh.
-pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32]) -> UnionFind {
+pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) -> Result<UnionFind, Stopped> {
     let mut joined = UnionFind::new(mesh.vertex_count());
     match weld {
         Weld::Never => {}
@@ -17,11 +18,11 @@ pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32]) -> UnionFin
             join_equal(mesh.positions(), &mut joined);
             let distance = fraction * diagonal(mesh, unreferenced);
             if distance > 0.0 && distance.is_finite() {
-                join_near(mesh.positions(), distance, &mut joined);
+                join_near(mesh.positions(), distance, &mut joined, run)?;
             }
         }
     }
-    joined
+    Ok(joined)
 }
 
 /// Of the box of the vertices that triangles name: others may lie anywhere.
@@ -44,7 +45,7 @@ fn join_equal(positions: &[Point3<f64>], joined: &mut UnionFind) {
 }
 
 /// Cubes whose diagonal is the distance: all in one belong together, and none reaches further than two cubes.
-fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind) {
+fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, run: &Run) -> Result<(), Stopped> {
     let side = distance / 3.0_f64.sqrt();
     let origin = positions.iter().fold(Point3::from([f64::INFINITY; 3]), |low, p| low.inf(p));
     let cube = |p: &Point3<f64>| -> [i64; 3] { ((p - origin) / side).map(|x| x.floor() as i64).into() };
@@ -56,6 +57,7 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind) {
     }
     // The order in which sets are joined does not change them.
     for (cube, vertices) in &inside {
+        run.check()?;
         for &vertex in vertices {
             joined.join(vertices[0], vertex);
         }
@@ -69,6 +71,7 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind) {
             }
         }
     }
+    Ok(())
 }
 
 /// One of each pair of opposite steps to the cubes within two.

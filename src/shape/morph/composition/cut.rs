@@ -25,6 +25,7 @@ use super::super::correspondence::divided;
 use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::run::Run;
 
 /// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself. Less leaves slivers, whose normals
 /// are ragged after the transition; more moves the cut visibly away from the plane.
@@ -81,7 +82,13 @@ pub struct CutSurface {
 /// # Errors
 /// [`MorphError::Seam`] where the line does not close, does not separate, or does not exist; [`MorphError::NoSuchVertex`];
 /// [`MorphError::Mesh`] where the surface is no oriented manifold.
-pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> Result<CutSurface, MorphError> {
+pub fn cut(
+    mesh: &TriMesh,
+    cut: &Cut,
+    which: &'static str,
+    keep_rest: bool,
+    run: &Run,
+) -> Result<CutSurface, MorphError> {
     HalfEdges::new(mesh)?;
     match cut {
         Cut::Plane { point, normal } => {
@@ -103,7 +110,7 @@ pub fn cut(mesh: &TriMesh, cut: &Cut, which: &'static str, keep_rest: bool) -> R
         }
         Cut::Loop { vertices, keep } => {
             let line = closed_path(mesh, vertices, *keep, which)?;
-            let levels = shortened(mesh, &line, *keep, which)?;
+            let levels = shortened(mesh, &line, *keep, which, run)?;
             along_level(mesh, levels, &mesh.positions()[vertices[0] as usize], which, keep_rest)
         }
         Cut::Boundary { near } => {
@@ -391,7 +398,7 @@ fn shortest(
 }
 
 /// Levels whose zero line is the given one after it has shortened a little; above 0 on the side of `keep`.
-fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Result<Vec<f64>, MorphError> {
+fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: &Run) -> Result<Vec<f64>, MorphError> {
     let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
     let (part, _) = parts(mesh, &edges);
     let kept = mesh.triangles().iter().position(|t| t.contains(&keep)).map(|t| part[t]);
@@ -415,7 +422,7 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str) -> Re
         triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
     }
     let places = mesh.positions().iter().map(|p| p.coords.into()).collect();
-    if let Some(mut factor) = factored(rhs.len(), &triplets, places)? {
+    if let Some(mut factor) = factored(rhs.len(), &triplets, places, run)? {
         factor.solve(&mut rhs);
     }
     Ok(rhs.into_iter().map(|u| u - 0.5).collect())

@@ -25,6 +25,7 @@ use super::trajectory::opposite_edges;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use crate::mesh::{HalfEdges, TriMesh};
 pub use cut::{Cut, CutSurface, cut};
+use plumbline_num::run::Run;
 pub use seam_file::{SeamFile, seam_schema};
 use stitching::{Measured, Sheet, loop_similarity, matched};
 use transition::Transition;
@@ -75,10 +76,11 @@ pub enum Origin {
 /// Makes two surfaces one.
 ///
 /// # Errors
-/// [`MorphError::Seam`], [`MorphError::NoSuchVertex`], [`MorphError::Landmarks`], [`MorphError::Mesh`], [`MorphError::Numerics`].
-pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions) -> Result<Composition, MorphError> {
-    let kept = cut(base, &options.base, "base", true)?;
-    let added = cut(part, &options.part, "part", false)?;
+/// [`MorphError::Seam`], [`MorphError::NoSuchVertex`], [`MorphError::Landmarks`], [`MorphError::Mesh`], [`MorphError::Numerics`],
+/// [`MorphError::Interrupted`].
+pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions, run: &Run) -> Result<Composition, MorphError> {
+    let kept = cut(base, &options.base, "base", true, run)?;
+    let added = cut(part, &options.part, "part", false, run)?;
     let base_from_part = alignment(base, part, &kept, &added, &options.landmarks)?;
     let moved: Vec<Point3<f64>> = added.mesh.positions().iter().map(|p| base_from_part * p).collect();
     let line = |points: &[Point3<f64>], seam: &[u32]| Measured::new(seam.iter().map(|v| points[*v as usize]).collect());
@@ -88,12 +90,14 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions) -> Resu
     sheets[1].positions = moved;
     let (of_base, of_part): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     let seams = [sheets[0].divide(&kept.seam, &of_base), sheets[1].divide(&added.seam, &of_part)];
+    run.check()?;
     let joined = Joined::new(&sheets, &seams, [&kept, &added])?;
     let ring = rings(joined.mesh.triangles(), joined.mesh.vertex_count(), &seams[0]);
     let band = usable_band(&ring, options.band, which_part(&joined))?;
     let transition = Transition { joined: &joined.mesh, edges: joined.edges, half: joined.half, ring: &ring, band };
-    let (closed, smooth) = transition.solve()?;
+    let (closed, smooth) = transition.solve(run)?;
     let mesh = smoothest(joined.mesh.with_positions(closed)?, smooth, &seams[0], &ring);
+    run.check()?;
     HalfEdges::new(&mesh)?;
     Ok(Composition {
         crease: crease(&mesh, &seams[0]),

@@ -2,6 +2,7 @@ use nalgebra::{UnitQuaternion, Vector3, center};
 
 use super::*;
 use crate::mesh::shapes;
+use plumbline_num::run::Run;
 
 fn moved(mesh: &TriMesh, map: &Similarity3<f64>) -> TriMesh {
     mesh.with_positions(mesh.positions().iter().map(|p| map * p).collect()).unwrap()
@@ -45,7 +46,7 @@ fn two_spheres(band: usize, landmarks: bool) -> (TriMesh, TriMesh, Composition) 
         landmarks: if landmarks { pairs } else { Vec::new() },
         band,
     };
-    let composed = compose(&base, &part, &options).unwrap();
+    let composed = compose(&base, &part, &options, &Run::default()).unwrap();
     (base, part, composed)
 }
 
@@ -103,15 +104,15 @@ fn handles_add_up_and_a_seam_around_one_is_refused() {
         band: 3,
     };
     let ball = shapes::icosphere(3);
-    let composed = compose(&torus, &ball, &options(plane(point.coords.into(), normal))).unwrap();
+    let composed = compose(&torus, &ball, &options(plane(point.coords.into(), normal)), &Run::default()).unwrap();
     assert_eq!(genus(&composed.mesh), 1);
     // Two tori: genus 2.
     let cap = plane(point.coords.into(), normal);
-    let both = compose(&torus, &torus, &ComposeOptions { part: cap.clone(), ..options(cap) }).unwrap();
+    let both = compose(&torus, &torus, &ComposeOptions { part: cap.clone(), ..options(cap) }, &Run::default()).unwrap();
     assert_eq!(genus(&both.mesh), 2);
     // Through the middle the plane meets the ring twice: either line alone leaves it in one piece.
     let through = plane(center(&low, &high).coords.into(), normal);
-    let refused = compose(&torus, &ball, &options(through)).unwrap_err();
+    let refused = compose(&torus, &ball, &options(through), &Run::default()).unwrap_err();
     assert!(refused.to_string().contains("does not separate"), "{refused}");
 }
 
@@ -161,7 +162,7 @@ fn the_gap_is_closed_smoothly_where_the_cuts_are_of_other_sizes() {
         };
         let landmarks: &Vec<(u32, u32)> = &options.landmarks;
         assert_eq!(landmarks.len(), 3);
-        compose(&base, &part, &options).unwrap()
+        compose(&base, &part, &options, &Run::default()).unwrap()
     };
     let (narrow, wide) = (compose_with(1), compose_with(6));
     let radius = |composed: &Composition| -> Vec<f64> {
@@ -202,8 +203,10 @@ fn lasso_and_loop_cut_the_same_cap_and_the_loop_is_shorter() {
     let vertices: Vec<u32> = (0..5).map(|k| at(f64::from(k) / 5.0 * std::f64::consts::TAU)).collect();
     let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z)).unwrap()
         as u32;
-    let lasso = cut(&ball, &Cut::Lasso { vertices: vertices.clone(), keep: top }, "part", false).unwrap();
-    let line = cut(&ball, &Cut::Loop { vertices: vertices.clone(), keep: top }, "part", false).unwrap();
+    let lasso =
+        cut(&ball, &Cut::Lasso { vertices: vertices.clone(), keep: top }, "part", false, &Run::default()).unwrap();
+    let line =
+        cut(&ball, &Cut::Loop { vertices: vertices.clone(), keep: top }, "part", false, &Run::default()).unwrap();
     let length = |c: &CutSurface| -> f64 {
         (0..c.seam.len())
             .map(|k| {
@@ -223,7 +226,7 @@ fn lasso_and_loop_cut_the_same_cap_and_the_loop_is_shorter() {
         assert_eq!(loops[0][(start + 1) % loops[0].len()], c.seam[1]);
     }
     // The rest is what remains.
-    let rest = cut(&ball, &Cut::Lasso { vertices, keep: 11 }, "base", true).unwrap();
+    let rest = cut(&ball, &Cut::Lasso { vertices, keep: 11 }, "base", true, &Run::default()).unwrap();
     assert!((rest.mesh.area() + lasso.mesh.area() - ball.area()).abs() < 1e-9);
     assert!(lasso.seam.iter().all(|v| lasso.source[*v as usize].is_some()));
 }
@@ -231,7 +234,7 @@ fn lasso_and_loop_cut_the_same_cap_and_the_loop_is_shorter() {
 #[test]
 fn seams_that_do_not_cut_are_named() {
     let (ball, sheet) = (shapes::icosphere(2), shapes::plane(6));
-    let refused = |mesh: &TriMesh, c: Cut| cut(mesh, &c, "base", true).unwrap_err().to_string();
+    let refused = |mesh: &TriMesh, c: Cut| cut(mesh, &c, "base", true, &Run::default()).unwrap_err().to_string();
     assert!(refused(&ball, plane([0.0, 0.0, 5.0], [0.0, 0.0, 1.0])).contains("does not meet the surface"));
     assert!(refused(&sheet, plane([0.5, 0.5, 0.0], [1.0, 0.2, 0.0])).contains("does not close"));
     assert!(refused(&ball, plane([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])).contains("normal is zero"));
@@ -280,7 +283,7 @@ fn pieces_that_the_cut_does_not_touch_stay_with_the_base_and_leave_the_part() {
         landmarks: Vec::new(),
         band: 3,
     };
-    let composed = compose(&both, &both, &options).unwrap();
+    let composed = compose(&both, &both, &options, &Run::default()).unwrap();
     let apart = composed.mesh.positions().iter().filter(|p| p.x > 3.0).count();
     assert_eq!(apart, far.vertex_count());
     let of_base = composed.origin.iter().filter(|o| matches!(o, Origin::Base(v) if *v >= first));
@@ -293,7 +296,7 @@ fn a_cut_very_near_to_vertices_goes_through_them() {
     // The equator of the ball is a line of edges.
     let ball = shapes::icosphere(3);
     let on_equator = ball.positions().iter().filter(|p| p.z.abs() < 1e-12).count();
-    let kept = cut(&ball, &plane([0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]), "base", true).unwrap();
+    let kept = cut(&ball, &plane([0.0, 0.0, 1e-3], [0.0, 0.0, 1.0]), "base", true, &Run::default()).unwrap();
     assert_eq!(kept.seam.len(), on_equator);
     assert!(kept.seam.iter().all(|v| kept.source[*v as usize].is_some()));
 }
@@ -307,7 +310,8 @@ fn what_is_to_be_kept_must_touch_the_seam() {
     let angle = |v: &u32| first.positions()[*v as usize].y.atan2(first.positions()[*v as usize].x);
     let mut vertices: Vec<u32> = (0..other).filter(on_equator).collect();
     vertices.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-    let refused = cut(&two, &Cut::Lasso { vertices, keep: other }, "base", true).unwrap_err().to_string();
+    let refused =
+        cut(&two, &Cut::Lasso { vertices, keep: other }, "base", true, &Run::default()).unwrap_err().to_string();
     assert!(refused.contains("does not touch the piece"), "{refused}");
 }
 
@@ -322,7 +326,7 @@ fn the_band_is_no_wider_than_either_side() {
             landmarks: Vec::new(),
             band: 6,
         };
-        let composed = compose(&ball, &ball, &options).unwrap();
+        let composed = compose(&ball, &ball, &options, &Run::default()).unwrap();
         let still = |base: bool| {
             let of_side = |o: &Origin| matches!(o, Origin::Base(_)) == base && *o != Origin::Made;
             let map = if base { Similarity3::identity() } else { composed.base_from_part };
@@ -362,7 +366,7 @@ fn a_kink_at_the_seam_becomes_a_bend() {
             landmarks: landmarks.clone(),
             band,
         };
-        compose(&base, &tube, &options).unwrap().crease
+        compose(&base, &tube, &options, &Run::default()).unwrap().crease
     };
     assert!(crease(6) < 0.6 * crease(1), "{} {}", crease(6), crease(1));
 }

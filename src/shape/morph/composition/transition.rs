@@ -24,6 +24,7 @@ use super::super::elastic_solve::{ElasticSolve, factored};
 use super::super::trajectory::{Frame, opposite_edges};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::run::Run;
 
 /// Rounds of rotations and positions. The gap is small against the band: more do not show.
 const ROUNDS: usize = 8;
@@ -51,17 +52,18 @@ pub(super) struct Transition<'a> {
 impl Transition<'_> {
     /// The positions after the first step, and after both for every width of the inner band. The second is not to be trusted where the seam
     /// has slivers, and of which width is best they decide too.
-    pub(super) fn solve(self) -> Result<(Positions, Vec<Positions>), MorphError> {
+    pub(super) fn solve(self, run: &Run) -> Result<(Positions, Vec<Positions>), MorphError> {
         let mut x = self.joined.positions().to_vec();
         let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
-        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held)?;
+        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held, run)?;
         elastic.follow(|t| self.edges[t], &mut x);
         for _ in 0..ROUNDS {
+            run.check()?;
             let turned: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.turned(t, &x)).collect();
             elastic.follow(|t| turned[t], &mut x);
         }
         let widths = 1..=(self.band - 1).min(CREASE + 2);
-        let smooth = widths.map(|inner| self.without_crease(x.clone(), inner)).collect::<Result<_, _>>()?;
+        let smooth = widths.map(|inner| self.without_crease(x.clone(), inner, run)).collect::<Result<_, _>>()?;
         Ok((x, smooth))
     }
 
@@ -76,13 +78,14 @@ impl Transition<'_> {
         [a, b, c].map(|e| turn * e)
     }
 
-    fn without_crease(&self, x: Vec<Point3<f64>>, inner: usize) -> Result<Vec<Point3<f64>>, MorphError> {
+    fn without_crease(&self, x: Vec<Point3<f64>>, inner: usize, run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
         let n = x.len();
         let free: Vec<usize> = (0..n).filter(|&v| self.ring[v] < inner).collect();
         let near: Vec<bool> = self.ring.iter().map(|r| *r <= inner).collect();
         if free.is_empty() {
             return Ok(x);
         }
+        run.check()?;
         let now = self.joined.with_positions(x)?;
         let weights = EdgeWeights::cotangent(n, &Cotangents::new(&now, CotangentRule::Clamped));
         let masses = barycentric_areas(&now);
@@ -109,7 +112,7 @@ impl Transition<'_> {
             }
         }
         let places = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
-        if let Some(mut factor) = factored(free.len(), &triplets, places)? {
+        if let Some(mut factor) = factored(free.len(), &triplets, places, run)? {
             factor.solve_3(&mut rhs);
         }
         let mut moved = now.positions().to_vec();

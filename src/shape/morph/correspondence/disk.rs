@@ -25,6 +25,7 @@ use super::super::bvh::{Bvh, Nearest};
 use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::numbered_components;
 
 /// How surfaces are laid over each other by the disk.
@@ -53,11 +54,11 @@ const MET: f64 = 1e-12;
 ///
 /// # Errors
 /// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, is no oriented manifold, or has parts too
-/// thin to be told from nothing on the disk.
-pub fn disk_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector2<f64>>, MorphError> {
+/// thin to be told from nothing on the disk; [`MorphError::Interrupted`].
+pub fn disk_map(mesh: &TriMesh, which: &'static str, run: &Run) -> Result<Vec<Vector2<f64>>, MorphError> {
     let rim = rim(mesh, which)?;
     let angles = by_length(mesh, &rim);
-    Ok(Disk::new(mesh, which, &rim, &angles)?.at)
+    Ok(Disk::new(mesh, which, &rim, &angles, run)?.at)
 }
 
 /// Where the vertices of `first` lie on `second`, through the disk.
@@ -69,17 +70,18 @@ pub fn over_disks(
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     options: &DiskOptions,
+    run: &Run,
 ) -> Result<Vec<Nearest>, MorphError> {
     let [rim_first, rim_second] = [rim(first, "first")?, rim(second, "second")?];
     let goal_angles = by_length(second, &rim_second);
-    let goal = Disk::new(second, "second", &rim_second, &goal_angles)?.at;
+    let goal = Disk::new(second, "second", &rim_second, &goal_angles, run)?.at;
     let angles = by_length(first, &rim_first);
-    let start = Disk::new(first, "first", &rim_first, &angles)?.at;
+    let start = Disk::new(first, "first", &rim_first, &angles, run)?.at;
     let turned: Vec<f64> = angles.iter().map(|a| a + turn(&start, &goal, landmarks)).collect();
     let angles = brought_together(&rim_first, &turned, &rim_second, &goal_angles, landmarks)?;
-    let mut disk = Disk::new(first, "first", &rim_first, &angles)?;
-    disk.draw(&goal, landmarks, options.rounds);
-    located(&disk.at, second, &goal, landmarks)
+    let mut disk = Disk::new(first, "first", &rim_first, &angles, run)?;
+    disk.draw(&goal, landmarks, options.rounds, run)?;
+    located(&disk.at, second, &goal, landmarks, run)
 }
 
 fn topology(which: &'static str, fault: String) -> MorphError {
@@ -168,15 +170,18 @@ struct Disk<'m> {
 }
 
 impl<'m> Disk<'m> {
-    fn new(mesh: &'m TriMesh, which: &'static str, rim: &[u32], angles: &[f64]) -> Result<Self, MorphError> {
+    fn new(mesh: &'m TriMesh, which: &'static str, rim: &[u32], angles: &[f64], run: &Run) -> Result<Self, MorphError> {
         let half_edges = HalfEdges::new(mesh)?;
         let inside = |v: u32| if half_edges.is_boundary(v) { Vec::new() } else { half_edges.neighbors(v).collect() };
         let rings = (0..mesh.vertex_count() as u32).map(inside).collect();
-        let mut disk = Self { mesh, at: embedded(mesh, rim, angles)?, rings };
+        let mut disk = Self { mesh, at: embedded(mesh, rim, angles, run)?, rings };
         if let Some(t) = disk.turned_over() {
             return Err(topology(which, format!("is too thin on the disk at triangle {t} to be told from nothing")));
         }
-        (0..SWEEPS).for_each(|_| disk.relax(&[]));
+        for _ in 0..SWEEPS {
+            run.check()?;
+            disk.relax(&[]);
+        }
         Ok(disk)
     }
 
@@ -228,7 +233,13 @@ impl<'m> Disk<'m> {
     }
 
     /// Draws landmarks inside to their places.
-    fn draw(&mut self, goal: &[Vector2<f64>], landmarks: &[(u32, u32)], rounds: usize) {
+    fn draw(
+        &mut self,
+        goal: &[Vector2<f64>],
+        landmarks: &[(u32, u32)],
+        rounds: usize,
+        run: &Run,
+    ) -> Result<(), Stopped> {
         let mut held = vec![false; self.at.len()];
         let inside: Vec<(usize, usize)> = landmarks.iter().map(|l| (l.0 as usize, l.1 as usize)).collect();
         let inside: Vec<_> = inside.into_iter().filter(|l| !self.rings[l.0].is_empty()).collect();
@@ -236,6 +247,7 @@ impl<'m> Disk<'m> {
             held[l.0] = true;
         }
         for _ in 0..rounds {
+            run.check()?;
             let mut met = true;
             for &(v, w) in &inside {
                 if (self.at[v] - goal[w]).norm() > MET {
@@ -247,11 +259,12 @@ impl<'m> Disk<'m> {
             }
             self.relax(&held);
         }
+        Ok(())
     }
 }
 
 /// Tutte's embedding with the boundary at these angles.
-fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64]) -> Result<Vec<Vector2<f64>>, MorphError> {
+fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64], run: &Run) -> Result<Vec<Vector2<f64>>, MorphError> {
     let n = mesh.vertex_count();
     let mut at: Vec<Option<Vector2<f64>>> = vec![None; n];
     for (v, angle) in rim.iter().zip(angles) {
@@ -275,7 +288,7 @@ fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64]) -> Result<Vec<Vector2<f
         }
     }
     let places = free.iter().map(|&v| mesh.positions()[v].coords.into()).collect();
-    if let Some(mut factor) = factored(free.len(), &triplets, places)? {
+    if let Some(mut factor) = factored(free.len(), &triplets, places, run)? {
         factor.solve_3(&mut rhs);
     }
     let solved = |v: usize| unknown[v].map_or_else(Vector2::zeros, |k| Vector2::new(rhs[k][0], rhs[k][1]));
@@ -288,6 +301,7 @@ fn located(
     second: &TriMesh,
     goal: &[Vector2<f64>],
     landmarks: &[(u32, u32)],
+    run: &Run,
 ) -> Result<Vec<Nearest>, MorphError> {
     let flat = second.with_positions(goal.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect())?;
     let bvh = Bvh::new(&flat);
@@ -298,6 +312,7 @@ fn located(
         }
     }
     let place = |(v, p): (usize, &Vector2<f64>)| {
+        run.check()?;
         let nearest =
             bvh.nearest(&Point3::new(p.x, p.y, 0.0), |_| true).ok_or(MorphError::Empty { which: "second" })?;
         let corner = |w: u32| second.triangles()[nearest.triangle as usize].iter().position(|c| *c == w);
@@ -361,7 +376,7 @@ mod tests {
         let long =
             egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
         let mesh = above(&long, 0.0);
-        let at = disk_map(&mesh, "first").unwrap();
+        let at = disk_map(&mesh, "first", &Run::default()).unwrap();
         for (t, v) in mesh.triangles().iter().enumerate() {
             let [a, b, c] = v.map(|v| at[v as usize]);
             let on_disk = (b - a).perp(&(c - a)) / TAU;
@@ -378,7 +393,7 @@ mod tests {
         let second = TriMesh::new(positions, first.triangles().iter().map(|t| t.map(|v| n - 1 - v)).collect()).unwrap();
         let open = HalfEdges::new(&first).unwrap();
         let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
-        let laid = over_disks(&first, &second, &inside, &DiskOptions::default()).unwrap();
+        let laid = over_disks(&first, &second, &inside, &DiskOptions::default(), &Run::default()).unwrap();
         for (place, p) in laid.iter().zip(first.positions()) {
             assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
         }
@@ -387,7 +402,7 @@ mod tests {
     #[test]
     fn surfaces_with_one_boundary_lie_on_the_disk_one_to_one() {
         for (k, mesh) in disks().iter().enumerate() {
-            let at = disk_map(mesh, "first").unwrap();
+            let at = disk_map(mesh, "first", &Run::default()).unwrap();
             let area = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|v| at[v as usize]);
                 0.5 * (b - a).perp(&(c - a))
@@ -406,8 +421,14 @@ mod tests {
     fn a_surface_laid_over_itself_by_the_disk_lies_where_it_is() {
         for mesh in disks() {
             let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
-            let laid =
-                correspond(&mesh, &mesh, &landmarks, &CorrespondenceMethod::Disk(DiskOptions::default())).unwrap();
+            let laid = correspond(
+                &mesh,
+                &mesh,
+                &landmarks,
+                &CorrespondenceMethod::Disk(DiskOptions::default()),
+                &Run::default(),
+            )
+            .unwrap();
             for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
                 assert!((p - q).norm() < 1e-6 * mesh.diagonal());
             }
@@ -435,7 +456,7 @@ mod tests {
             landmarks.push((nearest(&first, [corner[0], corner[1], 0.0]), on_equator(angle)));
         }
         let method = CorrespondenceMethod::Disk(DiskOptions::default());
-        let laid = correspond(&first, &second, &landmarks, &method).unwrap();
+        let laid = correspond(&first, &second, &landmarks, &method, &Run::default()).unwrap();
         assert_eq!((laid.quality.landmark_error, laid.quality.collapsed), (0.0, 0));
         // A triangle with all corners on the jagged rim of the second spans it as a chord, and may face anywhere.
         let edge = HalfEdges::new(&first).unwrap();
@@ -449,13 +470,13 @@ mod tests {
             assert_eq!(inner.count(), 0, "vertex {v} left the boundary");
         }
         let crossed = [landmarks[0], (landmarks[1].0, landmarks[2].1), (landmarks[2].0, landmarks[1].1), landmarks[3]];
-        let refused = correspond(&first, &second, &crossed, &method).unwrap_err().to_string();
+        let refused = correspond(&first, &second, &crossed, &method, &Run::default()).unwrap_err().to_string();
         assert!(refused.contains("follow each other otherwise"), "{refused}");
     }
 
     #[test]
     fn surfaces_that_are_no_disks_are_told_what_they_are() {
-        let told = |mesh: &TriMesh| disk_map(mesh, "second").unwrap_err().to_string();
+        let told = |mesh: &TriMesh| disk_map(mesh, "second", &Run::default()).unwrap_err().to_string();
         assert!(told(&shapes::icosphere(1)).contains("the second mesh has 0 boundaries"));
         assert!(told(&shapes::tube(8, 4, 1.0, 2.0)).contains("has 2 boundaries"));
         let torus = shapes::holed_torus(1, 10);

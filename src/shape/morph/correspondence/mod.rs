@@ -26,6 +26,7 @@ pub use sphere::{SphereOptions, over_spheres, sphere_map};
 use super::MorphError;
 use super::bvh::Nearest;
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 
 /// How one mesh is laid over another.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,20 +59,22 @@ pub struct Correspondence {
 /// Lays the first mesh over the second so that landmarks, given as vertices of both, meet.
 ///
 /// # Errors
-/// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`].
+/// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`],
+/// [`MorphError::Interrupted`].
 pub fn correspond(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     method: &CorrespondenceMethod,
+    run: &Run,
 ) -> Result<Correspondence, MorphError> {
     let places = match method {
-        CorrespondenceMethod::Registration(options) => register(first, second, landmarks, options)?,
-        CorrespondenceMethod::Sphere(options) => over_spheres(first, second, landmarks, options)?,
-        CorrespondenceMethod::Disk(options) => over_disks(first, second, landmarks, options)?,
+        CorrespondenceMethod::Registration(options) => register(first, second, landmarks, options, run)?,
+        CorrespondenceMethod::Sphere(options) => over_spheres(first, second, landmarks, options, run)?,
+        CorrespondenceMethod::Disk(options) => over_disks(first, second, landmarks, options, run)?,
     };
     let positions: Vec<Point3<f64>> = places.iter().map(|p| p.point).collect();
     let laid = first.with_positions(positions)?;
-    let quality = measure(first, &laid, second, landmarks)?;
+    let quality = measure(first, &laid, second, landmarks, run)?;
     Ok(Correspondence { places, laid, quality })
 }

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3, center};
 use super::super::MorphError;
 use super::registration::Target;
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 
 /// A triangle laid to a smaller part of its size than this is lost.
 const LOST: f64 = 1e-9;
@@ -33,31 +34,36 @@ pub struct MapQuality {
 /// Measures a map from `first` to `laid`, which should lie on `second`.
 ///
 /// # Errors
-/// [`MorphError::Empty`].
+/// [`MorphError::Empty`], [`MorphError::Interrupted`].
 pub fn measure(
     first: &TriMesh,
     laid: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
+    run: &Run,
 ) -> Result<MapQuality, MorphError> {
     let target = Target::new(second)?;
     let unit = second.diagonal();
     let (stretch, stretch_95) = stretches(first, laid);
     let cover = Target::new(laid).map_err(|_| MorphError::Empty { which: "laid" })?;
     let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
-    let missed: Vec<f64> = named
-        .iter()
-        .filter_map(|&v| cover.nearest(&second.positions()[v as usize]))
-        .map(|place| place.squared)
-        .collect();
+    let mut missed = Vec::with_capacity(named.len());
+    for &v in &named {
+        run.check()?;
+        missed.extend(cover.nearest(&second.positions()[v as usize]).map(|place| place.squared));
+    }
     let landmark = |&(v, w): &(u32, u32)| (laid.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;
     let sizes = [first.area(), second.area()];
     let collapsed =
         |t: &usize| is_collapsed(laid.area_normal(*t).norm() / sizes[1], first.area_normal(*t).norm() / sizes[0]);
     let against = |t: &usize| lies_against(&laid.corners(*t), &laid.area_normal(*t), &target);
-    let flipped = (0..laid.triangle_count()).filter(|t| !collapsed(t)).filter(against);
+    let mut flipped = 0;
+    for t in 0..laid.triangle_count() {
+        run.check()?;
+        flipped += usize::from(!collapsed(&t) && against(&t));
+    }
     Ok(MapQuality {
-        flipped: flipped.count(),
+        flipped,
         collapsed: (0..laid.triangle_count()).filter(collapsed).count(),
         stretch,
         stretch_95,
@@ -130,7 +136,7 @@ mod tests {
         let mesh = shapes::cactus(9);
         for scale in [1.0, 7.0] {
             let second = mesh.with_positions(mesh.positions().iter().map(|p| p * scale).collect()).unwrap();
-            let quality = measure(&mesh, &second, &second, &[(0, 0), (5, 5)]).unwrap();
+            let quality = measure(&mesh, &second, &second, &[(0, 0), (5, 5)], &Run::default()).unwrap();
             assert_eq!((quality.flipped, quality.collapsed, quality.landmark_error), (0, 0, 0.0));
             assert!((quality.stretch - 1.0).abs() < 1e-9 && (quality.stretch_95 - 1.0).abs() < 1e-9);
             assert!(quality.missed_worst < 1e-12);
@@ -142,7 +148,7 @@ mod tests {
         let plane = shapes::plane(6);
         let laid =
             plane.with_positions(plane.positions().iter().map(|p| Point3::new(4.0 * p.x, p.y, 0.0)).collect()).unwrap();
-        let quality = measure(&plane, &laid, &laid, &[]).unwrap();
+        let quality = measure(&plane, &laid, &laid, &[], &Run::default()).unwrap();
         // σ = 4, 1; the area grows by 4.
         assert!((quality.stretch - (17.0_f64 / 2.0 / 4.0).sqrt()).abs() < 1e-12, "{}", quality.stretch);
     }
@@ -154,14 +160,14 @@ mod tests {
         let inner = 4 * 9 + 4;
         positions[inner] = Point3::new(0.5 + 0.125 * 1.5, 0.5, 0.0);
         let folded = plane.with_positions(positions.clone()).unwrap();
-        let quality = measure(&plane, &folded, &plane, &[(inner as u32, inner as u32)]).unwrap();
+        let quality = measure(&plane, &folded, &plane, &[(inner as u32, inner as u32)], &Run::default()).unwrap();
         assert!(quality.flipped > 0 && quality.flipped <= 4, "{quality:?}");
         assert!((quality.landmark_error - 0.1875 / 2.0_f64.sqrt()).abs() < 1e-12);
         positions[inner] = positions[inner + 1];
         let collapsed = plane.with_positions(positions).unwrap();
-        assert!(measure(&plane, &collapsed, &plane, &[]).unwrap().collapsed >= 2);
+        assert!(measure(&plane, &collapsed, &plane, &[], &Run::default()).unwrap().collapsed >= 2);
         let spikes = shapes::spiked_plane(8, 4, 0.5);
-        let quality = measure(&plane, &plane, &spikes, &[]).unwrap();
+        let quality = measure(&plane, &plane, &spikes, &[], &Run::default()).unwrap();
         assert!((quality.missed_worst - 0.5 / spikes.diagonal()).abs() < 1e-12);
     }
 }

@@ -13,6 +13,7 @@ use super::super::MorphError;
 use super::super::bvh::Bvh;
 use super::registration::Target;
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 
 /// Two poses of one mesh, with more vertices than were given.
 #[derive(Clone, Debug)]
@@ -29,13 +30,14 @@ pub struct Refined {
 ///
 /// # Errors
 /// [`MorphError::Value`] for a tolerance that is not above 0; [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the
-/// first two are not poses of one mesh; [`MorphError::Empty`].
+/// first two are not poses of one mesh; [`MorphError::Empty`], [`MorphError::Interrupted`].
 pub fn refine(
     first: &TriMesh,
     laid: &TriMesh,
     second: &TriMesh,
     tolerance: f64,
     rounds: usize,
+    run: &Run,
 ) -> Result<Refined, MorphError> {
     super::super::trajectory::same_connectivity(first, laid)?;
     if !(tolerance > 0.0) {
@@ -46,11 +48,11 @@ pub fn refine(
     let far = (tolerance * second.diagonal()).powi(2);
     let mut refined = Refined { first: first.clone(), laid: laid.clone(), added: 0 };
     for _ in 0..rounds {
-        let halved = edges_to_halve(&refined.laid, second, &target, far);
+        let halved = edges_to_halve(&refined.laid, second, &target, far, run)?;
         if halved.is_empty() {
             break;
         }
-        refined = halve(&refined, &halved, &target)?;
+        refined = halve(&refined, &halved, &target, run)?;
     }
     Ok(refined)
 }
@@ -61,18 +63,29 @@ fn edge(a: u32, b: u32) -> Edge {
     (a.min(b), a.max(b))
 }
 
-fn edges_to_halve(laid: &TriMesh, second: &TriMesh, target: &Target<'_>, far: f64) -> BTreeSet<Edge> {
+fn edges_to_halve(
+    laid: &TriMesh,
+    second: &TriMesh,
+    target: &Target<'_>,
+    far: f64,
+    run: &Run,
+) -> Result<BTreeSet<Edge>, Stopped> {
     let p = laid.positions();
     let all: BTreeSet<Edge> =
         laid.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
-    let off = |&(a, b): &Edge| {
+    let off = |(a, b): Edge| {
         let middle = center(&p[a as usize], &p[b as usize]);
         target.nearest(&middle).is_some_and(|place| place.squared > far)
     };
-    let mut halved: BTreeSet<Edge> = all.into_iter().filter(off).collect();
+    let mut halved = BTreeSet::new();
+    for edge in all {
+        run.check()?;
+        halved.extend(off(edge).then_some(edge));
+    }
     let cover = Bvh::new(laid);
     let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
     for v in named {
+        run.check()?;
         if let Some(place) = cover.nearest(&second.positions()[v as usize], |_| true)
             && place.squared > far
         {
@@ -80,14 +93,15 @@ fn edges_to_halve(laid: &TriMesh, second: &TriMesh, target: &Target<'_>, far: f6
             halved.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }
     }
-    halved
+    Ok(halved)
 }
 
-fn halve(refined: &Refined, halved: &BTreeSet<Edge>, target: &Target<'_>) -> Result<Refined, MorphError> {
+fn halve(refined: &Refined, halved: &BTreeSet<Edge>, target: &Target<'_>, run: &Run) -> Result<Refined, MorphError> {
     let (mut first, mut laid) = (refined.first.positions().to_vec(), refined.laid.positions().to_vec());
     let normals = refined.laid.vertex_normals();
     let mut middle_of = BTreeMap::new();
     for &(a, b) in halved {
+        run.check()?;
         middle_of.insert((a, b), first.len() as u32);
         let middle = |p: &[Point3<f64>]| center(&p[a as usize], &p[b as usize]);
         first.push(middle(&first));
@@ -121,8 +135,9 @@ mod tests {
     #[test]
     fn a_coarse_sphere_gains_vertices_until_it_meets_a_fine_one() {
         let (coarse, fine) = (shapes::icosphere(1), shapes::icosphere(4));
-        let missed = |laid: &TriMesh| super::super::measure(laid, laid, &fine, &[]).unwrap().missed_worst;
-        let refined = refine(&coarse, &coarse, &fine, 0.002, 6).unwrap();
+        let missed =
+            |laid: &TriMesh| super::super::measure(laid, laid, &fine, &[], &Run::default()).unwrap().missed_worst;
+        let refined = refine(&coarse, &coarse, &fine, 0.002, 6, &Run::default()).unwrap();
         assert!(missed(&coarse) > 0.01 && missed(&refined.laid) <= 0.002, "{}", missed(&refined.laid));
         assert_eq!(refined.first.vertex_count(), coarse.vertex_count() + refined.added);
         let half_edges = HalfEdges::new(&refined.laid).unwrap();
@@ -137,9 +152,12 @@ mod tests {
     #[test]
     fn nothing_is_added_where_nothing_is_missed_and_bad_tolerances_are_refused() {
         let mesh = shapes::icosphere(2);
-        assert_eq!(refine(&mesh, &mesh, &mesh, 1e-6, 3).unwrap().added, 0);
+        assert_eq!(refine(&mesh, &mesh, &mesh, 1e-6, 3, &Run::default()).unwrap().added, 0);
         for tolerance in [0.0, -1.0, f64::NAN] {
-            assert!(matches!(refine(&mesh, &mesh, &mesh, tolerance, 3), Err(MorphError::Value { .. })));
+            assert!(matches!(
+                refine(&mesh, &mesh, &mesh, tolerance, 3, &Run::default()),
+                Err(MorphError::Value { .. })
+            ));
         }
     }
 

@@ -25,6 +25,7 @@ use super::super::rigid::nearest_similarity;
 use super::super::trajectory::neighbors;
 use super::unfolding::unfold;
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
 
 /// Every vertex is drawn this faintly to where the similarity of the landmarks put it: pieces without a landmark stay there while
@@ -51,26 +52,30 @@ impl Default for RegistrationOptions {
 /// Where the vertices of `first` lie on `second`: one place per vertex.
 ///
 /// # Errors
-/// [`MorphError::Landmarks`] for fewer than three or on one line, [`MorphError::Empty`], [`MorphError::Numerics`].
+/// [`MorphError::Landmarks`] for fewer than three or on one line, [`MorphError::Empty`], [`MorphError::Numerics`],
+/// [`MorphError::Interrupted`].
 pub fn register(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     options: &RegistrationOptions,
+    run: &Run,
 ) -> Result<Vec<Nearest>, MorphError> {
     let unit = second.diagonal();
     let near = brought_near(first, second, landmarks)?;
     let scaled = |p: &Point3<f64>| p / unit;
     let start = first.with_positions(near.iter().map(scaled).collect())?;
     let goal = second.with_positions(second.positions().iter().map(scaled).collect())?;
+    run.check()?;
     let target = Target::new(&goal)?;
     let mut system = System::new(&start, landmarks, &goal, options)?;
     let mut x = start.positions().to_vec();
-    for &closeness in &options.closeness {
-        let places = if closeness > 0.0 { target.places(&start, &x)? } else { Vec::new() };
-        x = system.solve(closeness, &places)?;
+    for (k, &closeness) in options.closeness.iter().enumerate() {
+        run.step(k as f64 / options.closeness.len() as f64)?;
+        let places = if closeness > 0.0 { target.places(&start, &x, run)? } else { Vec::new() };
+        x = system.solve(closeness, &places, run)?;
     }
-    let mut places = target.places(&start, &x)?;
+    let mut places = target.places(&start, &x, run)?;
     for &(v, w) in landmarks {
         places[v as usize] = target.vertex(w);
     }
@@ -78,7 +83,7 @@ pub fn register(
     for l in landmarks {
         held[l.0 as usize] = true;
     }
-    unfold(&start, &target, &held, &mut places)?;
+    unfold(&start, &target, &held, &mut places, run)?;
     let in_units = |p: Nearest| {
         let corners = second.corners(p.triangle as usize);
         let point = corners.iter().zip(p.weights).map(|(c, w)| c.coords * w).sum::<Vector3<f64>>();
@@ -147,9 +152,13 @@ impl<'m> Target<'m> {
     }
 
     /// Places for all vertices of a mesh at other positions.
-    pub(super) fn places(&self, mesh: &TriMesh, x: &[Point3<f64>]) -> Result<Vec<Nearest>, MorphError> {
+    pub(super) fn places(&self, mesh: &TriMesh, x: &[Point3<f64>], run: &Run) -> Result<Vec<Nearest>, MorphError> {
         let now = mesh.with_positions(x.to_vec())?;
-        x.iter().zip(now.vertex_normals()).map(|(p, n)| self.place(p, &n)).collect()
+        let place = |(p, n): (&Point3<f64>, Vector3<f64>)| {
+            run.check()?;
+            self.place(p, &n)
+        };
+        x.iter().zip(now.vertex_normals()).map(place).collect()
     }
 
     /// A vertex as a place.
@@ -236,7 +245,7 @@ impl System {
     }
 
     /// The minimizer with the vertices drawn to `places`, none where there are none.
-    fn solve(&mut self, closeness: f64, places: &[Nearest]) -> Result<Vec<Point3<f64>>, MorphError> {
+    fn solve(&mut self, closeness: f64, places: &[Nearest], run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
         let mut matrix = self.matrix.clone();
         let mut rhs = vec![[0.0; 3]; matrix.n()];
         let free = self.unknown.iter().enumerate().filter_map(|(v, k)| k.map(|k| (v, k as usize)));
@@ -253,7 +262,7 @@ impl System {
             let place = self.fixed[v as usize].expect("coupled to what is fixed");
             (0..3).for_each(|c| rhs[k as usize][c] -= value * place[c]);
         }
-        self.cholesky.factor(&matrix)?;
+        self.cholesky.factor(&matrix, run)?;
         CompactFactor::new(&self.cholesky).solve_3(&mut rhs);
         let place = |v: usize| match (self.unknown[v], self.fixed[v]) {
             (Some(k), _) => Point3::from(rhs[k as usize]),

@@ -41,6 +41,7 @@ use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 pub(super) use frames::{Frame, opposite_edges};
+use plumbline_num::run::{Run, Stopped};
 use unwinding::Unwinding;
 pub(super) use unwinding::neighbors;
 
@@ -86,8 +87,8 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the meshes are not two poses of one;
-    /// [`MorphError::Numerics`].
-    pub fn new(first: &TriMesh, second: &TriMesh, options: &TrajectoryOptions) -> Result<Self, MorphError> {
+    /// [`MorphError::Numerics`], [`MorphError::Interrupted`].
+    pub fn new(first: &TriMesh, second: &TriMesh, options: &TrajectoryOptions, run: &Run) -> Result<Self, MorphError> {
         same_connectivity(first, second)?;
         let weights = shares(first, second);
         let motion = motion_of_whole(first, second, &weights, options.whole_turns);
@@ -97,7 +98,8 @@ impl Trajectory {
         let frames: [Vec<Option<Frame>>; 2] = [frames_of(first.positions()), frames_of(&still)];
         let rotation = |(a, b): (&Option<Frame>, &Option<Frame>)| a.as_ref()?.rotation_to(b.as_ref()?);
         let rotations: Vec<Option<UnitQuaternion<f64>>> = frames[0].iter().zip(&frames[1]).map(rotation).collect();
-        let solve = ElasticSolve::free(&triangles, mean_weights(first, second), first.positions())?;
+        run.check()?;
+        let solve = ElasticSolve::free(&triangles, mean_weights(first, second), first.positions(), run)?;
         Ok(Self {
             turns: Unwinding::new(&triangles, &rotations),
             first: first.positions().to_vec(),
@@ -114,23 +116,30 @@ impl Trajectory {
     }
 
     /// Positions at a time: 0 and 1 are the two poses themselves; beyond them the way goes on.
-    pub fn at(&mut self, time: f64) -> Vec<Point3<f64>> {
-        self.blend(&vec![time; self.first.len()])
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn at(&mut self, time: f64, run: &Run) -> Result<Vec<Point3<f64>>, Stopped> {
+        self.blend(&vec![time; self.first.len()], run)
     }
 
     /// Positions where each vertex has a time of its own. Where all are the same, as [`Self::at`].
     ///
+    /// # Errors
+    /// [`Stopped`].
+    ///
     /// # Panics
     /// Unless there is one time per vertex.
-    pub fn blend(&mut self, times: &[f64]) -> Vec<Point3<f64>> {
+    pub fn blend(&mut self, times: &[f64], run: &Run) -> Result<Vec<Point3<f64>>, Stopped> {
         assert_eq!(times.len(), self.first.len(), "one time per vertex");
         let everywhere = |time: f64| times.iter().all(|t| *t == time);
         if everywhere(0.0) {
-            return self.first.clone();
+            return Ok(self.first.clone());
         }
         if everywhere(1.0) {
-            return self.second.clone();
+            return Ok(self.second.clone());
         }
+        run.check()?;
         let of_triangle: Vec<f64> =
             self.triangles.iter().map(|t| t.iter().map(|v| times[*v as usize]).sum::<f64>() / 3.0).collect();
         let guess = self.guess(times);
@@ -141,12 +150,13 @@ impl Trajectory {
         if self.rounds > 0 {
             let start = x.clone();
             for _ in 0..self.rounds {
+                run.check()?;
                 let edges = self.rigid_edges(&of_triangle, &x);
                 self.solve.follow(|t| edges[t], &mut x);
             }
             self.settle(&mut x, &start);
         }
-        x
+        Ok(x)
     }
 
     /// The energy that [`Self::at`] makes small: how far every triangle is from both ends, but for rotations. Squared length.

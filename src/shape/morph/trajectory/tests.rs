@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use super::*;
 use crate::mesh::shapes;
+use plumbline_num::run::Run;
 
 fn turned(mesh: &TriMesh, turn: Vector3<f64>, pivot: Point3<f64>) -> TriMesh {
     let rotation = UnitQuaternion::from_scaled_axis(turn);
@@ -39,10 +40,11 @@ fn a_turn_is_made_by_turning_however_far_and_about_whatever_axis() {
             let second = turned(&mesh, turn, pivot);
             // 270° is −90°, whose axis points the other way, and one turn against it.
             let options = TrajectoryOptions { whole_turns, ..Default::default() };
-            let mut trajectory = Trajectory::new(&mesh, &second, &options).unwrap();
+            let mut trajectory = Trajectory::new(&mesh, &second, &options, &Run::default()).unwrap();
             for time in [0.25, 0.5, 0.9] {
                 let expected = turned(&mesh, turn * time, pivot);
-                let error = worst(&trajectory.at(time), expected.positions());
+                let error =
+                    worst(&trajectory.at(time, &Run::default()).expect("a run that never stops"), expected.positions());
                 assert!(error < 1e-9 * mesh.diagonal(), "{degrees}°, {time}: {error}");
             }
         }
@@ -52,11 +54,13 @@ fn a_turn_is_made_by_turning_however_far_and_about_whatever_axis() {
 #[test]
 fn both_ends_are_met_exactly_and_nearly_before_them() {
     let (first, second) = twisted(2.0, 1.0);
-    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
-    assert_eq!(trajectory.at(0.0), first.positions());
-    assert_eq!(trajectory.at(1.0), second.positions());
-    assert!(worst(&trajectory.at(1e-9), first.positions()) < 1e-7);
-    assert!(worst(&trajectory.at(1.0 - 1e-9), second.positions()) < 1e-7);
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
+    assert_eq!(trajectory.at(0.0, &Run::default()).expect("a run that never stops"), first.positions());
+    assert_eq!(trajectory.at(1.0, &Run::default()).expect("a run that never stops"), second.positions());
+    assert!(worst(&trajectory.at(1e-9, &Run::default()).expect("a run that never stops"), first.positions()) < 1e-7);
+    assert!(
+        worst(&trajectory.at(1.0 - 1e-9, &Run::default()).expect("a run that never stops"), second.positions()) < 1e-7
+    );
 }
 
 #[test]
@@ -64,10 +68,13 @@ fn there_and_back_are_the_same_way() {
     for (first, second) in [twisted(2.0, 1.5), twisted(4.5, 0.0)] {
         for rounds in [0, 10] {
             let options = TrajectoryOptions { rounds, ..Default::default() };
-            let mut there = Trajectory::new(&first, &second, &options).unwrap();
-            let mut back = Trajectory::new(&second, &first, &options).unwrap();
+            let mut there = Trajectory::new(&first, &second, &options, &Run::default()).unwrap();
+            let mut back = Trajectory::new(&second, &first, &options, &Run::default()).unwrap();
             for time in [0.1, 0.37, 0.5, 0.8] {
-                let error = worst(&there.at(time), &back.at(1.0 - time));
+                let error = worst(
+                    &there.at(time, &Run::default()).expect("a run that never stops"),
+                    &back.at(1.0 - time, &Run::default()).expect("a run that never stops"),
+                );
                 assert!(error < 1e-9 * first.diagonal(), "{rounds} rounds, {time}: {error}");
             }
         }
@@ -77,8 +84,9 @@ fn there_and_back_are_the_same_way() {
 #[test]
 fn a_bar_twisted_by_a_turn_and_a_half_is_half_as_twisted_on_half_the_way() {
     let (first, second) = twisted(3.0 * PI, 0.0);
-    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions { rounds: 0, whole_turns: 0 }).unwrap();
-    let middle = trajectory.at(0.5);
+    let mut trajectory =
+        Trajectory::new(&first, &second, &TrajectoryOptions { rounds: 0, whole_turns: 0 }, &Run::default()).unwrap();
+    let middle = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
     let linear = trajectory.linear(0.5);
     // The bar that is twisted half as much, wherever it stands.
     let half = twisted(1.5 * PI, 0.0).1;
@@ -98,8 +106,9 @@ fn each_round_brings_both_ends_nearer() {
         let mut last = f64::INFINITY;
         for rounds in [0, 1, 2, 5, 20, 60] {
             let mut trajectory =
-                Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }).unwrap();
-            let x = trajectory.at(time);
+                Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }, &Run::default())
+                    .unwrap();
+            let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
             let energy = trajectory.energy(time, &x);
             assert!(energy <= last * (1.0 + 1e-12), "{rounds}: {energy} after {last}");
             assert!(energy < trajectory.energy(time, &trajectory.linear(time)));
@@ -111,9 +120,12 @@ fn each_round_brings_both_ends_nearer() {
 #[test]
 fn where_all_vertices_have_one_time_a_blend_is_the_morph() {
     let (first, second) = twisted(1.0, 2.0);
-    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     for time in [0.0, 0.3, 1.0] {
-        assert_eq!(trajectory.blend(&vec![time; first.vertex_count()]), trajectory.at(time));
+        assert_eq!(
+            trajectory.blend(&vec![time; first.vertex_count()], &Run::default()).expect("a run that never stops"),
+            trajectory.at(time, &Run::default()).expect("a run that never stops")
+        );
     }
 }
 
@@ -127,8 +139,8 @@ fn pieces_and_vertices_alone_go_along_and_flat_triangles_do_no_harm() {
     let first = TriMesh::new(positions, triangles).unwrap();
     let turn = Vector3::new(0.0, 0.0, 1.2);
     let second = turned(&first, turn, Point3::new(1.0, 2.0, 3.0));
-    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
-    let middle = trajectory.at(0.5);
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
+    let middle = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
     let expected = turned(&first, turn * 0.5, Point3::new(1.0, 2.0, 3.0));
     assert!(worst(&middle, expected.positions()) < 1e-9);
 }
@@ -137,7 +149,8 @@ fn pieces_and_vertices_alone_go_along_and_flat_triangles_do_no_harm() {
 fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
     let mesh = shapes::icosphere(1);
     let other = shapes::icosphere(2);
-    let refused = |a: &TriMesh, b: &TriMesh| Trajectory::new(a, b, &TrajectoryOptions::default()).unwrap_err();
+    let refused =
+        |a: &TriMesh, b: &TriMesh| Trajectory::new(a, b, &TrajectoryOptions::default(), &Run::default()).unwrap_err();
     assert_eq!(refused(&mesh, &other), MorphError::VertexCounts { first: 42, second: 162 });
     let mut triangles = mesh.triangles().to_vec();
     triangles[7].swap(0, 1);
@@ -168,17 +181,20 @@ fn a_shape_is_never_pushed_deeper_into_itself() {
     };
     let mirrored = first.positions().iter().map(|p| Point3::new(p.x, p.y, p.z - 2.4 * (p.x / 1.2).tanh())).collect();
     let first = first.with_positions(mirrored).unwrap();
-    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default()).unwrap();
+    let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     for time in [0.0, 0.3, 0.5, 1.0] {
-        let (x, [before, after]) = trajectory.untangled(time, 10);
-        let count = crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap()).len();
+        let (x, [before, after]) = trajectory.untangled(time, 10, &Run::default()).expect("a run that never stops");
+        let count =
+            crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap(), &Run::default())
+                .expect("a run that never stops")
+                .len();
         assert_eq!(count, after);
         assert!(
             after <= before && (before == 0 || time == 0.0 || time == 1.0 || after < before),
             "{time}: {before} to {after}"
         );
         if before == 0 {
-            assert_eq!(x, trajectory.at(time));
+            assert_eq!(x, trajectory.at(time, &Run::default()).expect("a run that never stops"));
         }
     }
 }
@@ -190,9 +206,9 @@ fn the_center_goes_its_way_and_improvement_turns_nothing_as_a_whole() {
     let second = second.with_positions(carried).unwrap();
     let shape = |rounds: usize, time: f64| {
         let options = TrajectoryOptions { rounds, whole_turns: 0 };
-        let mut trajectory = Trajectory::new(&first, &second, &options).unwrap();
+        let mut trajectory = Trajectory::new(&first, &second, &options, &Run::default()).unwrap();
         let wanted = centroid(&trajectory.guess(&vec![time; first.vertex_count()]), &trajectory.weights);
-        let x = trajectory.at(time);
+        let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
         assert!((centroid(&x, &trajectory.weights) - wanted).norm() < 1e-12, "{rounds} rounds, {time}");
         (x, trajectory.weights)
     };

@@ -19,11 +19,13 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
+use super::super::MorphError;
 use super::super::elastic_solve::ElasticSolve;
 use super::super::intersections::{passages, self_intersections};
 use super::Trajectory;
 use super::frames::opposite_edges;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::numbered_components;
 
 /// By how much an end is pushed past the plane, as a share of how deep it is.
@@ -34,36 +36,54 @@ const RINGS: [usize; 5] = [2, 4, 8, 16, 32];
 
 impl Trajectory {
     /// A shape at a time, pushed out of itself in at most so many rounds, and how many pairs of triangles intersect before and after.
-    pub fn untangled(&mut self, time: f64, rounds: usize) -> (Vec<Point3<f64>>, [usize; 2]) {
-        let start = self.at(time);
-        let pairs = self.intersections(&start);
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn untangled(
+        &mut self,
+        time: f64,
+        rounds: usize,
+        run: &Run,
+    ) -> Result<(Vec<Point3<f64>>, [usize; 2]), Stopped> {
+        let start = self.at(time, run)?;
+        let pairs = self.intersections(&start, run)?;
         let before = pairs.len();
         if pairs.is_empty() || rounds == 0 || time == 0.0 || time == 1.0 {
-            return (start, [before; 2]);
+            return Ok((start, [before; 2]));
         }
-        let (x, pairs) = self.pushed(time, rounds, &start, pairs);
-        let straight = if pairs.is_empty() { 0 } else { self.intersections(&self.linear(time)).len() };
-        let (x, pairs) = self.straightened(time, straight, x, pairs);
-        (x, [before, pairs.len()])
+        let (x, pairs) = self.pushed(time, rounds, &start, pairs, run)?;
+        let straight = if pairs.is_empty() { 0 } else { self.intersections(&self.linear(time), run)?.len() };
+        let (x, pairs) = self.straightened(time, straight, x, pairs, run)?;
+        Ok((x, [before, pairs.len()]))
     }
 
     /// Pairs of triangles that intersect in a shape, but not in both poses.
-    fn intersections(&self, x: &[Point3<f64>]) -> Vec<[u32; 2]> {
+    fn intersections(&self, x: &[Point3<f64>], run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
         let all = |x: &[Point3<f64>]| {
             let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
-            mesh.map_or_else(|_| Vec::new(), |mesh| self_intersections(&mesh))
+            mesh.map_or_else(|_| Ok(Vec::new()), |mesh| self_intersections(&mesh, run))
         };
-        let own = self.own_intersections.get_or_init(|| {
-            let of_second: BTreeSet<[u32; 2]> = all(&self.second).into_iter().collect();
-            all(&self.first).into_iter().filter(|pair| of_second.contains(pair)).collect()
-        });
-        let mut pairs = all(x);
+        let own = if let Some(own) = self.own_intersections.get() {
+            own
+        } else {
+            let of_second: BTreeSet<[u32; 2]> = all(&self.second)?.into_iter().collect();
+            let own = all(&self.first)?.into_iter().filter(|pair| of_second.contains(pair)).collect();
+            self.own_intersections.get_or_init(|| own)
+        };
+        let mut pairs = all(x)?;
         pairs.retain(|pair| !own.contains(pair));
-        pairs
+        Ok(pairs)
     }
 
     /// The best shape of all rounds of pushes, and its intersections.
-    fn pushed(&mut self, time: f64, rounds: usize, start: &[Point3<f64>], pairs: Vec<[u32; 2]>) -> Tangled {
+    fn pushed(
+        &mut self,
+        time: f64,
+        rounds: usize,
+        start: &[Point3<f64>],
+        pairs: Vec<[u32; 2]>,
+        run: &Run,
+    ) -> Result<Tangled, Stopped> {
         let times = vec![time; self.triangles.len()];
         let mut forces = vec![Vector3::zeros(); start.len()];
         let weights = self.solve.diagonal();
@@ -77,7 +97,7 @@ impl Trajectory {
             let edges = self.rigid_edges(&times, &x);
             self.solve.follow_pushed(|t| edges[t], &forces, &mut x);
             self.settle(&mut x, start);
-            now = self.intersections(&x);
+            now = self.intersections(&x, run)?;
             if now.len() < best.1.len() {
                 best = (x.clone(), now.clone());
             }
@@ -85,13 +105,20 @@ impl Trajectory {
                 break;
             }
         }
-        best
+        Ok(best)
     }
 
     /// Patches around intersections go straight until there are no more than `enough`, or it does not help.
-    fn straightened(&self, time: f64, enough: usize, x: Vec<Point3<f64>>, pairs: Vec<[u32; 2]>) -> Tangled {
+    fn straightened(
+        &self,
+        time: f64,
+        enough: usize,
+        x: Vec<Point3<f64>>,
+        pairs: Vec<[u32; 2]>,
+        run: &Run,
+    ) -> Result<Tangled, Stopped> {
         if pairs.len() <= enough {
-            return (x, pairs);
+            return Ok((x, pairs));
         }
         let straight = [self.guess(&vec![time; x.len()]), self.linear(time)];
         let around = neighbors_of_vertices(x.len(), &self.triangles);
@@ -105,8 +132,8 @@ impl Trajectory {
             if 2 * wide.iter().filter(|inside| **inside).count() > wide.len() {
                 continue;
             }
-            let Some(moved) = self.gone_straight(&wide, straight, &x) else { break };
-            now = self.intersections(&moved);
+            let Some(moved) = self.gone_straight(&wide, straight, &x, run)? else { break };
+            now = self.intersections(&moved, run)?;
             if now.len() < best.1.len() {
                 best = (moved, now.clone());
             }
@@ -114,11 +141,17 @@ impl Trajectory {
                 break;
             }
         }
-        best
+        Ok(best)
     }
 
     /// `x` with the edges of `guess` in a patch, and the rest of it where it is.
-    fn gone_straight(&self, patch: &[bool], guess: &[Point3<f64>], x: &[Point3<f64>]) -> Option<Vec<Point3<f64>>> {
+    fn gone_straight(
+        &self,
+        patch: &[bool],
+        guess: &[Point3<f64>],
+        x: &[Point3<f64>],
+        run: &Run,
+    ) -> Result<Option<Vec<Point3<f64>>>, Stopped> {
         let (piece, pieces) = numbered_components(x.len(), &self.triangles);
         let mut held: Vec<bool> = patch.iter().map(|inside| !inside).collect();
         // A piece of which nothing stays is held by one vertex.
@@ -128,10 +161,14 @@ impl Trajectory {
             held[v] |= !std::mem::replace(&mut stays[piece[v] as usize], true);
         }
         let half = self.solve.half().to_vec();
-        let mut solve = ElasticSolve::held(&self.triangles, half, x, &held).ok()?;
+        let mut solve = match ElasticSolve::held(&self.triangles, half, x, &held, run) {
+            Ok(solve) => solve,
+            Err(MorphError::Interrupted(stopped)) => return Err(stopped),
+            Err(_) => return Ok(None),
+        };
         let mut moved = x.to_vec();
         solve.follow(|t| opposite_edges(&self.corners(guess, t)), &mut moved);
-        Some(moved)
+        Ok(Some(moved))
     }
 }
 
@@ -182,7 +219,7 @@ mod tests {
         // The tip is 0.1 below the plane, its base 1 above.
         let p = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [1.0, 1.0, -0.1], [0.9, 1.0, 1.0], [1.1, 1.2, 1.0]];
         let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [3, 4, 5]]).unwrap();
-        let pushes = pushes(&mesh, &self_intersections(&mesh));
+        let pushes = pushes(&mesh, &self_intersections(&mesh, &Run::default()).expect("a run that never stops"));
         assert!((pushes[3] - Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12, "{}", pushes[3]);
         assert!(pushes[..3].iter().all(|d| (d + Vector3::new(0.0, 0.0, 0.055)).norm() < 1e-12));
         assert!(pushes[4..].iter().all(|d| *d == Vector3::zeros()));
@@ -190,10 +227,11 @@ mod tests {
 
     /// At rest, so that straight ways stay; a tip goes through the other side.
     fn pierced(mesh: &TriMesh, tip: usize, through: Vector3<f64>) -> (Trajectory, Vec<Point3<f64>>, Vec<[u32; 2]>) {
-        let trajectory = Trajectory::new(mesh, mesh, &super::super::TrajectoryOptions::default()).unwrap();
+        let trajectory =
+            Trajectory::new(mesh, mesh, &super::super::TrajectoryOptions::default(), &Run::default()).unwrap();
         let mut x = mesh.positions().to_vec();
         x[tip] += through;
-        let pairs = trajectory.intersections(&x);
+        let pairs = trajectory.intersections(&x, &Run::default()).expect("a run that never stops");
         assert!(!pairs.is_empty());
         (trajectory, x, pairs)
     }
@@ -203,14 +241,18 @@ mod tests {
         let ball = shapes::icosphere(4);
         let top = (0..ball.vertex_count()).max_by(|a, b| ball.positions()[*a].z.total_cmp(&ball.positions()[*b].z));
         let (trajectory, x, pairs) = pierced(&ball, top.unwrap(), Vector3::new(0.0, 0.0, -2.2));
-        let (straight, left) = trajectory.straightened(0.5, 0, x.clone(), pairs.clone());
+        let (straight, left) =
+            trajectory.straightened(0.5, 0, x.clone(), pairs.clone(), &Run::default()).expect("a run that never stops");
         assert!(left.is_empty());
         for (p, q) in straight.iter().zip(ball.positions()) {
             assert!((p - q).norm() < 1e-9);
         }
         // No worse than straight ways are: left alone.
         let enough = pairs.len();
-        assert_eq!(trajectory.straightened(0.5, enough, x.clone(), pairs), (x.clone(), trajectory.intersections(&x)));
+        assert_eq!(
+            trajectory.straightened(0.5, enough, x.clone(), pairs, &Run::default()).expect("a run that never stops"),
+            (x.clone(), trajectory.intersections(&x, &Run::default()).expect("a run that never stops"))
+        );
     }
 
     #[test]
@@ -222,23 +264,26 @@ mod tests {
         let off = apart - Vector3::new(0.313, 0.217, 0.119);
         let place = |(v, p): (usize, &Point3<f64>)| if v < ball.vertex_count() { *p } else { p - off };
         let through = both.with_positions(both.positions().iter().enumerate().map(place).collect()).unwrap();
-        assert!(!self_intersections(&through).is_empty());
+        assert!(!self_intersections(&through, &Run::default()).expect("a run that never stops").is_empty());
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8, 0.5).normalize() * 2.9);
         let second = through.with_positions(through.positions().iter().map(|p| turn * p).collect()).unwrap();
-        let mut trajectory = Trajectory::new(&through, &second, &super::super::TrajectoryOptions::default()).unwrap();
-        let exact = trajectory.at(0.3);
-        assert_eq!(trajectory.untangled(0.3, 20), (exact, [0, 0]));
+        let mut trajectory =
+            Trajectory::new(&through, &second, &super::super::TrajectoryOptions::default(), &Run::default()).unwrap();
+        let exact = trajectory.at(0.3, &Run::default()).expect("a run that never stops");
+        assert_eq!(trajectory.untangled(0.3, 20, &Run::default()).expect("a run that never stops"), (exact, [0, 0]));
     }
 
     #[test]
     fn a_small_piece_goes_straight_as_a_whole_but_not_most_of_the_surface() {
         let small = shapes::icosphere(1);
         let (alone, x, pairs) = pierced(&small, 0, -2.5 * small.positions()[0].coords);
-        assert_eq!(alone.straightened(0.5, 0, x.clone(), pairs).0, x);
+        assert_eq!(alone.straightened(0.5, 0, x.clone(), pairs, &Run::default()).expect("a run that never stops").0, x);
         let both = shapes::disjoint(&[small, shapes::icosphere(4)]);
         let (low, high) = shapes::icosphere(1).bounding_box().unwrap();
         let middle = nalgebra::center(&low, &high) + (both.positions()[0] - shapes::icosphere(1).positions()[0]);
         let (trajectory, x, pairs) = pierced(&both, 0, (middle - both.positions()[0]) * 2.5);
-        assert!(trajectory.straightened(0.5, 0, x, pairs).1.is_empty());
+        assert!(
+            trajectory.straightened(0.5, 0, x, pairs, &Run::default()).expect("a run that never stops").1.is_empty()
+        );
     }
 }

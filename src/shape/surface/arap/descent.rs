@@ -4,6 +4,7 @@ use super::super::Stop;
 use super::super::lanes::Lanes;
 use super::elastic::{Elastic, dot};
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::{Run, Stopped};
 
 /// The decrease must be at least this fraction of what the slope promises (Armijo). Small, as usual: it only rules out steps
 /// that gain nothing.
@@ -15,7 +16,7 @@ const TRIALS: usize = 6;
 /// Where to go.
 pub(super) trait Directions {
     /// Writes a direction of descent for the slope `g` (half the gradient at the unknowns) to `p`.
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes]);
+    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped>;
 
     /// Hears of a step `t p` that took the slope from `g` to `next`.
     fn learn(&mut self, _t: f64, _p: &[Lanes], _g: &[Lanes], _next: &[Lanes]) {}
@@ -33,13 +34,15 @@ pub(super) fn descend(
     targets: &[Lanes],
     x: &mut [Lanes],
     convergence: &Convergence,
-) -> (Vec<f64>, Stop) {
+    run: &Run,
+) -> Result<(Vec<f64>, Stop), Stopped> {
     let n = elastic.system.free().len();
     let (mut work, mut trial) = (vec![Lanes::ZERO; x.len()], x.to_vec());
     let (mut g, mut next, mut p) = (vec![Lanes::ZERO; n], vec![Lanes::ZERO; n], vec![Lanes::ZERO; n]);
     let mut energies = vec![elastic.slope(x, targets, &mut work, &mut g)];
     while energies.len() <= convergence.max_iterations {
-        directions.choose(elastic, &g, &mut p);
+        run.step((energies.len() - 1) as f64 / convergence.max_iterations as f64)?;
+        directions.choose(elastic, &g, &mut p, run)?;
         let before = energies[energies.len() - 1];
         let descent = -dot(&p, &g);
         let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
@@ -49,17 +52,17 @@ pub(super) fn descend(
             }
             // All digits are used up. Rotations are fitted to where it stays.
             elastic.slope(x, targets, &mut work, &mut g);
-            return (energies, Stop::Converged);
+            return Ok((energies, Stop::Converged));
         };
         directions.learn(t, &p, &g, &next);
         x.copy_from_slice(&trial);
         std::mem::swap(&mut g, &mut next);
         energies.push(energy);
         if convergence.reached(&energies) {
-            return (energies, Stop::Converged);
+            return Ok((energies, Stop::Converged));
         }
     }
-    (energies, Stop::IterationsUsedUp)
+    Ok((energies, Stop::IterationsUsedUp))
 }
 
 /// Tries `trial = x + t p` for `t` = 1 and then for minimizers of parabolas, until the energy has fallen enough below

@@ -12,6 +12,7 @@ use super::super::lanes::{self, Kernel, Lanes};
 use super::cells::{CellKind, Cells};
 use super::smoothness::Smoothness;
 use crate::mesh::operators::{Cotangents, EdgeWeights};
+use plumbline_num::run::Run;
 
 /// The elastic energy of a surface at rest with handles on it.
 #[derive(Debug)]
@@ -36,9 +37,10 @@ impl Elastic {
         cotangents: Cotangents,
         held: &Held,
         bending: f64,
+        run: &Run,
     ) -> Result<Self, SurfaceError> {
         let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
-        let system = HeldLaplacian::new(&weights, kind.laplacians(), held)?;
+        let system = HeldLaplacian::new(&weights, kind.laplacians(), held, run)?;
         let cells = Cells::new(kind, rest, &cotangents, bending);
         let mut this = Self { kind, cotangents, weights, cells, system, bending, at_rest: 0.0, smoothness: None };
         this.at_rest = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);

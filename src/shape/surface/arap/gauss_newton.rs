@@ -22,6 +22,7 @@ use super::super::lanes::Lanes;
 use super::cells::Inertia;
 use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
+use plumbline_num::run::{Run, Stopped};
 
 /// The linear system is solved to this fraction of its right-hand side at first. More precise solutions of a linearization
 /// that is still far from the truth are thrown away; less precise ones end in plain local–global steps.
@@ -50,11 +51,12 @@ pub(super) struct Linearized<'a> {
 }
 
 impl Directions for Linearized<'_> {
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes]) {
+    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped> {
         self.start(elastic, g);
         let first = *self.first.get_or_insert(self.rz);
-        self.solve(elastic, FORCING.min((self.rz / first).powf(0.25)));
+        self.solve(elastic, FORCING.min((self.rz / first).powf(0.25)), run)?;
         p.copy_from_slice(&self.p);
+        Ok(())
     }
 }
 
@@ -77,16 +79,17 @@ impl<'a> Linearized<'a> {
 
     /// Improves `p` until the residual has fallen by `forcing`, in the norm of `A⁻¹`. The first step is never refused, so
     /// that `p` is a direction of descent: at worst the plain local–global one.
-    fn solve(&mut self, elastic: &mut Elastic, forcing: f64) {
+    fn solve(&mut self, elastic: &mut Elastic, forcing: f64, run: &Run) -> Result<(), Stopped> {
         let goal = self.rz * forcing * forcing;
         for k in 0..INNER {
+            run.check()?;
             self.multiply(elastic);
             let curvature = dot(&self.d, &self.hd);
             if !(curvature > 0.0) {
                 if k == 0 {
                     self.p.copy_from_slice(&self.z);
                 }
-                return;
+                return Ok(());
             }
             let t = self.rz / curvature;
             add(&mut self.p, t, &self.d);
@@ -95,12 +98,13 @@ impl<'a> Linearized<'a> {
             elastic.system.solve_unknowns(&mut self.z);
             let rz = dot(&self.r, &self.z);
             if !(rz > goal) {
-                return;
+                return Ok(());
             }
             let beta = Lanes::splat(rz / self.rz);
             self.d.iter_mut().zip(&self.z).for_each(|(d, &z)| *d = z + beta * *d);
             self.rz = rz;
         }
+        Ok(())
     }
 
     /// `hd = (A − Bᵀ C⁻¹ B) d`.

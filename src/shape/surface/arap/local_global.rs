@@ -8,6 +8,7 @@ use super::super::Stop;
 use super::super::lanes::Lanes;
 use super::elastic::Elastic;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::{Run, Stopped};
 
 /// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
 pub(super) fn minimize(
@@ -15,16 +16,18 @@ pub(super) fn minimize(
     targets: &[Lanes],
     x: &mut [Lanes],
     convergence: &Convergence,
-) -> (Vec<f64>, Stop) {
+    run: &Run,
+) -> Result<(Vec<f64>, Stop), Stopped> {
     let pull = elastic.system.pull(x, targets);
     let mut b = vec![Lanes::ZERO; x.len()];
     let mut energies = vec![elastic.fit(x, targets, &mut b)];
-    for _ in 0..convergence.max_iterations {
+    for k in 0..convergence.max_iterations {
+        run.step(k as f64 / convergence.max_iterations as f64)?;
         elastic.system.solve(&b, &pull, x);
         energies.push(elastic.fit(x, targets, &mut b));
         if convergence.reached(&energies) {
-            return (energies, Stop::Converged);
+            return Ok((energies, Stop::Converged));
         }
     }
-    (energies, Stop::IterationsUsedUp)
+    Ok((energies, Stop::IterationsUsedUp))
 }

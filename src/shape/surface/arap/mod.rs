@@ -42,6 +42,7 @@ use super::{HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::{Run, Stopped};
 
 /// ARAP of one kind, bound to a mesh and handles.
 #[derive(Debug)]
@@ -65,6 +66,7 @@ impl Arap {
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
+        run: &Run,
     ) -> Result<Self, SurfaceError> {
         let bending = options.bending;
         if !(bending > 0.0 && bending <= 1.0) {
@@ -72,7 +74,7 @@ impl Arap {
         }
         let bound = Bound::new(mesh, handles, options)?;
         let mut elastic =
-            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending)?;
+            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending, run)?;
         if let Some(strength) = smoothness_asked(options, kind)? {
             elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
         }
@@ -103,15 +105,21 @@ impl Arap {
         Ok(x)
     }
 
-    fn minimize(&mut self, targets: &[Lanes], x: &mut [Lanes], convergence: &Convergence) -> (Vec<f64>, Stop) {
+    fn minimize(
+        &mut self,
+        targets: &[Lanes],
+        x: &mut [Lanes],
+        convergence: &Convergence,
+        run: &Run,
+    ) -> Result<(Vec<f64>, Stop), Stopped> {
         let elastic = &mut self.elastic;
         match self.solver {
-            _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence),
-            Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence),
-            Solver::Accelerated => descend(elastic, &mut Memory::default(), targets, x, convergence),
+            _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence, run),
+            Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence, run),
+            Solver::Accelerated => descend(elastic, &mut Memory::default(), targets, x, convergence, run),
             Solver::GaussNewton => {
                 let mut linearized = Linearized::new(&self.inertia, elastic.system.free().len(), x.len());
-                descend(elastic, &mut linearized, targets, x, convergence)
+                descend(elastic, &mut linearized, targets, x, convergence, run)
             }
         }
     }
@@ -144,11 +152,12 @@ impl Deformer for Arap {
         pose: &HandlePose,
         start: Start<'_>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         let targets = self.bound.targets(pose)?;
         let mut x = self.start(pose, &targets, start)?;
-        let (mut energies, stop) = self.minimize(&targets, &mut x, convergence);
+        let (mut energies, stop) = self.minimize(&targets, &mut x, convergence, run)?;
         if let Some(last) = energies.last_mut() {
             *last = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }

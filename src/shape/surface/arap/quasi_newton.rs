@@ -18,6 +18,7 @@ use std::collections::VecDeque;
 use super::super::lanes::Lanes;
 use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
+use plumbline_num::run::{Run, Stopped};
 
 /// Steps that are remembered. Three need a third more iterations, eight save few and cost more per iteration than they save.
 const MEMORY: usize = 5;
@@ -37,12 +38,13 @@ pub(super) struct Memory {
 }
 
 impl Directions for Memory {
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes]) {
+    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], _run: &Run) -> Result<(), Stopped> {
         p.copy_from_slice(g);
         self.apply(p, |v| elastic.system.solve_unknowns(v));
         for p in p {
             *p = -*p;
         }
+        Ok(())
     }
 
     /// Unless the energy is not convex along the step.

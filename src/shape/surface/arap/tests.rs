@@ -6,6 +6,7 @@ use super::super::test_meshes::{placed, sheet, tube};
 use super::super::{Hold, bind};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
+use plumbline_num::run::Run;
 
 const KINDS: [CellKind; 3] = [CellKind::Spokes, CellKind::SpokesAndRims, CellKind::Elements];
 
@@ -39,9 +40,9 @@ fn a_rigid_motion_of_the_handles_moves_everything() {
             for start in [Start::Spread, Start::Last] {
                 let handles = Handles::exact(held.iter().copied()).unwrap();
                 let options = DeformOptions { cotangents, ..Default::default() };
-                let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
+                let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
                 let targets = held.iter().map(|&v| motion() * mesh.positions()[v as usize]).collect();
-                let done = arap.deform(&HandlePose::new(targets), start, &tight(3)).unwrap();
+                let done = arap.deform(&HandlePose::new(targets), start, &tight(3), &Run::default()).unwrap();
                 let edges = EdgeWeights::uniform(&mesh);
                 for (i, j, _) in edges.iter() {
                     let length = |p: &[Point3<f64>]| (p[i] - p[j]).norm();
@@ -68,10 +69,11 @@ fn the_energy_never_rises_and_is_the_one_defined_edge_by_edge() {
     for (kind, solver) in KINDS.into_iter().flat_map(|kind| SOLVERS.map(|solver| (kind, solver))) {
         for (start, bending) in [(Start::Rest, 1.0), (Start::Spread, 1.0), (Start::Rest, 0.3), (Start::Spread, 0.01)] {
             let options = DeformOptions { solver, bending, ..Default::default() };
-            let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
+            let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
             let targets = arap.bound.targets(&pose).unwrap();
             let mut x = arap.start(&pose, &targets, start).unwrap();
-            let (energies, _) = arap.minimize(&targets, &mut x, &tight(60));
+            let (energies, _) =
+                arap.minimize(&targets, &mut x, &tight(60), &Run::default()).expect("a run that never stops");
             for pair in energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {solver:?} {pair:?}");
             }
@@ -92,9 +94,10 @@ fn all_solvers_and_starts_end_at_the_same_minimum() {
             for (solver, start) in SOLVERS.into_iter().flat_map(|s| [(s, Start::Rest), (s, Start::Spread)]) {
                 // Spokes of negative weight have several minima.
                 let options = DeformOptions { solver, cotangents: CotangentRule::Clamped, ..Default::default() };
-                let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
-                let done =
-                    arap.deform(&pose, start, &Convergence { max_iterations: 20_000, tolerance: 1e-13 }).unwrap();
+                let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
+                let done = arap
+                    .deform(&pose, start, &Convergence { max_iterations: 20_000, tolerance: 1e-13 }, &Run::default())
+                    .unwrap();
                 ends.push((*done.report.energies.last().unwrap(), done.report.iterations));
             }
             for &(energy, _) in &ends {
@@ -113,7 +116,7 @@ fn the_pull_of_the_cells_is_minus_half_the_gradient_beside_the_laplacian() {
     for (kind, bending) in KINDS.into_iter().flat_map(|kind| [(kind, 1.0), (kind, 0.3)]) {
         let handles = Handles::exact([0, 5]).unwrap();
         let options = DeformOptions { bending, ..Default::default() };
-        let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
+        let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
         let x: Vec<Lanes> = (0..36)
             .map(|v| {
                 let [x, y, z] = arap.bound.rest[v].xyz();
@@ -146,9 +149,9 @@ fn results_move_and_grow_with_the_mesh() {
     let mesh = tube(16, 9);
     let (handles, pose) = bend(&mesh, 1.2);
     let solve = |mesh: &TriMesh, pose: &HandlePose| {
-        let mut arap = bind(Method::Arap, mesh, &handles, &DeformOptions::default()).unwrap();
+        let mut arap = bind(Method::Arap, mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
         // As many rounds for all: near the end rounding decides when to stop.
-        arap.deform(pose, Start::Spread, &tight(20)).unwrap()
+        arap.deform(pose, Start::Spread, &tight(20), &Run::default()).unwrap()
     };
     let plain = solve(&mesh, &pose);
     for (scale, offset, digits) in [(1e-3, 0.0, 1e-11), (1e3, 0.0, 1e-11), (1.0, 1e6, 1e-7)] {
@@ -167,8 +170,8 @@ fn soft_handles_come_nearer_the_heavier_they_are() {
     let (handles, pose) = bend(&mesh, 1.2);
     let error = |weight: f64| {
         let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Hold::Soft(weight)))).unwrap();
-        let mut arap = bind(Method::Arap, &mesh, &soft, &DeformOptions::default()).unwrap();
-        let done = arap.deform(&pose, Start::Spread, &tight(200)).unwrap();
+        let mut arap = bind(Method::Arap, &mesh, &soft, &DeformOptions::default(), &Run::default()).unwrap();
+        let done = arap.deform(&pose, Start::Spread, &tight(200), &Run::default()).unwrap();
         done.report.constraint_error / mesh.diagonal()
     };
     let errors = [1e-2, 1.0, 1e2, 1e4, 1e6].map(error);
@@ -184,12 +187,12 @@ fn a_part_without_handle_stays_and_is_named() {
     let mesh = TriMesh::new(positions, a.triangles().iter().copied().chain(second).collect()).unwrap();
     let handles = Handles::exact([0, 15]).unwrap();
     let pose = HandlePose::new(vec![Point3::origin(), Point3::new(2.0, 1.0, 0.5)]);
-    let mut arap = bind(Method::Arap, &mesh, &handles, &DeformOptions::default()).unwrap();
-    let done = arap.deform(&pose, Start::Spread, &Convergence::default()).unwrap();
+    let mut arap = bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+    let done = arap.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap();
     assert_eq!(done.report.held_still, [super::super::Part { vertex: 16, vertices: 25 }]);
     assert_eq!(done.positions[16..], mesh.positions()[16..]);
     let options = DeformOptions { unheld: super::super::Unheld::Refused, ..Default::default() };
-    let refused = bind(Method::Arap, &mesh, &handles, &options).unwrap_err();
+    let refused = bind(Method::Arap, &mesh, &handles, &options, &Run::default()).unwrap_err();
     assert_eq!(
         refused.to_string(),
         "nothing holds the part of 25 vertices that contains vertex 16: hold one of them or let it stay where it is"
@@ -208,8 +211,10 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
             let handles = Handles::exact([0, 1, 24]).unwrap();
             let targets = vec![mesh.positions()[0], mesh.positions()[1], Point3::new(1.0, 1.0, 1.0)];
             let options = DeformOptions { cotangents: rule, ..Default::default() };
-            let mut bound = bind(method, &mesh, &handles, &options).unwrap();
-            let done = bound.deform(&HandlePose::new(targets), Start::Spread, &Convergence::default()).unwrap();
+            let mut bound = bind(method, &mesh, &handles, &options, &Run::default()).unwrap();
+            let done = bound
+                .deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default())
+                .unwrap();
             assert!(done.positions.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "{method:?} {rule:?}");
             // Flips may take up a face without area.
             let counted = done.report.degenerate_faces;
@@ -221,12 +226,14 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
 #[test]
 fn what_cannot_be_held_is_refused() {
     let mesh = sheet(3);
-    let refused = |handles: Handles| bind(Method::Arap, &mesh, &handles, &DeformOptions::default()).unwrap_err();
+    let refused =
+        |handles: Handles| bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap_err();
     assert_eq!(refused(Handles::default()), SurfaceError::NoHandle);
     let beyond = refused(Handles::exact([9]).unwrap());
     assert_eq!(beyond.to_string(), "a handle names vertex 9, but the mesh has 9 vertices, numbered from 0");
     let empty = TriMesh::default();
-    let nothing = bind(Method::Arap, &empty, &Handles::default(), &DeformOptions::default()).unwrap_err();
+    let nothing =
+        bind(Method::Arap, &empty, &Handles::default(), &DeformOptions::default(), &Run::default()).unwrap_err();
     assert_eq!(nothing, SurfaceError::NoHandle);
 }
 
@@ -238,8 +245,8 @@ fn smooth_rotations_differ_less_and_the_energy_still_falls() {
     for smoothness in [1e-4, 2e-2, 1.0] {
         for kind in [CellKind::Spokes, CellKind::SpokesAndRims] {
             let options = DeformOptions { smoothness, ..Default::default() };
-            let mut arap = Arap::new(kind, &mesh, &handles, &options).unwrap();
-            let done = arap.deform(&pose, Start::Rest, &tight(400)).unwrap();
+            let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
+            let done = arap.deform(&pose, Start::Rest, &tight(400), &Run::default()).unwrap();
             for pair in done.report.energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {smoothness} {pair:?}");
             }
@@ -253,12 +260,12 @@ fn smooth_rotations_differ_less_and_the_energy_still_falls() {
     }
     for bending in [0.0, -1.0, 1.5, f64::NAN] {
         let options = DeformOptions { bending, ..Default::default() };
-        let refused = Arap::new(CellKind::Spokes, &mesh, &handles, &options).unwrap_err();
+        let refused = Arap::new(CellKind::Spokes, &mesh, &handles, &options, &Run::default()).unwrap_err();
         assert!(matches!(refused, SurfaceError::Option { name: "bending", .. }));
     }
     for (kind, smoothness) in [(CellKind::Elements, 0.1), (CellKind::Spokes, -1.0), (CellKind::Spokes, f64::NAN)] {
         let options = DeformOptions { smoothness, ..Default::default() };
-        let refused = Arap::new(kind, &mesh, &handles, &options).unwrap_err();
+        let refused = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap_err();
         assert!(matches!(refused, SurfaceError::Option { name: "smoothness", .. }));
     }
 }

@@ -25,6 +25,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use crate::mesh::TriMesh;
 use collapse::Collapser;
 use plumbline_num::math::nearest_rotation;
+use plumbline_num::run::{Run, Stopped};
 
 /// Vertices of a level over those of the next coarser one. Less makes more levels to visit, more leaves each start worse.
 const RATIO: f64 = 4.0;
@@ -76,9 +77,12 @@ impl Hierarchy {
     /// region the rim stays, the midst thins out. Works on any triangles; non-manifold edges stay as they are, vertices of no
     /// triangle are on level 0 alone unless kept.
     ///
+    /// # Errors
+    /// [`Stopped`].
+    ///
     /// # Panics
     /// Where `keep` names a vertex that does not exist.
-    pub fn new(mesh: &TriMesh, keep: &[u32], coarsest: usize) -> Self {
+    pub fn new(mesh: &TriMesh, keep: &[u32], coarsest: usize, run: &Run) -> Result<Self, Stopped> {
         let mut made = Self {
             meshes: vec![mesh.clone()],
             vertices: vec![(0..mesh.vertex_count() as u32).collect()],
@@ -89,11 +93,11 @@ impl Hierarchy {
         let steps = ((n / target).ln() / RATIO.ln()).round().max(1.0);
         for k in 1..=steps as usize {
             let wanted = (n * (target / n).powf(k as f64 / steps)).round();
-            if n <= target || !made.coarsen(mesh, &mut collapser, wanted as usize) {
+            if n <= target || !made.coarsen(mesh, &mut collapser, wanted as usize, run)? {
                 break;
             }
         }
-        made
+        Ok(made)
     }
 
     /// Number of levels, ≥ 1; the last is the coarsest.
@@ -112,7 +116,13 @@ impl Hierarchy {
     }
 
     /// Adds a level of about `wanted` vertices; `false`, and nothing added, where hardly any vertex can go.
-    fn coarsen(&mut self, mesh: &TriMesh, collapser: &mut Collapser<'_>, wanted: usize) -> bool {
+    fn coarsen(
+        &mut self,
+        mesh: &TriMesh,
+        collapser: &mut Collapser<'_>,
+        wanted: usize,
+        run: &Run,
+    ) -> Result<bool, Stopped> {
         let finer = self.vertices.last().expect("level 0 is always there");
         let mut number = vec![u32::MAX; mesh.vertex_count()];
         for (i, &v) in finer.iter().enumerate() {
@@ -120,7 +130,7 @@ impl Hierarchy {
         }
         let (mut step, mut left) = (Step::default(), finer.clone());
         while left.len() > wanted {
-            let gone = step.pass(mesh, collapser, &number, &left, left.len() - wanted);
+            let gone = step.pass(mesh, collapser, &number, &left, left.len() - wanted, run)?;
             if gone.is_empty() {
                 break;
             }
@@ -128,13 +138,13 @@ impl Hierarchy {
         }
         // A level that is nearly as large as the last costs a solve and gains nothing.
         if left.len() as f64 > 0.8 * finer.len() as f64 {
-            return false;
+            return Ok(false);
         }
         step.kept = left.iter().map(|&v| number[v as usize]).collect();
         self.steps.push(step);
         self.meshes.push(compact(mesh, &left, collapser));
         self.vertices.push(left);
-        true
+        Ok(true)
     }
 
     /// Rotations of the vertices of a level from the rest shape to `positions`: of each the one that carries the edges around
@@ -228,18 +238,23 @@ impl Step {
         number: &[u32],
         left: &[u32],
         most: usize,
-    ) -> Vec<u32> {
+        run: &Run,
+    ) -> Result<Vec<u32>, Stopped> {
         let mut gone: Vec<u32> = left.iter().copied().filter(|&v| collapser.is_loose(v as usize)).collect();
         gone.retain(|&v| !collapser.is_pinned(v as usize));
         for &v in &gone {
             self.record(mesh, collapser, number, v);
         }
-        let mut offers: Vec<(f64, u32, u32)> =
-            left.iter().filter_map(|&u| collapser.best(u as usize).map(|(v, price)| (price, u, v))).collect();
+        let mut offers: Vec<(f64, u32, u32)> = Vec::with_capacity(left.len());
+        for &u in left {
+            run.check()?;
+            offers.extend(collapser.best(u as usize).map(|(v, price)| (price, u, v)));
+        }
         offers.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let looked_at = ((offers.len() as f64 * SHARE_PER_PASS).ceil() as usize).min(offers.len());
         let mut touched = vec![false; mesh.vertex_count()];
         for &(_, u, v) in &offers[..looked_at] {
+            run.check()?;
             if gone.len() >= most {
                 break;
             }
@@ -254,7 +269,7 @@ impl Step {
             gone.push(u);
         }
         gone.sort_unstable();
-        gone
+        Ok(gone)
     }
 
     /// Writes down the ring of a vertex that is about to go.

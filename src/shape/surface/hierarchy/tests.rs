@@ -1,6 +1,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::*;
+use plumbline_num::run::Run;
 
 /// A closed tube of `rings × around` vertices along x with two caps, bumpy so that nothing is symmetric.
 fn tube(rings: usize, around: usize) -> TriMesh {
@@ -63,7 +64,7 @@ fn positions_of(hierarchy: &Hierarchy, level: usize) -> Vec<Point3<f64>> {
 #[test]
 fn levels_are_subsets_that_shrink_to_what_was_asked_for() {
     let mesh = tube(60, 40);
-    let hierarchy = Hierarchy::new(&mesh, &[], 100);
+    let hierarchy = Hierarchy::new(&mesh, &[], 100, &Run::default()).expect("a run that never stops");
     assert_eq!(hierarchy.levels(), 3, "2402 vertices in steps of about 4");
     assert_eq!(hierarchy.mesh(0), &mesh);
     for level in 1..hierarchy.levels() {
@@ -79,7 +80,7 @@ fn levels_are_subsets_that_shrink_to_what_was_asked_for() {
 #[test]
 fn a_coarse_level_is_as_closed_and_as_round_as_the_mesh() {
     let mesh = tube(60, 40);
-    let hierarchy = Hierarchy::new(&mesh, &[], 100);
+    let hierarchy = Hierarchy::new(&mesh, &[], 100, &Run::default()).expect("a run that never stops");
     let coarse = hierarchy.mesh(hierarchy.levels() - 1);
     let [open, inner, more] = edges(coarse);
     assert_eq!((open, more), (0, 0), "closed and manifold");
@@ -90,7 +91,7 @@ fn a_coarse_level_is_as_closed_and_as_round_as_the_mesh() {
 
 #[test]
 fn an_open_sheet_keeps_its_rim_and_its_corners() {
-    let hierarchy = Hierarchy::new(&sheet(33), &[], 40);
+    let hierarchy = Hierarchy::new(&sheet(33), &[], 40, &Run::default()).expect("a run that never stops");
     let coarse = hierarchy.mesh(hierarchy.levels() - 1);
     assert!((coarse.area() - 32.0 * 32.0).abs() < 1e-9, "{}", coarse.area());
     assert_eq!(coarse.vertex_count() + coarse.triangle_count() - edges(coarse).iter().sum::<usize>(), 1);
@@ -101,7 +102,7 @@ fn handles_stay_and_a_held_region_keeps_its_rim() {
     let mesh = tube(60, 40);
     let region: Vec<u32> = (0..12 * 40).collect();
     let keep: Vec<u32> = region.iter().copied().chain([1500, 2000]).collect();
-    let hierarchy = Hierarchy::new(&mesh, &keep, 150);
+    let hierarchy = Hierarchy::new(&mesh, &keep, 150, &Run::default()).expect("a run that never stops");
     let names = hierarchy.vertices(hierarchy.levels() - 1);
     let stays = |v: u32| names.binary_search(&v).is_ok();
     assert!(stays(1500) && stays(2000));
@@ -114,7 +115,7 @@ fn handles_stay_and_a_held_region_keeps_its_rim() {
 fn the_rest_shape_comes_back_bit_by_bit() {
     let shifted: Vec<_> = tube(60, 40).positions().iter().map(|p| p + Vector3::new(1e6, -3e5, 7.0)).collect();
     for mesh in [tube(60, 40), sheet(30), tube(60, 40).with_positions(shifted).expect("a sound case")] {
-        let hierarchy = Hierarchy::new(&mesh, &[], 60);
+        let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
         let diagonal = mesh.diagonal();
         for level in (0..hierarchy.levels() - 1).rev() {
             let back = hierarchy.prolong(level, &positions_of(&hierarchy, level + 1));
@@ -127,7 +128,7 @@ fn the_rest_shape_comes_back_bit_by_bit() {
 #[test]
 fn a_rigid_motion_comes_back_as_itself_on_every_level() {
     for mesh in [tube(60, 40), sheet(30)] {
-        let hierarchy = Hierarchy::new(&mesh, &[], 60);
+        let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
         for angle in [0.1, 1.5, 3.1] {
             let r = Rotation3::new(Vector3::new(0.6, -0.64, 0.48) * angle);
             let moved = |p: &Point3<f64>| r * p + Vector3::new(10.0, -20.0, 5.0);
@@ -147,7 +148,7 @@ fn a_rigid_motion_comes_back_as_itself_on_every_level() {
 #[test]
 fn a_linear_map_of_a_plane_comes_back_inside_the_rim() {
     let mesh = sheet(30);
-    let hierarchy = Hierarchy::new(&mesh, &[], 60);
+    let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
     let stretched = |p: &Point3<f64>| Point3::new(1.5 * p.x + 0.2 * p.y, 0.7 * p.y, 0.0);
     let coarse: Vec<_> = hierarchy.mesh(1).positions().iter().map(stretched).collect();
     let inner = |p: &Point3<f64>| [p.x, p.y].iter().all(|&c| c > 0.0 && c < 29.0);
@@ -160,7 +161,7 @@ fn a_linear_map_of_a_plane_comes_back_inside_the_rim() {
 #[test]
 fn detail_turns_with_a_bend() {
     let mesh = tube(80, 30);
-    let hierarchy = Hierarchy::new(&mesh, &[], 200);
+    let hierarchy = Hierarchy::new(&mesh, &[], 200, &Run::default()).expect("a run that never stops");
     let bend = |p: &Point3<f64>| {
         let (sin, cos) = (p.x * 0.3).sin_cos();
         let radius = 1.0 / 0.3 - p.y;
@@ -186,7 +187,7 @@ fn what_is_broken_stays_as_it_is_and_everything_stays_finite() {
     triangles.extend([[100, 101, fin], [5, 6, 5], [40, 40, 40], [60, 61, 62], [60, 61, 62]]);
     positions[33] = positions[34];
     let mesh = TriMesh::new(positions, triangles).expect("a sound case");
-    let hierarchy = Hierarchy::new(&mesh, &[], 10);
+    let hierarchy = Hierarchy::new(&mesh, &[], 10, &Run::default()).expect("a run that never stops");
     assert!(hierarchy.levels() > 1);
     for level in (0..hierarchy.levels() - 1).rev() {
         let turned: Vec<_> = positions_of(&hierarchy, level + 1).iter().map(|p| Point3::new(-p.x, p.z, p.y)).collect();
@@ -194,8 +195,11 @@ fn what_is_broken_stays_as_it_is_and_everything_stays_finite() {
         assert!(back.iter().all(|p| p.coords.iter().all(|c| c.is_finite())));
     }
     let empty = TriMesh::new(vec![], vec![]).expect("a sound case");
-    assert_eq!(Hierarchy::new(&empty, &[], 10).levels(), 1);
+    assert_eq!(Hierarchy::new(&empty, &[], 10, &Run::default()).expect("a run that never stops").levels(), 1);
     let one =
         TriMesh::new(vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0)], vec![[0, 1, 2]]);
-    assert_eq!(Hierarchy::new(&one.expect("a sound case"), &[], 1).levels(), 1);
+    assert_eq!(
+        Hierarchy::new(&one.expect("a sound case"), &[], 1, &Run::default()).expect("a run that never stops").levels(),
+        1
+    );
 }

@@ -22,6 +22,7 @@ use super::SurfaceError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 use plumbline_num::optim::lanczos::{LanczosOptions, ShiftedPencil};
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering};
 use plumbline_num::union_find::components;
 
@@ -67,8 +68,8 @@ pub struct Modes {
 ///
 /// # Errors
 /// [`SurfaceError::Option`] for a tolerance out of range, [`SurfaceError::Solve`] where the surface is too large to be
-/// factored.
-pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions) -> Result<Modes, SurfaceError> {
+/// factored, [`SurfaceError::Interrupted`].
+pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) -> Result<Modes, SurfaceError> {
     let tolerance = options.tolerance;
     if !(tolerance > 0.0 && tolerance < 1.0) {
         return Err(SurfaceError::Option { name: "tolerance", value: tolerance, range: "above 0 and below 1" });
@@ -77,6 +78,7 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions) -> Result<Mod
     if used.triangle_count() == 0 {
         return Ok(Modes { values: vec![], vectors: vec![], residuals: vec![], rigid: 0, converged: true });
     }
+    run.check()?;
     let h = hessian::hessian(&used, &Cotangents::new(&used, options.cotangents))?;
     let mass = masses(&used);
     let diagonal = |i: usize| h.values()[h.pattern().column(i).start];
@@ -88,11 +90,12 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions) -> Result<Mod
         shifted.values_mut()[slot] += shift * m;
     }
     let places = used.positions().iter().flat_map(|p| [p.coords.into(); 3]).collect();
+    run.check()?;
     let mut factor = Cholesky::analyze(h.pattern(), &Ordering::NestedDissection(places))?;
-    factor.factor(&shifted)?;
+    factor.factor(&shifted, run)?;
     let known = hessian::rigid_motions(&used, &components(used.vertex_count(), used.triangles()));
     let mut pencil = ShiftedPencil { matrix: &h, mass: &mass, shift, factor: &mut factor, known: &known };
-    let found = pencil.lowest(count, &LanczosOptions { tolerance, ..LanczosOptions::default() });
+    let found = pencil.lowest(count, &LanczosOptions { tolerance, ..LanczosOptions::default() }, run)?;
     let spread = |x: &Vec<f64>| {
         let mut displacements = vec![Vector3::zeros(); mesh.vertex_count()];
         for (&v, d) in named.iter().zip(x.chunks_exact(3)) {

@@ -21,6 +21,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Modes;
 use crate::mesh::operators::barycentric_areas;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::components;
 
 /// Rounds of Lloyd's alternation after each part that is added: the others have little to give.
@@ -88,9 +89,12 @@ struct Field<'a> {
 
 /// Parts of a surface that move almost rigidly in `modes`.
 ///
+/// # Errors
+/// [`Stopped`].
+///
 /// # Panics
 /// Where the modes are those of another mesh.
-pub fn parts(mesh: &TriMesh, modes: &Modes, options: &PartsOptions) -> Parts {
+pub fn parts(mesh: &TriMesh, modes: &Modes, options: &PartsOptions, run: &Run) -> Result<Parts, Stopped> {
     let field = Field::new(mesh, modes);
     let mut part = pieces(mesh);
     let mut count = part.iter().max().map_or(0, |&p| p as usize + 1);
@@ -105,14 +109,14 @@ pub fn parts(mesh: &TriMesh, modes: &Modes, options: &PartsOptions) -> Parts {
         let Some(seed) = field.worst(&part, &motions) else { break };
         field.split(&mut part, seed, count);
         count += 1;
-        field.settle(&mut part, count, ROUNDS);
+        field.settle(&mut part, count, ROUNDS, run)?;
         unexplained.push(field.unexplained(&part, &field.motions(&part, count)) / whole);
     }
-    field.settle(&mut part, count, LAST_ROUNDS);
+    field.settle(&mut part, count, LAST_ROUNDS, run)?;
     if let Some(last) = unexplained.last_mut().filter(|_| whole > 0.0) {
         *last = field.unexplained(&part, &field.motions(&part, count)) / whole;
     }
-    Parts { of_vertex: part, count, unexplained }
+    Ok(Parts { of_vertex: part, count, unexplained })
 }
 
 /// Connected pieces, numbered.
@@ -214,9 +218,10 @@ impl<'a> Field<'a> {
     }
 
     /// Alternates fits and growing; stops where nothing changes.
-    fn settle(&self, part: &mut Vec<u32>, count: usize, rounds: usize) {
+    fn settle(&self, part: &mut Vec<u32>, count: usize, rounds: usize, run: &Run) -> Result<(), Stopped> {
         let mut best = (self.unexplained(part, &self.motions(part, count)), part.clone());
         for _ in 0..rounds {
+            run.check()?;
             let grown = self.grow(part, &self.motions(part, count));
             if grown == *part {
                 break;
@@ -228,6 +233,7 @@ impl<'a> Field<'a> {
             }
         }
         *part = best.1;
+        Ok(())
     }
 
     /// Grows each part anew from its vertex that fits it best, which may lie in the midst or not.

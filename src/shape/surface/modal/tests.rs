@@ -1,6 +1,7 @@
 use nalgebra::{DMatrix, Point3, Rotation3, SymmetricEigen};
 
 use super::*;
+use plumbline_num::run::Run;
 
 /// A closed bar of `n` cells along x, half as long each as it is wide, its rings scaled by `width(x)`.
 fn bar(n: usize, width: impl Fn(f64) -> f64) -> TriMesh {
@@ -80,11 +81,13 @@ fn near_rest_the_nonlinear_energy_is_the_form() {
     let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
     let handles = Handles::exact([0, 1, 2]).expect("a sound case");
     let options = DeformOptions::default();
-    let mut arap = bind(Method::Arap, &mesh, &handles, &options).expect("a sound case");
+    let mut arap = bind(Method::Arap, &mesh, &handles, &options, &Run::default()).expect("a sound case");
     let d: Vec<_> = random(mesh.vertex_count(), 2).into_iter().map(|d| d * 1e-4).collect();
     let moved: Vec<_> = mesh.positions().iter().zip(&d).map(|(p, d)| p + d).collect();
     let criterion = plumbline_num::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
-    let done = arap.deform(&HandlePose::new(moved[..3].to_vec()), Start::At(&moved), &criterion).expect("a sound case");
+    let done = arap
+        .deform(&HandlePose::new(moved[..3].to_vec()), Start::At(&moved), &criterion, &Run::default())
+        .expect("a sound case");
     let (full, form) = (done.report.energies[0], product(&h, &d));
     assert!((full / form - 1.0).abs() < 1e-3, "{full} against {form}");
 }
@@ -92,7 +95,7 @@ fn near_rest_the_nonlinear_energy_is_the_form() {
 #[test]
 fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
     let mesh = bar(12, |x| 1.0 + 0.3 * (1.3 * x).sin());
-    let found = modes(&mesh, 10, &ModesOptions::default()).expect("a sound case");
+    let found = modes(&mesh, 10, &ModesOptions::default(), &Run::default()).expect("a sound case");
     assert!(found.converged && found.rigid == 6, "{:?}", found.residuals);
     let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
     let (mass, n) = (masses(&mesh), h.n());
@@ -118,11 +121,11 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
 #[test]
 fn modes_turn_with_the_surface_and_values_fall_with_the_square_of_its_size() {
     let mesh = bar(12, |x| 1.0 + 0.3 * (1.3 * x).sin());
-    let found = modes(&mesh, 6, &ModesOptions::default()).expect("a sound case");
+    let found = modes(&mesh, 6, &ModesOptions::default(), &Run::default()).expect("a sound case");
     let r = Rotation3::new(Vector3::new(0.4, -1.0, 0.3));
     let moved = mesh.positions().iter().map(|p| r * p * 1e3 + Vector3::new(1e5, -1e5, 0.0)).collect();
-    let other =
-        modes(&mesh.with_positions(moved).expect("a sound case"), 6, &ModesOptions::default()).expect("a sound case");
+    let other = modes(&mesh.with_positions(moved).expect("a sound case"), 6, &ModesOptions::default(), &Run::default())
+        .expect("a sound case");
     for k in 0..6 {
         assert!((other.values[k] * 1e6 / found.values[k] - 1.0).abs() < 1e-6);
         // Lengths too have grown, and with them the area that norms a mode.
@@ -140,7 +143,10 @@ fn loose_vertices_stand_still_and_each_part_has_its_own_rigid_motions() {
     let positions = mesh.positions().iter().copied().chain([Point3::new(50.0, 0.0, 0.0)]).chain(far).collect();
     let second = mesh.triangles().iter().map(|t| t.map(|v| v + count + 1));
     let both = TriMesh::new(positions, mesh.triangles().iter().copied().chain(second).collect()).expect("a sound case");
-    let (one, two) = (modes(&mesh, 3, &ModesOptions::default()), modes(&both, 6, &ModesOptions::default()));
+    let (one, two) = (
+        modes(&mesh, 3, &ModesOptions::default(), &Run::default()),
+        modes(&both, 6, &ModesOptions::default(), &Run::default()),
+    );
     let (one, two) = (one.expect("a sound case"), two.expect("a sound case"));
     assert_eq!(two.rigid, 12);
     for k in 0..6 {
@@ -152,12 +158,17 @@ fn loose_vertices_stand_still_and_each_part_has_its_own_rigid_motions() {
 #[test]
 fn what_has_no_modes_gives_none_and_what_is_broken_stays_finite() {
     let empty = TriMesh::default();
-    assert!(modes(&empty, 5, &ModesOptions::default()).expect("a sound case").values.is_empty());
+    assert!(modes(&empty, 5, &ModesOptions::default(), &Run::default()).expect("a sound case").values.is_empty());
     let point = TriMesh::new(vec![Point3::origin()], vec![]).expect("a sound case");
-    assert!(modes(&point, 5, &ModesOptions::default()).expect("a sound case").vectors.is_empty());
+    assert!(modes(&point, 5, &ModesOptions::default(), &Run::default()).expect("a sound case").vectors.is_empty());
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Point3::from).to_vec();
-    let one = modes(&TriMesh::new(corners, vec![[0, 1, 2]]).expect("a sound case"), 5, &ModesOptions::default())
-        .expect("a sound case");
+    let one = modes(
+        &TriMesh::new(corners, vec![[0, 1, 2]]).expect("a sound case"),
+        5,
+        &ModesOptions::default(),
+        &Run::default(),
+    )
+    .expect("a sound case");
     assert_eq!((one.values.len(), one.rigid), (3, 6), "a triangle can be stretched and sheared");
     let good = bar(8, |_| 1.0);
     let mut positions = good.positions().to_vec();
@@ -167,9 +178,10 @@ fn what_has_no_modes_gives_none_and_what_is_broken_stays_finite() {
     let fin = positions.len() as u32 - 1;
     triangles.extend([[16, 17, fin], [5, 6, 5], [8, 8, 8], [20, 21, 22], [20, 21, 22]]);
     let broken = TriMesh::new(positions, triangles).expect("a sound case");
-    let found = modes(&broken, 8, &ModesOptions::default()).expect("a sound case");
+    let found = modes(&broken, 8, &ModesOptions::default(), &Run::default()).expect("a sound case");
     assert!(found.vectors.iter().flatten().all(|u| u.iter().all(|c| c.is_finite())) && found.values.len() == 8);
-    let refused = modes(&good, 3, &ModesOptions { tolerance: 0.0, ..Default::default() }).expect_err("a faulty case");
+    let refused = modes(&good, 3, &ModesOptions { tolerance: 0.0, ..Default::default() }, &Run::default())
+        .expect_err("a faulty case");
     assert_eq!(refused.to_string(), "tolerance 0 is invalid (expected above 0 and below 1)");
 }
 
@@ -177,8 +189,9 @@ fn what_has_no_modes_gives_none_and_what_is_broken_stays_finite() {
 fn a_bar_with_thin_joints_falls_into_the_parts_between_them() {
     // Three blocks of equal length.
     let mesh = bar(48, |x| if (x - 8.0).abs() < 0.6 || (x - 16.0).abs() < 0.6 { 0.25 } else { 1.5 });
-    let low = modes(&mesh, 8, &ModesOptions::default()).expect("a sound case");
-    let found = parts(&mesh, &low, &PartsOptions { count: PartCount::Exactly(3) });
+    let low = modes(&mesh, 8, &ModesOptions::default(), &Run::default()).expect("a sound case");
+    let found = parts(&mesh, &low, &PartsOptions { count: PartCount::Exactly(3) }, &Run::default())
+        .expect("a run that never stops");
     assert_eq!(found.count, 3);
     let block = |x: f64| usize::from(x > 8.0) + usize::from(x > 16.0);
     for (p, &part) in mesh.positions().iter().zip(&found.of_vertex) {
@@ -188,14 +201,15 @@ fn a_bar_with_thin_joints_falls_into_the_parts_between_them() {
     }
     assert!(*found.unexplained.last().expect("a sound case") < 0.05, "{:?}", found.unexplained);
     assert!(found.unexplained.windows(2).all(|w| w[1] < w[0]));
-    assert_eq!(parts(&mesh, &low, &PartsOptions::default()).count, 3);
+    assert_eq!(parts(&mesh, &low, &PartsOptions::default(), &Run::default()).expect("a run that never stops").count, 3);
 }
 
 #[test]
 fn parts_are_connected_and_each_vertex_is_in_one() {
     let mesh = bar(40, |x| 1.0 + 0.4 * x.sin());
-    let low = modes(&mesh, 12, &ModesOptions::default()).expect("a sound case");
-    let found = parts(&mesh, &low, &PartsOptions { count: PartCount::Exactly(7) });
+    let low = modes(&mesh, 12, &ModesOptions::default(), &Run::default()).expect("a sound case");
+    let found = parts(&mesh, &low, &PartsOptions { count: PartCount::Exactly(7) }, &Run::default())
+        .expect("a run that never stops");
     let inside = mesh
         .triangles()
         .iter()
@@ -215,7 +229,7 @@ fn parts_are_connected_and_each_vertex_is_in_one() {
 fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest() {
     use crate::surface::{DeformOptions, HandlePose, Handles, Method, Start, bind};
     let mesh = bar(40, |_| 1.0);
-    let low = modes(&mesh, 12, &ModesOptions::default()).expect("a sound case");
+    let low = modes(&mesh, 12, &ModesOptions::default(), &Run::default()).expect("a sound case");
     let held = (0..mesh.vertex_count() as u32).filter(|&v| (mesh.positions()[v as usize].x - 10.0).abs() > 9.2);
     let handles = Handles::exact(held).expect("a sound case");
     let posed = |motion: &dyn Fn(&Point3<f64>) -> Point3<f64>| {
@@ -232,10 +246,17 @@ fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest
     let bend = |p: &Point3<f64>| if p.x > 10.0 { end * (p - Vector3::x() * 10.0) + Vector3::x() * 9.5 } else { *p };
     let pose = posed(&bend);
     let start = modal_start(&mesh, &low, &handles, &pose).expect("a sound case");
-    let mut arap = bind(Method::Arap, &mesh, &handles, &DeformOptions::default()).expect("a sound case");
+    let mut arap =
+        bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
     let criterion = plumbline_num::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
     let mut energy = |start| {
-        *arap.deform(&pose, start, &criterion).expect("a sound case").report.energies.last().expect("a sound case")
+        *arap
+            .deform(&pose, start, &criterion, &Run::default())
+            .expect("a sound case")
+            .report
+            .energies
+            .last()
+            .expect("a sound case")
     };
     let (from_modes, from_rest) = (energy(Start::At(&start)), energy(Start::Rest));
     assert!(from_modes < 0.5 * from_rest, "{from_modes} against {from_rest}");

@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::super::test_meshes::{placed, tube};
 use super::super::{Convergence, bind};
 use super::*;
+use plumbline_num::run::Run;
 
 type Case = (TriMesh, Handles, HandlePose);
 
@@ -38,7 +39,10 @@ fn run(
     tolerance: f64,
 ) -> Deformation {
     let convergence = Convergence { max_iterations, tolerance };
-    bind(method, mesh, handles, options).unwrap().deform(pose, start, &convergence).unwrap()
+    bind(method, mesh, handles, options, &Run::default())
+        .unwrap()
+        .deform(pose, start, &convergence, &Run::default())
+        .unwrap()
 }
 
 fn last(done: &Deformation) -> f64 {
@@ -74,10 +78,11 @@ fn coarse_levels_are_as_stiff_as_the_surface_they_stand_for() {
     let case = bent(60, 40, 1.6, Hold::Exact);
     let options = DeformOptions::default();
     let fine = last(&run((Method::Arap, &options), &case, Start::Spread, 1000, 1e-9));
-    let mut coarse = Coarse::new(Method::Arap, &case.0, &case.1, &options);
+    let mut coarse =
+        Coarse::new(Method::Arap, &case.0, &case.1, &options, &Run::default()).expect("a run that never stops");
     let level = coarse.levels.last_mut().unwrap();
     let enough = Convergence { max_iterations: 1000, tolerance: 1e-9 };
-    let done = level.bound.deform(&level.pose(&case.2), Start::Spread, &enough).unwrap();
+    let done = level.bound.deform(&level.pose(&case.2), Start::Spread, &enough, &Run::default()).unwrap();
     assert!((0.8..1.25).contains(&(last(&done) / fine)), "{} {fine}", last(&done));
 }
 
@@ -108,11 +113,11 @@ fn a_rigid_motion_stays_one_and_results_grow_with_the_mesh() {
 fn a_first_drag_starts_coarse_and_the_next_where_it_ended() {
     let case = bent(60, 40, 1.2, Hold::Exact);
     let options = DeformOptions::default();
-    let mut bound = bind(Method::Arap, &case.0, &case.1, &options).unwrap();
+    let mut bound = bind(Method::Arap, &case.0, &case.1, &options, &Run::default()).unwrap();
     let enough = Convergence { max_iterations: 1000, tolerance: 1e-9 };
-    let first = bound.deform(&case.2, Start::Last, &enough).unwrap();
+    let first = bound.deform(&case.2, Start::Last, &enough, &Run::default()).unwrap();
     assert_eq!(first.positions, run((Method::Arap, &options), &case, Start::Coarse, 1000, 1e-9).positions);
-    let next = bound.deform(&case.2, Start::Last, &enough).unwrap();
+    let next = bound.deform(&case.2, Start::Last, &enough, &Run::default()).unwrap();
     assert!(next.report.iterations <= 2, "{}", next.report.iterations);
 }
 

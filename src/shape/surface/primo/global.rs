@@ -15,6 +15,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::clusters::{Clusters, FIXED};
 use super::shell::{BodyPose, Joint, Shell};
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// Added to the diagonal, as a share of its greatest entry: rotations that no joint feels (a hinge of no thickness, a body
@@ -74,12 +75,14 @@ impl Global {
         poses: &mut Vec<BodyPose>,
         before: f64,
         curved: bool,
+        run: &Run,
     ) -> Result<f64, SparseError> {
         let centers = centers(clusters, poses);
         self.linearize(shell, clusters, poses, &centers, curved);
-        if self.factor.factor(&self.matrix).is_err() {
+        if self.factor.factor(&self.matrix, run).is_err() {
+            run.check()?;
             self.linearize(shell, clusters, poses, &centers, false);
-            self.factor.factor(&self.matrix)?;
+            self.factor.factor(&self.matrix, run)?;
         }
         let mut velocity: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
         self.factor.solve_in_place(&mut velocity);

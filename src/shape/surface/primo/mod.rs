@@ -30,6 +30,7 @@ mod sweep;
 
 use crate::mesh::TriMesh;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::Run;
 
 use super::bound::{Begin, Bound};
 use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
@@ -90,9 +91,10 @@ impl Primo {
     /// Makes the prisms.
     ///
     /// # Errors
-    /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`].
-    pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
-        Self::of_fabric(mesh, handles, options, &Fabric::default())
+    /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
+    /// [`SurfaceError::Interrupted`].
+    pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions, run: &Run) -> Result<Self, SurfaceError> {
+        Self::of_fabric(mesh, handles, options, &Fabric::default(), run)
     }
 
     /// The same for a shell that is not alike everywhere.
@@ -107,6 +109,7 @@ impl Primo {
         handles: &Handles,
         options: &DeformOptions,
         fabric: &Fabric<'_>,
+        run: &Run,
     ) -> Result<Self, SurfaceError> {
         let refused = |name, value, range| Err(SurfaceError::Option { name, value, range });
         let thickness = options.primo.thickness;
@@ -126,6 +129,7 @@ impl Primo {
         let triangles = mesh.triangle_count();
         let lists = [fabric.stiffness.map(<[_]>::len), fabric.grain.map(<[_]>::len), fabric.rigid.map(<[_]>::len)];
         assert!(lists.into_iter().flatten().all(|n| n == triangles), "one entry per triangle");
+        run.check()?;
         let bound = Bound::new(mesh, handles, options)?;
         let anchor = |(&vertex, hold): (&u32, &Hold)| {
             let soft = if let Hold::Soft(weight) = *hold { Some(weight) } else { None };
@@ -133,6 +137,7 @@ impl Primo {
         };
         let anchors = handles.vertices().iter().zip(handles.holds()).map(anchor).collect();
         let solver = Solver::new(mesh, anchors, &bound.still(), &options.primo, fabric);
+        run.check()?;
         Ok(Self { bound, solver, last: None })
     }
 
@@ -159,6 +164,7 @@ impl Deformer for Primo {
         pose: &HandlePose,
         start: Start<'_>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         pose.check(&self.bound.held.handles)?;
@@ -167,7 +173,7 @@ impl Deformer for Primo {
         let wish = |(k, &position)| Wish { position, turn: turn(k) };
         let wishes: Vec<Wish> = pose.positions().iter().enumerate().map(wish).collect();
         let start = self.start(&wishes, start)?;
-        let found = self.solver.minimize(start, convergence)?;
+        let found = self.solver.minimize(start, convergence, run)?;
         let positions = self.solver.positions(&found.poses, &wishes);
         let stop = if found.converged { Stop::Converged } else { Stop::IterationsUsedUp };
         let counts = (0, self.solver.degenerate);

@@ -13,6 +13,7 @@ use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use plumbline_num::energy::Convergence;
 use plumbline_num::math::nearest_rotation;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::SparseError;
 
 /// Clusters of the coarsest level: a system of this size costs next to nothing.
@@ -169,6 +170,7 @@ impl Solver {
         &mut self,
         poses: Vec<BodyPose>,
         convergence: &Convergence,
+        run: &Run,
     ) -> Result<Minimized, SparseError> {
         let mut state = Minimized { energies: vec![self.shell.energy(&poses)], poses, converged: false };
         // Below the rounding of joints a diagonal long there is nothing to gain.
@@ -181,14 +183,16 @@ impl Solver {
         let finest = (0..self.levels.len()).find(|&l| self.levels[l].count <= self.largest_system);
         let finest = finest.unwrap_or(self.levels.len() - 1);
         for level in (finest.max(1)..self.levels.len()).rev() {
-            self.relax(level, &mut state, COARSE_STEPS, false, floor)?;
+            self.relax(level, &mut state, COARSE_STEPS, false, floor, run)?;
         }
         let mut curved = false;
         while state.energies.len() <= convergence.max_iterations && !state.converged {
+            run.step(state.energies.len() as f64 / convergence.max_iterations as f64)?;
             let before = state.last();
-            self.relax(finest, &mut state, 1, curved, floor)?;
+            self.relax(finest, &mut state, 1, curved, floor, run)?;
             if finest > 0 {
                 for _ in 0..SWEEPS {
+                    run.check()?;
                     sweep(&self.shell, &self.levels[0], &mut state.poses);
                 }
                 let swept = self.shell.energy(&state.poses);
@@ -209,17 +213,21 @@ impl Solver {
         steps: usize,
         curved: bool,
         floor: f64,
+        run: &Run,
     ) -> Result<(), SparseError> {
         let clusters = &self.levels[level];
         if self.globals[level].is_none() {
+            run.check()?;
             self.globals[level] = Some(Global::new(&self.shell, clusters)?);
         }
         let global = self.globals[level].as_mut().expect("made just now");
         for _ in 0..steps {
+            run.check()?;
             let before = state.last();
-            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, curved)?;
+            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, curved, run)?;
             if level > 0 {
                 for _ in 0..SWEEPS {
+                    run.check()?;
                     sweep(&self.shell, clusters, &mut state.poses);
                 }
                 now = self.shell.energy(&state.poses);

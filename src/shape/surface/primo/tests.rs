@@ -9,6 +9,7 @@ use super::sweep::sweep;
 use super::*;
 use crate::mesh::TriMesh;
 use plumbline_num::energy::Convergence;
+use plumbline_num::run::Run;
 
 /// A closed bar of `n` square cells along x, `1 × 1` across.
 fn bar(n: usize) -> TriMesh {
@@ -57,7 +58,7 @@ fn solve(
     let wishes = wishes(mesh, anchors, motion);
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
-    let found = solver.minimize(start, &convergence).expect("a sound case");
+    let found = solver.minimize(start, &convergence, &Run::default()).expect("a sound case");
     let positions = solver.positions(&found.poses, &wishes);
     (found, positions)
 }
@@ -169,7 +170,9 @@ fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
     assert!(solver.levels.len() > 1);
     let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
-    let found = solver.minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }).expect("a sound case");
+    let found = solver
+        .minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }, &Run::default())
+        .expect("a sound case");
     assert!(found.converged, "{:?}", found.energies);
     assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)), "{:?}", found.energies);
     let mut global = Global::new(&solver.shell, &solver.levels[0]).expect("a sound case");
@@ -188,7 +191,9 @@ fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
     let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &Fabric::default());
     let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
-    let slow = solver.minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }).expect("a sound case");
+    let slow = solver
+        .minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }, &Run::default())
+        .expect("a sound case");
     assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
     let slowly = solver.positions(&slow.poses, &wishes);
     let apart = slowly.iter().zip(&positions).map(|(a, b)| (a - b).norm());
@@ -282,16 +287,16 @@ fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() 
     let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
     let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
     let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let mut primo =
-        super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default()).expect("a sound case");
+    let mut primo = super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default(), &Run::default())
+        .expect("a sound case");
     let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
     let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
-    let first = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let first = primo.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
     assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
     assert_eq!(first.report.held_still.len(), 1);
     assert_eq!(first.positions[count as usize..], mesh.positions()[count as usize..]);
     for (k, start) in [Start::Last, Start::At(&first.positions), Start::Rest].into_iter().enumerate() {
-        let again = primo.deform(&pose, start, &convergence).expect("a sound case");
+        let again = primo.deform(&pose, start, &convergence, &Run::default()).expect("a sound case");
         let (now, before) =
             (again.report.energies.last().expect("a sound case"), first.report.energies.last().expect("a sound case"));
         assert!((now / before - 1.0).abs() < 1e-6, "{now} against {before}");
@@ -304,7 +309,7 @@ fn what_no_shell_can_be_is_refused() {
     let (mesh, handles) = (bar(2), Handles::exact([0]).expect("a sound case"));
     let said = |primo: PrimoOptions| {
         let options = DeformOptions { primo, ..DeformOptions::default() };
-        Primo::new(&mesh, &handles, &options).expect_err("a faulty case").to_string()
+        Primo::new(&mesh, &handles, &options, &Run::default()).expect_err("a faulty case").to_string()
     };
     let thickness = PrimoOptions { thickness: -1.0, ..PrimoOptions::default() };
     assert_eq!(said(thickness), "thickness -1 is invalid (expected a finite number, 0 or more)");
@@ -312,7 +317,8 @@ fn what_no_shell_can_be_is_refused() {
     assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
     let soft = vec![0.0; mesh.triangle_count()];
     let fabric = Fabric { stiffness: Some(&soft), ..Fabric::default() };
-    let refused = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect_err("a faulty case");
+    let refused = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric, &Run::default())
+        .expect_err("a faulty case");
     assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
 }
 
@@ -329,8 +335,8 @@ fn a_stiffer_part_keeps_its_shape_better() {
             (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
         let options = DeformOptions::default();
         let fabric = Fabric { stiffness: Some(&stiffness), ..Fabric::default() };
-        let mut primo = Primo::of_fabric(&mesh, &handles, &options, &fabric).expect("a sound case");
-        let done = primo.deform(&pose, Start::Spread, &Convergence::default()).expect("a sound case");
+        let mut primo = Primo::of_fabric(&mesh, &handles, &options, &fabric, &Run::default()).expect("a sound case");
+        let done = primo.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).expect("a sound case");
         let ring = &done.positions[40..44];
         let side = ring[1] - ring[0] + (ring[2] - ring[3]);
         side.z.atan2(side.y)
@@ -374,9 +380,10 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     };
     let rigid: Vec<Option<u32>> = (0..mesh.triangle_count()).map(number).collect();
     let fabric = Fabric { rigid: Some(&rigid), ..Fabric::default() };
-    let mut primo = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric).expect("a sound case");
+    let mut primo =
+        Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric, &Run::default()).expect("a sound case");
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
-    let done = primo.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let done = primo.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
     let inner: Vec<usize> = (0..mesh.vertex_count()).filter(|&v| (3.4..4.6).contains(&mesh.positions()[v].x)).collect();
     assert!(inner.len() >= 8);
     for (&v, &w) in inner.iter().zip(&inner[1..]).chain(inner.iter().zip(&inner[4..])) {
@@ -385,12 +392,12 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     }
     let energies = &done.report.energies;
     assert!(energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
-    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default()).expect("a sound case");
-    let free = free.deform(&pose, Start::Spread, &convergence).expect("a sound case");
+    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
+    let free = free.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
     let least = free.report.energies.last().expect("the energy at the start");
     assert!(energies[energies.len() - 1] > 1.02 * least, "what must not bend costs");
     // From any positions bones start straight.
-    let again = primo.deform(&pose, Start::At(&free.positions), &convergence).expect("a sound case");
+    let again = primo.deform(&pose, Start::At(&free.positions), &convergence, &Run::default()).expect("a sound case");
     let (a, b) = (again.report.energies.last().expect("the energy"), energies.last().expect("the energy"));
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
 }

@@ -12,6 +12,7 @@ use nalgebra::{Matrix2x3, Matrix6, SMatrix, Vector6};
 use super::three_point::{Sighting, three_point};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, Solution, msac};
+use plumbline_num::run::{Run, Stopped};
 
 /// Steps of one refit inside the search: it starts near and repeats.
 const REFIT_STEPS: usize = 4;
@@ -20,14 +21,18 @@ const REFIT_STEPS: usize = 4;
 ///
 /// `start`, where given, competes with the sampled poses. `None` where fewer than three sightings carry weight or none of the
 /// samples determines a pose.
+///
+/// # Errors
+/// [`Stopped`].
 pub fn absolute_pose(
     sightings: &[Sighting],
     weights: &[f64],
     options: &MsacOptions,
     start: Option<CameraPose>,
     rng: &mut fastrand::Rng,
-) -> Option<Solution<CameraPose>> {
-    msac(&BySightings(sightings), weights, options, start, rng)
+    run: &Run,
+) -> Result<Option<Solution<CameraPose>>, Stopped> {
+    msac(&BySightings(sightings), weights, options, start, rng, run)
 }
 
 struct BySightings<'a>(&'a [Sighting]);
@@ -107,7 +112,9 @@ mod tests {
             let views = TwoViews::general(pose, 150, &mut rng);
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
             let data = sightings(&views);
-            let found = absolute_pose(&data, &[1.0; 150], &SEARCH, None, &mut rng).expect("a pose exists");
+            let found = absolute_pose(&data, &[1.0; 150], &SEARCH, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .expect("a pose exists");
             assert!((found.support - 0.6).abs() < 0.05, "seed {seed}: {}", found.support);
             assert!(rotation_error(&found.model, &pose) < 0.1_f64.to_radians(), "seed {seed}");
             assert!((found.model.center() - pose.center()).norm() < 0.02, "seed {seed}");
@@ -119,7 +126,9 @@ mod tests {
         let mut rng = fastrand::Rng::with_seed(1);
         let pose = random_pose(&mut rng, 0.5, 1.0);
         let data = sightings(&TwoViews::general(pose, 30, &mut rng));
-        let found = absolute_pose(&data, &[1.0; 30], &SEARCH, None, &mut rng).expect("a pose exists");
+        let found = absolute_pose(&data, &[1.0; 30], &SEARCH, None, &mut rng, &Run::default())
+            .expect("a run that never stops")
+            .expect("a pose exists");
         assert!(rotation_error(&found.model, &pose) < 1e-10);
         assert!((found.model.translation - pose.translation).norm() < 1e-10);
     }

@@ -118,6 +118,7 @@ mod tests {
     use crate::motion::sfm::essential_pose::pose_of_essential;
     use crate::motion::sfm::synthetic_views::{TwoViews, direction_error, random_pose, rotation_error};
     use plumbline_num::optim::ransac::{MsacOptions, msac};
+    use plumbline_num::run::Run;
 
     const SEARCH: MsacOptions =
         MsacOptions { threshold: 2.0 / 576.0, min_samples: 50, max_samples: 1000, local_steps: 4 };
@@ -147,7 +148,9 @@ mod tests {
             let clean = views.correspondences.clone();
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
             let data = ByEssential::of(&views.correspondences);
-            let found = msac(&data, &[1.0; 200], &SEARCH, None, &mut rng).expect("a pose exists");
+            let found = msac(&data, &[1.0; 200], &SEARCH, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .expect("a pose exists");
             let (estimate, _) = pose_of_essential(&found.model, &views.correspondences, &[true; 200]).expect("a pose");
             // What the noise of the 120 inliers allows, to first order.
             let weights: Vec<f64> = (0..200).map(|k| f64::from(k >= 80)).collect();

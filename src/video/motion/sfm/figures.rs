@@ -5,6 +5,7 @@ use super::mapper::WRONG_PX;
 use super::prediction::predict;
 use super::{Scene, TrackTable};
 use plumbline_camera::CameraPose;
+use plumbline_num::run::{Run, Stopped};
 
 /// Columns and rows of the cells in which coverage is counted.
 const CELLS: (usize, usize) = (8, 6);
@@ -50,7 +51,12 @@ pub struct SfmFigures {
 }
 
 /// Measures a scene against its tracks.
-pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<f64>) -> SfmFigures {
+pub(super) fn figures(
+    table: &TrackTable,
+    scene: &Scene,
+    sigma_ln_focal: Option<f64>,
+    run: &Run,
+) -> Result<SfmFigures, Stopped> {
     let unit = table.unit_px();
     let (mut sum, mut squares, mut observations) = (0.0, 0.0, 0_usize);
     let mut cells = vec![false; table.frames() * CELLS.0 * CELLS.1];
@@ -61,8 +67,8 @@ pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<
     let covered = cells.iter().filter(|c| **c).count() as f64 / (CELLS.0 * CELLS.1) as f64;
     let registered = scene.poses.iter().flatten().count();
     let mut angles: Vec<f64> = (0..table.points()).filter_map(|p| widest_angle(table, scene, p)).collect();
-    let prediction = predict(table, scene);
-    SfmFigures {
+    let prediction = predict(table, scene, run)?;
+    Ok(SfmFigures {
         registered,
         frames: table.frames(),
         points: angles.len(),
@@ -76,7 +82,7 @@ pub(super) fn figures(table: &TrackTable, scene: &Scene, sigma_ln_focal: Option<
         foretold: prediction.sightings,
         foretold_px: prediction.space_px,
         flat_px: prediction.plane_px,
-    }
+    })
 }
 
 /// Which frames have a camera that explains them: most of their known points, enough of them, on enough of the picture.

@@ -34,6 +34,7 @@ use super::sampson::{self, Chart};
 use super::view_graph_focal::{focal_of_fundamental, view_graph_focal};
 use plumbline_camera::Vec3;
 use plumbline_num::optim::ransac::{MsacOptions, Solution, msac};
+use plumbline_num::run::{Run, Stopped};
 
 /// Steps of the joint refinement at most.
 const STEPS: usize = 30;
@@ -88,28 +89,45 @@ pub struct FocalEstimate {
 /// Estimates the focal length from frame pairs with parallax, each a list of correspondences.
 ///
 /// `None` where no pair has enough correspondences or none determines the focal length.
-pub fn estimate_focal(pairs: &[Vec<Correspondence>], options: &FocalOptions) -> Option<FocalEstimate> {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn estimate_focal(
+    pairs: &[Vec<Correspondence>],
+    options: &FocalOptions,
+    run: &Run,
+) -> Result<Option<FocalEstimate>, Stopped> {
+    run.complete(estimated(pairs, options, run))
+}
+
+/// The estimate; anything where the run ended on the way.
+fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -> Option<FocalEstimate> {
     let unit = options.sweep.get(options.sweep.len() / 2).copied()?;
     let usable: Vec<&[Correspondence]> =
         pairs.iter().map(Vec::as_slice).filter(|p| p.len() >= LEAST_CORRESPONDENCES).collect();
-    let found: Vec<_> = usable.iter().filter_map(|p| fundamental(p, unit, options).map(|s| (*p, s))).collect();
+    let found: Vec<_> = usable.iter().filter_map(|p| fundamental(p, unit, options, run).map(|s| (*p, s))).collect();
     let matrices: Vec<Matrix3<f64>> = found.iter().map(|(_, s)| s.model).collect();
     let by_view_graph = view_graph_focal(&matrices, options.range)?;
-    let by_sweep = sweep(&strongest(&found, options.sweep_pairs), options)?;
+    let by_sweep = sweep(&strongest(&found, options.sweep_pairs), options, run)?;
     let mut starts = vec![by_view_graph, by_sweep];
     starts.extend(median_of_closed_forms(&matrices).filter(|f| (options.range.0..options.range.1).contains(f)));
     let usable: Vec<&[Correspondence]> = found.iter().map(|(p, _)| *p).collect();
-    let joints = starts.into_iter().filter_map(|f| Joint::new(&usable, f, options)).map(|j| j.refined(options));
+    let joints = starts.into_iter().filter_map(|f| Joint::new(&usable, f, options, run)).map(|j| j.refined(options));
     let best = joints.min_by(|a, b| a.energy.total_cmp(&b.energy))?;
     best.estimate(options, by_sweep, by_view_graph)
 }
 
 /// The fundamental matrix of a pair, by robust search in coordinates of size about 1.
-fn fundamental(pair: &[Correspondence], unit: f64, options: &FocalOptions) -> Option<Solution<Matrix3<f64>>> {
+fn fundamental(
+    pair: &[Correspondence],
+    unit: f64,
+    options: &FocalOptions,
+    run: &Run,
+) -> Option<Solution<Matrix3<f64>>> {
     let scaled: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / unit)).collect();
     let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / unit, 1000);
-    let found = msac(&ByFundamental::of(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng)?;
+    let found = msac(&ByFundamental::of(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng, run).ok()??;
     let k = Matrix3::from_diagonal(&Vec3::new(1.0 / unit, 1.0 / unit, 1.0));
     Some(Solution { model: k * found.model * k, ..found })
 }
@@ -119,11 +137,12 @@ fn essential(
     focal: f64,
     max_samples: usize,
     options: &FocalOptions,
+    run: &Run,
 ) -> Option<Solution<Matrix3<f64>>> {
     let rays: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / focal)).collect();
     let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / focal, max_samples);
-    msac(&ByEssential::of(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng)
+    msac(&ByEssential::of(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng, run).ok()?
 }
 
 fn search_settings(threshold: f64, max_samples: usize) -> MsacOptions {
@@ -145,8 +164,9 @@ fn strongest<'a>(found: &[Found<'a>], count: usize) -> Vec<&'a [Correspondence]>
 }
 
 /// The focal length of the sweep with the least energy of essential matrices, parabolically interpolated in `ln f`.
-fn sweep(pairs: &[&[Correspondence]], options: &FocalOptions) -> Option<f64> {
-    let energy = |f: f64| pairs.iter().map(|p| essential(p, f, 200, options).map_or(1.0, |s| s.energy)).sum::<f64>();
+fn sweep(pairs: &[&[Correspondence]], options: &FocalOptions, run: &Run) -> Option<f64> {
+    let energy =
+        |f: f64| pairs.iter().map(|p| essential(p, f, 200, options, run).map_or(1.0, |s| s.energy)).sum::<f64>();
     let energies: Vec<f64> = options.sweep.iter().map(|f| energy(*f)).collect();
     let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b]))?;
     if best == 0 || best + 1 == energies.len() {
@@ -214,10 +234,12 @@ struct Vote {
 }
 
 impl<'a> Joint<'a> {
-    fn new(pairs: &[&'a [Correspondence]], focal: f64, options: &FocalOptions) -> Option<Self> {
+    fn new(pairs: &[&'a [Correspondence]], focal: f64, options: &FocalOptions, run: &Run) -> Option<Self> {
         let mut joint = Self { pairs: Vec::new(), poses: Vec::new(), ln_focal: focal.ln(), energy: 0.0 };
         for pair in pairs {
-            if let Some(pose) = essential(pair, focal, 200, options).and_then(|s| EssentialChart::of_matrix(&s.model)) {
+            if let Some(pose) =
+                essential(pair, focal, 200, options, run).and_then(|s| EssentialChart::of_matrix(&s.model))
+            {
                 joint.pairs.push(pair);
                 joint.poses.push(pose);
             }
@@ -375,7 +397,9 @@ mod tests {
     #[test]
     fn a_noisy_walk_gives_its_focal_length_within_three_percent_and_within_its_uncertainty() {
         for (seed, f) in [(0, 0.7), (1, 0.9), (2, 0.9), (3, 1.5), (4, 1.1)] {
-            let found = estimate_focal(&walk(f, 10, seed), &FocalOptions::for_width(1.0)).expect("parallax");
+            let found = estimate_focal(&walk(f, 10, seed), &FocalOptions::for_width(1.0), &Run::default())
+                .expect("a run that never stops")
+                .expect("parallax");
             let error = (found.focal / f).ln();
             assert!(error.abs() < 0.03, "seed {seed}: {found:?}");
             assert!(error.abs() < 4.0 * found.sigma_ln && found.sigma_ln < 0.03, "seed {seed}: {found:?}");
@@ -386,13 +410,23 @@ mod tests {
     fn pairs_of_another_lens_are_outvoted() {
         let mut pairs = walk(0.9, 9, 5);
         pairs.extend(walk(1.6, 2, 6));
-        let found = estimate_focal(&pairs, &FocalOptions::for_width(1.0)).expect("parallax");
+        let found = estimate_focal(&pairs, &FocalOptions::for_width(1.0), &Run::default())
+            .expect("a run that never stops")
+            .expect("parallax");
         assert!((found.focal / 0.9).ln().abs() < 0.05, "{found:?}");
     }
 
     #[test]
     fn without_correspondences_there_is_no_estimate() {
-        assert!(estimate_focal(&[], &FocalOptions::for_width(1.0)).is_none());
-        assert!(estimate_focal(&[Vec::new()], &FocalOptions::for_width(1.0)).is_none());
+        assert!(
+            estimate_focal(&[], &FocalOptions::for_width(1.0), &Run::default())
+                .expect("a run that never stops")
+                .is_none()
+        );
+        assert!(
+            estimate_focal(&[Vec::new()], &FocalOptions::for_width(1.0), &Run::default())
+                .expect("a run that never stops")
+                .is_none()
+        );
     }
 }

@@ -136,6 +136,7 @@ mod tests {
     use crate::motion::sfm::sampson;
     use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
     use plumbline_num::optim::ransac::{MsacOptions, msac};
+    use plumbline_num::run::Run;
 
     fn distance(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
         let (a, b) = (a / a.norm(), b / b.norm());
@@ -186,7 +187,9 @@ mod tests {
             let clean = views.correspondences.clone();
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
             let data = ByFundamental::of(&views.correspondences);
-            let found = msac(&data, &[1.0; 200], &options, None, &mut rng).expect("a matrix exists");
+            let found = msac(&data, &[1.0; 200], &options, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .expect("a matrix exists");
             let mean = clean.iter().map(|c| sampson::squared_distance(&found.model, c)).sum::<f64>() / 200.0;
             assert!(mean.sqrt() * 576.0 < 0.3, "seed {seed}: {} px from the noise-free pairs", mean.sqrt() * 576.0);
         }

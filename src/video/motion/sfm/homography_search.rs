@@ -102,6 +102,7 @@ fn normal_equations(h: &Matrix3<f64>, held: (usize, usize), pairs: &[Corresponde
 #[cfg(test)]
 mod tests {
     use nalgebra::UnitQuaternion;
+    use plumbline_num::run::Run;
 
     use super::*;
     use crate::motion::sfm::synthetic_views::TwoViews;
@@ -116,7 +117,9 @@ mod tests {
             let rotation = UnitQuaternion::from_scaled_axis(Vec3::y() * angle);
             let views = TwoViews::general(CameraPose { rotation, translation: Vec3::zeros() }, 200, &mut rng);
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
-            let found = msac(&ByPlane(&views.correspondences), &[1.0; 200], &options, None, &mut rng).expect("found");
+            let found = msac(&ByPlane(&views.correspondences), &[1.0; 200], &options, None, &mut rng, &Run::default())
+                .expect("a run that never stops")
+                .expect("found");
             assert!((found.support - 0.6).abs() < 0.05, "{angle}: {}", found.support);
             let h = found.model / found.model.determinant().cbrt();
             assert!((h - rotation.to_rotation_matrix().matrix()).norm() < 0.02, "{angle}: {h}");

@@ -6,7 +6,7 @@
 //! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
 
 use super::absolute_pose::absolute_pose;
-use super::bundle::{BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
+use super::bundle::{BundleError, BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
 use super::sample::Sample;
 use super::three_point::Sighting;
 use super::triangulate::{View, triangulate};
@@ -16,6 +16,7 @@ use plumbline_num::energy::Loss;
 use plumbline_num::math::Vec2;
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
 use plumbline_num::optim::ransac::MsacOptions;
+use plumbline_num::run::{Run, Stopped};
 
 /// Keyframes from which on focal length and distortion are unknowns.
 const FREED: usize = 8;
@@ -87,11 +88,18 @@ pub(super) struct Mapper<'a> {
     /// Points that were found not to be still.
     banned: Vec<bool>,
     pub(super) scene: Scene,
+    run: &'a Run,
 }
 
 impl<'a> Mapper<'a> {
     /// An empty map over the keyframes `frames`.
-    pub(super) fn new(table: &'a TrackTable, frames: &[usize], camera: Intrinsics, lens: LensPrior) -> Self {
+    pub(super) fn new(
+        table: &'a TrackTable,
+        frames: &[usize],
+        camera: Intrinsics,
+        lens: LensPrior,
+        run: &'a Run,
+    ) -> Self {
         let scene = Scene {
             intrinsics: camera,
             readout: 0.0,
@@ -100,7 +108,7 @@ impl<'a> Mapper<'a> {
         };
         let banned = vec![false; table.points()];
         let mut mapper =
-            Self { table, lens, start: camera, frames: Vec::new(), observations: Vec::new(), banned, scene };
+            Self { table, lens, start: camera, frames: Vec::new(), observations: Vec::new(), banned, scene, run };
         mapper.admit(frames);
         mapper
     }
@@ -112,24 +120,24 @@ impl<'a> Mapper<'a> {
     }
 
     /// Starts from two frames with a known relative pose; false where they do not carry a map.
-    pub(super) fn seed(&mut self, first: usize, second: usize, second_from_first: CameraPose) -> bool {
+    pub(super) fn seed(&mut self, first: usize, second: usize, second_from_first: CameraPose) -> Result<bool, Stopped> {
         self.scene.poses[first] = Some(CameraPose::identity());
         self.scene.poses[second] = Some(second_from_first);
-        self.triangulate_new();
-        self.adjust_all(false, GROWING).is_some() && self.known_points() >= LEAST_INLIERS
+        self.triangulate_new()?;
+        Ok(self.adjust_all(false, GROWING)?.is_some() && self.known_points() >= LEAST_INLIERS)
     }
 
     /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
-    pub(super) fn extend(&mut self) -> usize {
+    pub(super) fn extend(&mut self) -> Result<usize, Stopped> {
         let mut adjusted = self.registered().len();
         let (mut blocked_below, mut blocked_above) = (false, false);
         loop {
             let known = self.registered();
-            let Some((&low, &high)) = known.first().zip(known.last()) else { return 0 };
+            let Some((&low, &high)) = known.first().zip(known.last()) else { return Ok(0) };
             let below = self.frames.iter().rev().find(|&&f| f < low).copied().filter(|_| !blocked_below);
             let above = self.frames.iter().find(|&&f| f > high).copied().filter(|_| !blocked_above);
             let Some(frame) = nearer(below, above, low, high).or_else(|| self.gap(&known)) else { break };
-            if !self.register(frame) {
+            if !self.register(frame)? {
                 blocked_below |= frame < low;
                 blocked_above |= frame > high;
                 if frame > low && frame < high {
@@ -137,19 +145,19 @@ impl<'a> Mapper<'a> {
                 }
                 continue;
             }
-            self.triangulate_new();
+            self.triangulate_new()?;
             let count = known.len() + 1;
             if count as f64 >= GROWTH * adjusted as f64 {
-                self.adjust_all(count >= FREED, GROWING);
+                self.adjust_all(count >= FREED, GROWING)?;
                 self.discard_wrong();
                 adjusted = count;
             } else {
-                self.adjust_around(frame);
+                self.adjust_around(frame)?;
             }
         }
-        self.adjust_all(self.registered().len() >= FREED, GROWN);
+        self.adjust_all(self.registered().len() >= FREED, GROWN)?;
         self.discard_wrong();
-        self.registered().len()
+        Ok(self.registered().len())
     }
 
     /// A frame between known ones that is not known.
@@ -180,10 +188,10 @@ impl<'a> Mapper<'a> {
     }
 
     /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
-    pub(super) fn register(&mut self, frame: usize) -> bool {
+    pub(super) fn register(&mut self, frame: usize) -> Result<bool, Stopped> {
         let sightings = self.sightings(frame);
         if sightings.len() < LEAST_INLIERS {
-            return false;
+            return Ok(false);
         }
         let unit = self.unit_px();
         let threshold = 2.0 * WRONG_PX * unit / self.scene.intrinsics.focal;
@@ -192,15 +200,17 @@ impl<'a> Mapper<'a> {
         let weights = vec![1.0; sightings.len()];
         let predicted = self.predicted(frame);
         let near = MsacOptions { max_samples: 0, ..options };
-        let found = absolute_pose(&sightings, &weights, &near, predicted, &mut rng)
-            .filter(|s| s.support >= CLEAR_SUPPORT)
-            .or_else(|| absolute_pose(&sightings, &weights, &options, predicted, &mut rng));
-        let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return false };
+        let mut found = absolute_pose(&sightings, &weights, &near, predicted, &mut rng, self.run)?
+            .filter(|s| s.support >= CLEAR_SUPPORT);
+        if found.is_none() {
+            found = absolute_pose(&sightings, &weights, &options, predicted, &mut rng, self.run)?;
+        }
+        let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return Ok(false) };
         if found.support * (sightings.len() as f64) < LEAST_INLIERS as f64 {
-            return false;
+            return Ok(false);
         }
         self.scene.poses[frame] = Some(found.model);
-        true
+        Ok(true)
     }
 
     /// Known points that a frame sees.
@@ -240,12 +250,14 @@ impl<'a> Mapper<'a> {
     }
 
     /// Gives a place to every point that enough known frames see.
-    pub(super) fn triangulate_new(&mut self) {
+    pub(super) fn triangulate_new(&mut self) -> Result<(), Stopped> {
         for point in 0..self.table.points() {
+            self.run.check()?;
             if self.scene.points[point].is_none() && !self.banned[point] {
                 self.scene.points[point] = self.triangulated(point);
             }
         }
+        Ok(())
     }
 
     fn triangulated(&self, point: usize) -> Option<ScenePoint> {
@@ -269,7 +281,7 @@ impl<'a> Mapper<'a> {
     }
 
     /// Adjusts the newest frame, its nearest known neighbors and the points they see.
-    fn adjust_around(&mut self, frame: usize) {
+    fn adjust_around(&mut self, frame: usize) -> Result<(), Stopped> {
         let mut known = self.registered();
         known.sort_by_key(|f| f.abs_diff(frame));
         let (free, rest) = known.split_at(LOCAL.min(known.len()));
@@ -281,11 +293,11 @@ impl<'a> Mapper<'a> {
         let held = rest.iter().map(|&f| f as u32).collect();
         let options = BundleOptions { held, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
         // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
-        let _ = adjust(&mut self.scene, &near, &options);
+        unless_stopped(adjust(&mut self.scene, &near, &options, self.run)).map(drop)
     }
 
     /// Adjusts everything; with `lens` also focal length and distortion.
-    pub(super) fn adjust_all(&mut self, lens: bool, tolerance: f64) -> Option<BundleReport> {
+    pub(super) fn adjust_all(&mut self, lens: bool, tolerance: f64) -> Result<Option<BundleReport>, Stopped> {
         let mut options =
             BundleOptions { fit: self.fit(30, tolerance), uncertainty: false, ..BundleOptions::default() };
         if lens {
@@ -293,7 +305,7 @@ impl<'a> Mapper<'a> {
             options.focal = Freedom::Near { value, sigma };
             options.k1 = Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 };
         }
-        adjust(&mut self.scene, &self.observations, &options).ok()
+        unless_stopped(adjust(&mut self.scene, &self.observations, &options, self.run))
     }
 
     /// Sightings of the map's points, some `per_frame` in each frame, with the scene they belong to.
@@ -303,8 +315,11 @@ impl<'a> Mapper<'a> {
 
     /// Adjusts a sample of a complete map, lens included, from near its best; its points are placed first, each alone: pieces
     /// have never been.
-    pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Option<BundleReport> {
-        refine_points(&mut sample.scene, &sample.observations, &self.placing()).ok()?;
+    pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Result<Option<BundleReport>, Stopped> {
+        let placed = refine_points(&mut sample.scene, &sample.observations, &self.placing(), self.run);
+        if unless_stopped(placed)?.is_none() {
+            return Ok(None);
+        }
         let options = BundleOptions {
             fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
             turning: last.turning,
@@ -314,15 +329,15 @@ impl<'a> Mapper<'a> {
             uncertainty: last.uncertainty,
             ..BundleOptions::default()
         };
-        adjust(&mut sample.scene, &sample.observations, &options).ok()
+        unless_stopped(adjust(&mut sample.scene, &sample.observations, &options, self.run))
     }
 
     /// Takes the cameras of an adjusted sample and places all points among them.
-    pub(super) fn take_cameras(&mut self, sample: Sample) {
+    pub(super) fn take_cameras(&mut self, sample: Sample) -> Result<(), Stopped> {
         self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
         let fit = self.placing();
         // A failure leaves the points where they were: those that no longer fit are discarded by their residuals.
-        let _ = refine_points(&mut self.scene, &self.observations, &fit);
+        unless_stopped(refine_points(&mut self.scene, &self.observations, &fit, self.run)).map(drop)
     }
 
     /// How points are placed among given cameras.
@@ -352,6 +367,14 @@ impl<'a> Mapper<'a> {
                 self.banned[point] = true;
             }
         }
+    }
+}
+
+/// What was found, none where that failed; a stop is no failure.
+fn unless_stopped<T>(found: Result<T, BundleError>) -> Result<Option<T>, Stopped> {
+    match found {
+        Err(BundleError::Interrupted(stopped)) => Err(stopped),
+        found => Ok(found.ok()),
     }
 }
 

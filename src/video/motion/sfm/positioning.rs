@@ -22,6 +22,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use plumbline_camera::Vec3;
 use plumbline_num::energy::Loss;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
+use plumbline_num::run::{Run, Stopped};
 
 /// Rounds of alternation: they bring the cameras into order, not to rest.
 const ROUNDS: usize = 60;
@@ -42,20 +43,27 @@ pub(super) struct Bearing {
 
 /// Centers of `cameras` cameras from the bearings of each point, the first center in the origin and points at a distance of
 /// about 1; `None` where the bearings do not connect the cameras.
-pub(super) fn centers_of_bearings(cameras: usize, points: &[Vec<Bearing>]) -> Option<Vec<Vec3>> {
+pub(super) fn centers_of_bearings(
+    cameras: usize,
+    points: &[Vec<Bearing>],
+    run: &Run,
+) -> Result<Option<Vec<Vec3>>, Stopped> {
     let mut places = Places { centers: vec![Vec3::zeros(); cameras], points: vec![Vec3::zeros(); points.len()] };
     let mut scales: Vec<Vec<f64>> = points.iter().map(|p| vec![1.0; p.len()]).collect();
     for round in 0..ROUNDS {
         if round > 0 {
             places.rescale(points, &mut scales);
         }
-        places.solve(points, &scales)?;
+        run.check()?;
+        if places.solve(points, &scales).is_none() {
+            return Ok(None);
+        }
     }
     let mut problem = Positioning::new(points, places);
     let cost = problem.cost(&problem.present);
-    minimize(&mut problem, cost, &LAST);
+    minimize(&mut problem, cost, &LAST, run)?;
     let centers = problem.present.centers;
-    centers.iter().all(|c| c.iter().all(|v| v.is_finite())).then_some(centers)
+    Ok(centers.iter().all(|c| c.iter().all(|v| v.is_finite())).then_some(centers))
 }
 
 #[derive(Clone, Debug)]
@@ -271,7 +279,9 @@ mod tests {
             [(Course::Walk, 0.0, 0.0, 1e-4), (Course::Side, 0.0, 0.0, 1e-4), (Course::Walk, 0.2, 0.03, 0.02)]
         {
             let shot = Shot::new(&ShotOptions { seed: 6, course, noise_px, outliers, ..ShotOptions::default() });
-            let centers = centers_of_bearings(15, &bearings(&shot)).expect("connected");
+            let centers = centers_of_bearings(15, &bearings(&shot), &Run::default())
+                .expect("a run that never stops")
+                .expect("connected");
             assert!(error(&shot, &centers) < most, "{course:?}, {noise_px} px: {}", error(&shot, &centers));
             assert_eq!(centers[0], Vec3::zeros());
         }
@@ -280,6 +290,9 @@ mod tests {
     #[test]
     fn cameras_that_share_no_point_have_no_common_places() {
         let shot = Shot::new(&ShotOptions { seed: 6, ..ShotOptions::default() });
-        assert!(centers_of_bearings(16, &bearings(&shot)).is_none(), "the last one sees nothing");
+        assert!(
+            centers_of_bearings(16, &bearings(&shot), &Run::default()).expect("a run that never stops").is_none(),
+            "the last one sees nothing"
+        );
     }
 }

@@ -25,6 +25,7 @@ use super::{Match, Observation, Scene, TrackTable};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::optim::ransac::{MsacOptions, msac};
+use plumbline_num::run::{Run, Stopped};
 
 /// Pairs of frames that are asked, spread over the shot.
 const PAIRS: usize = 24;
@@ -53,20 +54,21 @@ pub(super) struct Prediction {
 }
 
 /// Foretells held-out sightings of a shot; nothing where too few tracks live long enough.
-pub(super) fn predict(table: &TrackTable, scene: &Scene) -> Prediction {
+pub(super) fn predict(table: &TrackTable, scene: &Scene, run: &Run) -> Result<Prediction, Stopped> {
     let frames = table.frames();
     let last = frames.saturating_sub(AROUND + 1);
     let start = |k: usize| LEAST_KNOWN + k * last.saturating_sub(LEAST_KNOWN) / PAIRS;
     let mut starts: Vec<usize> = (0..PAIRS).map(start).filter(|s| s + 2 <= last).collect();
     starts.dedup();
-    let judged: Vec<Sums> = starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.judged(scene)).collect();
+    let judged: Vec<Sums> =
+        starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.judged(scene, run)).collect();
     let total = judged.into_iter().fold(Sums::default(), |a, b| Sums {
         count: a.count + b.count,
         space: a.space + b.space,
         plane: a.plane + b.plane,
     });
     let px = |sum: f64| scene.intrinsics.focal * (sum / total.count.max(1) as f64).sqrt();
-    Prediction { sightings: total.count, space_px: px(total.space), plane_px: px(total.plane) }
+    run.complete(Prediction { sightings: total.count, space_px: px(total.space), plane_px: px(total.plane) })
 }
 
 /// Squared misses, normalized image coordinates.
@@ -101,16 +103,16 @@ impl<'a> Pair<'a> {
             .then(|| Some(Self { table, first: pose(first)?, second: pose(second)?, fit, held_out }))?
     }
 
-    fn judged(&self, scene: &Scene) -> Option<Sums> {
+    fn judged(&self, scene: &Scene, run: &Run) -> Option<Sums> {
         let limit = WRONG_PX * self.table.unit_px() / scene.intrinsics.focal;
         let options = MsacOptions { threshold: limit, min_samples: 20, max_samples: 500, local_steps: 5 };
-        let found = self.camera(scene, &options)? * self.second.1.inverse();
+        let found = self.camera(scene, &options, run)? * self.second.1.inverse();
         let ends = |m: &Match| Row::of(scene, self.first.0, m.first).zip(Row::of(scene, self.second.0, m.second));
         let pair =
             |(a, b): (Row, Row)| Correspondence::new(a.turned_back(&self.first.1), b.turned_back(&self.second.1));
         let pairs: Vec<Correspondence> = self.fit.iter().filter_map(ends).map(pair).collect();
         let mut rng = fastrand::Rng::with_seed(self.first.0 as u64);
-        let plane = msac(&ByPlane(&pairs), &vec![1.0; pairs.len()], &options, None, &mut rng)?.model;
+        let plane = msac(&ByPlane(&pairs), &vec![1.0; pairs.len()], &options, None, &mut rng, run).ok()??.model;
         let miss = |y: Vec3, seen: Vec2| {
             let squared = (y.xy() / y.z - seen).norm_squared();
             if y.z > 0.0 && squared <= limit * limit { squared } else { limit * limit }
@@ -128,7 +130,7 @@ impl<'a> Pair<'a> {
     }
 
     /// The camera of the second frame, from the tracks that fit alone.
-    fn camera(&self, scene: &Scene, options: &MsacOptions) -> Option<CameraPose> {
+    fn camera(&self, scene: &Scene, options: &MsacOptions, run: &Run) -> Option<CameraPose> {
         let sighting = |m: &Match| {
             let point = scene.points[m.point as usize]?;
             let anchor = scene.poses[point.anchor as usize]?;
@@ -140,7 +142,7 @@ impl<'a> Pair<'a> {
         };
         let known: Vec<Sighting> = self.fit.iter().filter_map(sighting).collect();
         let mut rng = fastrand::Rng::with_seed(self.second.0 as u64);
-        Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng)?.model)
+        Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng, run).ok()??.model)
     }
 
     /// Inverse depth in the first frame, by what that frame and those before it saw.
@@ -219,7 +221,8 @@ mod tests {
         for readout in [0.0, 0.5] {
             let shot = shot(Course::Walk, 0.0, readout);
             let table = shot.table();
-            let found = predict(&table, &scene(&shot, &table, |p| p.inverse_depth));
+            let found = predict(&table, &scene(&shot, &table, |p| p.inverse_depth), &Run::default())
+                .expect("a run that never stops");
             // Differences of fourth order miss an eighth of the speed of a 7 Hz shake, 0.3 px at the first and the last row.
             let exact = if readout == 0.0 { 1e-6 } else { 0.5 };
             assert!(found.sightings > 500 && found.space_px < exact && found.plane_px > 1.0, "{found:?}");
@@ -236,7 +239,7 @@ mod tests {
             let drift = Vec3::new(0.004 * frame as f64, 0.01 * random.f64(), 0.0);
             pose.as_mut().expect("true").translation += drift;
         }
-        let found = predict(&table, &made_up);
+        let found = predict(&table, &made_up, &Run::default()).expect("a run that never stops");
         assert!(found.sightings > 500 && found.space_px > 1.1 * found.plane_px, "{found:?}");
     }
 
@@ -245,9 +248,13 @@ mod tests {
         let whole = shot(Course::Walk, 0.0, 0.0);
         let table_of = whole.table();
         let blind = Scene { poses: vec![None; 60], ..scene(&whole, &table_of, |p| p.inverse_depth) };
-        assert_eq!(predict(&table_of, &blind).sightings, 0);
+        assert_eq!(predict(&table_of, &blind, &Run::default()).expect("a run that never stops").sightings, 0);
         let short = Shot::new(&ShotOptions { frames: 6, ..ShotOptions::default() });
         let table = short.table();
-        assert_eq!(predict(&table, &scene(&short, &table, |p| p.inverse_depth)), Prediction::default());
+        assert_eq!(
+            predict(&table, &scene(&short, &table, |p| p.inverse_depth), &Run::default())
+                .expect("a run that never stops"),
+            Prediction::default()
+        );
     }
 }

@@ -19,6 +19,7 @@ use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics};
+use plumbline_num::run::{Run, Stopped};
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
@@ -73,26 +74,31 @@ pub struct Reconstruction {
 }
 
 /// Reconstructs the cameras of one shot.
-pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Result<Reconstruction, Stopped> {
     let width = f64::from(table.width.max(table.height));
     let (focal, sigma) = options.focal.unwrap_or((USUAL_FOCAL * width, USUAL_DOUBT.ln()));
     let guess = Intrinsics::centered(focal, table.width, table.height);
     let few = median(&mut (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect::<Vec<_>>());
     if few < FEWEST_POINTS as f64 || table.frames() < 3 {
-        return nothing(table, guess, SfmVerdict::TooFewPoints, format!("{few:.0} points in most frames"));
+        return Ok(nothing(table, guess, SfmVerdict::TooFewPoints, format!("{few:.0} points in most frames")));
     }
+    run.step(0.0)?;
     let keys = keyframes(table, &guess);
-    let edges = view_graph(table, &keys, &guess, sigma.exp());
+    let edges = view_graph(table, &keys, &guess, sigma.exp(), run)?;
+    run.step(0.1)?;
     let found = match Kind::of(&edges) {
-        Kind::General => with_depth(table, options, &keys, &edges, guess),
-        Kind::Planar => planar(table, options, &keys, &edges, guess),
-        Kind::Rotation => rotation_only(table, options, &keys, &edges, guess),
+        Kind::General => with_depth(table, options, &keys, &edges, guess, run)?,
+        Kind::Planar => planar(table, options, &keys, &edges, guess, run)?,
+        Kind::Rotation => rotation_only(table, options, &keys, &edges, guess, run)?,
         Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
     };
     if found.verdict != SfmVerdict::Failed {
-        return found;
+        return Ok(found);
     }
-    match zoom_between(&edges, &guess) {
+    Ok(match zoom_between(&edges, &guess, run)? {
         Some(factor) => nothing(
             table,
             guess,
@@ -100,7 +106,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions) -> Reconstruction {
             format!("the focal length changes, by {factor:.2} in a second or so"),
         ),
         None => found,
-    }
+    })
 }
 
 /// What most pairs of keyframes say.
@@ -144,15 +150,16 @@ fn with_depth(
     keys: &[usize],
     edges: &[Edge],
     guess: Intrinsics,
-) -> Reconstruction {
-    let found = general(table, options, keys, edges, guess);
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
+    let found = general(table, options, keys, edges, guess, run)?;
     if found.verdict != SfmVerdict::Failed || foretells(&found.figures) {
-        return found;
+        return Ok(found);
     }
-    let turning = rotation_only(table, options, keys, edges, guess);
+    let turning = rotation_only(table, options, keys, edges, guess, run)?;
     let nothing_else = found.figures.points == 0;
     let as_well = nothing_else || turning.figures.rms_px <= MOST_TURNING_LOSS * found.figures.rms_px;
-    if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found }
+    Ok(if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found })
 }
 
 /// A map of a scene with depth, whatever that is worth.
@@ -162,8 +169,9 @@ fn general(
     keys: &[usize],
     edges: &[Edge],
     guess: Intrinsics,
-) -> Reconstruction {
-    let (camera, lens) = match (options.focal, shared_focal(table, edges)) {
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
+    let (camera, lens) = match (options.focal, shared_focal(table, edges, run)?) {
         (None, Some(vote)) => {
             let sigma = vote.sigma_ln.max(VOTED_SIGMA);
             let camera = Intrinsics { focal: vote.focal, ..guess };
@@ -174,29 +182,30 @@ fn general(
             (guess, LensPrior { sigma_ln_focal: sigma, sigma_k1: SIGMA_K1 })
         }
     };
-    let edges = view_graph(table, keys, &camera, lens.sigma_ln_focal.exp());
+    let edges = view_graph(table, keys, &camera, lens.sigma_ln_focal.exp(), run)?;
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| is_seed(e)).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
     let starts = seeds.into_iter().take(SEEDS).map(|seed| (seed, seed.view.poses[0]));
-    let empty = Mapper::new(table, keys, camera, lens);
-    let mapper = grown(&empty, starts, |_| 0.0);
-    let averaged = averaged(keys, &edges);
+    let empty = Mapper::new(table, keys, camera, lens, run);
+    let mapper = grown(&empty, starts, |_| Ok(0.0), run)?;
+    run.step(0.4)?;
+    let averaged = averaged(keys, &edges, run)?;
     let whole = mapper.as_ref().is_some_and(|m| m.registered().len() == keys.len() && agrees(m, keys, &averaged));
-    let found = mapper.map(|m| finished(table, m, options, SfmVerdict::ThreeD));
+    let found = mapper.map(|m| finished(table, m, options, SfmVerdict::ThreeD, run)).transpose()?;
     if whole {
-        return found.expect("a map was found");
+        return Ok(found.expect("a map was found"));
     }
     // Turning cameras have places too, made up ones, and they take as long to find.
     let general = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).count();
     let mut all = empty.clone();
-    let rescued = (2 * general >= edges.len() && place_all(table, &mut all, keys, &averaged))
-        .then(|| finished(table, all, options, SfmVerdict::ThreeD));
-    match (found, rescued) {
+    let placed = 2 * general >= edges.len() && place_all(table, &mut all, keys, &averaged, run)?;
+    let rescued = placed.then(|| finished(table, all, options, SfmVerdict::ThreeD, run)).transpose()?;
+    Ok(match (found, rescued) {
         (Some(found), Some(rescued)) => better(found, rescued),
         (found, rescued) => found.or(rescued).unwrap_or_else(|| {
             nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned())
         }),
-    }
+    })
 }
 
 /// Of two maps the one that is believed, of more frames, of smaller residuals.
@@ -209,16 +218,18 @@ fn better(a: Reconstruction, b: Reconstruction) -> Reconstruction {
 fn grown<'a, 'e>(
     empty: &Mapper<'a>,
     starts: impl Iterator<Item = (&'e Edge, CameraPose)>,
-    cost: impl Fn(&mut Mapper<'a>) -> f64,
-) -> Option<Mapper<'a>> {
+    cost: impl Fn(&mut Mapper<'a>) -> Result<f64, Stopped>,
+    run: &Run,
+) -> Result<Option<Mapper<'a>>, Stopped> {
     let mut best: Option<(f64, Mapper<'a>)> = None;
     for (seed, pose) in starts {
         let mut mapper = empty.clone();
-        if !mapper.seed(seed.first, seed.second, pose) {
+        run.check()?;
+        if !mapper.seed(seed.first, seed.second, pose)? {
             continue;
         }
-        let lost = mapper.keyframes() - mapper.extend();
-        let cost = lost as f64 + cost(&mut mapper);
+        let lost = mapper.keyframes() - mapper.extend()?;
+        let cost = lost as f64 + cost(&mut mapper)?;
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, mapper));
         }
@@ -226,7 +237,7 @@ fn grown<'a, 'e>(
             break;
         }
     }
-    best.map(|(_, mapper)| mapper)
+    Ok(best.map(|(_, mapper)| mapper))
 }
 
 /// A map of a plane, from the best of the poses that its homographies allow.
@@ -236,32 +247,42 @@ fn planar(
     keys: &[usize],
     edges: &[Edge],
     guess: Intrinsics,
-) -> Reconstruction {
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
     let sigma = options.focal.map_or(VOTED_SIGMA, |(_, sigma)| sigma);
     let lens = LensPrior { sigma_ln_focal: sigma, sigma_k1: 0.1 * SIGMA_K1 };
     let mut seeds: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::Planar).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
     let starts = seeds.into_iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
-    let miss = |mapper: &mut Mapper<'_>| mapper.adjust_all(false, GROWN).map_or(f64::INFINITY, |r| r.median_px);
-    match grown(&Mapper::new(table, keys, guess, lens), starts, miss) {
-        Some(mapper) => finished(table, mapper, options, SfmVerdict::Planar),
-        None => {
-            nothing(table, guess, SfmVerdict::Failed, "no pose explains the plane that the points move as".to_owned())
-        }
-    }
+    let miss = |mapper: &mut Mapper<'_>| {
+        let report = mapper.adjust_all(false, GROWN)?;
+        Ok(report.map_or(f64::INFINITY, |r| r.median_px))
+    };
+    let Some(mapper) = grown(&Mapper::new(table, keys, guess, lens, run), starts, miss, run)? else {
+        let reason = "no pose explains the plane that the points move as".to_owned();
+        return Ok(nothing(table, guess, SfmVerdict::Failed, reason));
+    };
+    finished(table, mapper, options, SfmVerdict::Planar, run)
 }
 
 /// Registers the frames between keyframes, adjusts everything and judges the result.
-fn finished(table: &TrackTable, mut mapper: Mapper<'_>, options: &SfmOptions, verdict: SfmVerdict) -> Reconstruction {
+fn finished(
+    table: &TrackTable,
+    mut mapper: Mapper<'_>,
+    options: &SfmOptions,
+    verdict: SfmVerdict,
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
     let all: Vec<usize> = (0..table.frames()).collect();
     mapper.admit(&all);
     let missing: Vec<usize> = all.into_iter().filter(|&f| mapper.scene.poses[f].is_none()).collect();
     for frame in missing {
-        mapper.register(frame);
+        mapper.register(frame)?;
     }
-    mapper.triangulate_new();
-    let (mapper, report) = settled(mapper, options, false);
-    concluded(table, mapper, report, verdict)
+    mapper.triangulate_new()?;
+    run.step(0.7)?;
+    let (mapper, report) = settled(mapper, options, false)?;
+    concluded(table, mapper, report, verdict, run)
 }
 
 /// The cameras of a shot that shows no parallax.
@@ -271,42 +292,48 @@ fn rotation_only(
     keys: &[usize],
     edges: &[Edge],
     guess: Intrinsics,
-) -> Reconstruction {
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
     let focal = if options.focal.is_some() { None } else { focal_of_turns(edges, &guess) };
     let camera = Intrinsics { focal: focal.unwrap_or(guess.focal), ..guess };
     let sigma_ln_focal = options.focal.map_or(TURNED_SIGMA, |(_, sigma)| sigma);
-    let mut mapper = Mapper::new(table, keys, camera, LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 });
+    let mut mapper = Mapper::new(table, keys, camera, LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 }, run);
     mapper.admit(&(0..table.frames()).collect::<Vec<_>>());
-    turn_cameras(table, &mut mapper, keys, edges);
-    let (mapper, report) = settled(mapper, options, true);
-    concluded(table, mapper, report, SfmVerdict::RotationOnly)
+    turn_cameras(table, &mut mapper, keys, edges, run)?;
+    run.step(0.7)?;
+    let (mapper, report) = settled(mapper, options, true)?;
+    concluded(table, mapper, report, SfmVerdict::RotationOnly, run)
 }
 
 /// Adjusts a complete map; with a readout where one is allowed and the residuals show it.
-fn settled<'a>(mut mapper: Mapper<'a>, options: &SfmOptions, turning: bool) -> (Mapper<'a>, Option<BundleReport>) {
+fn settled<'a>(
+    mut mapper: Mapper<'a>,
+    options: &SfmOptions,
+    turning: bool,
+) -> Result<(Mapper<'a>, Option<BundleReport>), Stopped> {
     let rough = Last { turning, ..Last::ROUGH };
     let mut sample = mapper.sample(FEW_SIGHTINGS);
-    let still = mapper.finish(&mut sample, rough);
+    let still = mapper.finish(&mut sample, rough)?;
     let mut rolling = false;
     if let Some(still) = still.filter(|_| options.rolling_shutter) {
         let mut moving = sample.clone();
-        let found = mapper.finish(&mut moving, Last { rolling: true, ..rough });
+        let found = mapper.finish(&mut moving, Last { rolling: true, ..rough })?;
         rolling = found.is_some_and(|r| r.cost < CLEAR_GAIN * still.cost)
             && (LEAST_READOUT..MOST_READOUT).contains(&moving.scene.readout);
         if rolling {
             sample = moving;
         }
     }
-    mapper.take_cameras(sample);
+    mapper.take_cameras(sample)?;
     mapper.discard_wrong();
     if !turning {
-        mapper.triangulate_new();
+        mapper.triangulate_new()?;
     }
     let mut sample = mapper.sample(ENOUGH_SIGHTINGS);
-    let report = mapper.finish(&mut sample, Last { rolling, turning, ..Last::FINE });
-    mapper.take_cameras(sample);
+    let report = mapper.finish(&mut sample, Last { rolling, turning, ..Last::FINE })?;
+    mapper.take_cameras(sample)?;
     mapper.discard_wrong();
-    (mapper, report)
+    Ok((mapper, report))
 }
 
 /// Measures and judges a finished map.
@@ -315,11 +342,12 @@ fn concluded(
     mapper: Mapper<'_>,
     report: Option<BundleReport>,
     verdict: SfmVerdict,
-) -> Reconstruction {
-    let figures = figures(table, &mapper.scene, report.and_then(|r| r.sigma_ln_focal));
+    run: &Run,
+) -> Result<Reconstruction, Stopped> {
+    let figures = figures(table, &mapper.scene, report.and_then(|r| r.sigma_ln_focal), run)?;
     let (verdict, reason) =
         judged(&figures, mapper.scene.intrinsics.k1, verdict, f64::from(table.width.max(table.height)) / 640.0);
-    Reconstruction { scene: mapper.scene, verdict, reason, figures }
+    Ok(Reconstruction { scene: mapper.scene, verdict, reason, figures })
 }
 
 fn nothing(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: String) -> Reconstruction {

@@ -11,6 +11,7 @@ use super::rotation_averaging::{RotationEdge, average_rotations};
 use super::view_graph::Edge;
 use super::{AveragedRotations, TrackTable};
 use plumbline_camera::{CameraPose, Point3, align};
+use plumbline_num::run::{Run, Stopped};
 
 /// Keyframes that must see a point for it to say where they stand: two say nothing that their baseline has not used up.
 const LEAST_VIEWS: usize = 3;
@@ -19,7 +20,7 @@ const LEAST_VIEWS: usize = 3;
 const MOST_APART: f64 = 0.1;
 
 /// The rotations on which most pairs of the keyframes agree.
-pub(super) fn averaged(keys: &[usize], edges: &[Edge]) -> AveragedRotations {
+pub(super) fn averaged(keys: &[usize], edges: &[Edge], run: &Run) -> Result<AveragedRotations, Stopped> {
     let row = |frame: usize| keys.binary_search(&frame).ok();
     let measured = edges.iter().filter_map(|e| {
         Some(RotationEdge {
@@ -29,7 +30,7 @@ pub(super) fn averaged(keys: &[usize], edges: &[Edge]) -> AveragedRotations {
             weight: e.inliers() as f64,
         })
     });
-    average_rotations(keys.len(), &measured.collect::<Vec<_>>())
+    average_rotations(keys.len(), &measured.collect::<Vec<_>>(), run)
 }
 
 /// Whether the cameras of a map turn as the pairs of keyframes say.
@@ -50,7 +51,8 @@ pub(super) fn place_all(
     mapper: &mut Mapper<'_>,
     keys: &[usize],
     averaged: &AveragedRotations,
-) -> bool {
+    run: &Run,
+) -> Result<bool, Stopped> {
     let lens = mapper.scene.intrinsics;
     let turned: Vec<_> = keys.iter().zip(&averaged.rotations).filter_map(|(&k, r)| Some((k, (*r)?))).collect();
     let seen = |point: usize| -> Vec<Bearing> {
@@ -63,17 +65,17 @@ pub(super) fn place_all(
     };
     let points: Vec<Vec<Bearing>> = (0..table.points()).map(seen).filter(|p| p.len() >= LEAST_VIEWS).collect();
     if turned.len() < 2 || points.is_empty() {
-        return false;
+        return Ok(false);
     }
-    let Some(centers) = centers_of_bearings(turned.len(), &points) else { return false };
+    let Some(centers) = centers_of_bearings(turned.len(), &points, run)? else { return Ok(false) };
     for ((frame, rotation), center) in turned.into_iter().zip(centers) {
         mapper.scene.poses[frame] = Some(CameraPose::looking_from(Point3::from(center), rotation));
     }
-    mapper.triangulate_new();
-    mapper.adjust_all(false, GROWN);
+    mapper.triangulate_new()?;
+    mapper.adjust_all(false, GROWN)?;
     mapper.discard_wrong();
-    mapper.triangulate_new();
-    mapper.adjust_all(true, GROWN).is_some()
+    mapper.triangulate_new()?;
+    Ok(mapper.adjust_all(true, GROWN)?.is_some())
 }
 
 #[cfg(test)]
@@ -99,11 +101,12 @@ mod tests {
             let (shot, table) = shot(course);
             let camera = Intrinsics::centered(576.0, 640, 360);
             let keys = keyframes(&table, &camera);
-            let edges = view_graph(&table, &keys, &camera, 1.05);
-            let averaged = averaged(&keys, &edges);
+            let edges = view_graph(&table, &keys, &camera, 1.05, &Run::default()).expect("a run that never stops");
+            let averaged = averaged(&keys, &edges, &Run::default()).expect("a run that never stops");
             let lens = LensPrior { sigma_ln_focal: 0.02, sigma_k1: 0.01 };
-            let mut mapper = Mapper::new(&table, &keys, camera, lens);
-            assert!(place_all(&table, &mut mapper, &keys, &averaged));
+            let run = Run::default();
+            let mut mapper = Mapper::new(&table, &keys, camera, lens, &run);
+            assert!(place_all(&table, &mut mapper, &keys, &averaged, &Run::default()).expect("a run that never stops"));
             let known: Vec<Option<CameraPose>> = keys.iter().map(|&k| mapper.scene.poses[k]).collect();
             let truth: Vec<Option<CameraPose>> = keys.iter().map(|&k| shot.truth.poses[k]).collect();
             let error = path_error(&known, &truth);
@@ -121,7 +124,17 @@ mod tests {
         let (_, table) = shot(Course::Walk);
         let camera = Intrinsics::centered(576.0, 640, 360);
         let lens = LensPrior { sigma_ln_focal: 0.02, sigma_k1: 0.01 };
-        let mut mapper = Mapper::new(&table, &[0, 20], camera, lens);
-        assert!(!place_all(&table, &mut mapper, &[0, 20], &averaged(&[0, 20], &[])));
+        let run = Run::default();
+        let mut mapper = Mapper::new(&table, &[0, 20], camera, lens, &run);
+        assert!(
+            !place_all(
+                &table,
+                &mut mapper,
+                &[0, 20],
+                &averaged(&[0, 20], &[], &Run::default()).expect("a run that never stops"),
+                &Run::default()
+            )
+            .expect("a run that never stops")
+        );
     }
 }

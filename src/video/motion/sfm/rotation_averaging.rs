@@ -22,6 +22,7 @@
 use nalgebra::{DMatrix, UnitQuaternion};
 
 use plumbline_camera::Vec3;
+use plumbline_num::run::{Run, Stopped};
 
 /// Rounds with `ρ = |·|`.
 const ABSOLUTE_ROUNDS: usize = 60;
@@ -70,24 +71,31 @@ pub struct AveragedRotations {
 /// The rotations that most of the `edges` between `cameras` cameras agree on.
 ///
 /// Edges to cameras that do not exist, of a camera with itself, or without weight are left out.
-pub fn average_rotations(cameras: usize, edges: &[RotationEdge]) -> AveragedRotations {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn average_rotations(cameras: usize, edges: &[RotationEdge], run: &Run) -> Result<AveragedRotations, Stopped> {
     let usable = |e: &RotationEdge| e.first < cameras && e.second < cameras && e.first != e.second && e.weight > 0.0;
     let confirmed = confirmations(cameras, edges, usable);
     let mut tree = spanning_tree(cameras, edges, &confirmed, usable);
     let trusted = |(e, c): (&RotationEdge, &Confirmation)| RotationEdge { weight: e.weight * c.trust(), ..*e };
     let taking_part: Vec<RotationEdge> = edges.iter().zip(&confirmed).filter(|(e, _)| usable(e)).map(trusted).collect();
     let mut solver = Solver::new(&mut tree, taking_part);
-    solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(SMALLEST_RESIDUAL));
-    solver.rounds(REDESCENDING_ROUNDS, |sigma, r| {
-        let scale = SCALE * sigma.max(SMALLEST_RESIDUAL);
-        let weight = scale * scale / (scale * scale + r * r);
-        weight * weight
-    });
+    solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(SMALLEST_RESIDUAL), run)?;
+    solver.rounds(
+        REDESCENDING_ROUNDS,
+        |sigma, r| {
+            let scale = SCALE * sigma.max(SMALLEST_RESIDUAL);
+            let weight = scale * scale / (scale * scale + r * r);
+            weight * weight
+        },
+        run,
+    )?;
     let residual = |e: &RotationEdge| match (tree.get(e.first), tree.get(e.second)) {
         (Some(Some(a)), Some(Some(b))) if usable(e) => miss(a, b, e).norm(),
         _ => f64::INFINITY,
     };
-    AveragedRotations { residuals: edges.iter().map(residual).collect(), rotations: tree }
+    Ok(AveragedRotations { residuals: edges.iter().map(residual).collect(), rotations: tree })
 }
 
 /// `Log(R_jᵀ R_ij R_i)`.
@@ -206,11 +214,12 @@ impl<'a> Solver<'a> {
     }
 
     /// Reweighted steps; `weight` of a residual given the standard deviation of the residuals per axis, rad.
-    fn rounds(&mut self, count: usize, weight: impl Fn(f64, f64) -> f64) {
+    fn rounds(&mut self, count: usize, weight: impl Fn(f64, f64) -> f64, run: &Run) -> Result<(), Stopped> {
         if self.unknowns == 0 {
-            return;
+            return Ok(());
         }
         for _ in 0..count {
+            run.check()?;
             let residuals = self.residuals();
             let mut lengths: Vec<f64> = residuals.iter().map(Vec3::norm).collect();
             let weights: Vec<f64> = {
@@ -224,6 +233,7 @@ impl<'a> Solver<'a> {
                 break;
             }
         }
+        Ok(())
     }
 
     /// Moves every rotation by the solution of the weighted Laplacian; the largest move, rad.
@@ -307,7 +317,7 @@ mod tests {
     fn exact_edges_give_exact_rotations_though_a_fifth_is_wrong() {
         for seed in 0..10 {
             let (truth, edges, right) = clip(40, 0.0, 0.2, seed);
-            let found = average_rotations(40, &edges);
+            let found = average_rotations(40, &edges, &Run::default()).expect("a run that never stops");
             assert!(worst(&found, &truth) < 1e-6, "seed {seed}: {}", worst(&found, &truth));
             assert!(found.residuals.iter().zip(&right).all(|(r, right)| (*r < 1e-5) == *right));
         }
@@ -318,9 +328,10 @@ mod tests {
         let noise = 0.1_f64.to_radians();
         for seed in 0..10 {
             let (truth, edges, _) = clip(60, noise, 0.2, seed);
-            let with = worst(&average_rotations(60, &edges), &truth);
+            let with = worst(&average_rotations(60, &edges, &Run::default()).expect("a run that never stops"), &truth);
             let (truth, edges, _) = clip(60, noise, 0.0, seed);
-            let without = worst(&average_rotations(60, &edges), &truth);
+            let without =
+                worst(&average_rotations(60, &edges, &Run::default()).expect("a run that never stops"), &truth);
             // Errors accumulate along the clip: 60 steps, each averaged over about four edges, in three axes.
             let expected = noise * (3.0_f64 * 60.0).sqrt();
             assert!(with < expected && without < expected, "seed {seed}: {with} with, {without} without outliers");
@@ -333,16 +344,22 @@ mod tests {
         edges.push(RotationEdge { first: 3, second: 99, ..edges[0] });
         edges.push(RotationEdge { first: 10, second: 11, ..edges[0] });
         edges.push(RotationEdge { weight: f64::NAN, ..edges[0] });
-        let found = average_rotations(12, &edges);
+        let found = average_rotations(12, &edges, &Run::default()).expect("a run that never stops");
         assert!(found.rotations[..10].iter().all(Option::is_some) && found.rotations[10..].iter().all(Option::is_none));
         assert!(found.residuals[edges.len() - 3..].iter().all(|r| r.is_infinite()));
-        assert!(average_rotations(0, &[]).rotations.is_empty());
-        assert_eq!(average_rotations(1, &[]).rotations, vec![Some(UnitQuaternion::identity())]);
+        assert!(average_rotations(0, &[], &Run::default()).expect("a run that never stops").rotations.is_empty());
+        assert_eq!(
+            average_rotations(1, &[], &Run::default()).expect("a run that never stops").rotations,
+            vec![Some(UnitQuaternion::identity())]
+        );
     }
 
     #[test]
     fn the_answer_does_not_depend_on_the_order_of_equal_runs() {
         let (_, edges, _) = clip(30, 0.01, 0.2, 4);
-        assert_eq!(average_rotations(30, &edges), average_rotations(30, &edges));
+        assert_eq!(
+            average_rotations(30, &edges, &Run::default()).expect("a run that never stops"),
+            average_rotations(30, &edges, &Run::default()).expect("a run that never stops")
+        );
     }
 }

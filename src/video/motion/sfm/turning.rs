@@ -12,6 +12,7 @@ use super::rotation_averaging::{RotationEdge, average_rotations};
 use super::view_graph::Edge;
 use super::{Match, ScenePoint, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics, Vec3};
+use plumbline_num::run::{Run, Stopped};
 
 /// Share of the pairs, those that turned most, that are asked for the focal length.
 const ASKED: usize = 3;
@@ -28,7 +29,13 @@ pub(super) fn focal_of_turns(edges: &[Edge], camera: &Intrinsics) -> Option<f64>
 }
 
 /// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.
-pub(super) fn turn_cameras(table: &TrackTable, mapper: &mut Mapper<'_>, keys: &[usize], edges: &[Edge]) {
+pub(super) fn turn_cameras(
+    table: &TrackTable,
+    mapper: &mut Mapper<'_>,
+    keys: &[usize],
+    edges: &[Edge],
+    run: &Run,
+) -> Result<(), Stopped> {
     let camera = mapper.scene.intrinsics;
     let row = |frame: usize| keys.binary_search(&frame).ok();
     let measured = edges.iter().filter_map(|e| {
@@ -40,15 +47,17 @@ pub(super) fn turn_cameras(table: &TrackTable, mapper: &mut Mapper<'_>, keys: &[
             weight: e.inliers() as f64,
         })
     });
-    let averaged = average_rotations(keys.len(), &measured.collect::<Vec<_>>());
+    let averaged = average_rotations(keys.len(), &measured.collect::<Vec<_>>(), run)?;
     for (&frame, rotation) in keys.iter().zip(&averaged.rotations) {
         mapper.scene.poses[frame] = rotation.map(|rotation| CameraPose { rotation, translation: Vec3::zeros() });
     }
     let unknown: Vec<usize> = (0..table.frames()).filter(|&f| mapper.scene.poses[f].is_none()).collect();
     for frame in unknown {
+        run.check()?;
         mapper.scene.poses[frame] = turned_from_known(table, &mapper.scene.poses, frame, keys, &camera);
     }
     place_at_infinity(table, mapper);
+    Ok(())
 }
 
 /// The pose of a frame by the nearest keyframe, or else neighbor, before it that shares enough points.
@@ -107,7 +116,8 @@ mod tests {
         let (_, table) = turning(0.0);
         for assumed in [480.0, 576.0, 700.0] {
             let camera = Intrinsics::centered(assumed, 640, 360);
-            let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.5);
+            let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.5, &Run::default())
+                .expect("a run that never stops");
             let focal = focal_of_turns(&edges, &camera).expect("it turned");
             assert!((focal / 576.0 - 1.0).abs() < 0.05, "{focal} from {assumed}");
         }
@@ -119,9 +129,10 @@ mod tests {
         let (shot, table) = turning(0.1);
         let camera = Intrinsics::centered(576.0, 640, 360);
         let keys = keyframes(&table, &camera);
-        let edges = view_graph(&table, &keys, &camera, 1.1);
-        let mut mapper = Mapper::new(&table, &keys, camera, LensPrior { sigma_ln_focal: 0.1, sigma_k1: 0.1 });
-        turn_cameras(&table, &mut mapper, &keys, &edges);
+        let edges = view_graph(&table, &keys, &camera, 1.1, &Run::default()).expect("a run that never stops");
+        let run = Run::default();
+        let mut mapper = Mapper::new(&table, &keys, camera, LensPrior { sigma_ln_focal: 0.1, sigma_k1: 0.1 }, &run);
+        turn_cameras(&table, &mut mapper, &keys, &edges, &Run::default()).expect("a run that never stops");
         assert!(mapper.scene.poses.iter().all(|p| p.is_some_and(|p| p.translation == Vec3::zeros())));
         let error = path_error(&mapper.scene.poses, &shot.truth.poses);
         assert!(error.rotation < 0.2_f64.to_radians(), "{error:?}");

@@ -28,6 +28,7 @@ use super::rotation_fit::{Turn, conjugate_rotation, fit_turn, homography_squared
 use super::sampson;
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, msac};
+use plumbline_num::run::{Run, Stopped};
 
 /// Steps of the last refinement of the essential matrix.
 const FINAL_STEPS: usize = 20;
@@ -112,11 +113,14 @@ pub struct TwoView {
 }
 
 /// Judges the pairs of two frames, given in image coordinates normalized by an assumed focal length.
-pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions) -> TwoView {
+///
+/// # Errors
+/// [`Stopped`].
+pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions, run: &Run) -> Result<TwoView, Stopped> {
     if pairs.len() < options.least_pairs {
-        return TwoView::degenerate(pairs.len());
+        return Ok(TwoView::degenerate(pairs.len()));
     }
-    let fits = Fits::new(pairs, options);
+    let fits = Fits::new(pairs, options, run)?;
     let noise = fits.noise(pairs, options);
     let scores = fits.scores(pairs, noise);
     let epipolar = scores.essential.min(scores.fundamental);
@@ -130,7 +134,7 @@ pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions) -> TwoView {
     } else {
         TwoViewVerdict::RotationOnly
     };
-    fits.view(verdict, pairs, options, noise, scores)
+    Ok(fits.view(verdict, pairs, options, noise, scores))
 }
 
 impl TwoView {
@@ -159,15 +163,15 @@ struct Fits {
 }
 
 impl Fits {
-    fn new(pairs: &[Correspondence], options: &TwoViewOptions) -> Self {
-        let homography = search(&ByPlane(pairs), options, 500);
+    fn new(pairs: &[Correspondence], options: &TwoViewOptions, run: &Run) -> Result<Self, Stopped> {
+        let homography = search(&ByPlane(pairs), options, 500, run)?;
         let turn = best_turn(homography.as_ref(), pairs, options);
-        Self {
-            essential: search(&ByEssential::of(pairs), options, 500),
-            fundamental: search(&ByFundamental::of(pairs), options, 1000),
+        Ok(Self {
+            essential: search(&ByEssential::of(pairs), options, 500, run)?,
+            fundamental: search(&ByFundamental::of(pairs), options, 1000, run)?,
             homography,
             turn,
-        }
+        })
     }
 
     /// Standard deviation per coordinate, from the inliers of the most general model: robustly at first, then by the root
@@ -282,10 +286,15 @@ impl Fits {
     }
 }
 
-fn search<P: Consensus>(family: &P, options: &TwoViewOptions, max_samples: usize) -> Option<P::Model> {
+fn search<P: Consensus>(
+    family: &P,
+    options: &TwoViewOptions,
+    max_samples: usize,
+    run: &Run,
+) -> Result<Option<P::Model>, Stopped> {
     let settings = MsacOptions { threshold: options.threshold, min_samples: 40, max_samples, local_steps: 4 };
     let mut rng = fastrand::Rng::with_seed(options.seed);
-    msac(family, &vec![1.0; family.len()], &settings, None, &mut rng).map(|s| s.model)
+    Ok(msac(family, &vec![1.0; family.len()], &settings, None, &mut rng, run)?.map(|s| s.model))
 }
 
 /// The better of the turns at the assumed and at a free focal length, as GRIC would choose at a noise of half a threshold.
@@ -343,7 +352,8 @@ mod tests {
                 let rotation = UnitQuaternion::from_scaled_axis(random_unit(&mut rng) * angle);
                 let views = TwoViews::general(CameraPose { rotation, translation: Vec3::zeros() }, 250, &mut rng);
                 let pairs = noisy(views, ratio, &mut rng);
-                let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio));
+                let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio), &Run::default())
+                    .expect("a run that never stops");
                 assert_eq!(found.verdict, TwoViewVerdict::RotationOnly, "{ratio} {seed}: {:?}", found.scores);
                 assert_eq!(found.poses[0].translation, Vec3::zeros());
                 let error = found.poses[0].rotation.angle_to(&rotation);
@@ -358,7 +368,8 @@ mod tests {
             let mut rng = fastrand::Rng::with_seed(seed);
             let pose = random_pose(&mut rng, 0.15, 0.5);
             let pairs = noisy(TwoViews::general(pose, 250, &mut rng), 1.0, &mut rng);
-            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+            let found =
+                two_view(&pairs, &TwoViewOptions::for_focal(FOCAL), &Run::default()).expect("a run that never stops");
             assert_eq!(found.verdict, TwoViewVerdict::General, "seed {seed}: {:?}", found.scores);
             assert!(rotation_error(&found.poses[0], &pose) < 0.3_f64.to_radians(), "seed {seed}");
             assert!(direction_error(&found.poses[0], &pose) < 4.0_f64.to_radians(), "seed {seed}");
@@ -372,7 +383,8 @@ mod tests {
         for ratio in [0.7, 1.4] {
             let mut rng = fastrand::Rng::with_seed(3);
             let pairs = noisy(TwoViews::general(random_pose(&mut rng, 0.15, 0.7), 250, &mut rng), ratio, &mut rng);
-            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio));
+            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL / ratio), &Run::default())
+                .expect("a run that never stops");
             assert_eq!(found.verdict, TwoViewVerdict::General, "{ratio}: {:?}", found.scores);
         }
     }
@@ -383,7 +395,8 @@ mod tests {
             let mut rng = fastrand::Rng::with_seed(seed);
             let pose = random_pose(&mut rng, 0.15, 1.0);
             let pairs = noisy(TwoViews::planar(pose, 250, &mut rng), 1.0, &mut rng);
-            let found = two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+            let found =
+                two_view(&pairs, &TwoViewOptions::for_focal(FOCAL), &Run::default()).expect("a run that never stops");
             assert_eq!(found.verdict, TwoViewVerdict::Planar, "seed {seed}: {:?}", found.scores);
             let right = |p: &CameraPose| {
                 rotation_error(p, &pose) < 1.0_f64.to_radians() && direction_error(p, &pose) < 8.0_f64.to_radians()
@@ -398,11 +411,20 @@ mod tests {
         let views = TwoViews::general(random_pose(&mut rng, 0.1, 1.0), 100, &mut rng);
         let scattered = views.clone().with_outliers(1.0, &mut rng);
         let options = TwoViewOptions::for_focal(FOCAL);
-        assert_eq!(two_view(&scattered.correspondences, &options).verdict, TwoViewVerdict::Degenerate);
-        assert_eq!(two_view(&views.correspondences[..20], &options).verdict, TwoViewVerdict::Degenerate);
-        assert_eq!(two_view(&[], &options).verdict, TwoViewVerdict::Degenerate);
+        assert_eq!(
+            two_view(&scattered.correspondences, &options, &Run::default()).expect("a run that never stops").verdict,
+            TwoViewVerdict::Degenerate
+        );
+        assert_eq!(
+            two_view(&views.correspondences[..20], &options, &Run::default()).expect("a run that never stops").verdict,
+            TwoViewVerdict::Degenerate
+        );
+        assert_eq!(
+            two_view(&[], &options, &Run::default()).expect("a run that never stops").verdict,
+            TwoViewVerdict::Degenerate
+        );
         let still: Vec<_> = views.correspondences.iter().map(|c| Correspondence { second: c.first, ..*c }).collect();
-        let found = two_view(&still, &options);
+        let found = two_view(&still, &options, &Run::default()).expect("a run that never stops");
         assert_eq!(found.verdict, TwoViewVerdict::RotationOnly);
         assert!(found.poses[0].rotation.angle() < 1e-6);
     }
@@ -411,7 +433,8 @@ mod tests {
     fn the_same_seed_gives_the_same_answer() {
         let mut rng = fastrand::Rng::with_seed(5);
         let pairs = noisy(TwoViews::general(random_pose(&mut rng, 0.15, 0.5), 100, &mut rng), 1.0, &mut rng);
-        let run = || two_view(&pairs, &TwoViewOptions::for_focal(FOCAL));
+        let run =
+            || two_view(&pairs, &TwoViewOptions::for_focal(FOCAL), &Run::default()).expect("a run that never stops");
         assert_eq!(run().poses, run().poses);
     }
 }

@@ -8,6 +8,7 @@ use super::two_view::{TwoView, TwoViewOptions, TwoViewVerdict, two_view};
 use super::{Match, TrackTable};
 use plumbline_camera::Intrinsics;
 use plumbline_num::math::Vec2;
+use plumbline_num::run::{Run, Stopped};
 
 /// Steps between the keyframes of a pair: near ones share most points, far ones see most depth.
 const STRIDES: [usize; 5] = [1, 2, 3, 5, 8];
@@ -42,7 +43,13 @@ impl Edge {
 }
 
 /// Judges the pairs of keyframes at an assumed lens that may be off by the factor `doubt`.
-pub(super) fn view_graph(table: &TrackTable, keys: &[usize], camera: &Intrinsics, doubt: f64) -> Vec<Edge> {
+pub(super) fn view_graph(
+    table: &TrackTable,
+    keys: &[usize],
+    camera: &Intrinsics,
+    doubt: f64,
+    run: &Run,
+) -> Result<Vec<Edge>, Stopped> {
     let pairs = STRIDES.iter().flat_map(|&s| (s..keys.len()).map(move |k| (keys[k - s], keys[k])));
     let pairs: Vec<(usize, usize)> = pairs.collect();
     // Tolerances in px hold at 640 px across.
@@ -51,7 +58,7 @@ pub(super) fn view_graph(table: &TrackTable, keys: &[usize], camera: &Intrinsics
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
         if matches.len() < LEAST_SHARED {
-            return None;
+            return Ok(None);
         }
         let mut rays = Vec::with_capacity(matches.len());
         matches.retain(|m| {
@@ -59,14 +66,14 @@ pub(super) fn view_graph(table: &TrackTable, keys: &[usize], camera: &Intrinsics
             rays.extend(pair.map(|(a, b)| Correspondence::new(a, b)));
             pair.is_some()
         });
-        Some(Edge { first, second, view: two_view(&rays, &options), matches })
+        Ok(Some(Edge { first, second, view: two_view(&rays, &options, run)?, matches }))
     });
-    let judged: Vec<Option<Edge>> = judged.collect();
-    judged.into_iter().flatten().collect()
+    let judged: Vec<Option<Edge>> = judged.collect::<Result<_, Stopped>>()?;
+    Ok(judged.into_iter().flatten().collect())
 }
 
 /// The focal length on which the pairs with depth agree.
-pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge]) -> Option<FocalEstimate> {
+pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge], run: &Run) -> Result<Option<FocalEstimate>, Stopped> {
     let mut general: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).collect();
     general.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
     general.truncate(FOCAL_PAIRS);
@@ -77,5 +84,5 @@ pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge]) -> Option<FocalEs
             e.matches.iter().map(|m| Correspondence::new(m.first.coords - center, m.second.coords - center)).collect()
         })
         .collect();
-    estimate_focal(&pairs, &FocalOptions::for_width(f64::from(table.width.max(table.height))))
+    estimate_focal(&pairs, &FocalOptions::for_width(f64::from(table.width.max(table.height))), run)
 }

@@ -12,6 +12,7 @@ use std::ops::Range;
 use super::figures::explained_frames;
 use super::join::{fit, is_seamless, joined, overlap};
 use super::{Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, reconstruct};
+use plumbline_num::run::{Run, Stopped};
 
 /// Fewest frames that keep cameras of their own: a shorter stretch is over before its own path has been smoothed.
 pub(super) const SHORTEST: usize = 25;
@@ -58,12 +59,13 @@ impl Windows {
 /// The segments cover the shot in order.
 ///
 /// # Errors
-/// Those of `read`.
-pub fn reconstruct_shot<E>(
+/// Those of `read`; [`Stopped`].
+pub fn reconstruct_shot<E: From<Stopped>>(
     shot: Range<usize>,
     mut read: impl FnMut(Range<usize>) -> Result<TrackTable, E>,
     options: &SfmOptions,
     windows: &Windows,
+    run: &Run,
 ) -> Result<Vec<Segment>, E> {
     let mut options = *options;
     let mut segments: Vec<Segment> = Vec::new();
@@ -72,9 +74,9 @@ pub fn reconstruct_shot<E>(
         let mut read = |frames: Range<usize>| {
             let table = read(frames)?;
             unit = table.unit_px();
-            Ok(table)
+            Ok::<_, E>(table)
         };
-        let found = solved(window, &mut read, &options, DEPTH)?;
+        let found = solved(window, &mut read, &options, DEPTH, run)?;
         if let Some(told) = found.iter().rev().find_map(told_focal).filter(|_| options.focal.is_none()) {
             options.focal = Some(told);
         }
@@ -127,14 +129,15 @@ fn seam(last: &Segment, next: &Segment, shared: &Range<usize>) -> usize {
 }
 
 /// Solves one window; what its cameras leave out, and the stretches that explain themselves where the whole does not, alone.
-fn solved<E>(
+fn solved<E: From<Stopped>>(
     frames: Range<usize>,
     read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
     options: &SfmOptions,
     depth: usize,
+    run: &Run,
 ) -> Result<Vec<Segment>, E> {
     let table = read(frames.clone())?;
-    let found = reconstruct(&table, options);
+    let found = reconstruct(&table, options, run)?;
     let explained = explained_frames(&table, &found.scene);
     let mut stretches: Vec<Range<usize>> =
         runs(&explained).into_iter().map(|r| frames.start + r.start..frames.start + r.end).collect();
@@ -151,23 +154,24 @@ fn solved<E>(
     drop(table);
     let (mut segments, mut done) = (Vec::new(), frames.start);
     for stretch in stretches {
-        segments.extend(rest(done..stretch.start, read, options, depth)?);
+        segments.extend(rest(done..stretch.start, read, options, depth, run)?);
         done = stretch.end;
         match whole.take() {
             Some(segment) => segments.push(segment),
-            None => segments.extend(solved(stretch, read, options, depth - 1)?),
+            None => segments.extend(solved(stretch, read, options, depth - 1, run)?),
         }
     }
-    segments.extend(rest(done..frames.end, read, options, depth)?);
+    segments.extend(rest(done..frames.end, read, options, depth, run)?);
     Ok(segments)
 }
 
 /// Frames that the cameras of a window leave out.
-fn rest<E>(
+fn rest<E: From<Stopped>>(
     frames: Range<usize>,
     read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
     options: &SfmOptions,
     depth: usize,
+    run: &Run,
 ) -> Result<Vec<Segment>, E> {
     if frames.is_empty() {
         return Ok(Vec::new());
@@ -176,7 +180,7 @@ fn rest<E>(
         let reason = format!("no camera explains these {} frames", frames.len());
         return Ok(vec![Segment::unknown(frames, SfmVerdict::Failed, reason)]);
     }
-    solved(frames, read, options, depth - 1)
+    solved(frames, read, options, depth - 1, run)
 }
 
 fn without_cameras(frames: Range<usize>, found: Reconstruction) -> Segment {

@@ -12,6 +12,7 @@ use super::correspondence::Correspondence;
 use super::two_view::{TwoViewOptions, two_view};
 use super::view_graph::Edge;
 use plumbline_camera::Intrinsics;
+use plumbline_num::run::{Run, Stopped};
 
 /// `ln s` of the factors tried: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
 const LN_FACTORS: [f64; 9] = [-0.34, -0.23, -0.14, -0.06, 0.0, 0.06, 0.14, 0.23, 0.34];
@@ -25,36 +26,37 @@ const CLEAR_GAIN: f64 = 0.15;
 const MAJORITY: f64 = 0.6;
 
 /// Whether most distant pairs of keyframes say that the focal length changed, and by which factor in the median.
-pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
+pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics, run: &Run) -> Result<Option<f64>, Stopped> {
     let mut asked: Vec<&Edge> = edges.iter().collect();
     asked.sort_by_key(|e| (std::cmp::Reverse(e.second - e.first), e.first));
     asked.truncate(ASKED);
-    let mut votes: Vec<f64> = asked.par_iter().map(|edge| vote(edge, camera)).collect();
+    let mut votes: Vec<f64> = asked.par_iter().map(|edge| vote(edge, camera, run)).collect::<Result<_, _>>()?;
     let count = |sign: f64| votes.iter().filter(|v| sign * **v > 0.0).count() as f64;
     let agreed = MAJORITY * votes.len() as f64;
     if votes.is_empty() || count(1.0).max(count(-1.0)) < agreed {
-        return None;
+        return Ok(None);
     }
     let middle = votes.len() / 2;
-    Some(votes.select_nth_unstable_by(middle, f64::total_cmp).1.exp())
+    Ok(Some(votes.select_nth_unstable_by(middle, f64::total_cmp).1.exp()))
 }
 
 /// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.
-fn vote(edge: &Edge, camera: &Intrinsics) -> f64 {
+fn vote(edge: &Edge, camera: &Intrinsics, run: &Run) -> Result<f64, Stopped> {
     let (threshold, least_noise) = (4.0 * BLUR_PX / camera.focal, BLUR_PX / camera.focal);
     let options =
         TwoViewOptions { threshold, least_noise, focal_doubt: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
-    let scores = LN_FACTORS.map(|ln| {
+    let mut scores = LN_FACTORS;
+    for (score, ln) in scores.iter_mut().zip(LN_FACTORS) {
         let rays = edge.matches.iter().filter_map(|m| {
             let (a, b) = (camera.undistorted(m.first)?, camera.undistorted(m.second)?);
             Some(Correspondence::new(a, b / ln.exp()))
         });
-        let scores = two_view(&rays.collect::<Vec<_>>(), &options).scores;
-        scores.essential.min(scores.turn)
-    });
+        let found = two_view(&rays.collect::<Vec<_>>(), &options, run)?.scores;
+        *score = found.essential.min(found.turn);
+    }
     let best = (0..scores.len()).fold(LN_FACTORS.len() / 2, |b, k| if scores[k] < scores[b] { k } else { b });
     let gain = scores[LN_FACTORS.len() / 2] - scores[best];
-    if gain > CLEAR_GAIN * edge.matches.len() as f64 { LN_FACTORS[best] } else { 0.0 }
+    Ok(if gain > CLEAR_GAIN * edge.matches.len() as f64 { LN_FACTORS[best] } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -80,8 +82,9 @@ mod tests {
         }
         let table = TrackTable::new(640, 360, frames);
         let camera = Intrinsics::centered(576.0, 640, 360);
-        let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.2);
-        zoom_between(&edges, &camera)
+        let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.2, &Run::default())
+            .expect("a run that never stops");
+        zoom_between(&edges, &camera, &Run::default()).expect("a run that never stops")
     }
 
     #[test]
@@ -95,6 +98,9 @@ mod tests {
 
     #[test]
     fn nothing_is_told_without_pairs() {
-        assert_eq!(zoom_between(&[], &Intrinsics::centered(576.0, 640, 360)), None);
+        assert_eq!(
+            zoom_between(&[], &Intrinsics::centered(576.0, 640, 360), &Run::default()).expect("a run that never stops"),
+            None
+        );
     }
 }

@@ -21,8 +21,8 @@ pub(super) fn weights(
         return read(Path::new(file), mesh, skeleton);
     }
     let options = WeightOptions { method: binding.method(), ..WeightOptions::default() };
-    let (weights, report) =
-        bone_weights(mesh, skeleton, &options).map_err(|e: CharacterError| RunError::Input(e.to_string()))?;
+    let (weights, report) = bone_weights(mesh, skeleton, &options, &context.job.run())
+        .map_err(|e: CharacterError| RunError::Input(e.to_string()))?;
     if report.borrowed_vertices > 0 {
         let (vertices, pieces) = (report.borrowed_vertices, report.borrowed_components);
         context.warn(format!("{vertices} vertices in {pieces} pieces see no bone; they follow the nearest that do"));

@@ -12,6 +12,7 @@ use super::{Posed, mesh_at, report};
 use crate::pipeline::kinds::MeshDeformSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
+use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
 use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Start, SurfaceError, bind};
 
@@ -34,7 +35,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshDe
     let rest = posed.last().to_vec();
     let handles = HandleFile::read(path).and_then(|file| file.of_mesh(&rest)).map_err(|e| of_file(&e))?;
     let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
-    let solvable = Solvable::new(&mesh)?;
+    let solvable = Solvable::new(&mesh, &context.job.run())?;
     let bound = Bound::new(&handles, mesh.positions(), &solvable, settings.roi).map_err(|e| match e {
         RunError::Input(text) => of_file(&text),
         other => other,
@@ -48,13 +49,14 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshDe
         unheld: settings.unheld.option(),
         ..DeformOptions::default()
     };
-    let deformer = bind(settings.method.0, &solvable.mesh, &bound.set()?, &options).map_err(surface_error)?;
+    let deformer =
+        bind(settings.method.0, &solvable.mesh, &bound.set()?, &options, &context.job.run()).map_err(surface_error)?;
     let mut solver = Solver { bound: &bound, deformer, settings, at: None };
     let mut poses = Vec::with_capacity(settings.frames as usize);
     let mut solved = Vec::with_capacity(settings.frames as usize);
     for time in times(&handles, settings.frames) {
         context.job.check_cancel()?;
-        let (positions, report) = solver.pose(time)?;
+        let (positions, report) = solver.pose(time, &context.job.run())?;
         poses.push(solvable.carry_back(mesh.positions(), &positions));
         solved.push(Solved { time, report });
     }
@@ -93,25 +95,30 @@ struct Solver<'b, 'h> {
 
 impl Solver<'_, '_> {
     /// The pose at a time. Where a handle turns too far from the last pose, or from rest, there are solves on the way.
-    fn pose(&mut self, time: f64) -> Result<(Vec<Point3<f64>>, DeformReport), RunError> {
+    fn pose(&mut self, time: f64, run: &Run) -> Result<(Vec<Point3<f64>>, DeformReport), RunError> {
         let from = self.at.unwrap_or(self.bound.start());
         let turn = self.bound.turn(from, time);
         let steps = (turn / MOST_TURN).ceil().clamp(1.0, 1000.0) as u32;
         for step in 1..steps {
             let between = from + (time - from) * f64::from(step) / f64::from(steps);
-            self.solve(between, ON_THE_WAY)?;
+            self.solve(between, ON_THE_WAY, run)?;
         }
-        let deformed = self.solve(time, self.settings.iterations as usize)?;
+        let deformed = self.solve(time, self.settings.iterations as usize, run)?;
         Ok((deformed.positions, deformed.report))
     }
 
-    fn solve(&mut self, time: f64, iterations: usize) -> Result<plumbline_shape::surface::Deformation, RunError> {
+    fn solve(
+        &mut self,
+        time: f64,
+        iterations: usize,
+        run: &Run,
+    ) -> Result<plumbline_shape::surface::Deformation, RunError> {
         let convergence = Convergence {
             max_iterations: iterations.min(self.settings.iterations as usize),
             tolerance: self.settings.tolerance,
         };
         let start = if self.at.is_some() { Start::Last } else { self.settings.start.option() };
-        let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence).map_err(surface_error)?;
+        let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run).map_err(surface_error)?;
         self.at = Some(time);
         Ok(deformed)
     }
@@ -121,6 +128,7 @@ impl Solver<'_, '_> {
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
 pub(super) fn surface_error(error: SurfaceError) -> RunError {
     match error {
+        SurfaceError::Interrupted(stopped) => stopped.into(),
         SurfaceError::Option { .. } | SurfaceError::Convergence(_) => RunError::Usage(error.to_string()),
         SurfaceError::Pose { .. } | SurfaceError::PerVertex { .. } => RunError::Internal(error.to_string()),
         _ => RunError::Input(error.to_string()),

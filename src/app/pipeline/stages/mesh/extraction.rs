@@ -9,6 +9,7 @@ use crate::pipeline::kinds::SkeletonExtractSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::photo::{begin, cannot};
+use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
     ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
 };
@@ -40,7 +41,7 @@ pub(super) fn run(
         }
         let Some(folder) = folder else { return ControlFlow::Continue(()) };
         let path = folder.join(format!("part{:03}_round{:03}.obj", round.part, round.round));
-        match write_frame(&path, round) {
+        match write_frame(&path, round, &context.job.run()) {
             Ok(()) => frames.push(path),
             Err(error) => {
                 failed = Some(error);
@@ -49,7 +50,7 @@ pub(super) fn run(
         }
         ControlFlow::Continue(())
     };
-    let found = extract(&mesh, &options, &mut observer);
+    let found = extract(&mesh, &options, &mut observer, &context.job.run());
     if let Some(error) = failed {
         return Err(error);
     }
@@ -58,7 +59,7 @@ pub(super) fn run(
     context.summary.outputs.extend(frames);
     let rig = rig(context, &curve, &report, settings)?;
     if let Some(path) = settings.path.as_deref().map(Path::new) {
-        let bytes = encoded(path, &posed.model, &rig, &curve)?;
+        let bytes = encoded(path, &posed.model, &rig, &curve, &context.job.run())?;
         let unfinished = begin(path)?;
         std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
         unfinished.publish(path).map_err(|e| cannot(path, &e))?;
@@ -94,7 +95,7 @@ fn fitted(
     let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
     rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
     let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
-    let fit = fit_template(&rig.skeleton, curve).map_err(|e| match e {
+    let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| match e {
         FitError::Template { .. } => RunError::Input(format!("{}: {e}", path.display())),
         FitError::Character(_) => RunError::Internal(e.to_string()),
         _ => RunError::Input(format!("{mesh}: {e}")),
@@ -133,7 +134,7 @@ fn fitted(
 
 fn refused(error: &ExtractionError) -> RunError {
     match error {
-        ExtractionError::Interrupted => RunError::Interrupted,
+        ExtractionError::Interrupted(stopped) => (*stopped).into(),
         ExtractionError::Option { .. } => RunError::Usage(error.to_string()),
         ExtractionError::Numerics(_) => RunError::Internal(error.to_string()),
         _ => RunError::Input(error.to_string()),
@@ -153,17 +154,17 @@ fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
     words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)
 }
 
-fn write_frame(path: &Path, round: &Round<'_>) -> Result<(), RunError> {
+fn write_frame(path: &Path, round: &Round<'_>, run: &Run) -> Result<(), RunError> {
     let internal = |e: plumbline_shape::mesh::MeshError| RunError::Internal(e.to_string());
     let model = Model::of_mesh(round.surface());
-    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default()).map_err(internal)?;
+    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run).map_err(internal)?;
     let unfinished = begin(path)?;
     std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
     unfinished.publish(path).map_err(|e| cannot(path, &e))
 }
 
 /// The bytes of the file.
-fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton) -> Result<Vec<u8>, RunError> {
+fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton, run: &Run) -> Result<Vec<u8>, RunError> {
     let skeleton = &rig.skeleton;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
@@ -174,14 +175,14 @@ fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton) -> Resu
         }
         "glb" | "gltf" => {
             let (weights, _) =
-                bone_weights(model.mesh(), skeleton, &WeightOptions::default()).map_err(|e| input(&e))?;
+                bone_weights(model.mesh(), skeleton, &WeightOptions::default(), run).map_err(|e| input(&e))?;
             let skin = Skin::bound(weights, skeleton).map_err(|e| input(&e))?;
             let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
             let character = Character::new(still, skeleton.clone(), Arc::new(skin)).map_err(|e| input(&e))?;
             let character = Character { clips: rig.clips.clone(), ..character };
             let rigged = character.to_model(None).map_err(|e| RunError::Internal(e.to_string()))?;
             let format = if extension == "glb" { MeshFormat::Glb } else { MeshFormat::Gltf };
-            encode_model(&rigged, format, &WriteOptions::default()).map_err(|e| RunError::Internal(e.to_string()))
+            encode_model(&rigged, format, &WriteOptions::default(), run).map_err(|e| RunError::Internal(e.to_string()))
         }
         other => match rig_text(skeleton, rig.clips.first(), other) {
             Ok((text, _)) => Ok(text.into_bytes()),

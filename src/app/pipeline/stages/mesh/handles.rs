@@ -186,6 +186,7 @@ fn distances(mesh: &TriMesh, starts: impl Iterator<Item = usize>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plumbline_num::run::Run;
     use plumbline_shape::surface::handle_file::HandleFile;
 
     /// A strip of unit squares along x, its halves apart: the vertices of its middle stand twice.
@@ -203,7 +204,7 @@ mod tests {
     #[test]
     fn vertices_that_repair_joined_are_held_once_and_moved_by_their_handle() {
         let mesh = strip();
-        let solvable = Solvable::new(&mesh).unwrap();
+        let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
         let found = handles("{\"vertices\": {\"indices\": [2, 4]}, \"rigid\": {\"translation\": [0, 0, 3]}}", &mesh);
         let bound = Bound::new(&found, mesh.positions(), &solvable, None).unwrap();
         assert_eq!(bound.set().unwrap().len(), 1);
@@ -220,7 +221,7 @@ mod tests {
     #[test]
     fn what_is_farther_along_edges_than_the_reach_is_held() {
         let mesh = strip();
-        let solvable = Solvable::new(&mesh).unwrap();
+        let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
         let found = handles("{\"vertices\": {\"indices\": [0, 1]}, \"rigid\": {\"translation\": [0, 0, 1]}}", &mesh);
         let held = |roi| Bound::new(&found, mesh.positions(), &solvable, roi).unwrap().set().unwrap().len();
         assert_eq!([None, Some(0.5), Some(1.0), Some(2.0)].map(held), [2, 6, 4, 2]);

@@ -13,7 +13,7 @@ use plumbline_shape::mesh::{Model, ReadLimits, read_model};
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshLoadSettings) -> Result<(), RunError> {
     let path = Path::new(&settings.path);
     let limits = ReadLimits { max_bytes: settings.max_bytes.0, ..ReadLimits::default() };
-    let model = read_model(path, &limits).map_err(|e| mesh_error(path, &e))?;
+    let model = read_model(path, &limits, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
     for warning in model.warnings() {
         context.warn(format!("{}: {warning}", path.display()));
     }

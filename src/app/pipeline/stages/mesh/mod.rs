@@ -89,6 +89,9 @@ fn mesh_at(context: &Context<'_, '_>, stage: usize) -> Result<Posed, RunError> {
 
 /// An error of a mesh file in the terms of a run.
 fn mesh_error(path: &Path, error: &MeshError) -> RunError {
+    if let MeshError::Interrupted(stopped) = error {
+        return (*stopped).into();
+    }
     let text = match error {
         MeshError::InFile { .. } => error.to_string(),
         _ => format!("{}: {error}", path.display()),

@@ -26,14 +26,15 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshMo
     }
     let posed = mesh_at(context, stage)?;
     let mesh = posed.model.mesh();
-    let solvable = Solvable::new(mesh)?;
+    let solvable = Solvable::new(mesh, &context.job.run())?;
     let options = ModesOptions { cotangents: settings.cotangents.rule(), ..ModesOptions::default() };
-    let found = modes(&solvable.mesh, settings.count as usize, &options).map_err(surface_error)?;
+    let found = modes(&solvable.mesh, settings.count as usize, &options, &context.job.run()).map_err(surface_error)?;
     context.job.check_cancel()?;
     let options = PartsOptions {
         count: settings.part_count.map_or(PartsOptions::default().count, |n| PartCount::Exactly(n as usize)),
     };
-    let divided = settings.parts.as_ref().map(|_| parts(&solvable.mesh, &found, &options));
+    let divided = settings.parts.as_ref().map(|_| parts(&solvable.mesh, &found, &options, &context.job.run()));
+    let divided = divided.transpose()?;
     tell(context, &solvable, &found, divided.as_ref(), settings);
     if let Some(path) = settings.modes.as_deref().map(Path::new) {
         let unfinished = begin(path)?;

@@ -9,6 +9,7 @@ use super::{Posed, binding, mesh_at};
 use crate::pipeline::kinds::{PoseSettings, SkeletonLoadSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
+use plumbline_num::run::Run;
 use plumbline_shape::character::ik::between;
 use plumbline_shape::character::io::{Rig, RigFileError, character_of, read_rig};
 use plumbline_shape::character::pose_file::WantedPose;
@@ -103,7 +104,7 @@ fn poses(
             RunError::Input(format!("{}: {e}", path.display()))
         };
         let wanted = WantedPose::read(path, character).map_err(refused)?;
-        let found = wanted.solve(character, settings.iterations as usize).map_err(refused)?;
+        let found = wanted.solve(character, settings.iterations as usize, &context.job.run()).map_err(refused)?;
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
             let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
@@ -166,13 +167,18 @@ enum Follower {
 }
 
 impl Follower {
-    fn new(character: &Character, trained: Option<&Trained<'_>>, settings: &PoseSettings) -> Result<Self, RunError> {
+    fn new(
+        character: &Character,
+        trained: Option<&Trained<'_>>,
+        settings: &PoseSettings,
+        run: &Run,
+    ) -> Result<Self, RunError> {
         let mesh = character.model.mesh();
         match (settings.skinning.method(), trained) {
-            (Some(method), _) => Ok(Self::Blend(Box::new(blend(character, mesh, method)?), method)),
+            (Some(method), _) => Ok(Self::Blend(Box::new(blend(character, mesh, method, run)?), method)),
             (None, None) => Err(RunError::Usage("regression needs a trained skin (`model`)".to_owned())),
             (None, Some(file)) => {
-                let bound = file.model.bound(mesh, &character.skeleton).map_err(|e| file.refused(&e))?;
+                let bound = file.model.bound(mesh, &character.skeleton, run).map_err(|e| file.refused(&e))?;
                 Ok(Self::Trained(Box::new(bound), vec![0.0; character.targets.len()]))
             }
         }
@@ -184,12 +190,13 @@ impl Follower {
         character: &Character,
         matrices: &[Matrix4<f64>],
         morphs: &[f64],
+        run: &Run,
     ) -> Result<Vec<Point3<f64>>, RunError> {
         let morphed = morphs.iter().any(|w| *w != 0.0);
         match self {
             Self::Trained(trained, at_rest) => {
                 if at_rest.as_slice() != morphs {
-                    trained.set_rest(&character.morphed(morphs).map_err(refused)?).map_err(refused)?;
+                    trained.set_rest(&character.morphed(morphs).map_err(refused)?, run).map_err(refused)?;
                     morphs.clone_into(at_rest);
                 }
                 trained.positions(matrices).map_err(refused)
@@ -198,14 +205,14 @@ impl Follower {
             Self::Blend(_, method) => {
                 let places = character.morphed(morphs).map_err(refused)?;
                 let mesh = character.model.mesh().with_positions(places).map_err(|e| RunError::Input(e.to_string()))?;
-                blend(character, &mesh, *method)?.positions(matrices).map_err(refused)
+                blend(character, &mesh, *method, run)?.positions(matrices).map_err(refused)
             }
         }
     }
 }
 
-fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod) -> Result<Skinner, RunError> {
-    Skinner::new(mesh, None, &character.skeleton, &character.skin, method).map_err(refused)
+fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod, run: &Run) -> Result<Skinner, RunError> {
+    Skinner::new(mesh, None, &character.skeleton, &character.skin, method, run).map_err(refused)
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
@@ -222,16 +229,17 @@ fn skinned(
     settings: &PoseSettings,
 ) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
     let skin = &character.skin;
-    let mut follower = Follower::new(character, trained, settings)?;
-    let refiner = |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold).map_err(refused);
+    let mut follower = Follower::new(character, trained, settings, &context.job.run())?;
+    let refiner =
+        |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold, &context.job.run()).map_err(refused);
     let mut refiner = settings.details.map(refiner).transpose()?;
     let mut positions = Vec::with_capacity(wanted.len());
     for (pose, morphs) in wanted {
         context.job.check_cancel()?;
         let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
-        let skinned = follower.positions(character, &matrices, morphs)?;
+        let skinned = follower.positions(character, &matrices, morphs, &context.job.run())?;
         positions.push(match &mut refiner {
-            Some(refiner) => refiner.refined(skinned, &matrices).map_err(refused)?,
+            Some(refiner) => refiner.refined(skinned, &matrices, &context.job.run()).map_err(refused)?,
             None => skinned,
         });
     }

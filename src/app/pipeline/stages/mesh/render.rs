@@ -56,7 +56,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshRe
         marks.extend(skeleton_marks(Path::new(path), size)?);
     }
     let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
-    let drawn = draw(&surface, &camera, &style(settings));
+    let drawn = draw(&surface, &camera, &style(settings), &context.job.run())?;
     let frame = frame_of_rgb(drawn.as_bytes(), size.0, size.1).map_err(|e| RunError::Internal(e.to_string()))?;
     let photo = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
     context.values.put(stage, "image", Arc::new(photo));

@@ -51,7 +51,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &MeshSa
         };
         let moved = moved.transpose().map_err(|e| RunError::Internal(e.to_string()))?;
         let model = moved.as_ref().unwrap_or(&posed.model);
-        let bytes = encode_model(model, format, &options).map_err(|e| mesh_error(path, &e))?;
+        let bytes = encode_model(model, format, &options, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
         let unfinished = begin(path)?;
         std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
         unfinished.publish(path).map_err(|e| cannot(path, &e))?;

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use nalgebra::Point3;
 
 use crate::pipeline::run_error::RunError;
+use plumbline_num::run::Run;
 use plumbline_shape::mesh::{RepairOptions, RepairReport, Repaired, TriMesh, repair};
 
 /// A mesh without faults that hinder a solve, and where its vertices come from.
@@ -23,9 +24,9 @@ pub(in crate::pipeline::stages) struct Solvable {
 }
 
 impl Solvable {
-    pub(in crate::pipeline::stages) fn new(mesh: &TriMesh) -> Result<Self, RunError> {
+    pub(in crate::pipeline::stages) fn new(mesh: &TriMesh, run: &Run) -> Result<Self, RunError> {
         let Repaired { mesh, report, source_of_vertex: source, vertex_of_source, .. } =
-            repair(mesh, &RepairOptions::default());
+            repair(mesh, &RepairOptions::default(), run)?;
         // Repair welds what is exactly in one place and moves nothing: copies are known by their place, in a soup too, where
         // each may come from another vertex of the file. Adding zero makes one of the two zeros.
         let mut number: HashMap<[u64; 3], u32> = HashMap::new();
@@ -64,7 +65,7 @@ mod tests {
     #[test]
     fn sheets_that_meet_in_an_edge_stay_together_and_soups_become_surfaces() {
         for mesh in [shapes::book(5), shapes::hourglass(), shapes::soup(&shapes::book(4))] {
-            let solvable = Solvable::new(&mesh).unwrap();
+            let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
             let mut places: Vec<_> = mesh.positions().iter().map(|p| p.coords.map(f64::to_bits)).collect();
             places.sort_unstable_by_key(|p| [p.x, p.y, p.z]);
             places.dedup();

@@ -13,6 +13,7 @@ use crate::pipeline::kinds::{PoseSettings, SkinTrainSettings};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::photo::{begin, cannot};
+use plumbline_num::run::Run;
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
 use plumbline_shape::character::pose_file::WantedPose;
 use plumbline_shape::character::regression::{
@@ -60,15 +61,19 @@ struct Errors {
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinTrainSettings) -> Result<(), RunError> {
     let (kept, held) = files(settings)?;
     let subject = subject(context, stage, settings)?;
-    let (kept, held) = (examples(&subject, &kept, settings)?, examples(&subject, &held, settings)?);
+    let (kept, held) = (
+        examples(&subject, &kept, settings, &context.job.run())?,
+        examples(&subject, &held, settings, &context.job.run())?,
+    );
     context.job.check_cancel()?;
     let examples: Vec<Example> = kept.iter().map(|e| e.example.clone()).collect();
     let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
-    let options = options(&subject, &examples, settings)?;
+    let options = options(&subject, &examples, settings, &context.job.run())?;
     context.job.check_cancel()?;
-    let (full, _) = RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options).map_err(refused)?;
+    let (full, _) = RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options, &context.job.run())
+        .map_err(refused)?;
     let linear = full.clone();
-    let (mut model, file) = form(&subject, full, &examples, settings.prototypes)?;
+    let (mut model, file) = form(&subject, full, &examples, settings.prototypes, &context.job.run())?;
     let (kept, held) = (errors(&mut model, &linear, kept)?, errors(&mut model, &linear, held)?);
     if let Some(surface) = &mut context.summary.surface {
         surface.training = Some(told(&kept, &held, mesh.diagonal()));
@@ -98,6 +103,7 @@ fn form(
     full: RegressionModel,
     examples: &[Example],
     prototypes: Option<u32>,
+    run: &Run,
 ) -> Result<(Trained, SkinModel), RunError> {
     let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
     let Some(most) = prototypes else {
@@ -105,7 +111,7 @@ fn form(
         return Ok((Trained::Full(Box::new(full)), file));
     };
     let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
-    let reduced = full.reduced(&samples, most as usize).map_err(refused)?;
+    let reduced = full.reduced(&samples, most as usize, run).map_err(refused)?;
     let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
     Ok((Trained::Reduced(Box::new(reduced)), file))
 }
@@ -166,10 +172,15 @@ fn own_character(model: &Model) -> Result<Character, RunError> {
 }
 
 /// Reads poses of the mesh; every file that is no pose of it is named.
-fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) -> Result<Vec<Named>, RunError> {
+fn examples(
+    subject: &Subject,
+    files: &[PathBuf],
+    settings: &SkinTrainSettings,
+    run: &Run,
+) -> Result<Vec<Named>, RunError> {
     let (mut read, mut faults) = (Vec::with_capacity(files.len()), Vec::new());
     for file in files {
-        let model = read_model(file, &ReadLimits::default()).map_err(|e| mesh_error(file, &e))?;
+        let model = read_model(file, &ReadLimits::default(), run).map_err(|e| mesh_error(file, &e))?;
         match other(&subject.model, &model).or_else(|| of_other_size(subject.model.mesh(), model.mesh())) {
             Some(fault) => faults.push(format!("{}: {fault}", file.display())),
             None => read.push((file, model.mesh().positions().to_vec())),
@@ -186,7 +197,7 @@ fn examples(subject: &Subject, files: &[PathBuf], settings: &SkinTrainSettings) 
     }
     let poses = Poses::new(subject, settings)?;
     let named = |(file, positions): (&PathBuf, Vec<Point3<f64>>)| {
-        let matrices = poses.matrices(subject, file, &positions)?;
+        let matrices = poses.matrices(subject, file, &positions, run)?;
         Ok(Named { file: file.clone(), example: Example { matrices, positions } })
     };
     read.into_iter().map(named).collect()
@@ -237,6 +248,7 @@ impl Poses {
         subject: &Subject,
         file: &Path,
         positions: &[Point3<f64>],
+        run: &Run,
     ) -> Result<Vec<Matrix4<f64>>, RunError> {
         let Some((files, character)) = &self.0 else {
             return fit_joints(subject.model.mesh(), &subject.skeleton, &subject.weights, positions).map_err(refused);
@@ -249,7 +261,7 @@ impl Poses {
         let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", pose.display()));
         let wanted = WantedPose::read(pose, character).map_err(|e| of_file(&e))?;
         let steps = PoseSettings::default().iterations as usize;
-        let found = wanted.solve(character, steps).map_err(|e| of_file(&e))?;
+        let found = wanted.solve(character, steps, run).map_err(|e| of_file(&e))?;
         let globals = subject.skeleton.globals(&found.pose).map_err(|e| of_file(&e))?;
         character.skin.joint_matrices(&globals).map_err(|e| of_file(&e))
     }
@@ -260,10 +272,11 @@ fn options(
     subject: &Subject,
     examples: &[Example],
     settings: &SkinTrainSettings,
+    run: &Run,
 ) -> Result<RegressionOptions, RunError> {
     let found = match (settings.ridge, settings.hold) {
         (Some(ridge), Some(hold)) => RegressionOptions { ridge, hold },
-        _ => tuned(subject.model.mesh(), &subject.skeleton, &subject.weights, examples).map_err(refused)?,
+        _ => tuned(subject.model.mesh(), &subject.skeleton, &subject.weights, examples, run).map_err(refused)?,
     };
     Ok(RegressionOptions { ridge: settings.ridge.unwrap_or(found.ridge), hold: settings.hold.unwrap_or(found.hold) })
 }

@@ -25,7 +25,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &SkinWe
         ..WeightOptions::default()
     };
     context.job.check_cancel()?;
-    let (weights, report) = bone_weights(&mesh, &skeleton, &options).map_err(|e| RunError::Input(e.to_string()))?;
+    let (weights, report) =
+        bone_weights(&mesh, &skeleton, &options, &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
     warn(context, &report, &options, |j| skeleton.joints()[j as usize].name.clone());
     if let Some(surface) = &mut context.summary.surface {
         let joints = skeleton.joint_count();

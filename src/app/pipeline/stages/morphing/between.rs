@@ -11,6 +11,7 @@ use crate::pipeline::kinds::{BlendSettings, MorphSettings, OverWish};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::stages::context::Context;
 use crate::pipeline::stages::mesh::Posed;
+use plumbline_num::run::Run;
 use plumbline_shape::morph::intersections::self_intersections;
 use plumbline_shape::morph::paint::Paint;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
@@ -19,17 +20,18 @@ use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
 pub(super) fn morph(context: &mut Context<'_, '_>, stage: usize, settings: &MorphSettings) -> Result<(), RunError> {
     let pair = Pair::new(context, stage, settings.landmarks.as_ref(), settings.over, settings.refine)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: settings.whole_turns };
-    let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
+    let mut trajectory =
+        Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
     let mut shapes = Shapes::new(&pair, settings.report.is_some());
     for k in 0..settings.frames {
         context.job.check_cancel()?;
         let time = f64::from(k) / f64::from((settings.frames - 1).max(1));
         let x = match settings.untangle {
-            0 => trajectory.at(time),
-            rounds => trajectory.untangled(time, rounds as usize).0,
+            0 => trajectory.at(time, &context.job.run())?,
+            rounds => trajectory.untangled(time, rounds as usize, &context.job.run())?.0,
         };
         let linear = trajectory.linear(time);
-        shapes.add(Some(time), time, &x, &linear)?;
+        shapes.add(Some(time), time, &x, &linear, &context.job.run())?;
     }
     if let Some(worse) = shapes.worse_than_linear() {
         context.warn(worse);
@@ -53,9 +55,11 @@ pub(super) fn blend(context: &mut Context<'_, '_>, stage: usize, settings: &Blen
     let in_paint = of_file(&settings.paint);
     let paint = Paint::read(settings.paint.as_ref()).map_err(&in_paint)?;
     let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;
-    let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere()).map_err(morph_error)?;
+    let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())
+        .map_err(morph_error)?;
     let options = TrajectoryOptions { rounds: settings.rounds as usize, whole_turns: 0 };
-    let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options).map_err(morph_error)?;
+    let mut trajectory =
+        Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
     let mut shapes = Shapes::new(&pair, settings.report.is_some());
     for k in 1..=settings.frames {
         context.job.check_cancel()?;
@@ -64,8 +68,8 @@ pub(super) fn blend(context: &mut Context<'_, '_>, stage: usize, settings: &Blen
         let now: Vec<f64> = times.iter().map(|t| t * share).collect();
         let straight = pair.first.positions().iter().zip(pair.second.positions()).zip(&now);
         let linear: Vec<Point3<f64>> = straight.map(|((a, b), t)| a + (b - a) * *t).collect();
-        let x = trajectory.blend(&now);
-        shapes.add((share == 0.0).then_some(0.0), share, &x, &linear)?;
+        let x = trajectory.blend(&now, &context.job.run())?;
+        shapes.add((share == 0.0).then_some(0.0), share, &x, &linear, &context.job.run())?;
     }
     let (low, high) = times.iter().fold((f64::MAX, f64::MIN), |(l, h), t| (l.min(*t), h.max(*t)));
     tell(context, format!("times from {low:.2} to {high:.2}{}", shapes.intersections()));
@@ -98,11 +102,18 @@ impl<'p> Shapes<'p> {
         Self { pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], worse: 0, count }
     }
 
-    fn add(&mut self, end: Option<f64>, time: f64, x: &[Point3<f64>], linear: &[Point3<f64>]) -> Result<(), RunError> {
+    fn add(
+        &mut self,
+        end: Option<f64>,
+        time: f64,
+        x: &[Point3<f64>],
+        linear: &[Point3<f64>],
+        run: &Run,
+    ) -> Result<(), RunError> {
         if self.count {
             let count = |x: &[Point3<f64>]| {
                 let mesh = self.pair.first.with_positions(x.to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
-                Ok::<_, RunError>(self_intersections(&mesh).len())
+                Ok::<_, RunError>(self_intersections(&mesh, run)?.len())
             };
             let counts = [count(x)?, count(linear)?];
             self.most = [self.most[0].max(counts[0]), self.most[1].max(counts[1])];

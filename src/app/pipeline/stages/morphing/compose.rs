@@ -17,7 +17,8 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &Compos
     let in_seam = of_file(&settings.seam);
     let file = SeamFile::read(settings.seam.as_ref()).map_err(&in_seam)?;
     let mut options = file.of_meshes(&base, &part).map_err(&in_seam)?;
-    let [base, part] = [&base, &part].map(|mesh| repair(mesh, &RepairOptions::default()));
+    let [base, part] = [&base, &part].map(|mesh| repair(mesh, &RepairOptions::default(), &context.job.run()));
+    let (base, part) = (base?, part?);
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs = base.report.changes().chain(part.report.changes()).collect();
     }
@@ -28,7 +29,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &Compos
         .iter()
         .filter_map(|&(a, b)| base.vertex_of_source[a as usize].zip(part.vertex_of_source[b as usize]))
         .collect();
-    let composed = compose(&base.mesh, &part.mesh, &options).map_err(morph_error)?;
+    let composed = compose(&base.mesh, &part.mesh, &options, &context.job.run()).map_err(morph_error)?;
     let degrees = composed.crease.to_degrees();
     tell(
         context,

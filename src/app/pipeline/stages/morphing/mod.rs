@@ -34,9 +34,11 @@ fn mesh_at(context: &Context<'_, '_>, stage: usize, port: &'static str) -> Resul
 }
 
 /// An error of a method in the terms of a run.
-#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
 fn morph_error(error: MorphError) -> RunError {
-    RunError::Input(error.to_string())
+    match error {
+        MorphError::Interrupted(stopped) => stopped.into(),
+        error => RunError::Input(error.to_string()),
+    }
 }
 
 /// The same, of a file.

@@ -50,7 +50,7 @@ impl Pair {
                 return Err(morph_error(MorphError::Empty { which }));
             }
         }
-        let solvable = Solvable::new(&a)?;
+        let solvable = Solvable::new(&a, &context.job.run())?;
         if let Some(surface) = &mut context.summary.surface {
             surface.repairs = solvable.report.changes().collect();
         }
@@ -84,14 +84,14 @@ impl Pair {
         // Vertices that repair joined are one landmark.
         let mut seen = std::collections::BTreeSet::new();
         pairs.retain(|p| seen.insert(p.0));
-        let laid = correspond(&solvable.mesh, b, &pairs, &over.option()).map_err(morph_error)?;
+        let laid = correspond(&solvable.mesh, b, &pairs, &over.option(), &context.job.run()).map_err(morph_error)?;
         let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.laid, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
-            let refined = refine(&first, &second, b, tolerance, ROUNDS).map_err(morph_error)?;
+            let refined = refine(&first, &second, b, tolerance, ROUNDS, &context.job.run()).map_err(morph_error)?;
             tell(context, format!("{} vertices added where features would be lost", refined.added));
             (first, second) = (refined.first, refined.laid);
-            quality = measure(&first, &second, b, &pairs).map_err(morph_error)?;
+            quality = measure(&first, &second, b, &pairs, &context.job.run()).map_err(morph_error)?;
         }
         tell(context, told(&quality, pairs.len()));
         if let Some(fault) = faults(&quality, first.triangle_count(), over) {

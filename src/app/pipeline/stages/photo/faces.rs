@@ -28,7 +28,7 @@ pub(super) fn detect(
 ) -> Result<(), RunError> {
     let photo = picture(context, stage, "image")?;
     let options = FaceOptions { least_score: settings.least_score, ..FaceOptions::default() };
-    let faces = FaceDetector::new(options).detect(&photo.frame);
+    let faces = FaceDetector::new(options).detect(&photo.frame, &context.job.run())?;
     context.values.put(stage, "faces", faces);
     Ok(())
 }

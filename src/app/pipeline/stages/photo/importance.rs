@@ -22,7 +22,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &Import
         None => None,
     };
     let options = ImportanceOptions::default();
-    let judged = Importance::of_frame(&photo.frame, &faces, mask.as_ref(), &options);
+    let judged = Importance::of_frame(&photo.frame, &faces, mask.as_ref(), &options, &context.job.run());
     let importance = judged.map_err(|e| match &settings.mask {
         Some(mask) => RunError::Input(format!("{mask}: {e}")),
         None => RunError::Input(e.to_string()),

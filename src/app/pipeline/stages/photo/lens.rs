@@ -6,6 +6,7 @@ use crate::pipeline::kinds::{FovAxis, LinesDetectSettings, PhotoRectifySettings}
 use crate::pipeline::run_error::RunError;
 use plumbline_camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun_lens, read_lens};
 use plumbline_image::still::{ExifTags, Photo};
+use plumbline_num::run::Run;
 use plumbline_photo::Line;
 use plumbline_photo::calibration::{CalibrationOptions, LineRole, calibrate};
 use plumbline_photo::rectangle::Outline;
@@ -54,16 +55,21 @@ pub(in crate::pipeline::stages) struct Found {
 }
 
 /// The lens of a picture.
-pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Found, RunError> {
+pub(super) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>, run: &Run) -> Result<Found, RunError> {
     let size = (photo.frame.width as f64, photo.frame.height as f64);
     let facts = facts(photo.tags.clone(), size);
-    if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov) } else { given(&facts, size, wish) }
+    if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov, run) } else { given(&facts, size, wish) }
 }
 
 /// The lens of a picture; `None` where none is known and the picture is a stitched one, which no lens took.
-pub(super) fn find_unless_stitched(photo: &Photo, marked: &[Line], wish: Wish<'_>) -> Result<Option<Found>, RunError> {
+pub(super) fn find_unless_stitched(
+    photo: &Photo,
+    marked: &[Line],
+    wish: Wish<'_>,
+    run: &Run,
+) -> Result<Option<Found>, RunError> {
     let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
-    match find(photo, marked, wish) {
+    match find(photo, marked, wish, run) {
         Err(_) if wish.lens == "auto" && stitched() => Ok(None),
         found => found.map(Some),
     }
@@ -140,12 +146,13 @@ fn automatic(
     marked: &[Line],
     size: (f64, f64),
     given: Option<FieldOfView>,
+    run: &Run,
 ) -> Result<Found, RunError> {
     let exif = facts.lens();
     let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
     let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
     if marked.iter().filter(|l| l.points.len() > 2).count() >= LEAST_LINES {
-        return from_lines(marked, size, claim);
+        return from_lines(marked, size, claim, run);
     }
     if let Some(fov) = given {
         return named(Projection::Rectilinear, fov, size);
@@ -171,9 +178,14 @@ fn automatic(
     }
 }
 
-fn from_lines(marked: &[Line], size: (f64, f64), claim: Option<(FieldOfView, f64)>) -> Result<Found, RunError> {
+fn from_lines(
+    marked: &[Line],
+    size: (f64, f64),
+    claim: Option<(FieldOfView, f64)>,
+    run: &Run,
+) -> Result<Found, RunError> {
     let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
-    let found = calibrate(marked, size, &options).map_err(|e| RunError::Input(e.to_string()))?;
+    let found = calibrate(marked, size, &options, run).map_err(|e| RunError::Input(e.to_string()))?;
     let bent = found.lines.iter().filter(|l| l.role == LineRole::Bent);
     let warning =
         |name: &str| format!("line `{name}` fits no lens under which the others are straight; it was left out there");

@@ -11,6 +11,7 @@ use crate::pipeline::stages::context::Context;
 use plumbline_image::still::Photo;
 use plumbline_image::{Plane, analysis_luma};
 use plumbline_num::math::Point2;
+use plumbline_num::run::Run;
 use plumbline_photo::Line;
 use plumbline_photo::line_detection::{LineDetectionOptions, detect_lines};
 use plumbline_photo::marks::LinesFile;
@@ -57,7 +58,7 @@ pub(super) fn detect(
         Some(edge) => context.values.get::<LineSet>(edge)?.clone(),
         None => LineSet::default(),
     };
-    let set = if marked.lines.is_empty() { found(&photo, settings)? } else { marked };
+    let set = if marked.lines.is_empty() { found(&photo, settings, &context.job.run())? } else { marked };
     context.values.put(stage, "lines", set);
     Ok(())
 }
@@ -76,9 +77,9 @@ pub(super) fn save(context: &mut Context<'_, '_>, stage: usize, settings: &Lines
     Ok(())
 }
 
-fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunError> {
+fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
     let lens = match Wish::of_lines(settings) {
-        Some(wish) => lens::find_unless_stitched(photo, &[], wish)?.map(Arc::new),
+        Some(wish) => lens::find_unless_stitched(photo, &[], wish, run)?.map(Arc::new),
         None => None,
     };
     let mut luma = Plane::new(0, 0);
@@ -90,7 +91,7 @@ fn found(photo: &Photo, settings: &LinesDetectSettings) -> Result<LineSet, RunEr
     drop(luma);
     let small = lens.as_ref().map(|found| found.lens.resized((width as f64, height as f64))).transpose();
     let small = small.map_err(|e| RunError::Internal(e.to_string()))?;
-    let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default());
+    let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
     let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
     let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
     // Of what lies between the ends the lens tells all. More points would be taken for measurements of it, once they are

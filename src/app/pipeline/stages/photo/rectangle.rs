@@ -57,7 +57,7 @@ pub(super) fn make(
     let size = (photo.frame.width, photo.frame.height);
     let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces };
     let options = RectangleOptions { shape, ..RectangleOptions::default() };
-    let made = rectangle(&input, &options).map_err(|e| rectangle_error(&e))?;
+    let made = rectangle(&input, &options, &context.job.run()).map_err(|e| rectangle_error(&e))?;
     tell_lines(context, &made.warp.lines);
     let mut told = Map::new();
     told.insert("inside".into(), json!(outline.share()));
@@ -70,6 +70,7 @@ pub(super) fn make(
 
 fn rectangle_error(error: &RectangleError) -> RunError {
     match error {
+        RectangleError::Interrupted(stopped) => (*stopped).into(),
         RectangleError::Option { .. } => RunError::Usage(error.to_string()),
         other => RunError::Input(other.to_string()),
     }

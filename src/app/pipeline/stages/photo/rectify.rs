@@ -41,7 +41,9 @@ pub(super) fn run(
     };
     let found = match set.lens {
         Some(found) => Some(found),
-        None => lens::find_unless_stitched(&photo, &lines, Wish::of_rectify(settings))?.map(Arc::new),
+        None => {
+            lens::find_unless_stitched(&photo, &lines, Wish::of_rectify(settings), &context.job.run())?.map(Arc::new)
+        }
     };
     let Some(found) = found else {
         let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
@@ -51,7 +53,7 @@ pub(super) fn run(
     found.warnings.iter().for_each(|w| context.warn(w.clone()));
     context.job.check_cancel()?;
     let input = RectifyInput { lens: &found.lens, lines: &lines, faces: &faces, salience: salience.as_ref() };
-    let warp = rectify(&input, &options(settings, &found.lens)).map_err(|e| rectify_error(&e))?;
+    let warp = rectify(&input, &options(settings, &found.lens), &context.job.run()).map_err(|e| rectify_error(&e))?;
     tell_lines(context, &warp.lines);
     tell_cut_faces(context, &warp.cut_faces);
     let mut told = Map::new();
@@ -136,6 +138,7 @@ pub(in crate::pipeline::stages) fn view(angles: ViewAngles) -> View {
 
 fn rectify_error(error: &RectifyError) -> RunError {
     match error {
+        RectifyError::Interrupted(stopped) => (*stopped).into(),
         RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
             RunError::Usage(error.to_string())
         }

@@ -13,6 +13,7 @@ use plumbline_image::Frame;
 use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap};
+use plumbline_num::run::Run;
 
 /// Samples the picture. One that keeps its size and has no map is handed on as it is.
 pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageRenderSettings) -> Result<(), RunError> {
@@ -29,33 +30,33 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &ImageR
         Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
         map => Lattice::between(&resized(map, natural, size), size, source),
     };
-    let frame = sampled(&photo.frame, &lattice, settings).map_err(|e| render_error(context, &e))?;
+    let frame = sampled(&photo.frame, &lattice, settings, &context.job.run()).map_err(|e| render_error(context, &e))?;
     context.values.put(stage, "image", Arc::new(with_pixels(&photo, frame)));
     Ok(())
 }
 
 /// The picture through a lattice, and what stands where it shows nothing.
-fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings) -> Result<Frame, RenderError> {
+fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings, run: &Run) -> Result<Frame, RenderError> {
     let renderer = renderer(settings);
     if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
-        return renderer.render_still(frame, lattice);
+        return renderer.render_still(frame, lattice, run);
     }
     let lost = RenderError::Plane { plane: 0, role: "source" };
     let (mut made, shown) = if frame.format.alpha {
-        let made = renderer.render_still(frame, lattice)?;
+        let made = renderer.render_still(frame, lattice, run)?;
         let shown = opacity(&made).ok_or(lost.clone())?;
         (made, shown)
     } else {
         // Colors go on beyond the edge, so that a pixel shown in part has the color of what it shows.
         let options = RenderOptions { border: Border::Replicate, ..options(settings) };
-        let made = Renderer::new(options).render_still(frame, lattice)?;
+        let made = Renderer::new(options).render_still(frame, lattice, run)?;
         let mask = mask_of(frame, settings.border == PhotoBorder::Fill).ok_or(lost.clone())?;
-        let mask = renderer.render_still(&mask, lattice)?;
+        let mask = renderer.render_still(&mask, lattice, run)?;
         let shown = plane_of(&mask).ok_or(lost.clone())?;
         (made, shown)
     };
     if settings.border == PhotoBorder::Fill {
-        complete(&mut made, &eroded(&shown))?;
+        complete(&mut made, &eroded(&shown), run)?;
         return Ok(made);
     }
     if frame.format.alpha { Ok(made) } else { with_alpha(&made, &shown).ok_or(lost) }
@@ -105,6 +106,7 @@ fn options(settings: &ImageRenderSettings) -> RenderOptions {
 fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {
     let name = context.summary.input.as_ref().map_or("the picture", |i| i.name.as_str());
     match error {
+        RenderError::Interrupted(stopped) => (*stopped).into(),
         RenderError::Dimensions { .. } => RunError::Input(format!("{name}: {error}; resize it first")),
         other => RunError::Internal(other.to_string()),
     }

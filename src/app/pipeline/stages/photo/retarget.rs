@@ -31,7 +31,8 @@ pub(super) fn run(
     let size = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
     let out = size.pixels(source);
     let options = RetargetOptions::default();
-    let made = retarget(source, out, &importance, &lines, &faces, &options).map_err(|e| retarget_error(&e))?;
+    let made = retarget(source, out, &importance, &lines, &faces, &options, &context.job.run())
+        .map_err(|e| retarget_error(&e))?;
     for name in &made.released {
         context.warn(format!("line `{name}` could not stay straight with the others and was let go"));
     }
@@ -47,6 +48,7 @@ pub(super) fn run(
 
 fn retarget_error(error: &RetargetError) -> RunError {
     match error {
+        RetargetError::Interrupted(stopped) => (*stopped).into(),
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(error.to_string()),
         other => RunError::Input(other.to_string()),
     }

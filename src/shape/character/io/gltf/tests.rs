@@ -7,6 +7,7 @@ use crate::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode
 use crate::mesh::model::articulation::{Influences, Instance, Node, NodeSkin, Place};
 use crate::mesh::shapes::bar;
 use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
 
 /// A bar along y on a chain of three joints, with a clip of every kind of curve and two morph targets.
 fn character() -> Character {
@@ -47,8 +48,8 @@ fn character() -> Character {
 
 fn through_a_file(character: &Character, format: MeshFormat) -> Character {
     let model = character.to_model(None).expect("valid");
-    let bytes = encode_model(&model, format, &WriteOptions::default()).expect("valid");
-    let read = decode_model(&bytes, format, None, &ReadLimits::default()).expect("own files are read");
+    let bytes = encode_model(&model, format, &WriteOptions::default(), &Run::default()).expect("valid");
+    let read = decode_model(&bytes, format, None, &ReadLimits::default(), &Run::default()).expect("own files are read");
     character_of(&read).expect("own files are characters")
 }
 

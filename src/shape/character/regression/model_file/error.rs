@@ -1,6 +1,7 @@
 //! What a model file can be refused for.
 
 use super::super::super::CharacterError;
+use plumbline_num::run::Stopped;
 
 /// A trained model that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +42,7 @@ pub enum ModelFileError {
     },
     /// Input: weights or joints that are none.
     #[error(transparent)]
-    Character(#[from] CharacterError),
+    Character(CharacterError),
     /// Input: another mesh than the model was trained on.
     #[error(
         "the model is of {expected_vertices} vertices and {expected_triangles} triangles, the mesh has {vertices} and {triangles}; \
@@ -85,4 +86,16 @@ pub enum ModelFileError {
     /// Environment: reading failed.
     #[error("{0}")]
     Io(#[from] std::io::Error),
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
+}
+
+impl From<CharacterError> for ModelFileError {
+    fn from(error: CharacterError) -> Self {
+        match error {
+            CharacterError::Interrupted(stopped) => Self::Interrupted(stopped),
+            error => Self::Character(error),
+        }
+    }
 }

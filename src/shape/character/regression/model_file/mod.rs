@@ -38,6 +38,7 @@ use bytes::{Reader, Writer};
 use parts::{
     Reducing, read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights,
 };
+use plumbline_num::run::Run;
 
 /// The first bytes. A transfer that changes line ends changes them.
 const MAGIC: &[u8; 16] = b"plumbline.skin\r\n";
@@ -222,13 +223,13 @@ impl SkinModel {
     /// # Errors
     /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than it was trained on;
     /// [`CharacterError::UnknownJoint`], [`ModelFileError::Parent`] for another skeleton; [`CharacterError::Solve`].
-    pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<TrainedSkin, ModelFileError> {
+    pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton, run: &Run) -> Result<TrainedSkin, ModelFileError> {
         let joints = self.check(mesh, skeleton)?;
         let (weights, parents, hold) = (self.weights.clone(), self.parents.clone(), self.hold);
         let model = match &self.form {
             Form::Full(regressors) => Bound::Full(Box::new(RegressionModel {
                 regressors: regressors.clone(),
-                surface: SurfaceOfGradients::new(mesh, hold)?,
+                surface: SurfaceOfGradients::new(mesh, hold, run)?,
                 places: Places { rest: mesh.positions().to_vec(), weights },
                 parents,
                 hold,
@@ -236,7 +237,7 @@ impl SkinModel {
             Form::Reduced(reducing) => {
                 let (sheets, sheet_of, maps) = reducing.clone();
                 let parts = Parts { sheets, sheet_of, maps, weights, parents, hold };
-                Bound::Reduced(Box::new(Reduced::of_parts(mesh, parts)?))
+                Bound::Reduced(Box::new(Reduced::of_parts(mesh, parts, run)?))
             }
         };
         Ok(TrainedSkin { joints, model })
@@ -285,10 +286,10 @@ impl TrainedSkin {
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another number of vertices.
-    pub fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
+    pub fn set_rest(&mut self, rest: &[Point3<f64>], run: &Run) -> Result<(), CharacterError> {
         match &mut self.model {
             Bound::Full(model) => model.set_rest(rest),
-            Bound::Reduced(model) => model.set_rest(rest),
+            Bound::Reduced(model) => model.set_rest(rest, run),
         }
     }
 

@@ -2,15 +2,17 @@ use super::super::tests::arm;
 use super::super::{Example, RegressionOptions};
 use super::*;
 use crate::character::Joint;
+use plumbline_num::run::Run;
 
 /// A model of each form, and what it belongs to.
 fn trained() -> (TriMesh, Skeleton, Vec<Example>, RegressionModel, Reduced) {
     let (mesh, skeleton, skin, example) = arm(8, 12);
     let train: Vec<Example> = (0..5).map(|k| example(0.3 * f64::from(k), 0.2 * f64::from((3 * k) % 5))).collect();
     let options = RegressionOptions::default();
-    let (model, _) = RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options).expect("trained");
+    let (model, _) =
+        RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options, &Run::default()).expect("trained");
     let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
-    let reduced = model.reduced(&samples, 3).expect("of the same joints");
+    let reduced = model.reduced(&samples, 3, &Run::default()).expect("of the same joints");
     (mesh, skeleton, train, model, reduced)
 }
 
@@ -30,7 +32,7 @@ fn what_is_written_is_read_back_to_the_bit_and_poses_as_the_model_did() {
         let again = SkinModel::from_bytes(&file.to_bytes()).expect("own files are read");
         assert_eq!(&again, file);
         assert_eq!(again.to_bytes(), file.to_bytes());
-        let mut bound = again.bound(&mesh, &skeleton).expect("its own");
+        let mut bound = again.bound(&mesh, &skeleton, &Run::default()).expect("its own");
         for example in &examples {
             let m = &example.matrices;
             let before = if file.is_reduced() { reduced.positions(m) } else { model.positions(m) };
@@ -109,7 +111,9 @@ fn hostile_numbers_are_refused_by_place_before_anything_is_allocated_for_them() 
 #[test]
 fn a_model_is_refused_beside_another_mesh_or_skeleton_and_finds_its_joints_by_name() {
     let (mesh, skeleton, [full, _]) = files();
-    let told = |mesh: &TriMesh, skeleton: &Skeleton| full.bound(mesh, skeleton).expect_err("refused").to_string();
+    let told = |mesh: &TriMesh, skeleton: &Skeleton| {
+        full.bound(mesh, skeleton, &Run::default()).expect_err("refused").to_string()
+    };
     let (other, ..) = arm(6, 6);
     assert!(told(&other, &skeleton).contains("the mesh has"));
     let mut triangles = mesh.triangles().to_vec();
@@ -134,7 +138,8 @@ fn a_model_is_refused_beside_another_mesh_or_skeleton_and_finds_its_joints_by_na
         m[turned] = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.4).to_homogeneous();
         m
     };
-    let here = full.bound(&mesh, &skeleton).expect("its own").positions(&pose(1)).expect("fits");
-    let there = full.bound(&mesh, &swapped).expect("the same joints").positions(&pose(0)).expect("fits");
+    let here = full.bound(&mesh, &skeleton, &Run::default()).expect("its own").positions(&pose(1)).expect("fits");
+    let there =
+        full.bound(&mesh, &swapped, &Run::default()).expect("the same joints").positions(&pose(0)).expect("fits");
     assert_eq!(here, there);
 }

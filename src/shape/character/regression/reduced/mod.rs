@@ -25,6 +25,7 @@ use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::{OUTPUTS, Regressor};
 use super::{JointTurns, RegressionModel, check_pose};
 use crate::mesh::TriMesh;
+use plumbline_num::run::{Run, Stopped};
 use table::Table;
 
 /// Shapes for each joint at most: each costs three numbers for the vertices about it, and with more of them the solve is cheaper.
@@ -103,7 +104,7 @@ impl RegressionModel {
     ///
     /// # Errors
     /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
-    pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize) -> Result<Reduced, CharacterError> {
+    pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize, run: &Run) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
         if most > MOST_SHAPES {
             return Err(CharacterError::Option { name: "prototypes", value: most as f64, range: "0 to 32" });
@@ -112,27 +113,29 @@ impl RegressionModel {
             return Err(CharacterError::Matrices { joints, matrices: sample.len() });
         }
         let turns: Vec<JointTurns> = samples.iter().map(|m| JointTurns::new(m, &self.parents)).collect();
-        let (sheets, sheet_of, maps) = modes::sheets(&self.regressors, &self.surface.areas(), &turns, most);
+        let (sheets, sheet_of, maps) = modes::sheets(&self.regressors, &self.surface.areas(), &turns, most, run)?;
         let (weights, parents, hold) = (self.places.weights.clone(), self.parents.clone(), self.hold);
         let parts = Parts { sheets, sheet_of, maps, weights, parents, hold };
-        Ok(Reduced::new(self.surface.clone(), parts))
+        Ok(Reduced::new(self.surface.clone(), parts, run)?)
     }
 }
 
 impl Reduced {
     /// The model for the surface at rest.
-    pub(super) fn of_parts(mesh: &TriMesh, parts: Parts) -> Result<Self, CharacterError> {
-        Ok(Self::new(SurfaceOfGradients::new(mesh, parts.hold)?, parts))
+    pub(super) fn of_parts(mesh: &TriMesh, parts: Parts, run: &Run) -> Result<Self, CharacterError> {
+        Ok(Self::new(SurfaceOfGradients::new(mesh, parts.hold, run)?, parts, run)?)
     }
 
-    fn new(mut surface: SurfaceOfGradients, parts: Parts) -> Self {
-        Self { table: Table::new(&mut surface, &parts), surface, parts }
+    fn new(mut surface: SurfaceOfGradients, parts: Parts, run: &Run) -> Result<Self, Stopped> {
+        Ok(Self { table: Table::new(&mut surface, &parts, run)?, surface, parts })
     }
 
     /// Moves the surface at rest, as morph targets do: all shapes are solved for anew.
-    pub(super) fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
-        self.surface.set_rest(rest)?;
-        self.table = Table::new(&mut self.surface, &self.parts);
+    pub(super) fn set_rest(&mut self, rest: &[Point3<f64>], run: &Run) -> Result<(), CharacterError> {
+        let mut surface = self.surface.clone();
+        surface.set_rest(rest)?;
+        self.table = Table::new(&mut surface, &self.parts, run)?;
+        self.surface = surface;
         Ok(())
     }
 

@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 use super::super::JointTurns;
 use super::super::training::Regressor;
 use super::{MOST_KEYS, Map, Sheet, array};
+use plumbline_num::run::{Run, Stopped};
 
 /// Samples of a turn at most: what is learnt from is thinned beyond.
 const MOST_SAMPLES: usize = 96;
@@ -43,26 +44,34 @@ struct Sampled {
 }
 
 /// Sheets, the sheet of each triangle, and maps of all triangles.
+type Sheets = (Vec<Sheet>, Vec<u32>, Vec<Map>);
+
+/// Finds them.
 pub(super) fn sheets(
     regressors: &[Regressor],
     areas: &[f64],
     turns: &[JointTurns],
     most: usize,
-) -> (Vec<Sheet>, Vec<u32>, Vec<Map>) {
+    run: &Run,
+) -> Result<Sheets, Stopped> {
     let mut groups: std::collections::BTreeMap<(u32, u32), Vec<usize>> = std::collections::BTreeMap::new();
     for (t, r) in regressors.iter().enumerate() {
         groups.entry((r.bone, r.joint)).or_default().push(t);
     }
     let sampled: Vec<Sampled> = groups
         .into_iter()
-        .map(|((bone, joint), triangles)| Sampled::new(bone, joint, triangles, regressors, areas, turns))
-        .collect();
+        .map(|((bone, joint), triangles)| {
+            run.check()?;
+            Ok(Sampled::new(bone, joint, triangles, regressors, areas, turns))
+        })
+        .collect::<Result<_, Stopped>>()?;
     let bones: std::collections::BTreeSet<u32> = sampled.iter().map(|s| s.bone).collect();
     let least = least_kept(&sampled, most * bones.len());
     let mut sheet_of = vec![0; regressors.len()];
     let mut maps: Vec<Vec<Map>> = vec![Vec::new(); regressors.len()];
     let mut sheets = Vec::with_capacity(sampled.len());
     for group in &sampled {
+        run.check()?;
         let kept = group.modes.iter().take_while(|m| m.0 > least).count();
         let (sheet, shapes) = group.sheet(kept, regressors, areas);
         for (c, &t) in group.triangles.iter().enumerate() {
@@ -72,7 +81,7 @@ pub(super) fn sheets(
         }
         sheets.push(sheet);
     }
-    (sheets, sheet_of, maps.concat())
+    Ok((sheets, sheet_of, maps.concat()))
 }
 
 /// Singular values above this are kept.

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::super::surface_of_gradients::SurfaceOfGradients;
 use super::{Coordinates, Parts};
+use plumbline_num::run::{Run, Stopped};
 
 /// What may be left out, of the diagonal.
 const LEFT_OUT: f64 = 4e-4;
@@ -66,12 +67,12 @@ struct Sparse {
 
 impl Table {
     /// Solves for all shapes and joints.
-    pub(super) fn new(surface: &mut SurfaceOfGradients, parts: &Parts) -> Self {
+    pub(super) fn new(surface: &mut SurfaceOfGradients, parts: &Parts, run: &Run) -> Result<Self, Stopped> {
         let rest = surface.rest().to_vec();
         let (low, high) = bounds(&rest);
         let (middle, diagonal) = (nalgebra::center(&low, &high), (high - low).norm());
         let budget = (LEFT_OUT * diagonal) as f32;
-        let mut found = solved(surface, parts, &middle, budget);
+        let mut found = solved(surface, parts, &middle, budget, run)?;
         let bones: Vec<u32> = parts.sheets.iter().flat_map(|s| std::iter::repeat_n(s.bone, s.shape_count())).collect();
         let rest: Vec<Vector3<f32>> = rest.iter().map(|p| (p - middle).cast::<f32>()).collect();
         let tree = Tree { bones: &bones, parents: &parts.parents };
@@ -91,9 +92,10 @@ impl Table {
             held: Vec::new(),
         };
         for row in 0..rest.len().div_ceil(LANES) {
+            run.check()?;
             table.push_row(row, &found, &bones);
         }
-        table
+        Ok(table)
     }
 
     /// Appends a row: what moves any of its vertices.
@@ -258,7 +260,13 @@ fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
 }
 
 /// What moves each vertex, less what is far below the budget.
-fn solved(surface: &mut SurfaceOfGradients, parts: &Parts, middle: &Point3<f64>, budget: f32) -> Vec<Sparse> {
+fn solved(
+    surface: &mut SurfaceOfGradients,
+    parts: &Parts,
+    middle: &Point3<f64>,
+    budget: f32,
+    run: &Run,
+) -> Result<Vec<Sparse>, Stopped> {
     let rest: Vec<Vector3<f64>> = surface.rest().iter().map(|p| p - middle).collect();
     let mut found = vec![Sparse::default(); rest.len()];
     let sheet = |t: usize| &parts.sheets[parts.sheet_of[t] as usize];
@@ -267,6 +275,7 @@ fn solved(surface: &mut SurfaceOfGradients, parts: &Parts, middle: &Point3<f64>,
         .collect();
     let map = |at: usize| Matrix3::from_column_slice(&parts.maps[at]).cast::<f64>();
     for bone in 0..parts.parents.len() as u32 {
+        run.check()?;
         let weight = |v: usize| parts.weights.weight(v, bone);
         let own = |t: usize| if sheet(t).bone == bone { map(starts[t]) } else { Matrix3::zeros() };
         let turned = surface.solve(own, |_| Vector3::zeros());
@@ -285,6 +294,7 @@ fn solved(surface: &mut SurfaceOfGradients, parts: &Parts, middle: &Point3<f64>,
     let mut number = 0;
     for (s, one) in parts.sheets.iter().enumerate() {
         for k in 0..one.shape_count() {
+            run.check()?;
             let own =
                 |t: usize| if parts.sheet_of[t] as usize == s { map(starts[t] + 1 + k) } else { Matrix3::zeros() };
             for (vertex, u) in found.iter_mut().zip(surface.solve(own, |_| Vector3::zeros())) {
@@ -296,7 +306,7 @@ fn solved(surface: &mut SurfaceOfGradients, parts: &Parts, middle: &Point3<f64>,
             number += 1;
         }
     }
-    found
+    Ok(found)
 }
 
 #[cfg(test)]

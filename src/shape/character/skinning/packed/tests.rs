@@ -3,6 +3,7 @@ use nalgebra::{Point3, Vector3};
 use super::super::tests::{matrices, tube, turn};
 use super::super::{Skinner, SkinningMethod};
 use super::*;
+use plumbline_num::run::Run;
 
 /// Farthest of the packed results from the exact ones, over the diagonal, for a model that stands and walks far away.
 fn farthest(method: SkinningMethod, scaled: bool, at: Vector3<f64>) -> f64 {
@@ -16,7 +17,10 @@ fn farthest(method: SkinningMethod, scaled: bool, at: Vector3<f64>) -> f64 {
             p.locals[2].scale = Vector3::new(1.4, 0.8, 1.0);
         }
     });
-    let exact = Skinner::new(&mesh, None, &skeleton, &skin, method).expect("fits").positions(&m).expect("fits");
+    let exact = Skinner::new(&mesh, None, &skeleton, &skin, method, &Run::default())
+        .expect("fits")
+        .positions(&m)
+        .expect("fits");
     let packed = PackedSkin::new(&mesh, &skin).expect("four at most");
     let mut out = vec![[f32::NAN; 3]; packed.vertex_count()];
     let from = match method {

@@ -25,6 +25,7 @@ use crate::mesh::{GltfAssets, MeshError, ModelBuilder, Position};
 use buffers::Buffers;
 use document::Document;
 use input::Input;
+use plumbline_num::run::Run;
 
 pub(super) use write::{MOST_INFLUENCES, write};
 
@@ -45,6 +46,7 @@ pub(super) fn read(
     format: MeshFormat,
     folder: Option<&Path>,
     limits: &ReadLimits,
+    run: &Run,
 ) -> Result<ModelBuilder, MeshError> {
     let (json, binary) = if format == MeshFormat::Glb { chunks(bytes)? } else { (bytes, None) };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
@@ -59,7 +61,7 @@ pub(super) fn read(
         return Err(fault("/extensionsRequired", told));
     }
     let buffers = Buffers::load(&document, binary, folder, limits)?;
-    let mut builder = scene::read(&Input::new(&document, &buffers, limits))?;
+    let mut builder = scene::read(&Input::new(&document, &buffers, limits), run)?;
     builder.assets = assets(&document, &buffers)?;
     Ok(builder)
 }

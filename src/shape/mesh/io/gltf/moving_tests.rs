@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model, losses};
 use crate::mesh::model::articulation::{Interpolation, Property};
 use crate::mesh::{MeshError, Model, RepairOptions, repair};
+use plumbline_num::run::Run;
 
 /// What is done to a document.
 type Change = fn(&mut Value);
@@ -80,7 +81,7 @@ fn moving() -> Value {
 
 fn decode(document: &Value) -> Result<Model, MeshError> {
     let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16 };
-    decode_model(document.to_string().as_bytes(), MeshFormat::Gltf, None, &limits)
+    decode_model(document.to_string().as_bytes(), MeshFormat::Gltf, None, &limits, &Run::default())
 }
 
 fn changed(change: Change) -> Value {
@@ -119,8 +120,9 @@ fn skins_targets_and_animations_are_read_as_they_stand() {
 fn what_moves_is_written_as_it_was_read() {
     let model = decode(&moving()).expect("valid");
     for format in [MeshFormat::Gltf, MeshFormat::Glb] {
-        let bytes = encode_model(&model, format, &WriteOptions::default()).expect("valid");
-        let again = decode_model(&bytes, format, None, &ReadLimits::default()).expect("own files are read");
+        let bytes = encode_model(&model, format, &WriteOptions::default(), &Run::default()).expect("valid");
+        let again =
+            decode_model(&bytes, format, None, &ReadLimits::default(), &Run::default()).expect("own files are read");
         assert_eq!(again.articulation(), model.articulation());
         assert_eq!(again.mesh(), model.mesh());
     }
@@ -136,8 +138,9 @@ fn meshes_without_a_skin_are_written_where_their_nodes_hold_them() {
     }))
     .expect("valid");
     assert_eq!(model.mesh().positions()[1], nalgebra::Point3::new(-1.0, 5.0, 0.0));
-    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
-    let again = decode_model(&bytes, MeshFormat::Glb, None, &ReadLimits::default()).expect("own files are read");
+    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default(), &Run::default()).expect("valid");
+    let again = decode_model(&bytes, MeshFormat::Glb, None, &ReadLimits::default(), &Run::default())
+        .expect("own files are read");
     assert_eq!((again.articulation(), again.mesh()), (model.articulation(), model.mesh()));
 }
 
@@ -146,7 +149,8 @@ fn a_moved_or_repaired_model_still_moves() {
     let model = decode(&moving()).expect("valid");
     let moved = model.with_positions(model.mesh().positions().iter().map(|p| p * 2.0).collect()).expect("finite");
     assert_eq!(moved.articulation(), model.articulation());
-    let repaired = model.repaired(&repair(model.mesh(), &RepairOptions::default()));
+    let repaired = model
+        .repaired(&repair(model.mesh(), &RepairOptions::default(), &Run::default()).expect("a run that never stops"));
     assert_eq!(repaired.articulation(), model.articulation());
     // Two instances that move in different ways and share an edge: joined, they can be moved as neither.
     let two = decode(&changed(|d| {
@@ -154,7 +158,8 @@ fn a_moved_or_repaired_model_still_moves() {
         d["scenes"][0]["nodes"] = json!([0, 2, 3]);
     }))
     .expect("valid");
-    let joined = two.repaired(&repair(two.mesh(), &RepairOptions::default()));
+    let joined =
+        two.repaired(&repair(two.mesh(), &RepairOptions::default(), &Run::default()).expect("a run that never stops"));
     assert_eq!(joined.articulation(), None);
     assert!(joined.warnings().iter().any(|w| w.contains("repair joined parts that move in different ways")));
 }

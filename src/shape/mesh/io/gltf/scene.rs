@@ -9,6 +9,7 @@ use super::fault;
 use super::input::Input;
 use crate::mesh::model::articulation::{Articulation, Instance, MorphTarget};
 use crate::mesh::{Group, Material, MeshError, ModelBuilder, NO_VALUE};
+use plumbline_num::run::Run;
 
 /// Triangles of one primitive as numbers of its vertices.
 type Triangles = Vec<[u32; 3]>;
@@ -32,7 +33,7 @@ struct Scene<'a> {
 }
 
 /// Reads the scene that the file opens with; all meshes where it has no nodes.
-pub(super) fn read(input: &Input<'_>) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(input: &Input<'_>, run: &Run) -> Result<ModelBuilder, MeshError> {
     let document = input.document;
     let mut builder = ModelBuilder::default();
     for (k, material) in document.materials.iter().enumerate() {
@@ -45,10 +46,10 @@ pub(super) fn read(input: &Input<'_>) -> Result<ModelBuilder, MeshError> {
     let mut scene = Scene { input, builder, articulation, world_from_nodes, skipped: [0; 3], odd_weights: 0 };
     if document.nodes.is_empty() {
         for mesh in 0..document.meshes.len() {
-            scene.mesh(mesh, None)?;
+            scene.mesh(mesh, None, run)?;
         }
     } else {
-        scene.nodes()?;
+        scene.nodes(run)?;
     }
     scene.finish()
 }
@@ -82,7 +83,7 @@ impl Scene<'_> {
         Ok(self.builder)
     }
 
-    fn nodes(&mut self) -> Result<(), MeshError> {
+    fn nodes(&mut self, run: &Run) -> Result<(), MeshError> {
         let document = self.input.document;
         let mut seen = vec![false; document.nodes.len()];
         let roots = self.roots()?;
@@ -99,7 +100,7 @@ impl Scene<'_> {
                 return Err(fault(at, "its transformation is not finite"));
             }
             if let Some(mesh) = node.mesh {
-                self.mesh(mesh, Some(index))?;
+                self.mesh(mesh, Some(index), run)?;
             }
             open.extend(node.children.iter().rev());
         }
@@ -124,7 +125,7 @@ impl Scene<'_> {
         Ok((0..document.nodes.len()).filter(|&node| !is_child[node]).collect())
     }
 
-    fn mesh(&mut self, index: usize, node: Option<usize>) -> Result<(), MeshError> {
+    fn mesh(&mut self, index: usize, node: Option<usize>, run: &Run) -> Result<(), MeshError> {
         let document = self.input.document;
         let at = format!("/meshes/{index}");
         let there = document.meshes.len();
@@ -142,6 +143,7 @@ impl Scene<'_> {
         // Primitives that share their vertices keep sharing them.
         let mut read: Vec<(&Primitive, u32)> = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
+            run.check()?;
             let at = format!("{at}/primitives/{k}");
             if primitive.mode.is_some_and(|mode| mode < 4) {
                 self.skipped[0] += 1;

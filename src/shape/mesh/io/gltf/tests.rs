@@ -5,9 +5,10 @@ use crate::mesh::io::{WriteOptions, decode_model, encode_model};
 use crate::mesh::shapes::{icosphere, plane};
 use crate::mesh::{Group, Model};
 use base64::Engine as _;
+use plumbline_num::run::Run;
 
 fn decode(bytes: &[u8], format: MeshFormat) -> Result<Model, MeshError> {
-    decode_model(bytes, format, None, &ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16 })
+    decode_model(bytes, format, None, &ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16 }, &Run::default())
 }
 
 fn fault_of(document: &serde_json::Value) -> String {
@@ -98,9 +99,10 @@ fn sparse_values_take_their_places() {
 fn what_is_written_reads_back_the_same() {
     let obj = "o left\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl a\nf 1/1/1 2/2/1 3/3/1\n\
                usemtl b\nf 1/2/1 3/1/1 4/1/1\no right\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5/1/1 6/2/1 7/3/1\n";
-    let model = crate::mesh::io::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).expect("valid");
+    let model =
+        crate::mesh::io::obj::read(obj.as_bytes(), &Run::default()).and_then(ModelBuilder::finish).expect("valid");
     for format in [MeshFormat::Gltf, MeshFormat::Glb] {
-        let bytes = encode_model(&model, format, &WriteOptions::default()).expect("valid");
+        let bytes = encode_model(&model, format, &WriteOptions::default(), &Run::default()).expect("valid");
         let again = decode(&bytes, format).expect("valid");
         assert_eq!(again.mesh().triangle_count(), 3);
         for t in 0..3 {
@@ -124,7 +126,7 @@ fn what_is_written_reads_back_the_same() {
         assert_eq!(again.mesh().vertex_count(), 9);
     }
     let plain = Model::of_mesh(icosphere(1));
-    let bytes = encode_model(&plain, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    let bytes = encode_model(&plain, MeshFormat::Glb, &WriteOptions::default(), &Run::default()).expect("valid");
     assert_eq!(decode(&bytes, MeshFormat::Glb).expect("valid").mesh().triangles(), plain.mesh().triangles());
 }
 
@@ -132,7 +134,7 @@ fn what_is_written_reads_back_the_same() {
 fn a_mesh_far_from_the_origin_keeps_its_digits() {
     let moved = plane(3).positions().iter().map(|p| p * 0.1 + nalgebra::Vector3::new(1e6, -3e6, 0.0)).collect();
     let model = Model::of_mesh(plane(3).with_positions(moved).expect("valid"));
-    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default(), &Run::default()).expect("valid");
     let again = decode(&bytes, MeshFormat::Glb).expect("valid");
     for (p, q) in again.mesh().positions().iter().zip(model.mesh().positions()) {
         assert!((p - q).norm() < 1e-7 * model.mesh().diagonal() + 1e-9, "{p} {q}");
@@ -148,7 +150,7 @@ fn materials_and_their_pictures_are_carried_along() {
         d["images"] = json!([{ "bufferView": 1, "mimeType": "image/png" }]);
         d["meshes"][0]["primitives"][0]["material"] = json!(0);
     });
-    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default()).expect("valid");
+    let bytes = encode_model(&model, MeshFormat::Glb, &WriteOptions::default(), &Run::default()).expect("valid");
     let again = decode(&bytes, MeshFormat::Glb).expect("valid");
     assert_eq!((again.materials(), again.assets()), (model.materials(), model.assets()));
     assert_eq!(again.assets().expect("valid").image_bytes, [Some(vec![0, 1, 2, 2, 1, 3])]);
@@ -213,8 +215,13 @@ fn no_address_leads_out_of_the_folder() {
     for uri in outside.into_iter().chain(["my%20data.bin"]) {
         let mut document = square();
         document["buffers"][0]["uri"] = json!(uri);
-        let read =
-            decode_model(document.to_string().as_bytes(), MeshFormat::Gltf, Some(&inner), &ReadLimits::default());
+        let read = decode_model(
+            document.to_string().as_bytes(),
+            MeshFormat::Gltf,
+            Some(&inner),
+            &ReadLimits::default(),
+            &Run::default(),
+        );
         match read {
             Ok(_) => assert_eq!(uri, "my%20data.bin"),
             Err(e) => assert!(e.to_string().contains("leads outside the folder of the file"), "{uri}: {e}"),

@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 use super::text::{Lines, number, shown, words};
 use super::{MeshFormat, finite, malformed, or_zero};
 use crate::mesh::{Group, MeshError, ModelBuilder, NO_VALUE, Position};
+use plumbline_num::run::Run;
 
 pub(super) use write::write;
 
@@ -35,7 +36,7 @@ struct Reader {
 }
 
 /// Reads the file.
-pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut reader = Reader {
         builder: ModelBuilder::default(),
         group: Group::default(),
@@ -49,6 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     let mut lines = Lines::of(bytes);
     let mut joined = Vec::new();
     while let Some((line, text)) = lines.next() {
+        run.check()?;
         let text = text.trim_ascii_end();
         if let Some(begun) = text.strip_suffix(b"\\") {
             joined.extend_from_slice(begun);

@@ -1,12 +1,13 @@
 use super::*;
 use crate::mesh::{Model, Position};
+use plumbline_num::run::Run;
 
 fn model(text: &str) -> Model {
-    read(text.as_bytes()).and_then(ModelBuilder::finish).expect("valid")
+    read(text.as_bytes(), &Run::default()).and_then(ModelBuilder::finish).expect("valid")
 }
 
 fn fault_of(text: &str) -> String {
-    read(text.as_bytes()).map(|_| ()).expect_err("to be refused").to_string()
+    read(text.as_bytes(), &Run::default()).map(|_| ()).expect_err("to be refused").to_string()
 }
 
 const FULL: &str = "mtllib a.mtl\no box\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1e-7\nvt 0 0\nvt 1 0.25\nvn 0 0 1\n\
@@ -17,7 +18,12 @@ fn what_is_written_reads_back_the_same() {
     let full = model(FULL);
     let mut text = Vec::new();
     write(&full, &mut text).expect("valid");
-    assert_eq!(read(&text).and_then(ModelBuilder::finish).expect("valid"), full, "{}", String::from_utf8_lossy(&text));
+    assert_eq!(
+        read(&text, &Run::default()).and_then(ModelBuilder::finish).expect("valid"),
+        full,
+        "{}",
+        String::from_utf8_lossy(&text)
+    );
     assert_eq!(full.faces().get(0), [0, 1, 2, 3]);
     assert_eq!(full.mesh().triangles(), [[0, 1, 2], [0, 2, 3], [0, 4, 1], [4, 1, 0]]);
     assert_eq!(full.face_of_triangle(), [0, 0, 1, 2]);
@@ -77,5 +83,8 @@ fn faults_are_told_with_line_value_and_range() {
         assert_eq!(fault_of(&format!("{head}{line}\n")), told);
     }
     assert_eq!(fault_of("hello\nworld\n"), "OBJ, line 3: no vertices (`v x y z`); this may be no OBJ file");
-    assert!(matches!(read(b"v a").expect_err("to be refused"), MeshError::Malformed { at: Position::Line(1), .. }));
+    assert!(matches!(
+        read(b"v a", &Run::default()).expect_err("to be refused"),
+        MeshError::Malformed { at: Position::Line(1), .. }
+    ));
 }

@@ -15,11 +15,12 @@ use super::{MeshFormat, finite, or_zero};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
 use body::Body;
 use header::{Element, Header, Property, Shape};
+use plumbline_num::run::Run;
 
 pub(super) use write::write;
 
 /// Reads the file.
-pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
+pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let header = Header::read(bytes)?;
     let mut body = Body::after(&header, bytes);
     let mut builder = ModelBuilder::default();
@@ -27,9 +28,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<ModelBuilder, MeshError> {
     for element in &header.elements {
         body.holds(element)?;
         match element.name.as_str() {
-            "vertex" => read_vertices(&mut body, element, &mut builder)?,
-            "face" => read_faces(&mut body, element, vertices, &mut builder)?,
-            "tristrips" => read_strips(&mut body, element, vertices, &mut builder)?,
+            "vertex" => read_vertices(&mut body, element, &mut builder, run)?,
+            "face" => read_faces(&mut body, element, vertices, &mut builder, run)?,
+            "tristrips" => read_strips(&mut body, element, vertices, &mut builder, run)?,
             _ => skip(&mut body, element, &mut builder)?,
         }
     }
@@ -66,7 +67,12 @@ fn slot(property: &Property) -> Slot {
     }
 }
 
-fn read_vertices(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> Result<(), MeshError> {
+fn read_vertices(
+    body: &mut Body<'_>,
+    element: &Element,
+    builder: &mut ModelBuilder,
+    run: &Run,
+) -> Result<(), MeshError> {
     let slots: Vec<_> = element.properties.iter().map(slot).collect();
     let has = |wanted: fn(&Slot) -> bool| slots.iter().filter(|s| wanted(s)).count();
     if has(|s| matches!(s, Slot::Position(_))) < 3 {
@@ -77,6 +83,7 @@ fn read_vertices(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuil
     let texture = has(|s| matches!(s, Slot::Texture(_))) >= 2;
     builder.positions.reserve(element.count as usize);
     for _ in 0..element.count {
+        run.check()?;
         let at = body.place();
         let (mut xyz, mut normal, mut color, mut uv) = ([0.0; 3], [0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.0; 2]);
         for (slot, property) in slots.iter().zip(&element.properties) {
@@ -115,6 +122,7 @@ fn read_faces(
     element: &Element,
     vertices: u64,
     builder: &mut ModelBuilder,
+    run: &Run,
 ) -> Result<(), MeshError> {
     let named = |names: &[&str]| {
         let is = |p: &Property| names.contains(&p.name.as_str()) && matches!(p.shape, Shape::List(..));
@@ -126,6 +134,7 @@ fn read_faces(
     let (mut corners, mut list, mut small) = (Vec::new(), Vec::new(), 0);
     let per_corner = texcoord.is_some();
     for _ in 0..element.count {
+        run.check()?;
         corners.clear();
         let mut uvs = Vec::new();
         for (k, property) in element.properties.iter().enumerate() {
@@ -189,9 +198,11 @@ fn read_strips(
     element: &Element,
     vertices: u64,
     builder: &mut ModelBuilder,
+    run: &Run,
 ) -> Result<(), MeshError> {
     let mut list = Vec::new();
     for _ in 0..element.count {
+        run.check()?;
         for property in &element.properties {
             match property.shape {
                 Shape::One(scalar) => drop(body.value(scalar)?),

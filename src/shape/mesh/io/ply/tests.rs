@@ -1,9 +1,10 @@
 use super::*;
 use crate::mesh::Model;
 use crate::mesh::shapes::{icosphere, plane};
+use plumbline_num::run::Run;
 
 fn read_back(bytes: &[u8]) -> Result<Model, MeshError> {
-    read(bytes).and_then(ModelBuilder::finish)
+    read(bytes, &Run::default()).and_then(ModelBuilder::finish)
 }
 
 fn fault_of(bytes: &[u8]) -> String {
@@ -19,7 +20,8 @@ fn written(model: &Model, ascii: bool) -> Vec<u8> {
 #[test]
 fn what_is_written_reads_back_the_same() {
     let obj = "v 0 0 0 1 0 0.2\nv 1 0 0 0 0 0\nv 1 1 0 0 1 0\nv 0 1 0.1 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3 4/1\nf 1/2 3/1 2/1\n";
-    let textured = super::super::obj::read(obj.as_bytes()).and_then(ModelBuilder::finish).expect("valid");
+    let textured =
+        super::super::obj::read(obj.as_bytes(), &Run::default()).and_then(ModelBuilder::finish).expect("valid");
     for model in [Model::of_mesh(icosphere(1)), textured] {
         for ascii in [true, false] {
             let again = read_back(&written(&model, ascii)).expect("valid");

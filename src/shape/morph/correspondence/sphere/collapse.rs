@@ -7,6 +7,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::run::{Run, Stopped};
 
 /// A vertex that was taken out.
 #[derive(Clone, Debug)]
@@ -25,8 +26,8 @@ pub(super) struct Removals {
 }
 
 /// Takes out vertices of a closed surface of genus 0; `None` where none may go before four are left.
-pub(super) fn removals(mesh: &TriMesh, late: &[bool]) -> Option<Removals> {
-    let half_edges = HalfEdges::new(mesh).ok()?;
+pub(super) fn removals(mesh: &TriMesh, late: &[bool], run: &Run) -> Result<Option<Removals>, Stopped> {
+    let Ok(half_edges) = HalfEdges::new(mesh) else { return Ok(None) };
     let n = mesh.vertex_count();
     let mut rings: Vec<Vec<u32>> = (0..n as u32).map(|v| half_edges.neighbors(v).collect()).collect();
     let mut version = vec![0_u32; n];
@@ -34,7 +35,8 @@ pub(super) fn removals(mesh: &TriMesh, late: &[bool]) -> Option<Removals> {
     let (mut vertices, mut left) = (Vec::with_capacity(n), n);
     // Vertices that could not go are tried again when their neighbors have changed.
     while left > 4 {
-        let Reverse((_, v, seen)) = queue.pop()?;
+        run.check()?;
+        let Some(Reverse((_, v, seen))) = queue.pop() else { return Ok(None) };
         if version[v as usize] != seen || rings[v as usize].is_empty() {
             continue;
         }
@@ -50,7 +52,7 @@ pub(super) fn removals(mesh: &TriMesh, late: &[bool]) -> Option<Removals> {
         left -= 1;
     }
     let left = (0..n as u32).filter(|v| !rings[*v as usize].is_empty()).map(|v| (v, rings[v as usize].clone()));
-    Some(Removals { vertices, left: left.collect() })
+    Ok(Some(Removals { vertices, left: left.collect() }))
 }
 
 /// How late a vertex should go: by its number of edges and the shortest. The bits of numbers that are not negative are ordered as

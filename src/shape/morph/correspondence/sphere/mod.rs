@@ -34,6 +34,7 @@ use crate::mesh::{HalfEdges, TriMesh};
 use collapse::{Removed, removals};
 use kernel::deepest;
 pub use overlay::over_spheres;
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::union_find::numbered_components;
 use stretch::{Side, Wish};
 
@@ -66,9 +67,10 @@ const SHORTEST_SETTLING: f64 = 1e-6;
 /// The unit vector of every vertex of a closed surface of genus 0: no triangle turned over, none on another.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for an open surface, one in pieces or with handles, or no oriented manifold.
-pub fn sphere_map(mesh: &TriMesh, which: &'static str) -> Result<Vec<Vector3<f64>>, MorphError> {
-    Ok(Ball::laid_out(mesh, which, Vec::new(), &[])?.at)
+/// [`MorphError::Topology`] for an open surface, one in pieces or with handles, or no oriented manifold;
+/// [`MorphError::Interrupted`].
+pub fn sphere_map(mesh: &TriMesh, which: &'static str, run: &Run) -> Result<Vec<Vector3<f64>>, MorphError> {
+    Ok(Ball::laid_out(mesh, which, Vec::new(), &[], run)?.at)
 }
 
 fn topology(which: &'static str, fault: String) -> MorphError {
@@ -107,10 +109,16 @@ struct Ball<'m> {
 
 impl<'m> Ball<'m> {
     /// A whole surface, as its wishes say where there are any; vertices of `late` are the last to go and the first to come back.
-    fn laid_out(mesh: &'m TriMesh, which: &'static str, wishes: Vec<Wish>, late: &[bool]) -> Result<Self, MorphError> {
+    fn laid_out(
+        mesh: &'m TriMesh,
+        which: &'static str,
+        wishes: Vec<Wish>,
+        late: &[bool],
+        run: &Run,
+    ) -> Result<Self, MorphError> {
         check(mesh, which)?;
-        let removed =
-            removals(mesh, late).ok_or_else(|| topology(which, "cannot be reduced to a tetrahedron".to_owned()))?;
+        let removed = removals(mesh, late, run)?
+            .ok_or_else(|| topology(which, "cannot be reduced to a tetrahedron".to_owned()))?;
         let mut ball = Self::new(mesh, &removed.left);
         if !wishes.is_empty() {
             let wanted: Vec<_> = ball.order.iter().map(|v| (*v, wishes[*v as usize].place)).collect();
@@ -119,15 +127,16 @@ impl<'m> Ball<'m> {
         }
         let mut next = 8;
         for removed in removed.vertices.iter().rev() {
+            run.check()?;
             ball.insert(removed)
                 .ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
             ball.make_room(removed);
             if ball.order.len() >= next {
                 next = next * 5 / 4;
-                ball.spread();
+                ball.spread(run)?;
             }
         }
-        ball.spread();
+        ball.spread(run)?;
         Ok(ball)
     }
 
@@ -209,15 +218,17 @@ impl<'m> Ball<'m> {
     }
 
     /// Relaxes all until little is gained.
-    fn spread(&mut self) {
+    fn spread(&mut self, run: &Run) -> Result<(), Stopped> {
         let mut last = f64::INFINITY;
         for sweep in 0..MOST_SWEEPS {
+            run.check()?;
             let energy = self.relax(&[]);
             if sweep >= SWEEPS && !(energy < (1.0 - GAIN) * last) {
                 break;
             }
             last = energy;
         }
+        Ok(())
     }
 
     /// Moves every vertex that is not held to where the surface around it is stretched least; returns how much it was, each triangle three times.

@@ -14,6 +14,7 @@ use super::stretch::Wish;
 use super::{Ball, SphereOptions, sphere_map};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::barycentric_areas;
+use plumbline_num::run::{Run, Stopped};
 
 /// Landmarks this near on the sphere have met.
 const MET: f64 = 1e-12;
@@ -27,24 +28,25 @@ pub fn over_spheres(
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     options: &SphereOptions,
+    run: &Run,
 ) -> Result<Vec<Nearest>, MorphError> {
-    let goal = sphere_map(second, "second")?;
+    let goal = sphere_map(second, "second", run)?;
     let mut held = vec![false; first.vertex_count()];
     for l in landmarks {
         held[l.0 as usize] = true;
     }
-    let wishes = wishes(first, second, &goal, landmarks, &held)?;
-    let mut ball = Ball::laid_out(first, "first", wishes.clone(), &held)?;
+    let wishes = wishes(first, second, &goal, landmarks, &held, run)?;
+    let mut ball = Ball::laid_out(first, "first", wishes.clone(), &held, run)?;
     if ball.wishes.is_empty() {
         let wanted: Vec<_> = landmarks.iter().map(|&(v, w)| (v, goal[w as usize])).collect();
         ball.turn(&wanted);
     } else {
-        press(&mut ball, &[]);
+        press(&mut ball, &[], run)?;
     }
     ball.wishes.clear();
-    draw(&mut ball, &goal, landmarks, &held, options.rounds);
+    draw(&mut ball, &goal, landmarks, &held, options.rounds, run)?;
     ball.wishes = wishes;
-    press(&mut ball, &held);
+    press(&mut ball, &held, run)?;
     let sphere = second.with_positions(goal.iter().map(|p| Point3::from(*p)).collect())?;
     let bvh = Bvh::new(&sphere);
     let mut corner_of = vec![None; second.vertex_count()];
@@ -58,15 +60,16 @@ pub fn over_spheres(
         }
     }
     let place = |(v, at): (usize, &Vector3<f64>)| {
+        run.check()?;
         let (triangle, weights) = vertex_of[v].map_or_else(
             || located(&bvh, &sphere, at),
             |(t, k)| (t, std::array::from_fn(|c| if c == k { 1.0 } else { 0.0 })),
         );
         let corners = second.corners(triangle as usize);
         let point: Vector3<f64> = corners.iter().zip(weights).map(|(p, w)| p.coords * w).sum();
-        Nearest { triangle, weights, point: Point3::from(point), squared: 0.0 }
+        Ok(Nearest { triangle, weights, point: Point3::from(point), squared: 0.0 })
     };
-    Ok(ball.at.iter().enumerate().map(place).collect())
+    ball.at.iter().enumerate().map(place).collect()
 }
 
 /// How strongly vertices are wanted where registration laid them, per area of the first surface over the square of its size, and how much more
@@ -84,8 +87,9 @@ fn wishes(
     goal: &[Vector3<f64>],
     landmarks: &[(u32, u32)],
     held: &[bool],
+    run: &Run,
 ) -> Result<Vec<Wish>, MorphError> {
-    let places = match register(first, second, landmarks, &RegistrationOptions::default()) {
+    let places = match register(first, second, landmarks, &RegistrationOptions::default(), run) {
         Err(MorphError::Landmarks { .. }) => return Ok(Vec::new()),
         registered => registered?,
     };
@@ -100,16 +104,18 @@ fn wishes(
 }
 
 /// Wants every vertex more and more where it is wanted.
-fn press(ball: &mut Ball<'_>, held: &[bool]) {
+fn press(ball: &mut Ball<'_>, held: &[bool], run: &Run) -> Result<(), Stopped> {
     if ball.wishes.is_empty() {
-        return;
+        return Ok(());
     }
     for _ in 0..PRESSES {
         ball.wishes.iter_mut().for_each(|w| w.weight *= 10.0);
         for _ in 0..ROUNDS_PRESSED {
+            run.check()?;
             ball.relax(held);
         }
     }
+    Ok(())
 }
 
 /// Rounds after which landmarks must have come nearer to their places by [`NEARER`], or they never will.
@@ -117,9 +123,17 @@ const PATIENCE: usize = 100;
 const NEARER: f64 = 0.01;
 
 /// Draws landmarks to their places, for so many rounds at most.
-fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], held: &[bool], rounds: usize) {
+fn draw(
+    ball: &mut Ball<'_>,
+    goal: &[Vector3<f64>],
+    landmarks: &[(u32, u32)],
+    held: &[bool],
+    rounds: usize,
+    run: &Run,
+) -> Result<(), Stopped> {
     let mut last = f64::INFINITY;
     for round in 0..rounds {
+        run.check()?;
         let mut off = 0.0;
         for &(v, w) in landmarks {
             let missing = (ball.at[v as usize] - goal[w as usize]).norm();
@@ -135,6 +149,7 @@ fn draw(ball: &mut Ball<'_>, goal: &[Vector3<f64>], landmarks: &[(u32, u32)], he
         }
         ball.relax(held);
     }
+    Ok(())
 }
 
 /// The triangle of a map on the sphere in which a direction lies, and its weights there.

@@ -3,6 +3,7 @@ use nalgebra::Point3;
 use super::super::{CorrespondenceMethod, correspond};
 use super::*;
 use crate::mesh::shapes;
+use plumbline_num::run::Run;
 
 /// No triangle turned over, and their solid angles make one sphere.
 fn one_to_one(mesh: &TriMesh, at: &[Vector3<f64>]) {
@@ -27,7 +28,7 @@ fn shapes_of_genus_0() -> Vec<TriMesh> {
 #[test]
 fn shapes_without_handles_lie_on_the_sphere_one_to_one() {
     for mesh in shapes_of_genus_0() {
-        one_to_one(&mesh, &sphere_map(&mesh, "first").unwrap());
+        one_to_one(&mesh, &sphere_map(&mesh, "first", &Run::default()).unwrap());
     }
 }
 
@@ -36,7 +37,7 @@ fn a_surface_laid_over_itself_by_the_sphere_lies_where_it_is() {
     for mesh in shapes_of_genus_0() {
         let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
         let method = CorrespondenceMethod::Sphere(SphereOptions::default());
-        let laid = correspond(&mesh, &mesh, &landmarks, &method).unwrap();
+        let laid = correspond(&mesh, &mesh, &landmarks, &method, &Run::default()).unwrap();
         for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
             assert!((p - q).norm() < 1e-6 * mesh.diagonal());
         }
@@ -60,8 +61,14 @@ fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
         .flat_map(|k| [(k, 1.0), (k, -1.0)])
         .map(|(k, s)| (extreme(&first, k, s), extreme(&second, k, s)))
         .collect();
-    let laid =
-        correspond(&first, &second, &landmarks, &CorrespondenceMethod::Sphere(SphereOptions::default())).unwrap();
+    let laid = correspond(
+        &first,
+        &second,
+        &landmarks,
+        &CorrespondenceMethod::Sphere(SphereOptions::default()),
+        &Run::default(),
+    )
+    .unwrap();
     assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
     assert_eq!(laid.quality.collapsed, 0);
     // Every place on its triangle.
@@ -88,7 +95,7 @@ fn farthest(mesh: &TriMesh, to: &Vector3<f64>) -> u32 {
 #[test]
 fn long_limbs_get_room_on_the_sphere() {
     let mesh = with_limbs(4, 9.0);
-    let at = sphere_map(&mesh, "first").unwrap();
+    let at = sphere_map(&mesh, "first", &Run::default()).unwrap();
     one_to_one(&mesh, &at);
     let share = |t: &[u32; 3], p: &dyn Fn(u32) -> Vector3<f64>| {
         let [a, b, c] = t.map(p);
@@ -108,7 +115,7 @@ fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
     let landmarks: Vec<(u32, u32)> = axes.map(|d| (farthest(&first, &d), farthest(&second, &d))).collect();
     let method = CorrespondenceMethod::Sphere(SphereOptions::default());
     for landmarks in [&landmarks[..], &landmarks[..2]] {
-        let laid = correspond(&first, &second, landmarks, &method).unwrap();
+        let laid = correspond(&first, &second, landmarks, &method, &Run::default()).unwrap();
         assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
         assert_eq!(laid.quality.collapsed, 0);
         if landmarks.len() > 2 {
@@ -119,7 +126,7 @@ fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
 
 #[test]
 fn surfaces_that_are_no_spheres_are_told_what_they_are() {
-    let told = |mesh: &TriMesh| sphere_map(mesh, "second").unwrap_err().to_string();
+    let told = |mesh: &TriMesh| sphere_map(mesh, "second", &Run::default()).unwrap_err().to_string();
     assert!(told(&shapes::plane(3)).contains("the second mesh is open: 12 edges"));
     assert!(told(&shapes::holed_torus(1, 10)).contains("has genus 1"));
     let two = shapes::disjoint(&[shapes::icosphere(1), shapes::icosphere(1)]);

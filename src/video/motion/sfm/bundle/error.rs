@@ -1,5 +1,7 @@
 //! What a bundle adjustment can refuse.
 
+use plumbline_num::run::Stopped;
+
 /// Why nothing could be adjusted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -36,4 +38,7 @@ pub enum BundleError {
         /// Least number.
         least: usize,
     },
+    /// The run was interrupted, or its time is used up.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
 }

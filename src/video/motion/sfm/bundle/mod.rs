@@ -44,6 +44,7 @@ use cameras::Cameras;
 use layout::Layout;
 use parameters::SHARED;
 use plumbline_num::optim::levenberg_marquardt::minimize;
+use plumbline_num::run::Run;
 use problem::Adjustment;
 
 /// How an adjustment went.
@@ -74,11 +75,13 @@ pub struct BundleReport {
 /// sees.
 ///
 /// # Errors
-/// [`BundleError`]: settings out of range, values that are not finite, nothing to adjust. The scene is then as it was.
+/// [`BundleError`]: settings out of range, values that are not finite, nothing to adjust, an interruption. The scene is then as
+/// it was.
 pub fn adjust(
     scene: &mut Scene,
     observations: &[Observation],
     options: &BundleOptions,
+    run: &Run,
 ) -> Result<BundleReport, BundleError> {
     options.check()?;
     let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
@@ -94,10 +97,10 @@ pub fn adjust(
     for loss in &options.fit.losses {
         problem.judgment.loss = *loss;
         let cost = problem.cost();
-        let run = minimize(&mut problem, cost, &damping);
-        let (before, initial_cost) = report.map_or((0, run.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
-        report = Some((before + run.iterations, initial_cost, run));
-        problem.rescue();
+        let minimum = minimize(&mut problem, cost, &damping, run)?;
+        let (before, initial_cost) = report.map_or((0, minimum.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
+        report = Some((before + minimum.iterations, initial_cost, minimum));
+        problem.rescue(run)?;
     }
     let (iterations, initial_cost, last) = report.expect("there is a loss: it was checked");
     layout.store(&problem.present, scene);

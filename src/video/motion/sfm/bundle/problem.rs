@@ -14,6 +14,7 @@ use super::structure::PointProblem;
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::energy::Loss;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions};
+use plumbline_num::run::{Run, Stopped};
 
 /// Search for a point on its own: to its minimum, or else it promises the next joint step a gain that does not come.
 const SETTLING: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-4, floor: 0.0, max_iterations: 30 };
@@ -118,12 +119,13 @@ impl<'a> Adjustment<'a> {
     }
 
     /// Searches anew the points whose observations are met by no means, cameras as they are.
-    pub(super) fn rescue(&mut self) {
+    pub(super) fn rescue(&mut self, run: &Run) -> Result<(), Stopped> {
         self.cost();
         let mut depths: Vec<f64> = self.present.points.iter().map(|ray| ray.w).collect();
         depths.sort_by(f64::total_cmp);
         let typical = depths[depths.len() / 2].max(0.0);
         for (index, track) in self.layout.tracks.iter().enumerate() {
+            run.check()?;
             let sights = &self.layout.sights[track.sights.clone()];
             if !is_suspicious(self.costs[index], sights.len(), &self.judgment) {
                 continue;
@@ -136,6 +138,7 @@ impl<'a> Adjustment<'a> {
                 self.present.points[index] = ray;
             }
         }
+        Ok(())
     }
 
     fn prior_cost(&self) -> f64 {

@@ -11,6 +11,7 @@ use crate::motion::sfm::{Observation, Scene};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Point2;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, minimize};
+use plumbline_num::run::Run;
 
 /// Points that a pose needs; three determine it up to four ways.
 const LEAST_POINTS: usize = 4;
@@ -31,13 +32,14 @@ pub struct Resection {
 /// observations are left out. A rolling shutter moves the camera as the known poses of its neighbors say.
 ///
 /// # Errors
-/// [`BundleError`]: settings out of range, a start that is not finite, fewer than four points.
+/// [`BundleError`]: settings out of range, a start that is not finite, fewer than four points, an interruption.
 pub fn resect(
     scene: &Scene,
     frame: u32,
     start: CameraPose,
     observations: &[Observation],
     fit: &RobustFit,
+    run: &Run,
 ) -> Result<Resection, BundleError> {
     fit.check()?;
     if !start.rotation.coords.iter().chain(start.translation.iter()).all(|v| v.is_finite()) {
@@ -67,7 +69,7 @@ pub fn resect(
         problem.judgment.loss = loss;
         problem.trial = problem.present;
         let cost = problem.trial_cost();
-        converged = minimize(&mut problem, cost, &damping).converged;
+        converged = minimize(&mut problem, cost, &damping, run)?.converged;
     }
     Ok(Resection { pose: problem.present, residuals_px: problem.residuals_px(), converged })
 }

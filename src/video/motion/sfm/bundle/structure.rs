@@ -13,6 +13,7 @@ use super::{BundleError, RobustFit};
 use crate::motion::sfm::{Observation, Scene};
 use plumbline_camera::Vec3;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
+use plumbline_num::run::Run;
 
 /// The search for one point.
 pub(super) struct PointProblem<'a> {
@@ -43,7 +44,7 @@ impl<'a> PointProblem<'a> {
     /// The best point found, and what it costs.
     pub(super) fn search(mut self, options: &DampingOptions) -> (Ray, f64) {
         let cost = self.cost(&self.present);
-        let report = minimize(&mut self, cost, options);
+        let report = minimize(&mut self, cost, options, &Run::default()).expect("a run that never stops");
         (self.present, report.cost)
     }
 
@@ -95,7 +96,12 @@ impl DampedProblem for PointProblem<'_> {
 ///
 /// # Errors
 /// As [`super::adjust`].
-pub fn refine_points(scene: &mut Scene, observations: &[Observation], fit: &RobustFit) -> Result<usize, BundleError> {
+pub fn refine_points(
+    scene: &mut Scene,
+    observations: &[Observation],
+    fit: &RobustFit,
+    run: &Run,
+) -> Result<usize, BundleError> {
     fit.check()?;
     let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
     let layout = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0)?;
@@ -104,14 +110,16 @@ pub fn refine_points(scene: &mut Scene, observations: &[Observation], fit: &Robu
     cameras.place(&parameters, &layout);
     let beyond = depth_priors(&layout, &parameters, fit.sigma_px);
     let tracks = layout.tracks.par_iter().zip(&beyond);
-    parameters.points.par_iter_mut().zip(tracks).for_each(|(ray, (track, &beyond))| {
+    parameters.points.par_iter_mut().zip(tracks).try_for_each(|(ray, (track, &beyond))| {
+        run.check()?;
         let sights = &layout.sights[track.sights.clone()];
         for &loss in &fit.losses {
             let judgment = Judgment { sigma: fit.sigma_px, loss };
             let problem = PointProblem::new(&cameras, (track.anchor, sights), (judgment, beyond), *ray);
             *ray = problem.search(&fit.damping_for(sights.len())).0;
         }
-    });
+        Ok::<(), BundleError>(())
+    })?;
     layout.store(&parameters, scene);
     Ok(layout.tracks.len())
 }

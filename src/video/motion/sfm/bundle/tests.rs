@@ -4,6 +4,7 @@ use super::*;
 use crate::motion::sfm::synthetic::{Course, Disturbance, PathError, Shot, ShotOptions, path_error};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::energy::Loss;
+use plumbline_num::run::Run;
 
 /// As far off as a start may be: 1°, 5 % of the path, depths half as far again, focal length a fifth too long.
 const ROUGH: Disturbance = Disturbance { turn: 0.0175, shift: 0.05, depth_factor: 1.5, focal_factor: 1.2 };
@@ -15,7 +16,7 @@ fn free_lens() -> BundleOptions {
 
 fn solved(shot: &Shot, options: &BundleOptions) -> (Scene, BundleReport, PathError) {
     let mut scene = shot.start(&ROUGH, 5);
-    let report = adjust(&mut scene, &shot.observations, options).expect("a sound problem");
+    let report = adjust(&mut scene, &shot.observations, options, &Run::default()).expect("a sound problem");
     let error = path_error(&scene.poses, &shot.truth.poses);
     (scene, report, error)
 }
@@ -71,7 +72,7 @@ fn the_reported_deviation_of_the_focal_length_is_its_spread_over_noise() {
         let shot = Shot::new(&make(seed, 0.3));
         let mut scene = shot.truth.clone();
         let options = BundleOptions { focal: Freedom::Free, ..BundleOptions::default() };
-        let report = adjust(&mut scene, &shot.observations, &options).expect("sound");
+        let report = adjust(&mut scene, &shot.observations, &options, &Run::default()).expect("sound");
         let sigma = report.sigma_ln_focal.expect("free");
         squares += ((1.0 + focal_error(&scene, &shot)).ln() / sigma).powi(2);
         reported += sigma;
@@ -89,7 +90,7 @@ fn held_poses_do_not_move_and_hold_the_scale() {
         scene.poses[f as usize] = shot.truth.poses[f as usize];
     }
     let options = BundleOptions { held: held.to_vec(), ..BundleOptions::default() };
-    adjust(&mut scene, &shot.observations, &options).expect("sound");
+    adjust(&mut scene, &shot.observations, &options, &Run::default()).expect("sound");
     for (f, (found, truth)) in scene.poses.iter().flatten().zip(shot.truth.poses.iter().flatten()).enumerate() {
         assert!(!held.contains(&(f as u32)) || found == truth);
         assert!((found.center() - truth.center()).norm() < 1e-6, "frame {f}, without any alignment");
@@ -102,7 +103,7 @@ fn without_held_poses_the_first_stays_and_the_scale_with_it() {
     let shot = Shot::new(&ShotOptions { seed: 8, frames: 24, ..ShotOptions::default() });
     let mut scene = shot.start(&ROUGH, 3);
     let (first, extent) = (scene.poses[0], farthest(&scene));
-    adjust(&mut scene, &shot.observations, &free_lens()).expect("sound");
+    adjust(&mut scene, &shot.observations, &free_lens(), &Run::default()).expect("sound");
     assert_eq!(scene.poses[0], first);
     assert!((farthest(&scene) / extent - 1.0).abs() < 0.3);
 }
@@ -117,7 +118,7 @@ fn a_turning_camera_gets_its_rotations_and_no_nonsense() {
     let shot = Shot::new(&ShotOptions { seed: 9, course: Course::Rotation, frames: 30, ..ShotOptions::default() });
     let mut scene = shot.start(&Disturbance { shift: 0.0, focal_factor: 1.0, ..ROUGH }, 1);
     scene.points.iter_mut().flatten().for_each(|p| p.inverse_depth = 0.0);
-    let report = adjust(&mut scene, &shot.observations, &BundleOptions::default()).expect("sound");
+    let report = adjust(&mut scene, &shot.observations, &BundleOptions::default(), &Run::default()).expect("sound");
     assert!(report.median_px < 1e-3, "{report:?}");
     assert!(path_error(&scene.poses, &shot.truth.poses).frame_to_frame < 1e-5);
     assert!(scene.points.iter().flatten().all(|p| p.inverse_depth.is_finite()));
@@ -128,7 +129,7 @@ fn points_beyond_infinity_come_back() {
     let shot = Shot::new(&ShotOptions { seed: 10, frames: 24, ..ShotOptions::default() });
     let mut scene = shot.truth.clone();
     scene.points.iter_mut().flatten().step_by(7).for_each(|p| p.inverse_depth = -0.01);
-    adjust(&mut scene, &shot.observations, &BundleOptions::default()).expect("sound");
+    adjust(&mut scene, &shot.observations, &BundleOptions::default(), &Run::default()).expect("sound");
     for (found, truth) in scene.points.iter().flatten().zip(shot.truth.points.iter().flatten()) {
         let seen = shot.observations.iter().filter(|o| shot.truth.points[o.point as usize] == Some(*truth)).count();
         assert!(seen < 4 || (found.inverse_depth - truth.inverse_depth).abs() < 1e-5, "{found:?} {truth:?}");
@@ -141,8 +142,8 @@ fn the_result_does_not_depend_on_the_order_of_observations() {
     let mut shuffled = shot.observations.clone();
     fastrand::Rng::with_seed(1).shuffle(&mut shuffled);
     let (mut one, mut other) = (shot.start(&ROUGH, 1), shot.start(&ROUGH, 1));
-    adjust(&mut one, &shot.observations, &free_lens()).expect("sound");
-    adjust(&mut other, &shuffled, &free_lens()).expect("sound");
+    adjust(&mut one, &shot.observations, &free_lens(), &Run::default()).expect("sound");
+    adjust(&mut other, &shuffled, &free_lens(), &Run::default()).expect("sound");
     assert_eq!(one, other);
 }
 
@@ -153,7 +154,8 @@ fn a_pose_is_found_from_points_in_spite_of_outliers() {
         let mut scene = shot.truth.clone();
         let truth = scene.poses[20].take().expect("known");
         let start = truth.perturbed(&Vec3::new(0.02, -0.01, 0.01), &Vec3::new(0.05, 0.02, -0.06));
-        let found = resect(&scene, 20, start, &shot.observations, &RobustFit::default()).expect("enough points");
+        let found = resect(&scene, 20, start, &shot.observations, &RobustFit::default(), &Run::default())
+            .expect("enough points");
         // Cauchy's loss lets an outlier of r pull like c²/r: 30 of 150, at random, move a picture by some hundredth of a pixel,
         // which is half a millimeter at 30 m. A row's motion is interpolated to a few hundredths of a pixel.
         let limit = if readout == 0.0 { 1e-3 } else { 2e-3 };
@@ -173,7 +175,7 @@ fn points_alone_return_to_their_places() {
         .iter_mut()
         .flatten()
         .for_each(|p| (p.inverse_depth, p.ray.x) = (0.6 * p.inverse_depth, p.ray.x + 0.01));
-    let refined = refine_points(&mut scene, &shot.observations, &RobustFit::default()).expect("sound");
+    let refined = refine_points(&mut scene, &shot.observations, &RobustFit::default(), &Run::default()).expect("sound");
     assert!(refined > 200 && scene.poses == shot.truth.poses);
     let apart = |o: &Observation| scene.project(o.frame, o.point).map_or(f64::INFINITY, |p| (p - o.pixel).norm());
     let mut twice = shot.observations.iter().filter(|o| o.frame + 3 < 24);
@@ -186,7 +188,7 @@ fn bad_input_is_refused_and_the_scene_left_alone() {
     let shot = Shot::new(&ShotOptions { seed: 14, frames: 4, per_frame: 20, ..ShotOptions::default() });
     let refused = |scene: &Scene, observations: &[Observation], options: &BundleOptions| {
         let mut copy = scene.clone();
-        let error = adjust(&mut copy, observations, options).expect_err("bad input");
+        let error = adjust(&mut copy, observations, options, &Run::default()).expect_err("bad input");
         assert_eq!(format!("{copy:?}"), format!("{scene:?}"));
         error.to_string()
     };
@@ -210,6 +212,6 @@ fn bad_input_is_refused_and_the_scene_left_alone() {
     bad.points[3].as_mut().expect("known").inverse_depth = f64::INFINITY;
     assert_eq!(refused(&bad, seen, &plain), format!("point 3 {not_finite}"));
     let start = scene.poses[1].expect("known");
-    let error = resect(scene, 1, start, &seen[..3], &RobustFit::default()).expect_err("too few");
+    let error = resect(scene, 1, start, &seen[..3], &RobustFit::default(), &Run::default()).expect_err("too few");
     assert_eq!(error.to_string(), "0 known points are seen (expected at least 4); a pose needs more");
 }
