@@ -9,6 +9,7 @@ mod exchange;
 mod fuzz;
 mod house;
 mod in_space;
+mod interruption;
 mod layers;
 mod lens;
 mod media_bad_input;
