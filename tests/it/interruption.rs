@@ -94,7 +94,8 @@ fn ends(mesh: &TriMesh) -> (Handles, HandlePose) {
     let high = mesh.positions().iter().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
     let at =
         |z: f64| (0..mesh.vertex_count() as u32).filter(move |v| (mesh.positions()[*v as usize].z - z).abs() < 1e-9);
-    let held: Vec<u32> = at(low).chain(at(high)).collect();
+    let mut held: Vec<u32> = at(low).chain(at(high)).collect();
+    held.sort_unstable();
     let handles = Handles::new(held.iter().map(|v| (*v, Hold::Exact))).expect("each once");
     let moved = |v: &u32| {
         let p = mesh.positions()[*v as usize];
@@ -325,7 +326,7 @@ fn photos_end_with_their_run() {
     let input = RectifyInput { lens: &lens, lines: &lines, faces: &[], salience: None };
     let luma = Plane::from_fn(640, 480, |x, y| ((x / 40 + y / 40) % 2 * 200) as f32);
     let (frame, shown) = holed(96);
-    let mut filled = frame.clone();
+    let mut filled = holed(96).0;
     let importance = Importance::even();
     let mut round = Frame::new(PixelFormat::opaque(Layout::Gray, 8), 200, 200);
     for y in 0..200 {

@@ -182,12 +182,22 @@ fn the_number_of_threads_changes_nothing() {
     assert_eq!(one.figures, three.figures);
 }
 
+/// A source of frames that cannot be read.
+#[derive(Debug, PartialEq)]
+struct Gone;
+
+impl From<Stopped> for Gone {
+    fn from(stopped: Stopped) -> Self {
+        panic!("a run that never stops: {stopped}")
+    }
+}
+
 /// Solves a shot in windows; how many frames were held at once at most.
 fn in_windows(frames: &Frames, windows: &Windows) -> (Vec<Segment>, usize) {
     let mut most = 0;
     let read = |range: Range<usize>| {
         most = most.max(range.len());
-        Ok::<_, ()>(TrackTable::new(640, 360, frames[range].to_vec()))
+        Ok::<_, Gone>(TrackTable::new(640, 360, frames[range].to_vec()))
     };
     let segments = reconstruct_shot(0..frames.len(), read, &ROLLING, windows, &Run::default()).expect("in memory");
     (segments, most)
@@ -232,13 +242,6 @@ fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_
 
 #[test]
 fn a_source_that_cannot_be_read_is_told() {
-    #[derive(Debug, PartialEq)]
-    struct Gone;
-    impl From<Stopped> for Gone {
-        fn from(stopped: Stopped) -> Self {
-            panic!("a run that never stops: {stopped}")
-        }
-    }
     let read = |_: Range<usize>| Err(Gone);
     assert_eq!(reconstruct_shot(0..50, read, &ROLLING, &Windows::default(), &Run::default()), Err(Gone));
 }
