@@ -7,6 +7,7 @@ use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::num::math::Point2;
+use plumbline::num::run::Run;
 use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
 use plumbline::shape::character::Outside;
 use plumbline::shape::character::io::{
@@ -80,9 +81,10 @@ pub fn still_file(bytes: &[u8]) {
 /// can hold it and read again.
 fn mesh_file(bytes: &[u8], format: MeshFormat) {
     let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
-    let Ok(model) = decode_model(bytes, format, None, &limits) else { return };
+    let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
     for weld in [Weld::Exact, Weld::Within(1e-3)] {
-        let repaired = repair(model.mesh(), &RepairOptions { weld, ..RepairOptions::default() });
+        let options = RepairOptions { weld, ..RepairOptions::default() };
+        let repaired = repair(model.mesh(), &options, &Run::default()).expect("a run that never stops");
         HalfEdges::new(&repaired.mesh).expect("repair makes oriented manifolds");
         write_and_read(&model.repaired(&repaired));
     }
@@ -96,8 +98,8 @@ fn write_and_read(model: &plumbline::shape::mesh::Model) {
     for (format, ascii) in
         [(Obj, true), (Ply, true), (Ply, false), (Off, true), (Stl, true), (Stl, false), (Gltf, true), (Glb, false)]
     {
-        let Ok(file) = encode_model(model, format, &WriteOptions { ascii }) else { continue };
-        let again = decode_model(&file, format, None, &ReadLimits::default());
+        let Ok(file) = encode_model(model, format, &WriteOptions { ascii }, &Run::default()) else { continue };
+        let again = decode_model(&file, format, None, &ReadLimits::default(), &Run::default());
         // OBJ without a vertex is taken for something else.
         if format == Obj && model.mesh().vertex_count() == 0 {
             continue;
@@ -132,7 +134,7 @@ pub fn gltf_file(bytes: &[u8]) {
     let format = if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf };
     mesh_file(bytes, format);
     let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
-    let Ok(model) = decode_model(bytes, format, None, &limits) else { return };
+    let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
     let Ok(character) = character_of(&model) else { return };
     for clip in &character.clips {
         for time in [-1.0, 0.0, 0.3, 1e9] {
@@ -163,7 +165,7 @@ pub fn skin_model(bytes: &[u8]) {
     let Ok(model) = SkinModel::from_bytes(bytes) else { return };
     assert!(SkinModel::from_bytes(&model.to_bytes()).is_ok_and(|again| again == model), "own files are read back");
     let one = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
-    if let Ok(mut bound) = model.bound(&shapes::plane(2), &one) {
+    if let Ok(mut bound) = model.bound(&shapes::plane(2), &one, &Run::default()) {
         let still = bound.positions(&one.rest_globals()).expect("of two joints");
         assert_eq!(still.len(), shapes::plane(2).vertex_count());
     }
@@ -190,7 +192,7 @@ pub fn matrix_file(bytes: &[u8]) {
     assert!(a.rows() == 0 || again.entries().eq(without_zeros()));
     let methods = [Method::Cholesky, Method::SimplicialCholesky, Method::Ldlt, Method::Lu, Method::Qr, Method::Auto];
     for method in methods {
-        if let Ok(mut factor) = a.factor(method, &Ordering::Amd) {
+        if let Ok(mut factor) = a.factor(method, &Ordering::Amd, &Run::default()) {
             let b = vec![1.0; a.rows()];
             assert_eq!(factor.solve(&b).expect("one column").len(), if a.rows() == 0 { 0 } else { a.columns() });
         }
