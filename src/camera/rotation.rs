@@ -13,6 +13,7 @@
 use nalgebra::{Matrix3, Rotation3};
 
 use super::Vec3;
+use plumbline_num::math::without_reflection;
 
 /// Angle, rad, below which the closed forms lose digits and the series to fourth order is exact to rounding.
 const SMALL: f64 = 1e-2;
@@ -22,8 +23,7 @@ const SMALL: f64 = 1e-2;
 pub fn nearest_rotation(m: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     let svd = m.try_svd(true, true, 1e-15, 100)?;
     let (u, v_t) = (svd.u?, svd.v_t?);
-    let upright = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = u * upright * v_t;
+    let rotation = without_reflection(u, &v_t);
     rotation.iter().all(|x| x.is_finite()).then(|| Rotation3::from_matrix_unchecked(rotation))
 }
 

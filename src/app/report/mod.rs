@@ -8,7 +8,6 @@
 //! lines keep their width; labels are placed by percentages around it.
 
 mod axis;
-mod base64;
 mod cameras;
 mod color;
 mod data;

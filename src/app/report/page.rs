@@ -2,12 +2,15 @@
 
 use std::fmt::Write;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+
 use super::data::{Change, Moment, Report};
 use super::escape::Text;
 use super::pictures::Picture;
 use super::plot::chart;
 use super::timeline::Timeline;
-use super::{base64, cameras, figures, segments};
+use super::{cameras, figures, segments};
 
 /// The look of the page; it may hold none of the letters that XML needs for itself.
 const STYLE: &str = include_str!("style.css");
@@ -105,7 +108,7 @@ fn picture(out: &mut String, picture: &Picture, label: &str, frame: usize) {
         "<span><img alt=\"{}\" width=\"{width}\" height=\"{height}\" src=\"data:image/jpeg;base64,",
         Text(alt)
     );
-    base64::encode(&picture.jpeg, out);
+    STANDARD.encode_string(&picture.jpeg, out);
     let _ = write!(out, "\"/><small>{label}</small></span>");
 }
 

@@ -3,17 +3,7 @@
 //! Roots are separated by those of the derivative: between two neighbors the polynomial is monotone, so that a change of sign
 //! at the ends means one root, found by bisection. Nothing can be missed or counted twice, whatever the coefficients.
 
-/// `Σ c_i xⁱ` by Horner's rule.
-#[inline]
-pub(super) fn value(c: &[f64], x: f64) -> f64 {
-    c.iter().rev().fold(0.0, |sum, c| sum * x + c)
-}
-
-/// Value and derivative of `Σ c_i xⁱ`.
-#[inline]
-pub(super) fn value_and_slope(c: &[f64], x: f64) -> (f64, f64) {
-    c.iter().rev().fold((0.0, 0.0), |(sum, slope), c| (sum * x + c, slope * x + sum))
-}
+pub(super) use plumbline_num::math::polynomial::{value, value_and_slope};
 
 /// Coefficients of the derivative.
 pub(super) fn derivative(c: &[f64]) -> Vec<f64> {

@@ -1,20 +1,28 @@
-//! Geometry that every layer shares: points, similarities and homographies of the plane, rotations and rigid motions of space.
+//! Geometry that every layer shares: points, similarities and homographies of the plane, rotations and rigid motions of space;
+//! and of numbers the median and the minimum of a function.
 //!
 //! Transforms are named `dst_from_src` and map points of `src` to points of `dst`. Image points are in pixels,
 //! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
 
 mod dual_quaternion;
+mod golden_section;
 mod homography;
+mod median;
+pub mod polynomial;
 mod rect;
 mod rotation;
 mod similarity;
+mod slices;
 mod trs;
 
 pub use dual_quaternion::DualQuaternion;
+pub use golden_section::golden_section;
 pub use homography::Homography;
+pub use median::median;
 pub use rect::Rect;
-pub use rotation::nearest_rotation;
+pub use rotation::{nearest_rotation, polar, without_reflection};
 pub use similarity::Similarity2;
+pub use slices::{dot, norm};
 pub use trs::Trs;
 
 /// A position in the plane, px unless said otherwise.

@@ -1,4 +1,4 @@
-//! The rotation nearest to a matrix.
+//! The rotation nearest to a matrix, and the polar decomposition.
 //!
 //! ```text
 //! R(M) = argmax tr(Rᵀ M)   over R ∈ SO(3)
@@ -10,7 +10,7 @@
 //! # Reference
 //! S. Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, PAMI 13 (1991).
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 /// The rotation nearest to `m`; the identity for a matrix that says nothing (zero, or not finite).
 ///
@@ -23,17 +23,28 @@ pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
     }
     // Singular values come in descending order, so the last column is the one to turn over.
     let svd = (m / size).svd(true, true);
-    let (Some(mut u), Some(v_t)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
+    svd.u.zip(svd.v_t).map_or_else(Matrix3::identity, |(u, v_t)| without_reflection(u, &v_t))
+}
+
+/// `U diag(1, 1, det UVᵀ) Vᵀ` of the singular vectors of a matrix, those of its least singular value last: the orthogonal matrix
+/// `UVᵀ`, turned over where it is a reflection.
+pub fn without_reflection(mut u: Matrix3<f64>, v_t: &Matrix3<f64>) -> Matrix3<f64> {
     if (u * v_t).determinant() < 0.0 {
         u.column_mut(2).neg_mut();
     }
     u * v_t
 }
 
+/// Rotation and symmetric stretch of a map: `M = R S`, `R` the [`nearest_rotation`].
+pub fn polar(m: &Matrix3<f64>) -> (UnitQuaternion<f64>, Matrix3<f64>) {
+    let rotation = nearest_rotation(m);
+    (UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)), rotation.transpose() * m)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Rotation3, Vector3};
+    use nalgebra::Vector3;
 
     fn turned(axis: [f64; 3], angle: f64) -> Matrix3<f64> {
         Rotation3::new(Vector3::from(axis).normalize() * angle).into_inner()
@@ -57,6 +68,14 @@ mod tests {
         assert!((r - Matrix3::identity()).norm() < 1e-12, "{r}");
         let r = nearest_rotation(&Matrix3::from_diagonal(&Vector3::new(-3.0, 0.5, 2.0)));
         assert!((r - Matrix3::from_diagonal(&Vector3::new(-1.0, -1.0, 1.0))).norm() < 1e-12, "{r}");
+    }
+
+    #[test]
+    fn a_map_is_its_rotation_after_its_stretch() {
+        let m = Matrix3::new(2.0, 0.3, -0.1, 0.5, -1.0, 0.2, 0.0, 0.4, 3.0);
+        let (rotation, stretch) = polar(&m);
+        assert!((rotation.to_rotation_matrix().matrix() * stretch - m).norm() < 1e-12);
+        assert!((stretch - stretch.transpose()).norm() < 1e-12);
     }
 
     #[test]

@@ -18,6 +18,7 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use crate::math::{dot, norm};
 use crate::run::{Run, Stopped};
 use crate::sparse::{Cholesky, SparseMatrix};
 
@@ -319,14 +320,6 @@ impl Space {
         scale(&mut y, 1.0 / length);
         y
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 fn scale(a: &mut [f64], s: f64) {

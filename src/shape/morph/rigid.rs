@@ -9,6 +9,8 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
+use plumbline_num::math::without_reflection;
+
 /// A singular value below this fraction of the largest shows no direction.
 const RANK: f64 = 1e-10;
 
@@ -54,9 +56,7 @@ fn rotation_of(s: &Matrix3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
     }
     let svd = (s / largest).svd(true, true);
     let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
-    let (v, mut signs) = (v_t.transpose(), Matrix3::identity());
-    signs[(2, 2)] = (v * u.transpose()).determinant().signum();
-    let rotation = Rotation3::from_matrix_unchecked(v * signs * u.transpose());
+    let rotation = Rotation3::from_matrix_unchecked(without_reflection(v_t.transpose(), &u.transpose()));
     let mut turn = UnitQuaternion::from_rotation_matrix(&rotation);
     turn.renormalize();
     (turn, svd.singular_values)

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::clip::ClipMotion;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
+use plumbline_num::math::median;
 
 /// How far the picture's motion can be modeled, from least to most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -77,18 +78,17 @@ fn judge(frames: &[FrameMotion], unit_px: f64) -> (Tier, String) {
     if !(share >= LEAST_MEASURED) || measured.is_empty() {
         return (Tier::Untouched, format!("motion could be measured in {:.0} % of the frames only", 100.0 * share));
     }
-    let median = |f: &dyn Fn(&FrameMotion) -> f64| {
+    let middle = |f: &dyn Fn(&FrameMotion) -> f64| {
         let mut v: Vec<f64> = measured.iter().map(|m| f(m)).collect();
-        v.sort_by(f64::total_cmp);
-        v[v.len() / 2]
+        median(&mut v).unwrap_or(0.0)
     };
-    let (points, coverage) = (median(&|f| f64::from(f.inliers)), median(&|f| f.coverage));
+    let (points, coverage) = (middle(&|f| f64::from(f.inliers)), middle(&|f| f.coverage));
     let percent = 100.0 * coverage;
     if points < POINTS_FOR_HOMOGRAPHY || coverage < COVERAGE_FOR_HOMOGRAPHY {
         return (Tier::Similarity, format!("{points:.0} background points on {percent:.0} % of the frame are few"));
     }
     let bent = measured.iter().filter(|f| f.model == PlanarModel::Homography).count() as f64 / measured.len() as f64;
-    let residual = median(&|f| f.residual_px) / unit_px;
+    let residual = middle(&|f| f.residual_px) / unit_px;
     if residual >= RESIDUAL_FOR_MESH && points >= POINTS_FOR_MESH && coverage >= COVERAGE_FOR_MESH {
         return (Tier::Mesh, format!("{points:.0} points move {residual:.2} px beside any plane: depth or wobble"));
     }

@@ -4,6 +4,7 @@ use super::chain::Chain;
 use super::lowpass::half_kernel;
 use super::pose::{C64, Pose};
 use super::regression::polynomial as fitted;
+use plumbline_num::math::median;
 
 /// Where each frame's window would stand if the camera had moved along the Gaussian mean of its path; scale near 1.
 ///
@@ -64,16 +65,11 @@ fn summed(steps: impl Iterator<Item = C64>) -> Vec<C64> {
 /// The frame chosen is the one nearest to the median position, so that the least is cropped.
 pub(super) fn tripod(chain: &Chain) -> Vec<Pose> {
     let from_first = chain.motion_from_first();
-    let middle = C64::new(median(from_first.iter().map(|p| p.d.re)), median(from_first.iter().map(|p| p.d.im)));
+    let middle = |of: &dyn Fn(&Pose) -> f64| median(&mut from_first.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);
+    let middle = C64::new(middle(&|p| p.d.re), middle(&|p| p.d.im));
     let far = |p: &Pose| (p.d - middle).norm_sqr();
     let reference = from_first.iter().min_by(|a, b| far(a).total_cmp(&far(b))).copied().unwrap_or(Pose::IDENTITY);
     from_first.iter().map(|p| p.after(reference.inverse())).collect()
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut v: Vec<f64> = values.collect();
-    v.sort_by(f64::total_cmp);
-    v.get(v.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

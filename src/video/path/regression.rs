@@ -11,6 +11,8 @@
 use std::iter::Sum;
 use std::ops::{Add, Mul};
 
+use plumbline_num::math::dot;
+
 /// Squared norm, as a share of that of the constant, below which a basis function vanishes on the given times.
 const VANISHING: f64 = 1e-12;
 
@@ -46,10 +48,6 @@ fn basis(times: &[f64], degree: usize) -> Vec<Vec<f64>> {
         basis.push(std::mem::replace(&mut next, higher));
     }
     basis
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@
 //! Converges for every symmetric positive definite matrix; quickly only where errors are local, hence as a smoother, and for
 //! a few sweeps after a small change. A symmetric sweep (forwards, then backwards) is also a preconditioner.
 
-use super::{IterativeReport, Preconditioner, Stop, norm, relative};
+use super::{IterativeReport, Preconditioner, Stop, relative};
+use crate::math::norm;
 use crate::run::{Run, Stopped};
 use crate::sparse::{GeneralMatrix, SparseError, SparseMatrix};
 

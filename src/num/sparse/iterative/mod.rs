@@ -14,6 +14,7 @@ pub use gauss_seidel::GaussSeidel;
 pub use incomplete_cholesky::IncompleteCholesky;
 
 use super::{Cholesky, CompactFactor, SparseError, SparseMatrix};
+use crate::math::{dot, norm};
 use crate::run::Run;
 
 /// Something that approximates `A⁻¹`, symmetric and positive definite.
@@ -149,14 +150,6 @@ pub fn conjugate_gradients(
 fn relative(r: &[f64], b: &[f64]) -> f64 {
     let scale = norm(b);
     if scale > 0.0 { norm(r) / scale } else { norm(r) }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! Deformation gradients of triangles.
 
-use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
-
-use plumbline_num::math::nearest_rotation;
+use nalgebra::{Matrix3, Point3, Vector3};
 
 /// The linear map that takes the edges of a triangle at rest to those in a pose and its unit normal to the other; `None` where
 /// the triangle at rest has no area.
@@ -12,10 +10,4 @@ pub(super) fn gradient(rest: &[Point3<f64>; 3], posed: &[Point3<f64>; 3]) -> Opt
         Matrix3::from_columns(&[u, v, u.cross(&v).try_normalize(0.0).unwrap_or_else(Vector3::zeros)])
     };
     Some(frame(posed) * frame(rest).try_inverse()?)
-}
-
-/// Rotation and symmetric stretch of a map: `D = R S`.
-pub(super) fn polar(map: &Matrix3<f64>) -> (UnitQuaternion<f64>, Matrix3<f64>) {
-    let rotation = nearest_rotation(map);
-    (UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)), rotation.transpose() * map)
 }

@@ -48,6 +48,8 @@ use plumbline_num::run::Run;
 use surface_of_gradients::SurfaceOfGradients;
 use training::Regressor;
 
+use plumbline_num::math::polar;
+
 /// A pose that the surface is known in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
@@ -115,8 +117,7 @@ struct JointTurns {
 
 impl JointTurns {
     fn new(matrices: &[Matrix4<f64>], parents: &[Option<u32>]) -> Self {
-        let global: Vec<_> =
-            matrices.iter().map(|m| gradients::polar(&m.fixed_view::<3, 3>(0, 0).into_owned()).0).collect();
+        let global: Vec<_> = matrices.iter().map(|m| polar(&m.fixed_view::<3, 3>(0, 0).into_owned()).0).collect();
         let relative = |(turn, parent): (&UnitQuaternion<f64>, &Option<u32>)| {
             parent.map_or_else(Vector3::zeros, |p| (global[p as usize].inverse() * turn).scaled_axis())
         };

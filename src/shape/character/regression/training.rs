@@ -4,9 +4,10 @@ use nalgebra::{Matrix3, Matrix4, Point3, SMatrix, SVector, UnitQuaternion, Vecto
 use rayon::prelude::*;
 
 use super::super::{CharacterError, Skeleton, SkinWeights};
-use super::gradients::{gradient, polar};
+use super::gradients::gradient;
 use super::{Example, JointTurns, RegressionModel};
 use crate::mesh::TriMesh;
+use plumbline_num::math::polar;
 use plumbline_num::run::{Run, Stopped};
 
 /// Three numbers of the turn, six of the stretch.

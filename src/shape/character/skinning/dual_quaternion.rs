@@ -23,12 +23,12 @@
 //! (2008), sections 3 and 4. Departure: scales are about the joint, not the origin, so that results do not depend on where the
 //! model stands.
 
-use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use super::super::Influence;
 use super::linear_blend::Affine;
 use super::{Jet, PosedMethod, Posing};
-use plumbline_num::math::{DualQuaternion, nearest_rotation};
+use plumbline_num::math::{DualQuaternion, polar};
 
 /// A scale that differs by less than this from none is none: what a chain of twenty turns and a matrix that were stored in single
 /// precision, sixteen of its last digits together, leave. Rigid motions are rigid then, whatever file they are from.
@@ -59,16 +59,14 @@ impl Motions {
     }
 }
 
-/// Rotation and the scale before it.
-pub(super) fn polar(m: &Matrix4<f64>) -> (UnitQuaternion<f64>, Matrix3<f64>) {
-    let linear: Matrix3<f64> = m.fixed_view::<3, 3>(0, 0).into_owned();
-    let rotation = nearest_rotation(&linear);
-    (UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)), rotation.transpose() * linear)
+/// The map without its translation.
+pub(super) fn linear(m: &Matrix4<f64>) -> Matrix3<f64> {
+    m.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
 /// The motion and the scale about `c`.
 fn split(m: &Matrix4<f64>, c: &Point3<f64>) -> (DualQuaternion, Matrix3<f64>) {
-    let (rotation, scale) = polar(m);
+    let (rotation, scale) = polar(&linear(m));
     let translation = m.transform_point(c) - rotation * c;
     (DualQuaternion::from_rigid(&rotation, &translation), scale)
 }

@@ -43,6 +43,8 @@ use plumbline_num::run::Run;
 use rest_surface::RestSurface;
 use twist_swing::TwistSwingPose;
 
+use plumbline_num::math::polar;
+
 /// How the joints' motions are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SkinningMethod {
@@ -223,7 +225,7 @@ impl Skinner {
 
 /// Rotations of the joints' maps, scale and shear taken out.
 pub(super) fn joint_rotations(matrices: &[Matrix4<f64>]) -> Vec<UnitQuaternion<f64>> {
-    matrices.iter().map(|m| dual_quaternion::polar(m).0).collect()
+    matrices.iter().map(|m| polar(&dual_quaternion::linear(m)).0).collect()
 }
 
 /// What is done with a posed method, whichever it is, so that each has loops of its own.

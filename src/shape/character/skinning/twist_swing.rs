@@ -18,9 +18,10 @@
 use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 use super::super::{Influence, Skeleton};
-use super::dual_quaternion::{DualQuaternionPose, polar};
+use super::dual_quaternion::{DualQuaternionPose, linear};
 use super::linear_blend::LinearPose;
 use super::{Jet, PosedMethod, Posing};
+use plumbline_num::math::polar;
 
 /// Parents of joints and axes of their bones.
 #[derive(Clone, Debug)]
@@ -73,7 +74,7 @@ pub(super) struct TwistSwingPose<'a> {
 
 impl<'a> TwistSwingPose<'a> {
     pub(super) fn new(posing: Posing<'a>, twisting: &'a Twisting) -> Self {
-        let rotations = posing.matrices.iter().map(|m| polar(m).0).collect();
+        let rotations = posing.matrices.iter().map(|m| polar(&linear(m)).0).collect();
         let (linear, dual) = (LinearPose::new(posing), DualQuaternionPose::new(posing));
         Self { linear, dual, posing, twisting, rotations }
     }

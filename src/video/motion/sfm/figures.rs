@@ -5,6 +5,7 @@ use super::mapper::WRONG_PX;
 use super::prediction::predict;
 use super::{Scene, TrackTable};
 use plumbline_camera::CameraPose;
+use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Columns and rows of the cells in which coverage is counted.
@@ -75,7 +76,7 @@ pub(super) fn figures(
         observations,
         reprojection_px: sum / observations.max(1) as f64,
         rms_px: (squares / observations.max(1) as f64).sqrt(),
-        angle: median(&mut angles),
+        angle: median(&mut angles).unwrap_or(0.0),
         coverage: covered / registered.max(1) as f64,
         focal: scene.intrinsics.focal,
         sigma_ln_focal,
@@ -133,13 +134,4 @@ fn widest_angle(table: &TrackTable, scene: &Scene, point: usize) -> Option<f64> 
     };
     let poses = table.of_point(point).filter_map(|o| scene.poses[o.frame as usize]);
     Some(poses.map(angle).fold(0.0, f64::max))
-}
-
-/// The upper median; 0 of nothing.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

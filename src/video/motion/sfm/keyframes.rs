@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Rotation3};
 use super::{Match, TrackTable};
 use plumbline_camera::rotation::nearest_rotation;
 use plumbline_camera::{Intrinsics, Vec3};
+use plumbline_num::math::median;
 
 /// Median parallax, share of the picture's width, at which a keyframe starts.
 const PARALLAX: f64 = 0.015;
@@ -55,11 +56,7 @@ pub(super) fn parallax(matches: &[Match], camera: &Intrinsics) -> f64 {
         .collect();
     let rotation = rotation_between(&rays);
     let mut apart: Vec<f64> = rays.iter().map(|(a, b)| camera.focal * (rotation * a - b).norm()).collect();
-    if apart.is_empty() {
-        return 0.0;
-    }
-    let middle = apart.len() / 2;
-    *apart.select_nth_unstable_by(middle, f64::total_cmp).1
+    median(&mut apart).unwrap_or(0.0)
 }
 
 /// The rotation that turns the first ray of each pair to the second, by Geman–McClure reweighting around the median.
@@ -73,21 +70,12 @@ pub(super) fn rotation_between(rays: &[(Vec3, Vec3)]) -> Rotation3<f64> {
         for (s, (a, b)) in squared.iter_mut().zip(rays) {
             *s = (rotation * a - b).norm_squared();
         }
-        let scale = median(&squared).max(1e-12);
+        let scale = median(&mut squared.clone()).unwrap_or(0.0).max(1e-12);
         for (w, s) in weights.iter_mut().zip(&squared) {
             *w = (scale / (scale + s)).powi(2);
         }
     }
     rotation
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    if sorted.is_empty() {
-        return 0.0;
-    }
-    let middle = sorted.len() / 2;
-    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics, Point3};
 use plumbline_num::energy::Loss;
-use plumbline_num::math::Vec2;
+use plumbline_num::math::{Vec2, median};
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
 use plumbline_num::optim::ransac::MsacOptions;
 use plumbline_num::run::{Run, Stopped};
@@ -229,8 +229,7 @@ impl<'a> Mapper<'a> {
     fn farthest_inverse_depth(&self) -> f64 {
         let mut depths: Vec<f64> =
             self.scene.points.iter().flatten().map(|p| p.inverse_depth).filter(|w| *w > 0.0).collect();
-        let middle = depths.len() / 2;
-        if depths.is_empty() { 1.0 } else { FARTHEST * *depths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        median(&mut depths).map_or(1.0, |depth| FARTHEST * depth)
     }
 
     /// Where the camera would be at `frame` had it moved on, or between its neighbors.

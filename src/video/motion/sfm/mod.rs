@@ -10,7 +10,6 @@ mod figures;
 mod five_point;
 mod focal;
 mod fundamental;
-mod golden_section;
 mod gric;
 mod homography_poses;
 mod homography_search;

@@ -8,6 +8,8 @@
 //! # Reference
 //! C. Yuksel, *High-Performance Polynomial Root Finding for Graphics*, HPG 2022.
 
+use plumbline_num::math::polynomial::{value, value_and_slope};
+
 /// Highest degree that [`real_roots`] takes.
 pub(super) const MAX_DEGREE: usize = 10;
 
@@ -101,14 +103,6 @@ fn bracketed_roots(c: &[f64], stationary: &[f64], touching: bool) -> Roots {
         (low, at_low) = (high, at_high);
     }
     roots
-}
-
-fn value(c: &[f64], z: f64) -> f64 {
-    c.iter().rev().fold(0.0, |sum, &k| sum * z + k)
-}
-
-fn value_and_slope(c: &[f64], z: f64) -> (f64, f64) {
-    c.iter().rev().fold((0.0, 0.0), |(p, dp), &k| (p * z + k, dp * z + p))
 }
 
 /// The root of a monotone piece: Newton's method that never leaves the bracket `[low, high]`.

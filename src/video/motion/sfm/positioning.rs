@@ -21,6 +21,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 
 use plumbline_camera::Vec3;
 use plumbline_num::energy::Loss;
+use plumbline_num::math::median;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
 use plumbline_num::run::{Run, Stopped};
 
@@ -79,9 +80,7 @@ impl Places {
         for (place, seen) in self.points.iter().zip(points) {
             distances.extend(seen.iter().map(|b| (place - self.centers[b.camera]).norm()));
         }
-        let middle = distances.len() / 2;
-        let typical = *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
-        if typical > 0.0 {
+        if let Some(typical) = median(&mut distances).filter(|d| *d > 0.0) {
             self.centers.iter_mut().chain(&mut self.points).for_each(|p| *p /= typical);
         }
         for ((place, seen), scales) in self.points.iter().zip(points).zip(scales) {

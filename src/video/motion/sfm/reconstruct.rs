@@ -8,7 +8,7 @@
 //! - no parallax: rotations only, points at infinity, no translation made up.
 
 use super::bundle::BundleReport;
-use super::figures::{SfmFigures, figures, median};
+use super::figures::{SfmFigures, figures};
 use super::keyframes::keyframes;
 use super::mapper::{GROWN, LEAST_INLIERS, Last, LensPrior, Mapper};
 use super::rescue::{agrees, averaged, place_all};
@@ -19,6 +19,7 @@ use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics};
+use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
@@ -81,7 +82,8 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Resul
     let width = f64::from(table.width.max(table.height));
     let (focal, sigma) = options.focal.unwrap_or((USUAL_FOCAL * width, USUAL_DOUBT.ln()));
     let guess = Intrinsics::centered(focal, table.width, table.height);
-    let few = median(&mut (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect::<Vec<_>>());
+    let few =
+        median(&mut (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect::<Vec<_>>()).unwrap_or(0.0);
     if few < FEWEST_POINTS as f64 || table.frames() < 3 {
         return Ok(nothing(table, guess, SfmVerdict::TooFewPoints, format!("{few:.0} points in most frames")));
     }

@@ -22,6 +22,7 @@
 use nalgebra::{DMatrix, UnitQuaternion};
 
 use plumbline_camera::Vec3;
+use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Rounds with `ρ = |·|`.
@@ -222,12 +223,10 @@ impl<'a> Solver<'a> {
             run.check()?;
             let residuals = self.residuals();
             let mut lengths: Vec<f64> = residuals.iter().map(Vec3::norm).collect();
-            let weights: Vec<f64> = {
-                let mut sorted = lengths.clone();
-                sorted.sort_by(f64::total_cmp);
-                let sigma = sorted[sorted.len() / 2] / MEDIAN_LENGTH;
-                lengths.drain(..).zip(&self.edges).map(|(r, e)| e.weight * weight(sigma, r)).collect()
-            };
+            let Some(middle) = median(&mut lengths.clone()) else { break };
+            let sigma = middle / MEDIAN_LENGTH;
+            let weights: Vec<f64> =
+                lengths.drain(..).zip(&self.edges).map(|(r, e)| e.weight * weight(sigma, r)).collect();
             let Some(largest) = self.step(&residuals, &weights) else { break };
             if largest < SETTLED {
                 break;

@@ -18,8 +18,8 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector4};
 
 use super::correspondence::Correspondence;
-use super::golden_section::golden_section;
 use plumbline_camera::Vec3;
+use plumbline_num::math::golden_section;
 
 /// Steps of the fit at most.
 const STEPS: usize = 40;

@@ -12,6 +12,7 @@ use super::rotation_averaging::{RotationEdge, average_rotations};
 use super::view_graph::Edge;
 use super::{Match, ScenePoint, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics, Vec3};
+use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Share of the pairs, those that turned most, that are asked for the focal length.
@@ -24,8 +25,7 @@ pub(super) fn focal_of_turns(edges: &[Edge], camera: &Intrinsics) -> Option<f64>
     turns.sort_by(|a, b| b.0.total_cmp(&a.0));
     turns.truncate(turns.len().div_ceil(ASKED));
     let mut ratios: Vec<f64> = turns.into_iter().map(|t| t.1).collect();
-    let middle = ratios.len() / 2;
-    (!ratios.is_empty()).then(|| camera.focal * *ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
+    median(&mut ratios).map(|ratio| camera.focal * ratio)
 }
 
 /// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.

@@ -27,6 +27,7 @@ use super::homography_search::ByPlane;
 use super::rotation_fit::{Turn, conjugate_rotation, fit_turn, homography_squared_distance};
 use super::sampson;
 use plumbline_camera::{CameraPose, Vec3};
+use plumbline_num::math::median;
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, msac};
 use plumbline_num::run::{Run, Stopped};
 
@@ -324,8 +325,7 @@ fn moving_pose(e: &Matrix3<f64>, pairs: &[Correspondence], options: &TwoViewOpti
 fn median_angle(pose: &CameraPose, pairs: &[Correspondence], inliers: &[bool]) -> f64 {
     let counted = pairs.iter().zip(inliers).filter(|(_, i)| **i);
     let mut angles: Vec<f64> = counted.map(|(p, _)| ray_angle(pose, p)).collect();
-    angles.sort_by(f64::total_cmp);
-    angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+    median(&mut angles).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -18,8 +18,8 @@
 use nalgebra::Matrix3;
 
 use super::essential::left_null_vector;
-use super::golden_section::golden_section;
 use plumbline_camera::Vec3;
+use plumbline_num::math::golden_section;
 
 /// `δ` at which a matrix has lost a quarter of its vote: clean pairs stay below 0.02, wrong ones lie anywhere in [0, 1].
 const DEVIATION_SCALE: f64 = 0.05;

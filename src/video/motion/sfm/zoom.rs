@@ -12,6 +12,7 @@ use super::correspondence::Correspondence;
 use super::two_view::{TwoViewOptions, two_view};
 use super::view_graph::Edge;
 use plumbline_camera::Intrinsics;
+use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// `ln s` of the factors tried: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
@@ -36,8 +37,7 @@ pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics, run: &Run) -> Re
     if votes.is_empty() || count(1.0).max(count(-1.0)) < agreed {
         return Ok(None);
     }
-    let middle = votes.len() / 2;
-    Ok(Some(votes.select_nth_unstable_by(middle, f64::total_cmp).1.exp()))
+    Ok(median(&mut votes).map(f64::exp))
 }
 
 /// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.

@@ -7,7 +7,7 @@
 const STEPS: usize = 40;
 
 /// Place of the minimum of a unimodal function between `low` and `high`.
-pub(super) fn golden_section(cost: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+pub fn golden_section(cost: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
     let (mut at_a, mut at_b) = (cost(a), cost(b));
