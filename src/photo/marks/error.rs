@@ -1,38 +1,14 @@
 //! Why a file with marks was refused.
 
-use std::io;
+use plumbline_num::document::DocumentError;
 
 /// A file with marks that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MarksError {
-    /// Not JSON of the expected shape; the message ends with line and column.
-    #[error("not a file of marked {kind}: {fault}")]
-    Syntax {
-        /// `lines` or `faces`.
-        kind: &'static str,
-        /// What the parser says.
-        #[source]
-        fault: serde_json::Error,
-    },
-    /// Some other JSON.
-    #[error("format {found:?} is not a file of marked {kind} (expected {expected:?})")]
-    Format {
-        /// `lines` or `faces`.
-        kind: &'static str,
-        /// What `format` says.
-        found: String,
-        /// What it should say.
-        expected: &'static str,
-    },
-    /// Made by a program of another version.
-    #[error("version {found} of a file of marked {kind} is not supported (expected 1)")]
-    Version {
-        /// `lines` or `faces`.
-        kind: &'static str,
-        /// What `version` says.
-        found: u64,
-    },
+    /// Input: no such document, or one that cannot be read.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
     /// Pixel centers that are neither at the corner nor in the middle.
     #[error("pixel_centre is {found} (expected 0.5 or 0)")]
     PixelCenter {
@@ -91,14 +67,11 @@ pub enum MarksError {
     /// More than any person marks.
     #[error("{found} {what} are too many (at most {limit}): is this the right file?")]
     TooMany {
-        /// `lines`, `faces`, `points` or `bytes`.
+        /// `lines`, `faces` or `points`.
         what: &'static str,
         /// How many there are.
         found: u64,
         /// How many may be.
         limit: u64,
     },
-    /// Reading failed.
-    #[error("{0}")]
-    Io(#[from] io::Error),
 }

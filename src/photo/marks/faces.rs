@@ -5,12 +5,13 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text};
+use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
 use super::lines::Id;
 use super::{MarksError, check};
+use plumbline_num::document::{Kind, VERSION};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
-const KIND: Kind = Kind { name: "faces", format: "plumbline.faces" };
+const KIND: Kind = Kind { name: "a file of marked faces", format: "plumbline.faces", max_bytes: MAX_BYTES };
 
 /// A face with its switch.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +90,7 @@ impl FacesFile {
     /// # Errors
     /// [`MarksError`]: what [`FacesFile::parse`] refuses, a file that is too large or cannot be read.
     pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
-        Self::parse(&read_text(path)?, size)
+        Self::parse(&KIND.text(path)?, size)
     }
 
     /// The faces of a picture of `size` px from a file's text. A face may reach beyond the picture, as detectors' boxes do,
@@ -99,7 +100,7 @@ impl FacesFile {
     /// [`MarksError`]: not JSON of this shape, another version, another picture's size, a face without area or outside the
     /// picture, equal names, or too many.
     pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
-        let entries: Vec<Entry> = match KIND.parse::<Document, BareEntry>(text)? {
+        let entries: Vec<Entry> = match parse::<Document, BareEntry>(&KIND, text)? {
             Parsed::Document(document) => {
                 check_size(document.source, size)?;
                 document.faces

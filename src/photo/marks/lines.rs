@@ -5,13 +5,14 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::header::{Kind, Parsed, Source, VERSION, check_size, one_per_line, read_text, shift};
+use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
 use super::orientation::Written;
 use super::{MarksError, check};
 use crate::Line;
+use plumbline_num::document::{Kind, VERSION, pixel_center_shift};
 use plumbline_num::math::{Point2, Vec2};
 
-const KIND: Kind = Kind { name: "lines", format: "plumbline.lines" };
+const KIND: Kind = Kind { name: "a file of marked lines", format: "plumbline.lines", max_bytes: MAX_BYTES };
 
 /// A line with its switch.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,7 +122,7 @@ impl LinesFile {
     /// # Errors
     /// [`MarksError`]: what [`LinesFile::parse`] refuses, a file that is too large or cannot be read.
     pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
-        Self::parse(&read_text(path)?, size)
+        Self::parse(&KIND.text(path)?, size)
     }
 
     /// The lines of a picture of `size` px from a file's text.
@@ -130,17 +131,17 @@ impl LinesFile {
     /// [`MarksError`]: not JSON of this shape, another version, another picture's size, points outside the picture, lines
     /// without extent, equal names, the same line with different orientations, or too many.
     pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
-        let lines = match KIND.parse::<Document, BareEntry>(text)? {
+        let lines = match parse::<Document, BareEntry>(&KIND, text)? {
             Parsed::Document(document) => {
                 check_size(document.source, size)?;
-                let by = shift(document.pixel_centre)?;
+                let found = document.pixel_centre;
+                let by = pixel_center_shift(found).ok_or(MarksError::PixelCenter { found })?;
                 let entries = document.lines.into_iter();
                 entries.enumerate().map(|(i, e)| marked(i, e.name, &e.points, e.orientation, e.off, by)).collect()
             }
             Parsed::List(list) => {
-                let by = shift(0.0)?;
                 let entries = list.into_iter().enumerate();
-                entries.map(|(i, e)| marked(i, e.id.map(Id::name), &e.points, e.orientation, false, by)).collect()
+                entries.map(|(i, e)| marked(i, e.id.map(Id::name), &e.points, e.orientation, false, 0.5)).collect()
             }
         };
         let (lines, notes) = check::lines(lines, size)?;

@@ -10,39 +10,24 @@
 //! sum to one. Joints are matched by name, so that their order in the skeleton may differ. Unknown keys are refused.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CharacterError, Skeleton, SkinWeights};
+use plumbline_num::document::{DocumentError, Kind};
 
-/// What `format` says.
-const FORMAT: &str = "plumbline.weights";
-/// Largest file, bytes: eight joints for each of two million vertices.
-const LARGEST_FILE: u64 = 1 << 29;
+/// At most as large as eight joints for each of two million vertices.
+const KIND: Kind = Kind { name: "a file of weights", format: "plumbline.weights", max_bytes: 1 << 29 };
 
 /// A file of weights that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WeightsFileError {
-    /// Input: not JSON of the expected shape; the message ends with line and column.
-    #[error("not a file of weights: {0}")]
-    Syntax(#[source] serde_json::Error),
-    /// Input: some other JSON.
-    #[error("format {found:?} is not a file of weights (expected {FORMAT:?})")]
-    Format {
-        /// What `format` says.
-        found: String,
-    },
-    /// Input: made by a program of another version.
-    #[error("version {found} of a file of weights is not supported (expected 1)")]
-    Version {
-        /// What `version` says.
-        found: u64,
-    },
+    /// Input: no such document, or one that cannot be read.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
     /// Input: a row that is no list of joints and weights.
     #[error("row {row}: {what} (expected numbers of joints, 0 to {most}, each followed by its weight)")]
     Row {
@@ -56,17 +41,6 @@ pub enum WeightsFileError {
     /// Input: weights that are none, or of other joints.
     #[error(transparent)]
     Weights(#[from] CharacterError),
-    /// Input: larger than any file of weights.
-    #[error("{bytes} bytes are too many for a file of weights (at most {most}): is this the right file?")]
-    TooLarge {
-        /// Its size.
-        bytes: u64,
-        /// The largest that is read.
-        most: u64,
-    },
-    /// Environment: reading failed.
-    #[error("{0}")]
-    Io(#[from] std::io::Error),
 }
 
 /// Weights, and the names of their joints.
@@ -94,13 +68,6 @@ struct Document {
     rows: Vec<Vec<f64>>,
 }
 
-/// Enough of a file to tell what it is.
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
-}
-
 /// The JSON schema of weight files.
 pub fn weights_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
@@ -123,16 +90,9 @@ impl WeightsFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::parse`] refuses; [`WeightsFileError::TooLarge`], [`WeightsFileError::Io`].
+    /// What [`Self::parse`] refuses; [`WeightsFileError::Document`].
     pub fn read(path: &Path) -> Result<Self, WeightsFileError> {
-        let file = File::open(path)?;
-        let bytes = file.metadata()?.len();
-        if bytes > LARGEST_FILE {
-            return Err(WeightsFileError::TooLarge { bytes, most: LARGEST_FILE });
-        }
-        let mut text = String::new();
-        file.take(LARGEST_FILE).read_to_string(&mut text)?;
-        Self::parse(&text)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads a text.
@@ -141,15 +101,7 @@ impl WeightsFile {
     /// [`WeightsFileError`]: not JSON of this shape, another format or version, rows that are no lists of joints and weights or
     /// do not sum to one.
     pub fn parse(text: &str) -> Result<Self, WeightsFileError> {
-        let text = text.trim_start_matches('\u{feff}');
-        let probe: Probe = serde_json::from_str(text).map_err(WeightsFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(WeightsFileError::Format { found: probe.format });
-        }
-        if probe.version != 1 {
-            return Err(WeightsFileError::Version { found: probe.version });
-        }
-        let document: Document = serde_json::from_str(text).map_err(WeightsFileError::Syntax)?;
+        let document: Document = KIND.parse(text)?;
         let joints = document.joints.len();
         let rows = document.rows.iter().enumerate().map(|(row, numbers)| influences(row, numbers, joints));
         let rows: Vec<Vec<(u32, f64)>> = rows.collect::<Result<_, _>>()?;
@@ -159,7 +111,8 @@ impl WeightsFile {
     /// As text, which [`Self::parse`] reads back to the same bits.
     pub fn to_json(&self) -> String {
         let names = serde_json::to_string(&self.joints).expect("strings");
-        let mut text = format!("{{\n\"format\": \"{FORMAT}\", \"version\": 1,\n\"joints\": {names},\n\"rows\": [\n");
+        let mut text =
+            format!("{{\n\"format\": \"{}\", \"version\": 1,\n\"joints\": {names},\n\"rows\": [\n", KIND.format);
         for (v, row) in self.weights.rows().enumerate() {
             let separator = if v == 0 { "[" } else { ",\n[" };
             text.push_str(separator);

@@ -1,6 +1,7 @@
 //! What a morph can be refused for.
 
 use crate::mesh::MeshError;
+use plumbline_num::document::{DocumentError, VERSION};
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
@@ -93,10 +94,10 @@ pub enum MorphError {
         fault: String,
     },
     /// Input: a file that is not what its format asks for.
-    #[error("not a file of {kind}: {fault}")]
+    #[error("not {name}: {fault}")]
     Malformed {
-        /// What the file should hold.
-        kind: &'static str,
+        /// What the file should be.
+        name: &'static str,
         /// What is wrong with it, and where.
         fault: String,
     },
@@ -130,5 +131,24 @@ impl From<SparseError> for MorphError {
             SparseError::Interrupted(stopped) => Self::Interrupted(stopped),
             error => Self::Numerics(error),
         }
+    }
+}
+
+impl From<DocumentError> for MorphError {
+    fn from(error: DocumentError) -> Self {
+        let (name, fault) = match error {
+            DocumentError::Syntax { name, fault } => (name, fault.to_string()),
+            DocumentError::Format { name, found, expected } => {
+                (name, format!("the format is {found:?} (expected {expected:?})"))
+            }
+            DocumentError::Version { name, found } => {
+                (name, format!("version {found} is not supported (expected {VERSION})"))
+            }
+            DocumentError::TooLarge { name, bytes, most } => {
+                (name, format!("{bytes} bytes are too many (at most {most})"))
+            }
+            DocumentError::Io { name, fault } => (name, format!("cannot be read: {fault}")),
+        };
+        Self::Malformed { name, fault }
     }
 }

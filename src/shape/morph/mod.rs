@@ -16,7 +16,6 @@ pub mod paint;
 mod rigid;
 mod time_field;
 mod trajectory;
-mod versioned;
 
 pub use bvh::{Bvh, Nearest};
 pub use error::MorphError;

@@ -17,15 +17,24 @@ use serde::Deserialize;
 use super::MorphError;
 use super::correspondence::Place;
 use crate::mesh::TriMesh;
-use crate::morph::versioned::Versioned;
+use plumbline_num::document::Kind;
+
+/// At most as large as ten million painted vertices.
+const KIND: Kind = Kind { name: "a file of painted times", format: "plumbline.paint", max_bytes: 1 << 27 };
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { name: KIND.name, fault }
+}
 
 /// Times painted on the first mesh.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Paint {
     /// Always `plumbline.paint`.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     format: String,
     /// Always 1.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
     /// Time of pieces of the surface on which nothing is painted.
     #[serde(default)]
@@ -74,15 +83,6 @@ struct HalfSpace {
     normal: [f64; 3],
 }
 
-impl Versioned for Paint {
-    const KIND: &'static str = "painted times";
-    const FORMAT: &'static str = "plumbline.paint";
-
-    fn header(&self) -> (&str, u32) {
-        (&self.format, self.version)
-    }
-}
-
 /// The JSON schema of files of painted times.
 pub fn paint_schema() -> schemars::Schema {
     schemars::schema_for!(Paint)
@@ -94,7 +94,7 @@ impl Paint {
     /// # Errors
     /// [`MorphError::Malformed`], also where it cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        Self::parse(&Self::text_of(path)?)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads the text of a file.
@@ -102,10 +102,10 @@ impl Paint {
     /// # Errors
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
-        let file = Self::of_text(text)?;
+        let file = KIND.parse::<Self>(text)?;
         let times = file.strokes.iter().map(|s| s.time).chain([file.elsewhere]);
         if let Some(time) = times.into_iter().find(|t| !(0.0..=1.0).contains(t)) {
-            return Err(Self::malformed(format!("a time is {time} (expected 0 to 1)")));
+            return Err(malformed(format!("a time is {time} (expected 0 to 1)")));
         }
         Ok(file)
     }
@@ -122,7 +122,7 @@ impl Paint {
     pub fn of_mesh(&self, mesh: &TriMesh) -> Result<Vec<Option<f64>>, MorphError> {
         let mut painted = vec![None; mesh.vertex_count()];
         if self.strokes.is_empty() {
-            return Err(Self::malformed("no stroke is given (expected at least one)".to_owned()));
+            return Err(malformed("no stroke is given (expected at least one)".to_owned()));
         }
         for (k, stroke) in self.strokes.iter().enumerate() {
             let place = format!("stroke {k}");

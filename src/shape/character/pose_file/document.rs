@@ -6,7 +6,7 @@ use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{FORMAT, PoseFileError, WantedPose, pose_of};
+use super::{PoseFileError, WantedPose, pose_of};
 use crate::character::Character;
 use crate::character::ik::{Goal, Target};
 
@@ -104,13 +104,6 @@ struct TargetEntry {
     chain: Option<usize>,
 }
 
-/// Enough of a file to tell what it is.
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
-}
-
 /// The JSON schema of pose files.
 pub fn pose_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
@@ -121,17 +114,6 @@ fn one() -> f64 {
 }
 
 impl Document {
-    pub(super) fn parse(text: &str) -> Result<Self, PoseFileError> {
-        let probe: Probe = serde_json::from_str(text).map_err(PoseFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(PoseFileError::Format { found: probe.format, expected: FORMAT });
-        }
-        if probe.version != 1 {
-            return Err(PoseFileError::Version { found: probe.version, expected: 1 });
-        }
-        serde_json::from_str(text).map_err(PoseFileError::Syntax)
-    }
-
     pub(super) fn of(self, character: &Character) -> Result<WantedPose, PoseFileError> {
         let skeleton = &character.skeleton;
         let (mut start, mut weights) = match &self.from {

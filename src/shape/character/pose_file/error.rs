@@ -2,6 +2,7 @@
 
 use crate::character::ik::IkError;
 use crate::character::{CharacterError, ClipError};
+use plumbline_num::document::{DocumentError, VERSION};
 use plumbline_num::run::Stopped;
 
 /// Why a pose file could not be used.
@@ -65,6 +66,18 @@ impl From<IkError> for PoseFileError {
         match error {
             IkError::Interrupted(stopped) => Self::Interrupted(stopped),
             error => Self::Ik(error),
+        }
+    }
+}
+
+impl From<DocumentError> for PoseFileError {
+    fn from(error: DocumentError) -> Self {
+        match error {
+            DocumentError::Syntax { fault, .. } => Self::Syntax(fault),
+            DocumentError::Format { found, expected, .. } => Self::Format { found, expected },
+            DocumentError::Version { found, .. } => Self::Version { found, expected: VERSION },
+            DocumentError::TooLarge { bytes, most, .. } => Self::TooLarge { bytes, most },
+            DocumentError::Io { fault, .. } => Self::Io(fault),
         }
     }
 }

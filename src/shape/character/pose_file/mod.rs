@@ -29,12 +29,11 @@ pub use document::pose_file_schema;
 pub use error::PoseFileError;
 
 use document::Document;
+use plumbline_num::document::Kind;
 use plumbline_num::run::Run;
 
-/// What `format` says.
-const FORMAT: &str = "plumbline.pose";
-/// Largest file, bytes.
-const LARGEST_FILE: u64 = 1 << 24;
+/// At most as large as a hundred thousand joints.
+const KIND: Kind = Kind { name: "a pose file", format: "plumbline.pose", max_bytes: 1 << 24 };
 
 /// What a file wants of a character.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,15 +54,7 @@ impl WantedPose {
     /// # Errors
     /// What [`Self::parse`] refuses; [`PoseFileError::TooLarge`], [`PoseFileError::Io`].
     pub fn read(path: &Path, character: &Character) -> Result<Self, PoseFileError> {
-        use std::io::Read as _;
-        let file = std::fs::File::open(path)?;
-        let bytes = file.metadata()?.len();
-        if bytes > LARGEST_FILE {
-            return Err(PoseFileError::TooLarge { bytes, most: LARGEST_FILE });
-        }
-        let mut text = String::new();
-        file.take(LARGEST_FILE).read_to_string(&mut text)?;
-        Self::parse(&text, character)
+        Self::parse(&KIND.text(path)?, character)
     }
 
     /// Reads a text for a character.
@@ -72,7 +63,7 @@ impl WantedPose {
     /// [`PoseFileError`]: not JSON of this shape, another format or version, joints, clips or morph targets that the character
     /// does not have, numbers that are not finite.
     pub fn parse(text: &str, character: &Character) -> Result<Self, PoseFileError> {
-        Document::parse(text.trim_start_matches('\u{feff}'))?.of(character)
+        KIND.parse::<Document>(text)?.of(character)
     }
 
     /// The pose, within the limits of the skeleton.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::skeleton::unknown_name;
 use super::super::{CurveSkeleton, Joint, Limits, Skeleton};
-use super::{FORMAT, SkeletonFile, SkeletonFileError};
+use super::{KIND, SkeletonFile, SkeletonFileError};
 use plumbline_num::math::Trs;
 
 /// A skeleton at rest.
@@ -80,13 +80,6 @@ struct CurveEntry {
     node_of_vertex: Vec<u32>,
 }
 
-/// Enough of a file to tell what it is.
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
-}
-
 /// The JSON schema of skeleton files.
 pub fn skeleton_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
@@ -113,17 +106,6 @@ fn is_no_turn(q: &[f64; 4]) -> bool {
 }
 
 impl Document {
-    pub(super) fn parse(text: &str) -> Result<Self, SkeletonFileError> {
-        let probe: Probe = serde_json::from_str(text).map_err(SkeletonFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(SkeletonFileError::Format { found: probe.format, expected: FORMAT });
-        }
-        if probe.version != 1 {
-            return Err(SkeletonFileError::Version { found: probe.version });
-        }
-        serde_json::from_str(text).map_err(SkeletonFileError::Syntax)
-    }
-
     pub(super) fn into_skeleton(self) -> Result<SkeletonFile, SkeletonFileError> {
         let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
         // Of equal names any will do here: the skeleton refuses them.
@@ -144,7 +126,7 @@ impl Document {
         let joints = file.skeleton.joints();
         let entry = |joint: &Joint| JointEntry::of(joint, joint.parent.map(|p| joints[p as usize].name.clone()));
         Self {
-            format: FORMAT.to_owned(),
+            format: KIND.format.to_owned(),
             version: 1,
             joints: joints.iter().map(entry).collect(),
             curve: file.curve.as_ref().map(CurveEntry::of),
@@ -160,7 +142,8 @@ impl Document {
             Some(c) => format!(",\n  \"curve\": {}", serde_json::to_string(c).expect("numbers")),
         };
         format!(
-            "{{\n  \"format\": \"{FORMAT}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}\n}}\n",
+            "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}\n}}\n",
+            KIND.format,
             joints.join(",\n")
         )
     }

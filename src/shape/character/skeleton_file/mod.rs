@@ -18,8 +18,6 @@ mod error;
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 pub use document::skeleton_file_schema;
@@ -27,11 +25,10 @@ pub use error::SkeletonFileError;
 
 use super::{CurveSkeleton, Skeleton};
 use document::Document;
+use plumbline_num::document::Kind;
 
-/// What `format` says.
-const FORMAT: &str = "plumbline.skeleton";
-/// Largest file, bytes: the mapping of ten million vertices.
-const LARGEST_FILE: u64 = 1 << 27;
+/// At most as large as the mapping of ten million vertices.
+const KIND: Kind = Kind { name: "a file of a skeleton", format: "plumbline.skeleton", max_bytes: 1 << 27 };
 
 /// A skeleton, and the curve it was made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,16 +43,9 @@ impl SkeletonFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::parse`] refuses; [`SkeletonFileError::TooLarge`], [`SkeletonFileError::Io`].
+    /// What [`Self::parse`] refuses; [`SkeletonFileError::Document`].
     pub fn read(path: &Path) -> Result<Self, SkeletonFileError> {
-        let file = File::open(path)?;
-        let bytes = file.metadata()?.len();
-        if bytes > LARGEST_FILE {
-            return Err(SkeletonFileError::TooLarge { bytes, most: LARGEST_FILE });
-        }
-        let mut text = String::new();
-        file.take(LARGEST_FILE).read_to_string(&mut text)?;
-        Self::parse(&text)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads a text.
@@ -64,7 +54,7 @@ impl SkeletonFile {
     /// [`SkeletonFileError`]: not JSON of this shape, another format or version, joints that are no skeleton, a curve that names
     /// nodes it does not have.
     pub fn parse(text: &str) -> Result<Self, SkeletonFileError> {
-        Document::parse(text.trim_start_matches('\u{feff}'))?.into_skeleton()
+        KIND.parse::<Document>(text)?.into_skeleton()
     }
 
     /// As text, which [`Self::parse`] reads back to the same bits.

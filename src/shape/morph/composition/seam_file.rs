@@ -18,15 +18,24 @@ use super::super::MorphError;
 use super::super::correspondence::Place;
 use super::{ComposeOptions, Cut};
 use crate::mesh::TriMesh;
-use crate::morph::versioned::Versioned;
+use plumbline_num::document::Kind;
+
+/// At most as large as a million landmarks.
+const KIND: Kind = Kind { name: "a file of seams", format: "plumbline.seam", max_bytes: 1 << 27 };
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { name: KIND.name, fault }
+}
 
 /// A seam as a file tells it.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeamFile {
     /// Always `plumbline.seam`.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     format: String,
     /// Always 1.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
     /// Where the base is cut; everything that does not touch the cut is kept.
     base: CutEntry,
@@ -79,15 +88,6 @@ struct LineEntry {
     keep: Place,
 }
 
-impl Versioned for SeamFile {
-    const KIND: &'static str = "seams";
-    const FORMAT: &'static str = "plumbline.seam";
-
-    fn header(&self) -> (&str, u32) {
-        (&self.format, self.version)
-    }
-}
-
 /// The JSON schema of files of seams.
 pub fn seam_schema() -> schemars::Schema {
     schemars::schema_for!(SeamFile)
@@ -99,7 +99,7 @@ impl SeamFile {
     /// # Errors
     /// [`MorphError::Malformed`], also where it cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        Self::parse(&Self::text_of(path)?)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads the text of a file.
@@ -107,9 +107,9 @@ impl SeamFile {
     /// # Errors
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
-        let file = Self::of_text(text)?;
+        let file = KIND.parse::<Self>(text)?;
         if !(1..=1000).contains(&file.band) {
-            return Err(Self::malformed(format!("the band is {} (expected 1 to 1000 rings)", file.band)));
+            return Err(malformed(format!("the band is {} (expected 1 to 1000 rings)", file.band)));
         }
         Ok(file)
     }

@@ -17,7 +17,14 @@ use serde::Deserialize;
 
 use crate::mesh::TriMesh;
 use crate::morph::MorphError;
-use crate::morph::versioned::Versioned;
+use plumbline_num::document::Kind;
+
+/// At most as large as a million pairs of places.
+const KIND: Kind = Kind { name: "a file of landmarks", format: "plumbline.landmarks", max_bytes: 1 << 27 };
+
+fn malformed(fault: String) -> MorphError {
+    MorphError::Malformed { name: KIND.name, fault }
+}
 
 /// Pairs of places of two meshes.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,20 +45,13 @@ pub enum Place {
 #[serde(deny_unknown_fields)]
 struct Document {
     /// Always `plumbline.landmarks`.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     format: String,
     /// Always 1.
+    #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
     /// Place of the first mesh, place of the second.
     pairs: Vec<(Place, Place)>,
-}
-
-impl Versioned for Document {
-    const KIND: &'static str = "landmarks";
-    const FORMAT: &'static str = "plumbline.landmarks";
-
-    fn header(&self) -> (&str, u32) {
-        (&self.format, self.version)
-    }
 }
 
 /// The JSON schema of files of landmarks.
@@ -71,7 +71,7 @@ impl Landmarks {
     /// # Errors
     /// [`MorphError::Malformed`], also where the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, MorphError> {
-        Self::parse(&Document::text_of(path)?)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads one of the three forms, told apart by how they begin.
@@ -80,7 +80,7 @@ impl Landmarks {
     /// [`MorphError::Malformed`].
     pub fn parse(text: &str) -> Result<Self, MorphError> {
         let pairs = if text.trim_start().starts_with('{') {
-            Document::of_text(text)?.pairs
+            KIND.parse::<Document>(text)?.pairs
         } else if text.lines().any(|line| line.trim_end() == "markers:") {
             of_lines(text, "markers:", ':')?
         } else {
@@ -173,11 +173,11 @@ fn of_counted(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
     let first = lines.next().map_or("", |(_, line)| line.trim());
     let count: usize = first.parse().map_err(|_| {
         let shown: String = first.chars().take(30).collect();
-        Document::malformed(format!("line 1: {shown:?} (expected JSON, `markers:`, or the number of pairs)"))
+        malformed(format!("line 1: {shown:?} (expected JSON, `markers:`, or the number of pairs)"))
     })?;
     let pairs: Vec<_> = lines.map(|(number, line)| pair(line, ',', number)).collect::<Result<_, _>>()?;
     if pairs.len() != count {
-        return Err(Document::malformed(format!("line 1 announces {count} pairs, but {} follow", pairs.len())));
+        return Err(malformed(format!("line 1 announces {count} pairs, but {} follow", pairs.len())));
     }
     Ok(pairs)
 }
@@ -187,7 +187,7 @@ fn pair(text: &str, between: char, line: usize) -> Result<(Place, Place), MorphE
     let both = text.split_once(between).and_then(|(a, b)| number(a).zip(number(b)));
     both.ok_or_else(|| {
         let shown: String = text.chars().take(30).collect();
-        Document::malformed(format!("line {}: {shown:?} (expected two vertices with `{between}` between)", line + 1))
+        malformed(format!("line {}: {shown:?} (expected two vertices with `{between}` between)", line + 1))
     })
 }
 

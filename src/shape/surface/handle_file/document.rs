@@ -6,9 +6,9 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::HandleFileError;
 use super::selection::Selection;
 use super::track::{Interpolation, RigidKey, Track, Turn};
-use super::{FORMAT, HandleFileError};
 
 /// Handles of a mesh.
 #[derive(Deserialize, JsonSchema)]
@@ -147,29 +147,9 @@ struct PositionKeyEntry {
     positions: Vec<[f64; 3]>,
 }
 
-/// Enough of a file to tell what it is.
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
-}
-
 /// The JSON schema of handle files.
 pub fn handle_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
-}
-
-impl Document {
-    pub(super) fn parse(text: &str) -> Result<Self, HandleFileError> {
-        let probe: Probe = serde_json::from_str(text).map_err(HandleFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(HandleFileError::Format { found: probe.format, expected: FORMAT });
-        }
-        if probe.version != 1 {
-            return Err(HandleFileError::Version { found: probe.version });
-        }
-        serde_json::from_str(text).map_err(HandleFileError::Syntax)
-    }
 }
 
 /// A refusal of a field.

@@ -1,28 +1,14 @@
 //! Why a handle file was refused.
 
-use std::io;
+use plumbline_num::document::DocumentError;
 
 /// A handle file that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HandleFileError {
-    /// Input: not JSON of the expected shape; the message ends with line and column.
-    #[error("not a file of handles: {0}")]
-    Syntax(#[source] serde_json::Error),
-    /// Input: some other JSON.
-    #[error("format {found:?} is not a file of handles (expected {expected:?})")]
-    Format {
-        /// What `format` says.
-        found: String,
-        /// What it should say.
-        expected: &'static str,
-    },
-    /// Input: made by a program of another version.
-    #[error("version {found} of a file of handles is not supported (expected 1)")]
-    Version {
-        /// What `version` says.
-        found: u64,
-    },
+    /// Input: no such document, or one that cannot be read.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
     /// Input: a value that it cannot have.
     #[error("{place}: {field} is {value} (expected {expected})")]
     Value {
@@ -87,15 +73,4 @@ pub enum HandleFileError {
         /// How many they share.
         shared: usize,
     },
-    /// Input: larger than any file of handles.
-    #[error("{bytes} bytes are too many for a file of handles (at most {most}): is this the right file?")]
-    TooLarge {
-        /// Its size.
-        bytes: u64,
-        /// The largest that is read.
-        most: u64,
-    },
-    /// Environment: reading failed.
-    #[error("{0}")]
-    Io(#[from] io::Error),
 }

@@ -25,8 +25,6 @@ mod tests;
 mod track;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use nalgebra::Point3;
@@ -36,12 +34,11 @@ pub use error::HandleFileError;
 pub use track::{Interpolation, Track};
 
 use document::Document;
+use plumbline_num::document::Kind;
 use selection::{Selection, Selector};
 
-/// What `format` says.
-const FORMAT: &str = "plumbline.handles";
-/// Largest file, bytes: targets of a million vertices with all digits.
-const LARGEST_FILE: u64 = 1 << 27;
+/// At most as large as targets of a million vertices with all digits.
+const KIND: Kind = Kind { name: "a file of handles", format: "plumbline.handles", max_bytes: 1 << 27 };
 
 /// Handles as they stand in a file, not yet of a mesh.
 #[derive(Clone, Debug)]
@@ -80,23 +77,15 @@ impl HandleFile {
     /// # Errors
     /// [`HandleFileError`]: what [`HandleFile::parse`] refuses, a file that is too large or cannot be read.
     pub fn read(path: &Path) -> Result<Self, HandleFileError> {
-        let file = File::open(path)?;
-        let bytes = file.metadata()?.len();
-        if bytes > LARGEST_FILE {
-            return Err(HandleFileError::TooLarge { bytes, most: LARGEST_FILE });
-        }
-        let mut text = String::new();
-        file.take(LARGEST_FILE).read_to_string(&mut text)?;
-        Self::parse(&text)
+        Self::parse(&KIND.text(path)?)
     }
 
     /// Reads a text.
     ///
     /// # Errors
-    /// [`HandleFileError::Syntax`], [`HandleFileError::Format`], [`HandleFileError::Version`]; [`HandleFileError::Value`]
-    /// names the handle and field.
+    /// [`HandleFileError::Document`]; [`HandleFileError::Value`] names the handle and field.
     pub fn parse(text: &str) -> Result<Self, HandleFileError> {
-        let document = Document::parse(text.trim_start_matches('\u{feff}'))?;
+        let document: Document = KIND.parse(text)?;
         if document.handles.is_empty() {
             let expected = "one handle at least".to_owned();
             let place = "the file".to_owned();

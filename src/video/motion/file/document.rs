@@ -15,6 +15,7 @@ use crate::motion::clip::ClipMotion;
 use crate::motion::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use crate::motion::planar_fit::{self, Pair};
 use crate::track::TrackStore;
+use plumbline_num::document::pixel_center_shift;
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline_num::time::{Timebase, Timestamp};
 
@@ -181,7 +182,7 @@ impl Document {
     /// Refuses what no clip has.
     pub(super) fn check(&self) -> Result<(), MotionFileError> {
         self.source.check()?;
-        if self.pixel_centre != 0.5 && self.pixel_centre != 0.0 {
+        if pixel_center_shift(self.pixel_centre).is_none() {
             return Err(value("pixel_centre", self.pixel_centre, "0.5, or 0"));
         }
         if let Some(r) = self.readout_s

@@ -27,22 +27,22 @@ mod document;
 mod line;
 mod tracks;
 
-use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Read, Seek, Write};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::clip::ClipMotion;
 use super::frame_motion::{FrameMotion, MotionQuality};
 use crate::track::{StoreError, TrackStore};
 use document::{Document, FrameEntry, Source};
+pub use plumbline_num::document::VERSION;
+use plumbline_num::document::{DocumentError, Kind};
 use plumbline_num::math::Homography;
 
 /// The name in a file's `format` field.
 pub const FORMAT: &str = "plumbline.motion";
-/// The one version read and written.
-pub const VERSION: u32 = 1;
-/// Largest file read, bytes: ten hours of video at 60 frames/s with a thousand points each.
-const LARGEST_FILE: u64 = 1 << 36;
+/// At most as large as ten hours of video at 60 frames/s with a thousand points each.
+const KIND: Kind = Kind { name: "a motion file", format: FORMAT, max_bytes: 1 << 36 };
 /// Why a motion file was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -104,10 +104,16 @@ pub enum MotionFileError {
     Tracks(#[from] StoreError),
 }
 
-#[derive(Deserialize)]
-struct Probe {
-    format: String,
-    version: u64,
+impl From<DocumentError> for MotionFileError {
+    fn from(error: DocumentError) -> Self {
+        match error {
+            DocumentError::Syntax { fault, .. } => Self::Syntax(fault),
+            DocumentError::Format { found, .. } => Self::Format { found },
+            DocumentError::Version { found, .. } => Self::Version { found },
+            DocumentError::TooLarge { most, .. } => Self::TooLarge { limit: most },
+            DocumentError::Io { fault, .. } => Self::Io(fault),
+        }
+    }
 }
 
 /// The JSON schema of the motion file.
@@ -139,19 +145,7 @@ impl ClipMotion {
     /// [`MotionFileError`]: not JSON, another format or version, a value out of range, a block of the wrong length, a file
     /// that is too large or cannot be read.
     pub fn read_json(mut file: impl Read + Seek) -> Result<(Self, Option<TrackStore>), MotionFileError> {
-        if file.seek(SeekFrom::End(0))? > LARGEST_FILE {
-            return Err(MotionFileError::TooLarge { limit: LARGEST_FILE });
-        }
-        file.rewind()?;
-        let probe: Probe = serde_json::from_reader(BufReader::new(&mut file)).map_err(MotionFileError::Syntax)?;
-        if probe.format != FORMAT {
-            return Err(MotionFileError::Format { found: probe.format });
-        }
-        if probe.version != u64::from(VERSION) {
-            return Err(MotionFileError::Version { found: probe.version });
-        }
-        file.rewind()?;
-        let document: Document = serde_json::from_reader(BufReader::new(&mut file)).map_err(MotionFileError::Syntax)?;
+        let document: Document = KIND.stream(&mut file)?;
         document.check().and_then(|()| document.into_clip()).map_err(|fault| fault.located(file))
     }
 

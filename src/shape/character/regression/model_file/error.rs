@@ -1,12 +1,16 @@
 //! What a model file can be refused for.
 
 use super::super::super::CharacterError;
+use plumbline_num::document::DocumentError;
 use plumbline_num::run::Stopped;
 
 /// A trained model that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelFileError {
+    /// Input: larger than any model. Environment: reading failed.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
     /// Input: other bytes.
     #[error("not a trained skin (expected a file that `plumbline skin train` wrote)")]
     Foreign,
@@ -75,17 +79,6 @@ pub enum ModelFileError {
         /// Its parent in the skeleton.
         found: String,
     },
-    /// Input: larger than any model.
-    #[error("{bytes} bytes are too many for a trained skin (at most {most}): is this the right file?")]
-    TooLarge {
-        /// Its size.
-        bytes: u64,
-        /// The largest that is read.
-        most: u64,
-    },
-    /// Environment: reading failed.
-    #[error("{0}")]
-    Io(#[from] std::io::Error),
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),

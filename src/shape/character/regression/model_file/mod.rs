@@ -20,8 +20,6 @@ mod parts;
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use nalgebra::{Matrix4, Point3};
@@ -38,14 +36,15 @@ use bytes::{Reader, Writer};
 use parts::{
     Reducing, read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights,
 };
+use plumbline_num::document::Kind;
 use plumbline_num::run::Run;
 
 /// The first bytes. A transfer that changes line ends changes them.
 const MAGIC: &[u8; 16] = b"plumbline.skin\r\n";
 /// The version that is read and written.
 const VERSION: u32 = 2;
-/// Largest file, bytes: the full model of seven million triangles.
-const LARGEST_FILE: u64 = 1 << 31;
+/// At most as large as the full model of seven million triangles.
+const KIND: Kind = Kind { name: "a trained skin", format: "plumbline.skin", max_bytes: 1 << 31 };
 /// Where a number is that may be missing.
 const NONE: u32 = u32::MAX;
 
@@ -149,16 +148,9 @@ impl SkinModel {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::from_bytes`] refuses; [`ModelFileError::TooLarge`], [`ModelFileError::Io`].
+    /// What [`Self::from_bytes`] refuses; [`ModelFileError::Document`].
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
-        let file = File::open(path)?;
-        let bytes = file.metadata()?.len();
-        if bytes > LARGEST_FILE {
-            return Err(ModelFileError::TooLarge { bytes, most: LARGEST_FILE });
-        }
-        let mut content = Vec::new();
-        file.take(LARGEST_FILE).read_to_end(&mut content)?;
-        Self::from_bytes(&content)
+        Self::from_bytes(&KIND.bytes(path)?)
     }
 
     /// Reads the content of a file.
