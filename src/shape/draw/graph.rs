@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use super::{Mark, Shape};
 use plumbline_image::canvas::Rgb;
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// Colors of branches: told apart on light clay and from each other.
 const BRANCHES: [Rgb; 9] = [

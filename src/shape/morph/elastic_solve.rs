@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 use super::MorphError;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
-use plumbline_num::union_find::numbered_components;
+use plumbline_num::spatial::numbered_components;
 
 const PINNED: u32 = u32::MAX;
 

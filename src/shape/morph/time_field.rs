@@ -14,7 +14,7 @@ use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Eliminated, Ordering};
-use plumbline_num::union_find::numbered_components;
+use plumbline_num::spatial::numbered_components;
 
 /// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
 const LEAST: f64 = 1e-6;

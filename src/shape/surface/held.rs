@@ -2,7 +2,7 @@
 
 use super::{Handles, Hold, SurfaceError};
 use crate::mesh::TriMesh;
-use plumbline_num::union_find::components;
+use plumbline_num::spatial::components;
 
 /// What happens to a part of the surface that no handle is on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -19,7 +19,7 @@ use super::bound::Bound;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
 use super::rotation_fit::best_rotation;
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// Connected patches of handles: computed once per set.
 #[derive(Debug)]

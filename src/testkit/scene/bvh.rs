@@ -1,78 +1,45 @@
 //! A tree of boxes over polygons, so that a ray meets a few of thousands.
 
+use nalgebra::Vector3;
+
 use super::Vec3;
 use super::geometry::Polygon;
+use plumbline_num::spatial::{Aabb, BoxTree, Ray};
 
-/// Polygons per leaf: fewer cost more steps down the tree, more cost more tests.
-const LEAF: usize = 4;
-
-enum Node {
-    Leaf { low: Vec3, high: Vec3, members: Vec<u32> },
-    Split { low: Vec3, high: Vec3, children: Box<[Node; 2]> },
-}
+/// By how much boxes are larger than their polygons, m: hits are found in single precision.
+const SLACK_M: f64 = 1e-4;
 
 /// The tree; polygons are known by their indices.
 pub(super) struct Bvh<'a> {
     polygons: &'a [Polygon],
-    root: Node,
+    tree: BoxTree,
 }
 
 impl<'a> Bvh<'a> {
-    /// Splits at the median of the longest axis, down to a few polygons.
     pub(super) fn new(polygons: &'a [Polygon]) -> Self {
-        let mut all: Vec<u32> = (0..polygons.len() as u32).collect();
-        Self { root: build(polygons, &mut all), polygons }
+        let item = |polygon: &Polygon| {
+            let corners: Vec<_> = polygon.vertices.iter().map(|v| v.cast::<f64>().into()).collect();
+            let Aabb { low, high } = Aabb::around(&corners);
+            let slack = Vector3::repeat(SLACK_M);
+            (Aabb { low: low - slack, high: high + slack }, polygon.center().cast::<f64>().into())
+        };
+        Self { tree: BoxTree::new(polygons.iter().map(item)), polygons }
     }
 
     /// Distance to the nearest polygon other than `own` that the ray meets before `far`; the first met at all with `any`.
     pub(super) fn nearest(&self, own: usize, from: Vec3, direction: Vec3, far: f32, any: bool) -> Option<f32> {
-        let (mut stack, mut best) = (vec![&self.root], far);
-        let inverse = direction.map(|v| 1.0 / v);
-        while let Some(node) = stack.pop() {
-            let (Node::Leaf { low, high, .. } | Node::Split { low, high, .. }) = node;
-            if !crosses(low, high, from, inverse, best) {
-                continue;
-            }
-            match node {
-                Node::Split { children, .. } => stack.extend(children.iter()),
-                Node::Leaf { members, .. } => {
-                    for &i in members.iter().filter(|i| **i as usize != own) {
-                        let Some(d) = self.polygons[i as usize].hit(from, direction, 1e-3, best) else { continue };
-                        if any {
-                            return Some(d);
-                        }
-                        best = d;
-                    }
+        let mut best = far;
+        let ray = Ray::new(&from.cast::<f64>().into(), &direction.cast());
+        self.tree.along(&ray, f64::from(far), |items| {
+            for &i in self.tree.order()[items].iter().filter(|i| **i as usize != own) {
+                if let Some(d) = self.polygons[i as usize].hit(from, direction, 1e-3, best) {
+                    best = d;
                 }
             }
-        }
+            if any && best < far { f64::NEG_INFINITY } else { f64::from(best) }
+        });
         (best < far).then_some(best)
     }
-}
-
-fn build(polygons: &[Polygon], members: &mut [u32]) -> Node {
-    let corners = || members.iter().flat_map(|i| &polygons[*i as usize].vertices);
-    let low = corners().fold(Vec3::repeat(f32::MAX), |a, v| a.inf(v));
-    let high = corners().fold(Vec3::repeat(f32::MIN), |a, v| a.sup(v));
-    if members.len() <= LEAF {
-        return Node::Leaf { low, high, members: members.to_vec() };
-    }
-    let axis = (high - low).imax();
-    let key = |i: &u32| polygons[*i as usize].center()[axis];
-    members.sort_by(|a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
-    let (first, second) = members.split_at_mut(members.len() / 2);
-    Node::Split { low, high, children: Box::new([build(polygons, first), build(polygons, second)]) }
-}
-
-/// Whether the ray passes through the box before `far`; a hair of slack for flat boxes.
-fn crosses(low: &Vec3, high: &Vec3, from: Vec3, inverse: Vec3, far: f32) -> bool {
-    let (mut enter, mut leave) = (0.0_f32, far);
-    for c in 0..3 {
-        let (a, b) = ((low[c] - 1e-4 - from[c]) * inverse[c], (high[c] + 1e-4 - from[c]) * inverse[c]);
-        enter = enter.max(a.min(b));
-        leave = leave.min(a.max(b));
-    }
-    enter <= leave
 }
 
 #[cfg(test)]

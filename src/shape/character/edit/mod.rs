@@ -24,7 +24,7 @@ use super::{Joint, Limits, Skeleton};
 
 pub use error::EditError;
 pub use mirror::{Plane, other_side};
-pub use pick::{Ray, volume_center};
+pub use pick::volume_center;
 
 /// One change of a rig.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,17 +1,9 @@
 //! The middle of a body under a picked pixel.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use crate::mesh::TriMesh;
-
-/// A half line.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
-    /// Where it begins.
-    pub from: Point3<f64>,
-    /// Where it goes; of any length.
-    pub along: Vector3<f64>,
-}
+use plumbline_num::spatial::{Ray, ray_crosses_triangle};
 
 /// Halfway between the first place where a ray enters a surface and the next where it leaves it: where the ray meets triangles
 /// from their outer side, and from their inner side. Where it begins inside, or the surface has no inner side there, halfway
@@ -27,22 +19,12 @@ pub fn volume_center(mesh: &TriMesh, ray: &Ray) -> Option<Point3<f64>> {
         let first = met.first()?.0;
         (first, met.iter().find(|(t, _)| *t > first)?.0)
     };
-    Some(ray.from + ray.along * (0.5 * (near + far)))
+    Some(ray.origin + ray.direction * (0.5 * (near + far)))
 }
 
-/// Where along the ray a triangle is met, and whether on its outer side (its corners run counterclockwise there).
-///
-/// Möller and Trumbore 1997; edges belong to the triangle, so that nothing slips between two.
+/// Where along the ray a triangle is met, and whether on its outer side (its corners run counterclockwise there); edges belong to
+/// the triangle, so that nothing slips between two.
 fn meeting([a, b, c]: [Point3<f64>; 3], ray: &Ray) -> Option<(f64, bool)> {
-    let (u, v) = (b - a, c - a);
-    let across = ray.along.cross(&v);
-    let volume = u.dot(&across);
-    if volume == 0.0 || !volume.is_finite() {
-        return None;
-    }
-    let from = ray.from - a;
-    let x = from.dot(&across) / volume;
-    let y = ray.along.dot(&from.cross(&u)) / volume;
-    let t = v.dot(&from.cross(&u)) / volume;
-    (x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t >= 0.0).then_some((t, volume > 0.0))
+    let met = ray_crosses_triangle(ray, &a, &(b - a), &(c - a))?;
+    (met.is_inside(0.0) && met.t >= 0.0).then_some((met.t, !met.leaves))
 }

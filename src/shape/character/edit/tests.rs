@@ -3,6 +3,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::*;
 use crate::mesh::shapes::icosphere;
 use plumbline_num::math::Trs;
+use plumbline_num::spatial::Ray;
 
 /// A trunk with an arm on the left, frames turned at will.
 fn rig() -> RigEditor {
@@ -216,10 +217,10 @@ fn names_change_their_side() {
 #[test]
 fn a_ray_finds_the_middle_of_what_it_goes_through() {
     let ball = icosphere(3);
-    let ray = |from: [f64; 3], along: [f64; 3]| Ray { from: from.into(), along: along.into() };
+    let ray = |from: [f64; 3], along: [f64; 3]| Ray::new(&from.into(), &along.into());
     for (k, along) in [[0.0, 0.0, 1.0], [0.3, -0.2, 2.0], [1.0, 1.0, 0.1]].into_iter().enumerate() {
         let from = Point3::origin() - Vector3::from(along) * (3.0 + k as f64);
-        let center = volume_center(&ball, &Ray { from, along: along.into() }).expect("met");
+        let center = volume_center(&ball, &Ray::new(&from, &along.into())).expect("met");
         assert!(center.coords.norm() < 1e-9, "{center}");
     }
     let off = volume_center(&ball, &ray([0.5, 0.0, -4.0], [0.0, 0.0, 1.0])).expect("met");

@@ -15,6 +15,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use plumbline_num::spatial::KdTree;
 use super::kd_tree::KdTree;
 use plumbline_num::run::{Run, Stopped};
 

@@ -45,7 +45,6 @@ mod extremities;
 mod fairing;
 mod homology;
 mod joints;
-mod kd_tree;
 mod medial;
 mod normal_equations;
 mod order;
@@ -70,9 +69,9 @@ use super::CurveSkeleton;
 use crate::mesh::TriMesh;
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
+use plumbline_num::spatial::{KdTree, UnionFind};
 use kd_tree::KdTree;
 use plumbline_num::run::Run;
-use plumbline_num::union_find::UnionFind;
 
 /// Which ends must stay.
 #[derive(Clone, Debug, Default, PartialEq)]

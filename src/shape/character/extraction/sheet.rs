@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Vector3};
 
 use crate::mesh::TriMesh;
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// Half the thickness of a sheet, in radii of the sphere of equal area.
 const THICKNESS: f64 = 0.1;

@@ -11,9 +11,9 @@ use super::aabb::AabbTree;
 use super::centering::radii;
 use super::error::ExtractionError;
 use super::fairing::Fairing;
-use super::kd_tree::KdTree;
 use super::order::Cost;
 use super::web::Web;
+use plumbline_num::spatial::KdTree;
 use plumbline_num::run::Run;
 
 /// Times that it is drawn.

@@ -3,8 +3,9 @@
 //! The first two are far from each other. An end `x` then adds `min_{i,j} (d(x,i) + d(x,j) − d(i,j)) / 2`, the length of its own way to
 //! the tree of the ends before it (exact on trees).
 
-use super::graph::{Graph, Paths};
+use super::graph::Graph;
 use crate::character::Skeleton;
+use plumbline_num::spatial::ShortestPaths;
 
 /// What adds less than this share of all length is no end of its own.
 const LEAST: f64 = 1e-6;
@@ -31,7 +32,7 @@ pub(super) struct Ends {
     /// How much each is believed to be an end of a limb, 0 to 1.
     pub(super) trust: Vec<f64>,
     /// Shortest ways from each.
-    pub(super) paths: Vec<Paths>,
+    pub(super) paths: Vec<ShortestPaths>,
 }
 
 impl Ends {

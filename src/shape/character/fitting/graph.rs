@@ -1,13 +1,10 @@
 //! Points in space joined by edges, in one piece; lengths in units of the sum of all edges, places about the mean of all points.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use nalgebra::{Point3, Vector3};
 
 use super::FitError;
 use crate::character::{CurveSkeleton, Skeleton};
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::{ShortestPaths, UnionFind};
 
 /// No node.
 pub(super) const NONE: u32 = u32::MAX;
@@ -23,33 +20,6 @@ pub(super) struct Graph {
     thickness: Vec<f64>,
     center: Point3<f64>,
     neighbors: Vec<Vec<u32>>,
-}
-
-/// Shortest ways from a node.
-#[derive(Clone, Debug)]
-pub(super) struct Paths {
-    /// Length to each node.
-    pub(super) length: Vec<f64>,
-    /// The node before each on the way; [`NONE`] for the first.
-    before: Vec<u32>,
-}
-
-impl Paths {
-    /// The node before another on the way to it.
-    pub(super) fn before(&self, node: u32) -> Option<u32> {
-        Some(self.before[node as usize]).filter(|v| *v != NONE)
-    }
-
-    /// The nodes from `to` back to where the ways begin.
-    pub(super) fn back_from(&self, to: u32) -> Vec<u32> {
-        let mut way = vec![to];
-        let mut at = to;
-        while self.before[at as usize] != NONE {
-            at = self.before[at as usize];
-            way.push(at);
-        }
-        way
-    }
 }
 
 impl Graph {
@@ -121,26 +91,10 @@ impl Graph {
         (0..self.points.len() as u32).filter(|v| self.neighbors(*v).len() == 1).collect()
     }
 
-    /// Shortest ways from a node to all (E. W. Dijkstra, 1959).
-    pub(super) fn paths(&self, from: u32) -> Paths {
-        let mut paths = Paths { length: vec![f64::INFINITY; self.points.len()], before: vec![NONE; self.points.len()] };
-        paths.length[from as usize] = 0.0;
-        // Lengths are not negative: their bits are in the order of their values.
-        let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
-        while let Some(Reverse((bits, v))) = queue.pop() {
-            let length = f64::from_bits(bits);
-            if length > paths.length[v as usize] {
-                continue;
-            }
-            for &u in self.neighbors(v) {
-                let through = length + self.length(v, u);
-                if through < paths.length[u as usize] {
-                    (paths.length[u as usize], paths.before[u as usize]) = (through, v);
-                    queue.push(Reverse((through.to_bits(), u)));
-                }
-            }
-        }
-        paths
+    /// Shortest paths from a node to all.
+    pub(super) fn paths(&self, from: u32) -> ShortestPaths {
+        let edges = |v: u32| self.neighbors(v).iter().map(move |&u| (u, self.length(v, u)));
+        ShortestPaths::new(self.points.len(), [from], edges)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering};
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// The factored Laplacian.
 #[derive(Clone, Debug)]

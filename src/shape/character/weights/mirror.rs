@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Unit, Vector3};
 
 use super::super::{CharacterError, Skeleton, SkinWeights};
-use super::nearest::Nearest;
 use crate::mesh::TriMesh;
+use plumbline_num::spatial::KdTree;
 
 /// A plane, and which joint is whose image in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +48,7 @@ impl SkinWeights {
         let in_plane = 1e-6 * mesh.diagonal();
         let height = |p: &Point3<f64>| (p - mirroring.point).dot(&mirroring.normal);
         let kept: Vec<usize> = (0..vertices).filter(|&v| height(&mesh.positions()[v]) >= -in_plane).collect();
-        let tree = Nearest::new(kept.iter().map(|&v| mesh.positions()[v]).collect());
+        let tree = KdTree::new(&kept.iter().map(|&v| mesh.positions()[v]).collect::<Vec<_>>());
         let mut report = MirrorReport::default();
         let row = |(v, p): (usize, &Point3<f64>)| -> Vec<(u32, f64)> {
             let own = || self.row(v).iter().map(|i| (i.joint, i.weight));
@@ -61,12 +61,12 @@ impl SkinWeights {
                 report.evened += 1;
                 return own().chain(own().map(image)).map(|(j, w)| (j, 0.5 * w)).collect();
             }
-            let Some((nearest, d2)) = tree.find(&(p - mirroring.normal.into_inner() * (2.0 * h))) else {
+            let Some((nearest, d2)) = tree.first_nearest(&(p - mirroring.normal.into_inner() * (2.0 * h))) else {
                 return own().collect();
             };
             report.changed += 1;
             report.farthest = report.farthest.max(d2.sqrt());
-            self.row(kept[nearest]).iter().map(|i| image((i.joint, i.weight))).collect()
+            self.row(kept[nearest as usize]).iter().map(|i| image((i.joint, i.weight))).collect()
         };
         let rows: Vec<_> = mesh.positions().iter().enumerate().map(row).collect();
         Ok((Self::new(self.joint_count(), rows)?, report))

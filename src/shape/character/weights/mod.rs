@@ -15,7 +15,6 @@ mod bone_distance;
 mod distance;
 mod heat;
 mod mirror;
-mod nearest;
 mod smooth;
 #[cfg(test)]
 mod tests;
@@ -26,6 +25,7 @@ pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
+use plumbline_num::spatial::KdTree;
 use nearest::Nearest;
 use plumbline_num::run::{Run, Stopped};
 use welded::Welded;
@@ -138,12 +138,12 @@ fn borrow(
         }
         return Ok(());
     }
-    let tree = Nearest::new(full.iter().map(|&v| welded.positions()[v]).collect());
+    let tree = KdTree::new(&full.iter().map(|&v| welded.positions()[v]).collect::<Vec<_>>());
     let mut pieces: Vec<u32> = Vec::new();
     for &v in &empty {
         run.check()?;
-        let (nearest, _) = tree.find(&welded.positions()[v]).expect("there are full rows");
-        let borrowed = rows[full[nearest]].clone();
+        let (nearest, _) = tree.first_nearest(&welded.positions()[v]).expect("there are full rows");
+        let borrowed = rows[full[nearest as usize]].clone();
         rows[v] = borrowed;
         pieces.push(welded.piece_of(v));
     }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::Point3;
 
 use crate::mesh::TriMesh;
-use plumbline_num::union_find::components;
+use plumbline_num::spatial::components;
 
 /// The surface with every place once.
 #[derive(Debug)]

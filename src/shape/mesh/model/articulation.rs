@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{Faces, NO_VALUE};
 use crate::mesh::MeshError;
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// How the parts of a model hang together and move.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -17,8 +17,7 @@ mod weld;
 use nalgebra::Point3;
 
 use super::TriMesh;
-use plumbline_num::union_find::UnionFind;
-
+use plumbline_num::spatial::UnionFind;
 use plumbline_num::run::{Run, Stopped};
 
 pub use report::{BoundaryLoop, Component, RepairReport};

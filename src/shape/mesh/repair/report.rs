@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use serde::Serialize;
 
 use crate::mesh::{HalfEdges, TriMesh};
-use plumbline_num::union_find::UnionFind;
+use plumbline_num::spatial::UnionFind;
 
 /// What was done to a mesh, and what the result is. Numbers of vertices and triangles are those of the input unless said
 /// otherwise.

@@ -24,7 +24,7 @@ use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 use plumbline_num::optim::lanczos::{LanczosOptions, ShiftedPencil};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering};
-use plumbline_num::union_find::components;
+use plumbline_num::spatial::components;
 
 pub use parts::{PartCount, Parts, PartsOptions, parts};
 pub use start::modal_start;

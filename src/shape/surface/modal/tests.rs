@@ -214,7 +214,7 @@ fn parts_are_connected_and_each_vertex_is_in_one() {
         .triangles()
         .iter()
         .filter(|t| t.iter().all(|&v| found.of_vertex[v as usize] == found.of_vertex[t[0] as usize]));
-    let pieces = plumbline_num::union_find::components(mesh.vertex_count(), &inside.copied().collect::<Vec<_>>());
+    let pieces = plumbline_num::spatial::components(mesh.vertex_count(), &inside.copied().collect::<Vec<_>>());
     let mut largest = vec![0; found.count];
     for p in 0..mesh.vertex_count() {
         let size = pieces.iter().filter(|&&q| q as usize == p).count();

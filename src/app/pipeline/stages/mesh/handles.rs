@@ -3,13 +3,11 @@
 //! A handle names vertices of the file. Repair joins some of them and leaves some out: every vertex of the result belongs to
 //! the handle of the vertices that it was.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::solvable::Solvable;
 use crate::pipeline::run_error::RunError;
+use plumbline_num::spatial::ShortestPaths;
 use plumbline_shape::mesh::TriMesh;
 use plumbline_shape::surface::handle_file::MeshHandles;
 use plumbline_shape::surface::{HandlePose, Handles, Hold};
@@ -153,34 +151,18 @@ impl<'a> Bound<'a> {
     }
 }
 
-/// Length of the shortest way along edges from any of `starts`; infinite where there is none (Dijkstra).
+/// Length of the shortest way along edges from any of `starts`; infinite where there is none.
 fn distances(mesh: &TriMesh, starts: impl Iterator<Item = usize>) -> Vec<f64> {
     let mut sides: Vec<(u32, u32)> =
         mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
     sides.sort_unstable();
     sides.dedup();
-    let mut distance = vec![f64::INFINITY; mesh.vertex_count()];
-    // Distances are not negative: their bits have their order.
-    let mut queue = BinaryHeap::new();
-    for v in starts {
-        distance[v] = 0.0;
-        queue.push((Reverse(0_u64), v as u32));
-    }
-    while let Some((Reverse(bits), v)) = queue.pop() {
-        if f64::from_bits(bits) > distance[v as usize] {
-            continue;
-        }
-        let first = sides.partition_point(|s| s.0 < v);
-        for &(_, w) in sides[first..].iter().take_while(|s| s.0 == v) {
-            let step = nalgebra::distance(&mesh.positions()[v as usize], &mesh.positions()[w as usize]);
-            let there = distance[v as usize] + step;
-            if there < distance[w as usize] {
-                distance[w as usize] = there;
-                queue.push((Reverse(there.to_bits()), w));
-            }
-        }
-    }
-    distance
+    let edges = |v: u32| {
+        let of_v = sides[sides.partition_point(|s| s.0 < v)..].iter().take_while(move |s| s.0 == v);
+        let p = mesh.positions();
+        of_v.map(move |&(_, w)| (w, nalgebra::distance(&p[v as usize], &p[w as usize])))
+    };
+    ShortestPaths::new(mesh.vertex_count(), starts.map(|v| v as u32), edges).length
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@
 use nalgebra::Point3;
 
 /// Points in the order of the tree.
-pub(super) struct KdTree {
+#[derive(Clone, Debug)]
+pub struct KdTree {
     /// Point, its number, and the axis that divides below it.
     nodes: Vec<(Point3<f64>, u32, u8)>,
 }
@@ -15,26 +16,40 @@ pub(super) struct KdTree {
 const LEAF: usize = 8;
 
 impl KdTree {
-    pub(super) fn new(points: &[Point3<f64>]) -> Self {
+    /// The tree of points; they are known by their places in the list.
+    pub fn new(points: &[Point3<f64>]) -> Self {
         let mut nodes: Vec<_> = points.iter().zip(0..).map(|(p, i)| (*p, i, 0)).collect();
         divide(&mut nodes);
         Self { nodes }
     }
 
     /// The point nearest to `p` among those that `wanted` takes, and the square of its distance.
-    pub(super) fn nearest(&self, p: &Point3<f64>, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
+    pub fn nearest(&self, p: &Point3<f64>, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
         self.nearest_within(p, f64::INFINITY, wanted)
     }
 
     /// Likewise, where the square of its distance is less than `square`.
-    pub(super) fn nearest_within(
-        &self,
-        p: &Point3<f64>,
-        square: f64,
-        wanted: impl Fn(u32) -> bool,
-    ) -> Option<(u32, f64)> {
+    pub fn nearest_within(&self, p: &Point3<f64>, square: f64, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, square);
-        search(&self.nodes, p, &wanted, &mut best);
+        search(&self.nodes, p, &mut square.next_down(), &mut |n, d, limit| {
+            if wanted(n) {
+                best = (n, d);
+                // Others must be nearer.
+                *limit = d.next_down();
+            }
+        });
+        (best.0 != u32::MAX).then_some(best)
+    }
+
+    /// The point nearest to `p`, of equally near ones the first of the list, and the square of its distance.
+    pub fn first_nearest(&self, p: &Point3<f64>) -> Option<(u32, f64)> {
+        let (mut best, mut limit) = ((u32::MAX, f64::INFINITY), f64::INFINITY);
+        search(&self.nodes, p, &mut limit, &mut |n, d, limit| {
+            if d < best.1 || n < best.0 {
+                best = (n, d);
+                *limit = d;
+            }
+        });
         (best.0 != u32::MAX).then_some(best)
     }
 }
@@ -54,38 +69,44 @@ fn divide(nodes: &mut [(Point3<f64>, u32, u8)]) {
     divide(&mut right[1..]);
 }
 
-fn search(nodes: &[(Point3<f64>, u32, u8)], p: &Point3<f64>, wanted: &impl Fn(u32) -> bool, best: &mut (u32, f64)) {
-    let mut take = |n: &(Point3<f64>, u32, u8)| {
+/// Calls `take` for points whose squared distance is at most `limit`, which it may lower.
+fn search(
+    nodes: &[(Point3<f64>, u32, u8)],
+    p: &Point3<f64>,
+    limit: &mut f64,
+    take: &mut impl FnMut(u32, f64, &mut f64),
+) {
+    let mut look = |n: &(Point3<f64>, u32, u8), limit: &mut f64| {
         let d = nalgebra::distance_squared(&n.0, p);
-        if d < best.1 && wanted(n.1) {
-            *best = (n.1, d);
+        if d <= *limit {
+            take(n.1, d, limit);
         }
     };
     if nodes.len() <= LEAF {
-        nodes.iter().for_each(take);
+        nodes.iter().for_each(|n| look(n, limit));
         return;
     }
     let middle = nodes.len() / 2;
     let node = &nodes[middle];
-    take(node);
+    look(node, limit);
     let axis = usize::from(node.2);
     let offset = p[axis] - node.0[axis];
     let (left, right) = (&nodes[..middle], &nodes[middle + 1..]);
     let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
-    search(near, p, wanted, best);
-    if offset * offset < best.1 {
-        search(far, p, wanted, best);
+    search(near, p, limit, take);
+    if offset * offset <= *limit {
+        search(far, p, limit, take);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::shapes;
 
     #[test]
     fn the_nearest_point_is_the_one_that_a_search_of_all_finds() {
-        let points = shapes::icosphere(3).positions().to_vec();
+        let mut rng = fastrand::Rng::with_seed(3);
+        let points: Vec<_> = (0..642).map(|_| Point3::from([0; 3].map(|_| 2.0 * rng.f64() - 1.0))).collect();
         let tree = KdTree::new(&points);
         for k in 0..200 {
             let k = f64::from(k);
@@ -101,5 +122,24 @@ mod tests {
             assert_eq!(tree.nearest_within(&p, slow * 1.001, wanted), Some((found, slow)));
         }
         assert_eq!(KdTree::new(&[]).nearest(&Point3::origin(), |_| true), None);
+    }
+
+    #[test]
+    fn of_equally_near_points_the_first_is_found() {
+        let mut random = fastrand::Rng::with_seed(5);
+        // On a coarse lattice, so that distances tie.
+        let mut point = || Point3::new(random.u32(0..9) as f64, random.u32(0..9) as f64, random.u32(0..9) as f64);
+        let points: Vec<Point3<f64>> = (0..500).map(|_| point()).collect();
+        let tree = KdTree::new(&points);
+        for _ in 0..300 {
+            let p = point() + nalgebra::Vector3::new(0.5, 0.0, 0.25);
+            let all = points.iter().map(|q| (q - p).norm_squared());
+            let least = all.clone().fold(f64::INFINITY, f64::min);
+            assert_eq!(
+                tree.first_nearest(&p),
+                Some((all.clone().position(|d| d == least).expect("one") as u32, least))
+            );
+        }
+        assert_eq!(KdTree::new(&[]).first_nearest(&Point3::origin()), None);
     }
 }

@@ -1,0 +1,238 @@
+//! A bounding volume hierarchy: boxes around boxes around items.
+//!
+//! Items are halved at the median of the widest axis until few are left; a node stands before its left half, so that the tree is
+//! one array. Items stand in the order of the leaves: item `k` of the tree is item `order()[k]` of the caller.
+
+use std::ops::Range;
+
+use nalgebra::Point3;
+
+use super::{Aabb, Ray};
+
+/// Items of a leaf at most: fewer cost more steps down the tree, more cost more tests of items.
+const LEAF: usize = 4;
+
+/// A tree of boxes over items of any kind.
+#[derive(Clone, Debug)]
+pub struct BoxTree {
+    nodes: Vec<Node>,
+    order: Vec<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Aabb,
+    /// First of the items below.
+    first: u32,
+    /// How many items are below.
+    count: u32,
+    /// The node of the right half; the left one follows its node. 0 for a leaf.
+    right: u32,
+}
+
+impl Node {
+    fn items(&self) -> Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
+/// What the tree is built of.
+struct Item {
+    bounds: Aabb,
+    center: Point3<f64>,
+    number: u32,
+}
+
+impl BoxTree {
+    /// The tree over items with these boxes; they are sorted by the points, such as their centers (of any common scale).
+    pub fn new(items: impl IntoIterator<Item = (Aabb, Point3<f64>)>) -> Self {
+        let numbered = items.into_iter().zip(0..);
+        let mut items: Vec<Item> = numbered.map(|((bounds, center), number)| Item { bounds, center, number }).collect();
+        let mut nodes = Vec::with_capacity(items.len());
+        if !items.is_empty() {
+            divide(&mut items, 0, &mut nodes);
+        }
+        Self { nodes, order: items.iter().map(|i| i.number).collect() }
+    }
+
+    /// The tree over triangles.
+    pub fn of_triangles(triangles: impl IntoIterator<Item = [Point3<f64>; 3]>) -> Self {
+        Self::new(triangles.into_iter().map(|t @ [a, b, c]| (Aabb::around(&t), a + b.coords + c.coords)))
+    }
+
+    /// The caller's number of each item.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Visits the leaves whose boxes are at most `limit` away from a point, squared, nearer ones first; `leaf` takes a range of
+    /// items and returns up to which squared distance others matter.
+    #[inline]
+    pub fn near(&self, p: &Point3<f64>, limit: f64, leaf: impl FnMut(Range<usize>) -> f64) {
+        self.search(|b| Some(b.squared_distance(p)), limit, leaf);
+    }
+
+    /// Visits the leaves whose boxes a ray enters up to the parameter `limit`, nearer ones first; `leaf` takes a range of items
+    /// and returns up to which parameter others matter. A direction of no length enters none.
+    #[inline]
+    pub fn along(&self, ray: &Ray, limit: f64, leaf: impl FnMut(Range<usize>) -> f64) {
+        if ray.direction.norm_squared() > 0.0 {
+            self.search(|b| b.entry(ray), limit, leaf);
+        }
+    }
+
+    /// Visits the leaves whose bound is at most `limit`, lower bounds first.
+    #[inline]
+    fn search(&self, bound: impl Fn(&Aabb) -> Option<f64>, mut limit: f64, mut leaf: impl FnMut(Range<usize>) -> f64) {
+        let root = self.nodes.first().and_then(|root| bound(&root.bounds));
+        if root.is_some_and(|b| b <= limit) {
+            self.descend(0, &bound, &mut limit, &mut leaf);
+        }
+    }
+
+    fn descend(
+        &self,
+        at: usize,
+        bound: &impl Fn(&Aabb) -> Option<f64>,
+        limit: &mut f64,
+        leaf: &mut impl FnMut(Range<usize>) -> f64,
+    ) {
+        let node = &self.nodes[at];
+        if node.right == 0 {
+            *limit = leaf(node.items());
+            return;
+        }
+        let [left, right] = [at + 1, node.right as usize].map(|n| (n, bound(&self.nodes[n].bounds)));
+        for (half, bounded) in if right.1 < left.1 { [right, left] } else { [left, right] } {
+            if bounded.is_some_and(|b| b <= *limit) {
+                self.descend(half, bound, limit, leaf);
+            }
+        }
+    }
+
+    /// Visits each pair of different items in leaves whose boxes overlap, once.
+    ///
+    /// # Errors
+    /// [`Stopped`] where the run ends first.
+    pub fn pairs(&self, mut visit: impl FnMut(usize, usize), run: &Run) -> Result<(), Stopped> {
+        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
+        while let Some((a, b)) = stack.pop() {
+            run.check()?;
+            let (p, q) = (&self.nodes[a as usize], &self.nodes[b as usize]);
+            if !p.bounds.overlaps(&q.bounds) {
+                continue;
+            }
+            match (p.right == 0, q.right == 0) {
+                (true, true) => {
+                    for i in p.items() {
+                        let others = if a == b { i + 1..q.items().end } else { q.items() };
+                        others.for_each(|j| visit(i, j));
+                    }
+                }
+                _ if a == b => stack.extend([(a + 1, a + 1), (p.right, p.right), (a + 1, p.right)]),
+                (false, is_leaf) if is_leaf || p.count >= q.count => stack.extend([(a + 1, b), (p.right, b)]),
+                _ => stack.extend([(a, b + 1), (a, q.right)]),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn divide(items: &mut [Item], first: usize, nodes: &mut Vec<Node>) {
+    let bounds = items.iter().fold(Aabb::empty(), |all, i| all.union(&i.bounds));
+    let at = nodes.len();
+    nodes.push(Node { bounds, first: first as u32, count: items.len() as u32, right: 0 });
+    if items.len() <= LEAF {
+        return;
+    }
+    let axis = (bounds.high - bounds.low).imax();
+    let middle = items.len() / 2;
+    items.select_nth_unstable_by(middle, |a, b| a.center[axis].total_cmp(&b.center[axis]));
+    let (left, right) = items.split_at_mut(middle);
+    divide(left, first, nodes);
+    nodes[at].right = nodes.len() as u32;
+    divide(right, first + middle, nodes);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    /// Boxes of side 0.1 on a coarse lattice, so that centers and distances tie.
+    fn boxes(rng: &mut fastrand::Rng) -> Vec<Aabb> {
+        let mut corner = || Point3::from([0; 3].map(|_| f64::from(rng.u32(0..6)) / 6.0));
+        (0..300).map(|_| corner()).map(|p| Aabb { low: p, high: p + Vector3::repeat(0.1) }).collect()
+    }
+
+    fn tree(boxes: &[Aabb]) -> BoxTree {
+        BoxTree::new(boxes.iter().map(|b| (*b, b.low)))
+    }
+
+    #[test]
+    fn the_nearest_box_is_the_one_that_a_search_of_all_finds() {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let boxes = boxes(&mut rng);
+        let tree = tree(&boxes);
+        for _ in 0..200 {
+            let p = Point3::from([0; 3].map(|_| 2.0 * rng.f64() - 0.5));
+            let (mut found, mut opened) = (f64::INFINITY, 0);
+            tree.near(&p, f64::INFINITY, |items| {
+                opened += items.len();
+                for k in items {
+                    found = boxes[tree.order()[k] as usize].squared_distance(&p).min(found);
+                }
+                found
+            });
+            assert_eq!(found, boxes.iter().map(|b| b.squared_distance(&p)).fold(f64::INFINITY, f64::min));
+            assert!(opened < boxes.len(), "{opened}");
+        }
+    }
+
+    #[test]
+    fn a_ray_meets_first_the_box_that_a_search_of_all_finds() {
+        let mut rng = fastrand::Rng::with_seed(5);
+        let boxes = boxes(&mut rng);
+        let tree = tree(&boxes);
+        for k in 0..200 {
+            let p = Point3::from([0; 3].map(|_| 2.0 * rng.f64() - 0.5));
+            let d = if k < 3 { Vector3::ith(k, 1.0) } else { Vector3::from_fn(|_, _| rng.f64() - 0.5) };
+            let ray = Ray::new(&p, &d);
+            let mut first = f64::INFINITY;
+            tree.along(&ray, first, |items| {
+                let met = items.filter_map(|k| boxes[tree.order()[k] as usize].entry(&ray));
+                first = met.fold(first, f64::min);
+                first
+            });
+            assert_eq!(first, boxes.iter().filter_map(|b| b.entry(&ray)).fold(f64::INFINITY, f64::min));
+        }
+        for nowhere in [Vector3::zeros(), Vector3::repeat(f64::NAN)] {
+            tree.along(&Ray::new(&Point3::origin(), &nowhere), f64::INFINITY, |_| panic!("no box is entered"));
+        }
+    }
+
+    #[test]
+    fn overlapping_pairs_are_those_that_a_search_of_all_finds_each_once() {
+        let boxes = boxes(&mut fastrand::Rng::with_seed(8));
+        let tree = tree(&boxes);
+        let mut found = BTreeSet::new();
+        let visit = |i: usize, j: usize| {
+            let [i, j] = [i, j].map(|k| tree.order()[k] as usize);
+            assert!(found.insert((i.min(j), i.max(j))), "{i} and {j} twice");
+        });
+        found.retain(|&(i, j)| boxes[i].overlaps(&boxes[j]));
+        let all = (0..boxes.len()).flat_map(|i| (i + 1..boxes.len()).map(move |j| (i, j)));
+        assert!(found.into_iter().eq(all.filter(|&(i, j)| boxes[i].overlaps(&boxes[j]))));
+    }
+
+    #[test]
+    fn a_tree_of_nothing_has_nothing() {
+        let tree = BoxTree::new([]);
+        tree.near(&Point3::origin(), f64::INFINITY, |_| panic!("a leaf"));
+        tree.pairs(|_, _| panic!("a pair"));
+        assert!(tree.order().is_empty());
+    }
+}
