@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// By how much, relative and absolute, a ray may seem to leave a box before it enters it: rounding must not lose a triangle that
-/// lies in the side of its box. Too small loses hits, too large only opens more boxes.
+/// By how much, relative, a ray may seem to leave a box before it enters it: rounding must not lose a triangle that lies in the
+/// side of its box. Too small loses hits, too large only opens more boxes.
 const SLACK: f64 = 1e-12;
 
 /// An axis-aligned bounding box.
@@ -23,12 +23,16 @@ pub struct Ray {
     /// Its direction, of any length; `t` counts in this length.
     pub direction: Vector3<f64>,
     inverse: Vector3<f64>,
+    /// Whether it runs across an axis: then slabs need care.
+    is_across: bool,
 }
 
 impl Ray {
     /// The half-line from `origin`.
     pub fn new(origin: &Point3<f64>, direction: &Vector3<f64>) -> Self {
-        Self { origin: *origin, direction: *direction, inverse: direction.map(|c| 1.0 / c) }
+        let inverse = direction.map(|c| 1.0 / c);
+        let is_across = inverse.iter().any(|c| c.is_infinite());
+        Self { origin: *origin, direction: *direction, inverse, is_across }
     }
 }
 
@@ -71,13 +75,13 @@ impl Aabb {
         for k in 0..3 {
             let [a, b] = [self.low[k], self.high[k]].map(|side| (side - ray.origin[k]) * ray.inverse[k]);
             // Along the slab: −∞ and ∞ from within it, NaN from one of its sides. It is in the slab all along.
-            if (a + b).is_nan() {
+            if ray.is_across && (a + b).is_nan() {
                 continue;
             }
             enter = enter.max(a.min(b));
             leave = leave.min(a.max(b));
         }
-        (enter <= leave * (1.0 + SLACK) + SLACK).then_some(enter)
+        (enter <= leave * (1.0 + SLACK)).then_some(enter)
     }
 }
 

@@ -103,10 +103,12 @@ impl BoxTree {
             return;
         }
         let [left, right] = [at + 1, node.right as usize].map(|n| (n, bound(&self.nodes[n].bounds)));
-        for (half, bounded) in if right.1 < left.1 { [right, left] } else { [left, right] } {
-            if bounded.is_some_and(|b| b <= *limit) {
-                self.descend(half, bound, limit, leaf);
-            }
+        let (near, far) = if right.1 < left.1 { (right, left) } else { (left, right) };
+        if near.1.is_some_and(|b| b <= *limit) {
+            self.descend(near.0, bound, limit, leaf);
+        }
+        if far.1.is_some_and(|b| b <= *limit) {
+            self.descend(far.0, bound, limit, leaf);
         }
     }
 

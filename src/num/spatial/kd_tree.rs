@@ -31,25 +31,14 @@ impl KdTree {
     /// Likewise, where the square of its distance is less than `square`.
     pub fn nearest_within(&self, p: &Point3<f64>, square: f64, wanted: impl Fn(u32) -> bool) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, square);
-        search(&self.nodes, p, &mut square.next_down(), &mut |n, d, limit| {
-            if wanted(n) {
-                best = (n, d);
-                // Others must be nearer.
-                *limit = d.next_down();
-            }
-        });
+        search::<false>(&self.nodes, p, &wanted, &mut best);
         (best.0 != u32::MAX).then_some(best)
     }
 
     /// The point nearest to `p`, of equally near ones the first of the list, and the square of its distance.
     pub fn first_nearest(&self, p: &Point3<f64>) -> Option<(u32, f64)> {
-        let (mut best, mut limit) = ((u32::MAX, f64::INFINITY), f64::INFINITY);
-        search(&self.nodes, p, &mut limit, &mut |n, d, limit| {
-            if d < best.1 || n < best.0 {
-                best = (n, d);
-                *limit = d;
-            }
-        });
+        let mut best = (u32::MAX, f64::INFINITY);
+        search::<true>(&self.nodes, p, &|_| true, &mut best);
         (best.0 != u32::MAX).then_some(best)
     }
 }
@@ -69,33 +58,34 @@ fn divide(nodes: &mut [(Point3<f64>, u32, u8)]) {
     divide(&mut right[1..]);
 }
 
-/// Calls `take` for points whose squared distance is at most `limit`, which it may lower.
-fn search(
+/// Takes what is nearer than the best, and with `FIRST` what is as near and of a lower number.
+fn search<const FIRST: bool>(
     nodes: &[(Point3<f64>, u32, u8)],
     p: &Point3<f64>,
-    limit: &mut f64,
-    take: &mut impl FnMut(u32, f64, &mut f64),
+    wanted: &impl Fn(u32) -> bool,
+    best: &mut (u32, f64),
 ) {
-    let mut look = |n: &(Point3<f64>, u32, u8), limit: &mut f64| {
+    let mut take = |n: &(Point3<f64>, u32, u8)| {
         let d = nalgebra::distance_squared(&n.0, p);
-        if d <= *limit {
-            take(n.1, d, limit);
+        if (d < best.1 || (FIRST && d == best.1 && n.1 < best.0)) && wanted(n.1) {
+            *best = (n.1, d);
         }
     };
     if nodes.len() <= LEAF {
-        nodes.iter().for_each(|n| look(n, limit));
+        nodes.iter().for_each(take);
         return;
     }
     let middle = nodes.len() / 2;
     let node = &nodes[middle];
-    look(node, limit);
+    take(node);
     let axis = usize::from(node.2);
     let offset = p[axis] - node.0[axis];
     let (left, right) = (&nodes[..middle], &nodes[middle + 1..]);
     let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
-    search(near, p, limit, take);
-    if offset * offset <= *limit {
-        search(far, p, limit, take);
+    search::<FIRST>(near, p, wanted, best);
+    let beyond = offset * offset;
+    if beyond < best.1 || (FIRST && beyond == best.1) {
+        search::<FIRST>(far, p, wanted, best);
     }
 }
 

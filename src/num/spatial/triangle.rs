@@ -38,7 +38,9 @@ impl Crossing {
 ///
 /// # Reference
 /// C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5.
-#[inline]
+// Half of the callers need no weights, half no point: where it is inlined these cost nothing.
+#[inline(always)]
+#[allow(clippy::inline_always)]
 pub fn closest_point_on_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> ClosestPoint {
     let at = |point, weights| ClosestPoint { point, weights };
     let (ab, ac, ap) = (b - a, c - a, p - a);
@@ -79,11 +81,13 @@ pub fn closest_point_on_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) 
 ///
 /// # Reference
 /// T. Möller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, Journal of Graphics Tools 2 (1997).
-#[inline]
+// As above: the parameter costs a division that most callers need for few triangles.
+#[inline(always)]
+#[allow(clippy::inline_always)]
 pub fn ray_crosses_triangle(ray: &Ray, a: &Point3<f64>, ab: &Vector3<f64>, ac: &Vector3<f64>) -> Option<Crossing> {
     let p = ray.direction.cross(ac);
     let det = ab.dot(&p);
-    if det == 0.0 || !det.is_finite() {
+    if det == 0.0 {
         return None;
     }
     let s = ray.origin - a;
