@@ -7,6 +7,8 @@
 //! Every reader of such a file goes through [`Kind`]: the size is checked before anything is read, format and version before
 //! the content, so that a file of another kind or of a newer program is told apart from one that is malformed.
 
+pub mod gltf;
+
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;

@@ -16,14 +16,13 @@
 
 use std::io::{self, Write};
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use nalgebra::UnitQuaternion;
 use serde_json::{Value, json};
 
 use crate::motion::sfm::SfmVerdict;
 use crate::motion::{ClipCameras, ClipMotion, FrameCamera};
 use plumbline_camera::{CameraPose, Point3};
+use plumbline_num::document::gltf::GltfBuffer;
 
 /// How the scene is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +41,6 @@ impl Container {
     }
 }
 
-/// Component type of 32-bit floats.
-const FLOAT: u32 = 5126;
 /// Mode of a primitive that is a cloud of points.
 const POINTS: u32 = 0;
 /// Distance of the near plane, as a share of the distance of the nearest point or camera step: only for viewers.
@@ -59,22 +56,14 @@ pub fn write_gltf(motion: &ClipMotion, container: Container, mut out: impl Write
         let held = |shot: &usize| cameras.shots[*shot].verdict != SfmVerdict::Failed;
         (0..cameras.shots.len()).filter(held).for_each(|shot| scene.push_shot(motion, cameras, shot));
     }
-    match container {
-        Container::Text => {
-            let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(&scene.buffer));
-            serde_json::to_writer(&mut out, &scene.document(Some(uri)))?;
-        }
-        Container::Binary => scene.write_binary(&mut out)?,
-    }
+    scene.write(container == Container::Binary, &mut out)?;
     out.flush()
 }
 
 /// The parts of a document in the making.
 #[derive(Default)]
 struct Scene {
-    buffer: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
+    buffer: GltfBuffer,
     cameras: Vec<Value>,
     meshes: Vec<Value>,
     nodes: Vec<Value>,
@@ -120,7 +109,7 @@ impl Scene {
     }
 
     fn push_points(&mut self, shot: usize, points: &[[f32; 3]]) -> usize {
-        let position = self.push_accessor(points, "VEC3", true);
+        let position = self.buffer.bounded(points, "VEC3", None);
         let primitive = json!({ "attributes": { "POSITION": position }, "mode": POINTS });
         self.meshes.push(json!({ "name": format!("points {shot}"), "primitives": [primitive] }));
         self.nodes.push(json!({ "name": format!("points {shot}"), "mesh": self.meshes.len() - 1 }));
@@ -134,10 +123,10 @@ impl Scene {
             keys.iter().map(|(_, camera)| placed(&camera.pose)).unzip();
         keep_sides(&mut turns);
         places.shrink_to_fit();
-        let input = self.push_accessor(&times, "SCALAR", true);
+        let input = self.buffer.bounded(&times, "SCALAR", None);
         for (path, output) in [
-            ("translation", self.push_accessor(&places, "VEC3", false)),
-            ("rotation", self.push_accessor(&turns, "VEC4", false)),
+            ("translation", self.buffer.floats(&places, "VEC3", None)),
+            ("rotation", self.buffer.floats(&turns, "VEC4", None)),
         ] {
             self.samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
             let target = json!({ "node": node, "path": path });
@@ -145,73 +134,24 @@ impl Scene {
         }
     }
 
-    /// Appends numbers to the buffer; `bounded`: with their least and largest values.
-    fn push_accessor<const N: usize>(&mut self, values: &[[f32; N]], kind: &str, bounded: bool) -> usize {
-        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-        self.views.push(json!({ "buffer": 0, "byteOffset": self.buffer.len(), "byteLength": bytes.len() }));
-        self.buffer.extend(bytes);
-        let mut accessor = json!({
-            "bufferView": self.views.len() - 1, "componentType": FLOAT, "count": values.len(), "type": kind,
-        });
-        if bounded {
-            let bound = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
-                (0..N).map(|i| values.iter().map(|v| v[i]).reduce(pick).unwrap_or(0.0)).collect()
-            };
-            accessor["min"] = json!(bound(f32::min));
-            accessor["max"] = json!(bound(f32::max));
-        }
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-
-    /// The document; lists that are empty are left out, as the format demands. `uri`: where the buffer is, if not behind it.
-    fn document(&self, uri: Option<String>) -> Value {
-        let mut document = json!({
-            "asset": { "version": "2.0", "generator": concat!("plumbline ", env!("CARGO_PKG_VERSION")) },
-            "scene": 0,
-        });
+    fn write(self, binary: bool, out: &mut impl Write) -> io::Result<()> {
         let mut scene = json!({ "name": "clip" });
+        let mut animations = vec![];
         if !self.roots.is_empty() {
             scene["nodes"] = json!(self.roots);
-            let mut buffer = json!({ "byteLength": self.buffer.len() });
-            if let Some(uri) = uri {
-                buffer["uri"] = json!(uri);
-            }
-            document["buffers"] = json!([buffer]);
-            let animation = json!({ "name": "clip", "samplers": self.samplers, "channels": self.channels });
-            document["animations"] = json!([animation]);
+            animations.push(json!({ "name": "clip", "samplers": self.samplers, "channels": self.channels }));
         }
-        document["scenes"] = json!([scene]);
-        let lists = [
-            ("bufferViews", &self.views),
-            ("accessors", &self.accessors),
-            ("cameras", &self.cameras),
-            ("meshes", &self.meshes),
-            ("nodes", &self.nodes),
+        let document = [
+            ("asset", json!({ "version": "2.0", "generator": concat!("plumbline ", env!("CARGO_PKG_VERSION")) })),
+            ("scene", json!(0)),
+            ("scenes", json!([scene])),
+            ("animations", Value::Array(animations)),
+            ("cameras", Value::Array(self.cameras)),
+            ("meshes", Value::Array(self.meshes)),
+            ("nodes", Value::Array(self.nodes)),
         ];
-        for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
-            document[name] = json!(list);
-        }
-        document
-    }
-
-    /// The binary container: a header, the document padded with spaces, the buffer.
-    fn write_binary(&self, out: &mut impl Write) -> io::Result<()> {
-        let mut text = serde_json::to_vec(&self.document(None))?;
-        text.resize(text.len().next_multiple_of(4), b' ');
-        // All entries are 32-bit floats, so the buffer ends on a multiple of four bytes.
-        let chunks: [(&[u8; 4], &[u8]); 2] = [(b"JSON", &text), (b"BIN\0", &self.buffer)];
-        let chunks = if self.buffer.is_empty() { &chunks[..1] } else { &chunks[..] };
-        let total = 12 + chunks.iter().map(|(_, bytes)| 8 + bytes.len()).sum::<usize>();
-        out.write_all(b"glTF")?;
-        out.write_all(&2_u32.to_le_bytes())?;
-        out.write_all(&(total as u32).to_le_bytes())?;
-        for (name, bytes) in chunks {
-            out.write_all(&(bytes.len() as u32).to_le_bytes())?;
-            out.write_all(*name)?;
-            out.write_all(bytes)?;
-        }
-        Ok(())
+        let document = document.into_iter().map(|(name, value)| (name.to_owned(), value));
+        self.buffer.write(document.collect(), binary, out)
     }
 }
 
@@ -239,6 +179,9 @@ fn keep_sides(turns: &mut [[f32; 4]]) {
 
 #[cfg(test)]
 mod tests {
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
+
     use super::*;
     use crate::motion::exchange::tests::walk;
     use nalgebra::{Quaternion, Vector3};

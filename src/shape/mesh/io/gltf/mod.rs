@@ -25,13 +25,10 @@ use crate::mesh::{GltfAssets, MeshError, ModelBuilder, Position};
 use buffers::Buffers;
 use document::Document;
 use input::Input;
+use plumbline_num::document::gltf::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use plumbline_num::run::Run;
 
 pub(super) use write::{MOST_INFLUENCES, write};
-
-const MAGIC: &[u8; 4] = b"glTF";
-const JSON_CHUNK: u32 = 0x4E4F_534A;
-const BINARY_CHUNK: u32 = 0x004E_4942;
 
 /// Required extensions under which the geometry can be read all the same.
 const HARMLESS: [&str; 5] = ["KHR_mesh_quantization", "KHR_texture_", "KHR_materials_", "EXT_texture_", "KHR_lights_"];

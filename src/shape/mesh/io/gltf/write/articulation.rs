@@ -4,8 +4,9 @@ use nalgebra::{Matrix4, Vector3};
 use serde_json::{Map, Value, json};
 
 use super::parts::Part;
-use super::{ARRAYS, File, Key};
+use super::{File, Key};
 use crate::mesh::model::articulation::{Articulation, Channel, Instance, Interpolation, MorphTarget, Place, Property};
+use plumbline_num::document::gltf::ARRAY_BUFFER;
 
 /// Influences of a vertex that are written: two sets of four.
 pub(in crate::mesh::io) const MOST_INFLUENCES: usize = 8;
@@ -28,7 +29,7 @@ impl File<'_> {
                 rows.iter().map(|row| std::array::from_fn(|k| item(row, k).1 as f32)).collect();
             let joints = self.joints(&joints, wide);
             attributes.insert(format!("JOINTS_{set}"), json!(joints));
-            let weights = self.floats(&weights, "VEC4", Some(ARRAYS));
+            let weights = self.buffer.floats(&weights, "VEC4", Some(ARRAY_BUFFER));
             attributes.insert(format!("WEIGHTS_{set}"), json!(weights));
         }
     }
@@ -39,11 +40,7 @@ impl File<'_> {
         } else {
             joints.iter().flatten().map(|&j| j as u8).collect()
         };
-        let view = self.view(&bytes, Some(ARRAYS));
-        let component = if wide { 5123 } else { 5121 };
-        self.accessors
-            .push(json!({ "bufferView": view, "componentType": component, "count": joints.len(), "type": "VEC4" }));
-        self.accessors.len() - 1
+        self.buffer.accessor(&bytes, if wide { 5123 } else { 5121 }, joints.len(), "VEC4", Some(ARRAY_BUFFER))
     }
 
     /// Morph targets of a part, as the primitives name them.
@@ -62,9 +59,9 @@ impl File<'_> {
             keys.iter().map(|k| value(k).map_or([0.0; 3], turn)).collect()
         };
         let offsets = rows(&target.offsets);
-        let mut attributes = json!({ "POSITION": self.bounded(&offsets) });
+        let mut attributes = json!({ "POSITION": self.buffer.bounded(&offsets, "VEC3", Some(ARRAY_BUFFER)) });
         if !target.normals.is_empty() && self.normals {
-            attributes["NORMAL"] = json!(self.floats(&rows(&target.normals), "VEC3", Some(ARRAYS)));
+            attributes["NORMAL"] = json!(self.buffer.floats(&rows(&target.normals), "VEC3", Some(ARRAY_BUFFER)));
         }
         attributes
     }
@@ -100,7 +97,7 @@ impl File<'_> {
             let columns: Vec<[f32; 16]> =
                 skin.inverse_binds.iter().map(|m| std::array::from_fn(|k| m.as_slice()[k] as f32)).collect();
             let mut written =
-                json!({ "joints": skin.joints, "inverseBindMatrices": self.floats(&columns, "MAT4", None) });
+                json!({ "joints": skin.joints, "inverseBindMatrices": self.buffer.floats(&columns, "MAT4", None) });
             if let Some(name) = skin.name.as_ref().filter(|name| !name.is_empty()) {
                 written["name"] = json!(name);
             }
@@ -151,10 +148,7 @@ impl File<'_> {
             [last]
         };
         let times: Vec<[f32; 1]> = times.iter().map(&mut apart).collect();
-        let accessor = self.floats(&times, "SCALAR", None);
-        self.accessors[accessor]["min"] = json!([times[0][0]]);
-        self.accessors[accessor]["max"] = json!([times[times.len() - 1][0]]);
-        accessor
+        self.buffer.bounded(&times, "SCALAR", None)
     }
 
     fn values(&mut self, channel: &Channel) -> usize {
@@ -168,15 +162,15 @@ impl File<'_> {
                     std::array::from_fn(|k| (q[k] / by) as f32)
                 };
                 let values: Vec<_> = rows(4).map(row).collect();
-                self.floats(&values, "VEC4", None)
+                self.buffer.floats(&values, "VEC4", None)
             }
             Property::Translation | Property::Scale => {
                 let values: Vec<[f32; 3]> = rows(3).map(|v| std::array::from_fn(|k| v[k] as f32)).collect();
-                self.floats(&values, "VEC3", None)
+                self.buffer.floats(&values, "VEC3", None)
             }
             Property::Weights => {
                 let values: Vec<[f32; 1]> = channel.values.iter().map(|&v| [v as f32]).collect();
-                self.floats(&values, "SCALAR", None)
+                self.buffer.floats(&values, "SCALAR", None)
             }
         }
     }

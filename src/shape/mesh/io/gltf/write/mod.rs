@@ -11,19 +11,16 @@ mod parts;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 use nalgebra::Vector3;
 use serde_json::{Map, Value, json};
 
-use super::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use crate::mesh::{Model, NO_VALUE};
 pub(in crate::mesh::io) use articulation::MOST_INFLUENCES;
 use parts::{Part, origin, parts};
+use plumbline_num::document::gltf::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GltfBuffer};
 
-/// Targets of buffer views: values of vertices, and indices.
-const ARRAYS: u32 = 34_962;
-const INDICES: u32 = 34_963;
+/// Component type of indices.
+const UNSIGNED_INT: u32 = 5125;
 
 /// Vertex, texture coordinate, normal.
 type Key = [u32; 3];
@@ -37,46 +34,13 @@ pub(in crate::mesh::io) fn write(model: &Model, binary: bool, out: &mut impl Wri
     }
     file.assets();
     let buffer = std::mem::take(&mut file.buffer);
-    let mut json = file.document();
-    if buffer.is_empty() {
-        return finish(&json, &[], binary, out);
-    }
-    json["buffers"] = if binary {
-        json!([{ "byteLength": buffer.len() }])
-    } else {
-        let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(&buffer));
-        json!([{ "byteLength": buffer.len(), "uri": uri }])
-    };
-    finish(&json, &buffer, binary, out)
-}
-
-fn finish(json: &Value, buffer: &[u8], binary: bool, out: &mut impl Write) -> io::Result<()> {
-    let mut text = json.to_string().into_bytes();
-    if !binary {
-        text.push(b'\n');
-        return out.write_all(&text);
-    }
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let chunk = |bytes: &[u8]| if bytes.is_empty() { 0 } else { 8 + bytes.len() };
-    let size = |n: usize| u32::try_from(n).map_err(|_| io::Error::other("GLB holds at most 4 GiB; write PLY instead"));
-    out.write_all(MAGIC)?;
-    out.write_all(&2_u32.to_le_bytes())?;
-    out.write_all(&size(12 + chunk(&text) + chunk(buffer))?.to_le_bytes())?;
-    for (kind, bytes) in [(JSON_CHUNK, &text[..]), (BINARY_CHUNK, buffer)] {
-        if !bytes.is_empty() {
-            out.write_all(&size(bytes.len())?.to_le_bytes())?;
-            out.write_all(&kind.to_le_bytes())?;
-            out.write_all(bytes)?;
-        }
-    }
-    Ok(())
+    buffer.write(file.document(), binary, out)?;
+    if binary { Ok(()) } else { out.write_all(b"\n") }
 }
 
 struct File<'a> {
     model: &'a Model,
-    buffer: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
+    buffer: GltfBuffer,
     meshes: Vec<Value>,
     nodes: Vec<Value>,
     roots: Vec<usize>,
@@ -94,9 +58,7 @@ impl<'a> File<'a> {
             |n: &crate::mesh::CornerData<3>| n.of_corner.iter().all(|&i| n.values.get(i as usize).is_some_and(unit));
         Self {
             model,
-            buffer: Vec::new(),
-            views: Vec::new(),
-            accessors: Vec::new(),
+            buffer: GltfBuffer::default(),
             meshes: Vec::new(),
             nodes: Vec::new(),
             roots: Vec::new(),
@@ -172,7 +134,10 @@ impl<'a> File<'a> {
         }
         let mut primitives = Vec::new();
         for ([group, material], indices) in by_label {
-            let mut primitive = json!({ "attributes": attributes, "indices": self.indices(&indices) });
+            let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
+            let target = Some(ELEMENT_ARRAY_BUFFER);
+            let indices = self.buffer.accessor(&bytes, UNSIGNED_INT, indices.len(), "SCALAR", target);
+            let mut primitive = json!({ "attributes": attributes, "indices": indices });
             if !targets.is_empty() {
                 primitive["targets"] = json!(targets);
             }
@@ -198,61 +163,24 @@ impl<'a> File<'a> {
         let moved = |k: &Key| part.from_model.transform_point(&positions[k[0] as usize]).coords;
         let xyz: Vec<[f32; 3]> = keys.iter().map(|k| moved(k).map(|x| x as f32).into()).collect();
         let mut attributes = Map::new();
-        attributes.insert("POSITION".to_owned(), json!(self.bounded(&xyz)));
+        attributes.insert("POSITION".to_owned(), json!(self.buffer.bounded(&xyz, "VEC3", Some(ARRAY_BUFFER))));
         if let Some(normals) = model.normals().filter(|_| self.normals) {
             let value = |k: &Key| normals.values.get(k[2] as usize).map_or([0.0, 0.0, 1.0], |n| part.normal(n));
             let values: Vec<_> = keys.iter().map(|k| value(k).map(|x| x as f32)).collect();
-            attributes.insert("NORMAL".to_owned(), json!(self.floats(&values, "VEC3", Some(ARRAYS))));
+            attributes.insert("NORMAL".to_owned(), json!(self.buffer.floats(&values, "VEC3", Some(ARRAY_BUFFER))));
         }
         if let Some(texture) = model.texture() {
             let value =
                 |k: &Key| texture.values.get(k[1] as usize).map_or([0.0; 2], |&[u, v]| [u as f32, (1.0 - v) as f32]);
             let values: Vec<_> = keys.iter().map(value).collect();
-            attributes.insert("TEXCOORD_0".to_owned(), json!(self.floats(&values, "VEC2", Some(ARRAYS))));
+            attributes.insert("TEXCOORD_0".to_owned(), json!(self.buffer.floats(&values, "VEC2", Some(ARRAY_BUFFER))));
         }
         if let Some(colors) = model.colors() {
             let values: Vec<_> = keys.iter().map(|k| colors[k[0] as usize]).collect();
-            attributes.insert("COLOR_0".to_owned(), json!(self.floats(&values, "VEC4", Some(ARRAYS))));
+            attributes.insert("COLOR_0".to_owned(), json!(self.buffer.floats(&values, "VEC4", Some(ARRAY_BUFFER))));
         }
         self.influences(part, keys, &mut attributes);
         Value::Object(attributes)
-    }
-
-    /// Values with their bounds, as the format asks of positions.
-    fn bounded(&mut self, values: &[[f32; 3]]) -> usize {
-        let bound = |pick: fn(f32, f32) -> f32| {
-            values.iter().copied().reduce(|a, b| std::array::from_fn(|k| pick(a[k], b[k]))).unwrap_or_default()
-        };
-        let accessor = self.floats(values, "VEC3", Some(ARRAYS));
-        self.accessors[accessor]["min"] = json!(bound(f32::min));
-        self.accessors[accessor]["max"] = json!(bound(f32::max));
-        accessor
-    }
-
-    fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str, target: Option<u32>) -> usize {
-        let bytes: Vec<u8> = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
-        let view = self.view(&bytes, target);
-        self.accessors.push(json!({ "bufferView": view, "componentType": 5126, "count": values.len(), "type": kind }));
-        self.accessors.len() - 1
-    }
-
-    fn indices(&mut self, indices: &[u32]) -> usize {
-        let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-        let view = self.view(&bytes, Some(INDICES));
-        self.accessors
-            .push(json!({ "bufferView": view, "componentType": 5125, "count": indices.len(), "type": "SCALAR" }));
-        self.accessors.len() - 1
-    }
-
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
-        let mut view = json!({ "buffer": 0, "byteOffset": self.buffer.len(), "byteLength": bytes.len() });
-        if let Some(target) = target {
-            view["target"] = json!(target);
-        }
-        self.buffer.extend_from_slice(bytes);
-        self.buffer.resize(self.buffer.len().next_multiple_of(4), 0);
-        self.views.push(view);
-        self.views.len() - 1
     }
 
     /// Materials, and what they refer to as it was read.
@@ -264,7 +192,7 @@ impl<'a> File<'a> {
             let mut images = assets.images.clone();
             for (image, bytes) in images.iter_mut().zip(&assets.image_bytes) {
                 if let Some(bytes) = bytes {
-                    image["bufferView"] = json!(self.view(bytes, None));
+                    image["bufferView"] = json!(self.buffer.view(bytes, None));
                 }
             }
             let names = assets.extensions.iter().map(|name| json!(name)).collect();
@@ -278,27 +206,18 @@ impl<'a> File<'a> {
             .collect();
     }
 
-    fn document(self) -> Value {
+    fn document(self) -> Map<String, Value> {
         let mut document = self.assets;
         document.insert("asset".to_owned(), json!({ "version": "2.0", "generator": "plumbline" }));
-        let scene = self.roots;
-        // Empty lists are not allowed.
-        for (name, list) in [
-            ("bufferViews", self.views),
-            ("accessors", self.accessors),
-            ("meshes", self.meshes),
-            ("nodes", self.nodes),
-            ("skins", self.skins),
-            ("animations", self.animations),
-            ("scenes", if scene.is_empty() { vec![] } else { vec![json!({ "nodes": scene })] }),
-        ] {
-            if !list.is_empty() {
-                document.insert(name.to_owned(), Value::Array(list));
-            }
+        for (name, list) in
+            [("meshes", self.meshes), ("nodes", self.nodes), ("skins", self.skins), ("animations", self.animations)]
+        {
+            document.insert(name.to_owned(), Value::Array(list));
         }
-        if !scene.is_empty() {
+        if !self.roots.is_empty() {
+            document.insert("scenes".to_owned(), json!([{ "nodes": self.roots }]));
             document.insert("scene".to_owned(), json!(0));
         }
-        Value::Object(document)
+        document
     }
 }
