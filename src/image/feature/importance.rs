@@ -16,6 +16,7 @@ use super::gradient::{box_mean, gradient};
 use super::{Face, LabPicture, saliency};
 use crate::{Frame, Plane, analysis_luma};
 use plumbline_num::math::{Point2, Rect};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 
 /// Radius over which gradients are averaged, as a share of the longer side: about a cell of the retargeting grid. Without
@@ -69,15 +70,8 @@ pub enum ImportanceError {
         value: f32,
     },
     /// A setting out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the setting.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
@@ -118,10 +112,8 @@ impl Importance {
         options: &ImportanceOptions,
         run: &Run,
     ) -> Result<Self, ImportanceError> {
-        if !(options.floor > 0.0 && options.floor <= 1.0) {
-            let value = f64::from(options.floor);
-            return Err(ImportanceError::Option { name: "floor", value, range: "above 0, at most 1" });
-        }
+        let floor = f64::from(options.floor);
+        OptionError::check(floor > 0.0 && floor <= 1.0, "floor", floor, "above 0, at most 1")?;
         let (width, height) = (frame.width, frame.height);
         let picture = LabPicture::of_frame(frame, options.max_side.max(1))
             .ok_or(ImportanceError::Unreadable { width, height })?;

@@ -39,6 +39,7 @@ use super::salience::BASE;
 use crate::grid::{Grid, GridMesh};
 use plumbline_num::energy::{Complex, Ordering, QuadraticEnergy};
 use plumbline_num::math::{Homography, Point2};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
 /// `N₀`: the number of points for which the paper's `α` = 20 is meant. Larger trusts points more against shape.
@@ -142,9 +143,8 @@ impl ContentPreserving {
             return Err(WarpError::Grid { cols, rows, width, height });
         }
         check_alpha(options.alpha)?;
-        if !(options.proximity > 0.0 && options.proximity <= 1.0) {
-            return Err(WarpError::Option { name: "proximity", value: options.proximity, range: "above 0, at most 1" });
-        }
+        let proximity = options.proximity;
+        OptionError::check(proximity > 0.0 && proximity <= 1.0, "proximity", proximity, "above 0, at most 1")?;
         let grid = Grid { cols, rows, width, height };
         let cells: Vec<[usize; 4]> = (0..grid.cell_count()).map(|c| grid.corners(c)).collect();
         let positions = (0..grid.vertex_count()).map(|i| grid.vertex(i)).map(|p| [p.x, p.y, 0.0]).collect();
@@ -345,9 +345,8 @@ impl ContentPreserving {
     }
 }
 
-fn check_alpha(alpha: f64) -> Result<(), WarpError> {
-    let sound = alpha > 0.0 && alpha.is_finite();
-    if sound { Ok(()) } else { Err(WarpError::Option { name: "alpha", value: alpha, range: "above 0" }) }
+fn check_alpha(alpha: f64) -> Result<(), OptionError> {
+    OptionError::check(alpha > 0.0 && alpha.is_finite(), "alpha", alpha, "above 0")
 }
 
 /// Corner of the right angle, and its two neighbors, for a cell's corners in the order of [`Grid::corners`].

@@ -1,6 +1,7 @@
 //! What a warp can refuse.
 
 use plumbline_num::energy::EnergyError;
+use plumbline_num::options::OptionError;
 
 /// Why no warp could be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -21,15 +22,8 @@ pub enum WarpError {
         height: f64,
     },
     /// Settings: an option out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Input: a point pair with a NaN, an infinite coordinate, or a weight that is not in [0, ∞).
     #[error("point {index} is not usable: source ({}, {}), target ({}, {}), weight {weight} (finite, weight 0 or more)", src[0], src[1], dst[0], dst[1])]
     Point {

@@ -1,5 +1,6 @@
 //! What an energy can refuse.
 
+use crate::options::OptionError;
 use crate::run::Stopped;
 use crate::sparse::SparseError;
 
@@ -56,15 +57,8 @@ pub enum EnergyError {
         expected: usize,
     },
     /// Settings: a driver's option out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Numerics: the normal equations could not be solved.
     #[error(transparent)]
     Solve(SparseError),

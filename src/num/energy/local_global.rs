@@ -12,6 +12,7 @@
 //! O. Sorkine, M. Alexa, *As-rigid-as-possible surface modeling*, SGP 2007, section 3.
 
 use super::{EnergyError, Factored, FixedValues, Targets, Value};
+use crate::options::OptionError;
 use crate::run::Run;
 
 /// When an iteration stops.
@@ -35,13 +36,9 @@ impl Convergence {
     /// # Errors
     /// [`EnergyError::Option`].
     pub fn check(&self) -> Result<(), EnergyError> {
-        if self.max_iterations == 0 {
-            return Err(EnergyError::Option { name: "max_iterations", value: 0.0, range: "1 or more" });
-        }
-        if !(self.tolerance >= 0.0 && self.tolerance < 1.0) {
-            return Err(EnergyError::Option { name: "tolerance", value: self.tolerance, range: "0 to below 1" });
-        }
-        Ok(())
+        OptionError::check(self.max_iterations > 0, "max_iterations", 0.0, "1 or more")?;
+        let tolerance = self.tolerance;
+        Ok(OptionError::check((0.0..1.0).contains(&tolerance), "tolerance", tolerance, "0 to below 1")?)
     }
 
     /// True where the last two energies no longer differ, of either sign; NaN counts as standing still.

@@ -12,6 +12,7 @@
 //! losses as in Ceres.
 
 use super::{Convergence, EnergyError, Factored, FixedValues, Report, Targets, Term, Value};
+use crate::options::OptionError;
 use crate::run::Run;
 
 /// `ρ(s)` of a squared residual `s`; the parameter is a residual length, in the unit of the residual, > 0.
@@ -46,12 +47,9 @@ impl Loss {
         }
     }
 
-    fn check(self) -> Result<(), EnergyError> {
+    fn check(self) -> Result<(), OptionError> {
         let (Self::Huber(scale) | Self::Cauchy(scale) | Self::GemanMcClure(scale)) = self;
-        if scale > 0.0 && scale.is_finite() {
-            return Ok(());
-        }
-        Err(EnergyError::Option { name: "loss scale", value: scale, range: "above 0, finite" })
+        OptionError::check_positive([("loss scale", scale)])
     }
 }
 

@@ -2,6 +2,7 @@
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
 /// What can be wrong. Unless said otherwise the fault is the caller's.
@@ -26,15 +27,8 @@ pub enum RectangleError {
     #[error("the outline of the picture is too ragged to become a rectangle: crop it first")]
     Ragged,
     /// An option that is no number in its range.
-    #[error("{name} is {value} (expected {range})")]
-    Option {
-        /// What it is.
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is allowed.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// The energy has no minimizer: an input is not finite.
     #[error(transparent)]
     Energy(EnergyError),

@@ -33,6 +33,7 @@ use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{InverseMesh, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap, Rect};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
 /// Largest side of an output, px: what the renderer takes.
@@ -145,18 +146,14 @@ fn check(options: &RectangleOptions) -> Result<(), RectangleError> {
     let aspect = if let RectangleShape::Aspect(aspect) = options.shape { aspect } else { 1.0 };
     let (width, height) = if let RectangleShape::Exact(w, h) = options.shape { (w, h) } else { (1, 1) };
     let side = |n: usize| (1..=MAX_SIDE).contains(&n);
-    let numbers = [
-        ("ratio of the rectangle", aspect, (0.01..=100.0).contains(&aspect), "0.01 to 100"),
-        ("width of the output", width as f64, side(width), "1 to 16384 px"),
-        ("height of the output", height as f64, side(height), "1 to 16384 px"),
-        ("cells", options.cells as f64, (64..=10_000).contains(&options.cells), "64 to 10000"),
-        ("straightness", options.straightness, (0.0..=1e8).contains(&options.straightness), "0 to 1e8"),
-        ("weight of faces", options.faces, (1.0..=1e6).contains(&options.faces), "1 to 1e6"),
-    ];
-    match numbers.into_iter().find(|(_, _, valid, _)| !valid) {
-        Some((name, value, _, range)) => Err(RectangleError::Option { name, value, range }),
-        None => Ok(()),
-    }
+    let check = OptionError::check;
+    check((0.01..=100.0).contains(&aspect), "ratio of the rectangle", aspect, "0.01 to 100")?;
+    check(side(width), "width of the output", width as f64, "1 to 16384 px")?;
+    check(side(height), "height of the output", height as f64, "1 to 16384 px")?;
+    check((64..=10_000).contains(&options.cells), "cells", options.cells as f64, "64 to 10000")?;
+    check((0.0..=1e8).contains(&options.straightness), "straightness", options.straightness, "0 to 1e8")?;
+    check((1.0..=1e6).contains(&options.faces), "weight of faces", options.faces, "1 to 1e6")?;
+    Ok(())
 }
 
 /// The rectangle of the wanted shape with the area of another.
@@ -177,7 +174,7 @@ fn pixels(size: (f64, f64), shape: RectangleShape) -> Result<(usize, usize), Rec
     let side = |name, v: f64| {
         let px = v.round();
         let valid = (1.0..=MAX_SIDE as f64).contains(&px);
-        if valid { Ok(px as usize) } else { Err(RectangleError::Option { name, value: v, range: "1 to 16384 px" }) }
+        OptionError::check(valid, name, v, "1 to 16384 px").map(|()| px as usize)
     };
     Ok((side("width of the output", size.0)?, side("height of the output", size.1)?))
 }

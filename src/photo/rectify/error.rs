@@ -2,6 +2,7 @@
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
 /// What can be wrong. Unless said otherwise the fault is the caller's.
@@ -12,15 +13,8 @@ pub enum RectifyError {
     #[error("the view shows nothing of the picture: choose another direction, or a larger field of view")]
     EmptyView,
     /// An option that is no number in its range.
-    #[error("{name} is {value} (expected {range})")]
-    Option {
-        /// What it is.
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is allowed.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// The output would have no pixels, or too many.
     #[error("the output would have {width} × {height} px (expected 1 to 16384 each): choose another size or crop")]
     Size {

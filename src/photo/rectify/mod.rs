@@ -32,6 +32,7 @@ use super::{Line, report};
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::Plane;
 use plumbline_num::math::Rect;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 /// What the output shall look like.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -128,18 +129,14 @@ fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
     }
     let aspect = if let Crop::Aspect(aspect) = options.crop { aspect } else { 1.0 };
     let w = &options.weights;
-    let numbers = [
-        ("cells", options.cells as f64, (4.0..=512.0).contains(&(options.cells as f64)), "4 to 512"),
-        ("ratio of the crop", aspect, aspect > 0.0 && aspect.is_finite(), "above 0"),
-        ("weight of conformality", w.conformality, w.conformality > 0.0 && w.conformality.is_finite(), "above 0"),
-        ("smooth length", w.smooth_length, (0.0..=10.0).contains(&w.smooth_length), "0 to 10 rad"),
-        ("weight of lines", w.straightness, (0.0..=1e8).contains(&w.straightness), "0 to 1e8"),
-        ("weight of faces", w.faces, (0.0..=1e8).contains(&w.faces), "0 to 1e8"),
-    ];
-    match numbers.into_iter().find(|(_, _, valid, _)| !valid) {
-        Some((name, value, _, range)) => Err(RectifyError::Option { name, value, range }),
-        None => Ok(()),
-    }
+    let check = OptionError::check;
+    check((4.0..=512.0).contains(&(options.cells as f64)), "cells", options.cells as f64, "4 to 512")?;
+    check(aspect > 0.0 && aspect.is_finite(), "ratio of the crop", aspect, "above 0")?;
+    check(w.conformality > 0.0 && w.conformality.is_finite(), "weight of conformality", w.conformality, "above 0")?;
+    check((0.0..=10.0).contains(&w.smooth_length), "smooth length", w.smooth_length, "0 to 10 rad")?;
+    check((0.0..=1e8).contains(&w.straightness), "weight of lines", w.straightness, "0 to 1e8")?;
+    check((0.0..=1e8).contains(&w.faces), "weight of faces", w.faces, "0 to 1e8")?;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -356,7 +356,7 @@ fn a_view_of_nothing_and_options_out_of_range_are_refused() {
         |options: RectifyOptions| rectify(&input(&lens, &[], &[]), &options, &Run::default()).expect_err("refused");
     assert_eq!(refused(RectifyOptions { view: behind, ..RectifyOptions::default() }), RectifyError::EmptyView);
     let error = refused(RectifyOptions { cells: 2, ..RectifyOptions::default() });
-    assert!(matches!(error, RectifyError::Option { name: "cells", .. }), "{error}");
+    assert!(matches!(error, RectifyError::Option(OptionError { name: "cells", .. })), "{error}");
     let error = refused(RectifyOptions { crop: Crop::Aspect(f64::NAN), ..RectifyOptions::default() });
     assert!(matches!(error, RectifyError::Option { .. }), "{error}");
     let error = refused(RectifyOptions { size: OutputSize::Exact(0, 10), ..RectifyOptions::default() });

@@ -4,6 +4,7 @@ use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
 use plumbline_num::math::Rect;
 use plumbline_num::optim::qp::QpError;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
 /// Why a picture cannot be given another shape.
@@ -46,15 +47,8 @@ pub enum RetargetError {
         index: usize,
     },
     /// Settings: an option out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Numerics: the start could not be solved.
     #[error("rows and columns could not be sized: {0}")]
     Start(QpError),

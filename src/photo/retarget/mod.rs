@@ -26,6 +26,7 @@ use plumbline_image::feature::{Face, Importance};
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{Map, WarpField};
 use plumbline_num::math::{Point2, Rect, Vec2};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 use scale_and_stretch::{Descent, ScaleAndStretch, Settings};
 use straight::Straight;
@@ -83,30 +84,15 @@ impl Default for RetargetOptions {
 }
 
 impl RetargetOptions {
-    fn check(&self) -> Result<(), RetargetError> {
-        let bad = |name, value, range| Err(RetargetError::Option { name, value, range });
-        if !(64..=10_000).contains(&self.cells) {
-            return bad("cells", self.cells as f64, "64 to 10000");
-        }
-        if !(self.least_scale > 0.0 && self.least_scale < 1.0) {
-            return bad("least_scale", self.least_scale, "above 0, below 1");
-        }
-        if !(self.most_scale >= 1.0 && self.most_scale <= 1e3) {
-            return bad("most_scale", self.most_scale, "1 to 1000");
-        }
-        if !(self.bending >= 0.0 && self.bending <= 1e6) {
-            return bad("bending", self.bending, "0 to 1000000");
-        }
-        if !(self.contrast > 0.0 && self.contrast <= 8.0) {
-            return bad("contrast", self.contrast, "above 0, at most 8");
-        }
-        if !(self.face_weight >= 1.0 && self.face_weight <= 1e6) {
-            return bad("face_weight", self.face_weight, "1 to 1000000");
-        }
-        if !(self.crop_below >= 0.0 && self.crop_below <= 1.0) {
-            return bad("crop_below", self.crop_below, "0 to 1");
-        }
-        Ok(())
+    fn check(&self) -> Result<(), OptionError> {
+        let check = OptionError::check;
+        check((64..=10_000).contains(&self.cells), "cells", self.cells as f64, "64 to 10000")?;
+        check(self.least_scale > 0.0 && self.least_scale < 1.0, "least_scale", self.least_scale, "above 0, below 1")?;
+        check(self.most_scale >= 1.0 && self.most_scale <= 1e3, "most_scale", self.most_scale, "1 to 1000")?;
+        check(self.bending >= 0.0 && self.bending <= 1e6, "bending", self.bending, "0 to 1000000")?;
+        check(self.contrast > 0.0 && self.contrast <= 8.0, "contrast", self.contrast, "above 0, at most 8")?;
+        check(self.face_weight >= 1.0 && self.face_weight <= 1e6, "face_weight", self.face_weight, "1 to 1000000")?;
+        check(self.crop_below >= 0.0 && self.crop_below <= 1.0, "crop_below", self.crop_below, "0 to 1")
     }
 }
 

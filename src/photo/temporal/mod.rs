@@ -31,6 +31,7 @@ pub use frame_grid::FrameGrid;
 pub use importance::ClipImportance;
 use plumbline_image::grid::Grid;
 use plumbline_num::math::{Homography, Point2, PointMap, Rect, Similarity2};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 use window_path::Sight;
 
@@ -63,18 +64,11 @@ impl Default for ClipRetargetOptions {
 }
 
 impl ClipRetargetOptions {
-    fn check(&self) -> Result<(), RetargetError> {
-        let bad = |name, value, range| Err(RetargetError::Option { name, value, range });
-        if !(self.crop_below >= 0.0 && self.crop_below <= 1.0) {
-            return bad("crop_below", self.crop_below, "0 to 1");
-        }
-        if !(self.least_scale > 0.0 && self.least_scale < 1.0) {
-            return bad("least_scale", self.least_scale, "above 0, below 1");
-        }
-        if !(self.follow_s > 0.0 && self.follow_s <= 60.0) {
-            return bad("follow_s", self.follow_s, "above 0 up to 60");
-        }
-        Ok(())
+    fn check(&self) -> Result<(), OptionError> {
+        let check = OptionError::check;
+        check(self.crop_below >= 0.0 && self.crop_below <= 1.0, "crop_below", self.crop_below, "0 to 1")?;
+        check(self.least_scale > 0.0 && self.least_scale < 1.0, "least_scale", self.least_scale, "above 0, below 1")?;
+        check(self.follow_s > 0.0 && self.follow_s <= 60.0, "follow_s", self.follow_s, "above 0 up to 60")
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a skeleton, a pose or a skin can be refused for.
 
 use crate::surface::SurfaceError;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
@@ -181,15 +182,8 @@ pub enum CharacterError {
         targets: usize,
     },
     /// Settings: an option out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Numerics: a system could not be factored.
     #[error(transparent)]
     Solve(SparseError),

@@ -1,6 +1,7 @@
 //! How much each vertex follows each joint.
 
 use super::CharacterError;
+use plumbline_num::options::OptionError;
 
 /// How far from 1 the weights of a vertex may sum: what 32-bit numbers lose.
 const SUM_TOLERANCE: f64 = 1e-6;
@@ -149,9 +150,7 @@ impl SkinWeights {
     /// # Errors
     /// [`CharacterError::Option`] where `least` is not in 0 .. 1.
     pub fn pruned(&self, least: f64) -> Result<Self, CharacterError> {
-        if !(0.0..1.0).contains(&least) {
-            return Err(CharacterError::Option { name: "least weight", value: least, range: "0 or more, below 1" });
-        }
+        OptionError::check((0.0..1.0).contains(&least), "least weight", least, "0 or more, below 1")?;
         let stays = |&(k, i): &(usize, &Influence)| k == 0 || i.weight >= least;
         Ok(self.kept(|row| row.iter().enumerate().filter(stays).map(|(_, i)| *i).collect()))
     }
@@ -164,9 +163,7 @@ impl SkinWeights {
     /// # Errors
     /// [`CharacterError::Option`] where `most` is 0.
     pub fn limited(&self, most: usize) -> Result<Self, CharacterError> {
-        if most == 0 {
-            return Err(CharacterError::Option { name: "influences", value: 0.0, range: "1 or more" });
-        }
+        OptionError::check(most > 0, "influences", 0.0, "1 or more")?;
         Ok(self.kept(|row| {
             let Some(out) = row.get(most) else { return row.to_vec() };
             let fade = |i: &Influence| Influence { weight: i.weight * (i.weight / out.weight - 1.0).min(1.0), ..*i };

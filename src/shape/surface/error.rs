@@ -1,6 +1,7 @@
 //! What a deformation can be refused for.
 
 use plumbline_num::energy::EnergyError;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
@@ -72,15 +73,8 @@ pub enum SurfaceError {
         vertex: u32,
     },
     /// Settings: an option out of its range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Settings: a criterion of convergence that cannot be met.
     #[error(transparent)]
     Convergence(EnergyError),

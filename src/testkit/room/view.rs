@@ -6,6 +6,7 @@ use super::paint::{Color, light};
 use super::panel::Panel;
 use super::{HIGH, LOW, Room, Wall};
 use plumbline_camera::{CameraPose, Lens, Point3, Vec3};
+use plumbline_image::canvas::srgb::srgb_from_linear;
 use plumbline_image::canvas::{Canvas, Rgb};
 use plumbline_num::math::Point2;
 
@@ -94,7 +95,6 @@ pub(super) fn hit(center: &Point3, direction: &Vec3) -> (Wall, Point3) {
 fn encoded(color: Color) -> Rgb {
     color.map(|c| {
         let toned = 1.0 - (-1.35 * c).exp();
-        let v = if toned <= 0.003_130_8 { toned * 12.92 } else { 1.055 * toned.powf(1.0 / 2.4) - 0.055 };
-        (v * 255.0).round().clamp(0.0, 255.0) as u8
+        (srgb_from_linear(toned) * 255.0).round().clamp(0.0, 255.0) as u8
     })
 }

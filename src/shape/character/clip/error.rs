@@ -1,5 +1,7 @@
 //! What a movement can be refused for.
 
+use plumbline_num::options::OptionError;
+
 /// Why a movement could not be made, or not be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -53,13 +55,6 @@ pub enum ClipError {
         there: usize,
     },
     /// Settings: a rate, a speed or a span out of range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// What it was set to.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
 }

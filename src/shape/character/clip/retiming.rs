@@ -3,6 +3,7 @@
 use nalgebra::UnitQuaternion;
 
 use super::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Track, rotations};
+use plumbline_num::options::OptionError;
 
 /// Most keys that a curve is sampled to.
 const MOST_KEYS: f64 = 1e6;
@@ -14,9 +15,7 @@ impl Clip {
     /// # Errors
     /// [`ClipError::Option`] for a speed of 0 or times that are not finite, [`ClipError::Order`] where keys fall together.
     pub fn retimed(&self, start: f64, speed: f64) -> Result<Self, ClipError> {
-        if speed == 0.0 || !speed.is_finite() {
-            return Err(ClipError::Option { name: "speed", value: speed, range: "any number but 0" });
-        }
+        OptionError::check(speed != 0.0 && speed.is_finite(), "speed", speed, "any number but 0")?;
         self.each_curve(&Change { start, speed })
     }
 
@@ -25,14 +24,9 @@ impl Clip {
     /// # Errors
     /// [`ClipError::Option`] where the span is empty or the rate not above 0.
     pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, ClipError> {
-        if !(to > from && (to - from).is_finite()) {
-            return Err(ClipError::Option { name: "end", value: to, range: "later than the start, s" });
-        }
-        if !(rate > 0.0 && (to - from) * rate < MOST_KEYS) {
-            return Err(ClipError::Option {
-                name: "rate", value: rate, range: "above 0 per second, at most 10⁶ keys"
-            });
-        }
+        OptionError::check(to > from && (to - from).is_finite(), "end", to, "later than the start, s")?;
+        let few = rate > 0.0 && (to - from) * rate < MOST_KEYS;
+        OptionError::check(few, "rate", rate, "above 0 per second, at most 10⁶ keys")?;
         let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
         let times: Vec<f64> =
             (0..=steps as u32).map(|k| if f64::from(k) == steps { to - from } else { f64::from(k) / rate }).collect();

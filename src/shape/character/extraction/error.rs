@@ -1,5 +1,6 @@
 //! Why a skeleton could not be extracted.
 
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
@@ -11,15 +12,8 @@ pub enum ExtractionError {
     #[error("the mesh has no triangle with an area: there is nothing to find the middle of")]
     Empty,
     /// Usage: an option outside its range.
-    #[error("{option} {value} is invalid (expected {expected})")]
-    Option {
-        /// Its name.
-        option: &'static str,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Usage: a vertex to keep that does not exist.
     #[error("vertex {vertex} is to be kept, but the mesh has {vertices} vertices, numbered from 0")]
     NoSuchVertex {

@@ -69,6 +69,7 @@ use super::CurveSkeleton;
 use crate::mesh::TriMesh;
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
+use plumbline_num::options::OptionError;
 use plumbline_num::spatial::{KdTree, UnionFind};
 use kd_tree::KdTree;
 use plumbline_num::run::Run;
@@ -111,15 +112,10 @@ impl Default for ExtractionOptions {
 
 impl ExtractionOptions {
     fn check(&self, vertices: usize) -> Result<(), ExtractionError> {
-        let positive = "more than 0, at most 1000";
-        for (option, value) in [("contraction", self.contraction), ("hold", self.hold), ("medial", self.medial)] {
-            if !(value > 0.0 && value <= 1000.0) {
-                return Err(ExtractionError::Option { option, value, expected: positive });
-            }
+        for (name, value) in [("contraction", self.contraction), ("hold", self.hold), ("medial", self.medial)] {
+            OptionError::check(value > 0.0 && value <= 1000.0, name, value, "more than 0, at most 1000")?;
         }
-        if !(0.0..=100.0).contains(&self.prune) {
-            return Err(ExtractionError::Option { option: "prune", value: self.prune, expected: "0 to 100" });
-        }
+        OptionError::check((0.0..=100.0).contains(&self.prune), "prune", self.prune, "0 to 100")?;
         match &self.keep {
             Keep::Vertices(all) => match all.iter().find(|v| **v as usize >= vertices) {
                 Some(&vertex) => Err(ExtractionError::NoSuchVertex { vertex, vertices }),

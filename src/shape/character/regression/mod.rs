@@ -49,6 +49,7 @@ use surface_of_gradients::SurfaceOfGradients;
 use training::Regressor;
 
 use plumbline_num::math::polar;
+use plumbline_num::options::OptionError;
 
 /// A pose that the surface is known in.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,11 +140,7 @@ impl RegressionModel {
         options: &RegressionOptions,
         run: &Run,
     ) -> Result<(Self, TrainingReport), CharacterError> {
-        for (name, value) in [("ridge", options.ridge), ("hold", options.hold)] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(CharacterError::Option { name, value, range: "above 0, finite" });
-            }
-        }
+        OptionError::check_positive([("ridge", options.ridge), ("hold", options.hold)])?;
         check(mesh, skeleton, weights, examples)?;
         let parents = parents_of(skeleton);
         let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge, run)?;

@@ -25,6 +25,7 @@ pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
+use plumbline_num::options::OptionError;
 use plumbline_num::spatial::KdTree;
 use nearest::Nearest;
 use plumbline_num::run::{Run, Stopped};
@@ -90,12 +91,8 @@ pub fn bone_weights(
     options: &WeightOptions,
     run: &Run,
 ) -> Result<(SkinWeights, WeightReport), CharacterError> {
-    if options.influences == 0 {
-        return Err(CharacterError::Option { name: "influences", value: 0.0, range: "1 or more" });
-    }
-    if !(0.0..1.0).contains(&options.least) {
-        return Err(CharacterError::Option { name: "least weight", value: options.least, range: "0 or more, below 1" });
-    }
+    OptionError::check(options.influences > 0, "influences", 0.0, "1 or more")?;
+    OptionError::check((0.0..1.0).contains(&options.least), "least weight", options.least, "0 or more, below 1")?;
     run.check()?;
     let welded = Welded::new(mesh);
     let bones = skeleton.bones();

@@ -42,6 +42,7 @@ use super::{HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 
 /// ARAP of one kind, bound to a mesh and handles.
@@ -69,9 +70,7 @@ impl Arap {
         run: &Run,
     ) -> Result<Self, SurfaceError> {
         let bending = options.bending;
-        if !(bending > 0.0 && bending <= 1.0) {
-            return Err(SurfaceError::Option { name: "bending", value: bending, range: "above 0, at most 1" });
-        }
+        OptionError::check(bending > 0.0 && bending <= 1.0, "bending", bending, "above 0, at most 1")?;
         let bound = Bound::new(mesh, handles, options)?;
         let mut elastic =
             Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending, run)?;
@@ -126,15 +125,11 @@ impl Arap {
 }
 
 /// `α`, where it is not zero.
-fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, SurfaceError> {
+fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, OptionError> {
     let (name, value) = ("smoothness", options.smoothness);
-    match kind {
-        CellKind::Elements if value != 0.0 => {
-            Err(SurfaceError::Option { name, value, range: "0 where cells are triangles" })
-        }
-        _ if !(value >= 0.0 && value.is_finite()) => Err(SurfaceError::Option { name, value, range: "0 or more" }),
-        _ => Ok((value > 0.0).then_some(value)),
-    }
+    OptionError::check(kind != CellKind::Elements || value == 0.0, name, value, "0 where cells are triangles")?;
+    OptionError::check(value >= 0.0 && value.is_finite(), name, value, "0 or more")?;
+    Ok((value > 0.0).then_some(value))
 }
 
 impl Deformer for Arap {

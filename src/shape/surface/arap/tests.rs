@@ -6,6 +6,7 @@ use super::super::test_meshes::{placed, sheet, tube};
 use super::super::{Hold, bind};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
 const KINDS: [CellKind; 3] = [CellKind::Spokes, CellKind::SpokesAndRims, CellKind::Elements];
@@ -261,11 +262,11 @@ fn smooth_rotations_differ_less_and_the_energy_still_falls() {
     for bending in [0.0, -1.0, 1.5, f64::NAN] {
         let options = DeformOptions { bending, ..Default::default() };
         let refused = Arap::new(CellKind::Spokes, &mesh, &handles, &options, &Run::default()).unwrap_err();
-        assert!(matches!(refused, SurfaceError::Option { name: "bending", .. }));
+        assert!(matches!(refused, SurfaceError::Option(OptionError { name: "bending", .. })));
     }
     for (kind, smoothness) in [(CellKind::Elements, 0.1), (CellKind::Spokes, -1.0), (CellKind::Spokes, f64::NAN)] {
         let options = DeformOptions { smoothness, ..Default::default() };
         let refused = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap_err();
-        assert!(matches!(refused, SurfaceError::Option { name: "smoothness", .. }));
+        assert!(matches!(refused, SurfaceError::Option(OptionError { name: "smoothness", .. })));
     }
 }

@@ -22,6 +22,7 @@ use super::SurfaceError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 use plumbline_num::optim::lanczos::{LanczosOptions, ShiftedPencil};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering};
 use plumbline_num::spatial::components;
@@ -71,9 +72,7 @@ pub struct Modes {
 /// factored, [`SurfaceError::Interrupted`].
 pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) -> Result<Modes, SurfaceError> {
     let tolerance = options.tolerance;
-    if !(tolerance > 0.0 && tolerance < 1.0) {
-        return Err(SurfaceError::Option { name: "tolerance", value: tolerance, range: "above 0 and below 1" });
-    }
+    OptionError::check(tolerance > 0.0 && tolerance < 1.0, "tolerance", tolerance, "above 0 and below 1")?;
     let (used, named) = referenced(mesh);
     if used.triangle_count() == 0 {
         return Ok(Modes { values: vec![], vectors: vec![], residuals: vec![], rigid: 0, converged: true });

@@ -34,6 +34,7 @@ use plumbline_num::run::Run;
 
 use super::bound::{Begin, Bound};
 use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
+use plumbline_num::options::OptionError;
 use shell::BodyPose;
 use solver::{Anchor, Solver, Wish};
 
@@ -111,7 +112,7 @@ impl Primo {
         fabric: &Fabric<'_>,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
-        let refused = |name, value, range| Err(SurfaceError::Option { name, value, range });
+        let refused = |name, value, range| Err(OptionError { name, value, range }.into());
         let thickness = options.primo.thickness;
         if !(thickness >= 0.0 && thickness.is_finite()) {
             return refused("thickness", thickness, "a finite number, 0 or more");

@@ -25,6 +25,7 @@ use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::{OUTPUTS, Regressor};
 use super::{JointTurns, RegressionModel, check_pose};
 use crate::mesh::TriMesh;
+use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 use table::Table;
 
@@ -106,9 +107,7 @@ impl RegressionModel {
     /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
     pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize, run: &Run) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
-        if most > MOST_SHAPES {
-            return Err(CharacterError::Option { name: "prototypes", value: most as f64, range: "0 to 32" });
-        }
+        OptionError::check(most <= MOST_SHAPES, "prototypes", most as f64, "0 to 32")?;
         if let Some(sample) = samples.iter().find(|s| s.len() != joints) {
             return Err(CharacterError::Matrices { joints, matrices: sample.len() });
         }

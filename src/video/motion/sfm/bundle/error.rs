@@ -1,5 +1,6 @@
 //! What a bundle adjustment can refuse.
 
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
 /// Why nothing could be adjusted.
@@ -7,15 +8,8 @@ use plumbline_num::run::Stopped;
 #[non_exhaustive]
 pub enum BundleError {
     /// Input: a setting out of range.
-    #[error("{name} {value} is invalid (expected {range})")]
-    Option {
-        /// Name of the setting.
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is allowed.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Option(#[from] OptionError),
     /// Input: a scene or an observation with a value that is not a number, or a lens without focal length.
     #[error("{what} is not finite or not valid; leave it out or set it to none")]
     NotFinite {

@@ -1,8 +1,8 @@
 //! Settings of the adjustment.
 
-use super::BundleError;
 use plumbline_num::energy::Loss;
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
+use plumbline_num::options::OptionError;
 
 /// Residual, in standard deviations, below which observations count as met exactly; gains below it are rounding of what
 /// was tracked.
@@ -44,16 +44,15 @@ impl Default for RobustFit {
 }
 
 impl RobustFit {
-    pub(super) fn check(&self) -> Result<(), BundleError> {
+    pub(super) fn check(&self) -> Result<(), OptionError> {
         let losses = self.losses.iter().map(|loss| {
             let (Loss::Huber(scale) | Loss::Cauchy(scale) | Loss::GemanMcClure(scale)) = *loss;
             ("loss scale", scale)
         });
-        positive([("sigma_px", self.sigma_px), ("lambda", self.damping.lambda)].into_iter().chain(losses))?;
-        if self.losses.is_empty() {
-            return Err(BundleError::Option { name: "number of losses", value: 0.0, range: "at least 1" });
-        }
-        Ok(())
+        OptionError::check_positive(
+            [("sigma_px", self.sigma_px), ("lambda", self.damping.lambda)].into_iter().chain(losses),
+        )?;
+        OptionError::check(!self.losses.is_empty(), "number of losses", 0.0, "at least 1")
     }
 
     /// Damping for so many observations: where they are met to [`EXACT`], the search ends whatever share is still gained.
@@ -98,23 +97,16 @@ impl Default for BundleOptions {
 }
 
 impl BundleOptions {
-    pub(super) fn check(&self) -> Result<(), BundleError> {
+    pub(super) fn check(&self) -> Result<(), OptionError> {
         self.fit.check()?;
         let priors = [("sigma of ln f", self.focal), ("sigma of k1", self.k1), ("sigma of the readout", self.readout)];
-        positive(priors.into_iter().filter_map(|(name, freedom)| match freedom {
+        OptionError::check_positive(priors.into_iter().filter_map(|(name, freedom)| match freedom {
             Freedom::Near { sigma, .. } => Some((name, sigma)),
             Freedom::Fixed | Freedom::Free => None,
         }))?;
         match self.focal {
-            Freedom::Near { value, .. } => positive([("prior mean of f", value)]),
+            Freedom::Near { value, .. } => OptionError::check_positive([("prior mean of f", value)]),
             Freedom::Fixed | Freedom::Free => Ok(()),
         }
-    }
-}
-
-fn positive(values: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), BundleError> {
-    match values.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
-        Some((name, value)) => Err(BundleError::Option { name, value, range: "above 0, finite" }),
-        None => Ok(()),
     }
 }
