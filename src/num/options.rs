@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn a_refused_option_is_told_with_its_value_and_range() {
-        let checked = |v: f64| OptionError::check(v >= 1.0 && v < 4.0, "spacing", v, "1 to below 4");
+        let checked = |v: f64| OptionError::check((1.0..4.0).contains(&v), "spacing", v, "1 to below 4");
         assert_eq!(checked(1.0), Ok(()));
         assert_eq!(checked(4.5).unwrap_err().to_string(), "spacing 4.5 is invalid (expected 1 to below 4)");
         assert!(checked(f64::NAN).is_err());

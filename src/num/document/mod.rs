@@ -192,15 +192,16 @@ mod tests {
         _format: String,
         #[serde(rename = "version")]
         _version: u32,
-        numbers: Vec<u32>,
+        #[serde(rename = "numbers")]
+        list: Vec<u32>,
     }
 
     fn parsed(text: &str) -> Result<Vec<u32>, String> {
         let streamed = KIND.stream::<Numbers>(io::Cursor::new(text));
-        let text = KIND.parse::<Numbers>(text).map(|n| n.numbers).map_err(|e| e.to_string());
+        let text = KIND.parse::<Numbers>(text).map(|n| n.list).map_err(|e| e.to_string());
         // Columns count from 0 or 1.
         let told = |e: &String| e.trim_end_matches(char::is_numeric).to_owned();
-        let streamed = streamed.map(|n| n.numbers).map_err(|e| told(&e.to_string()));
+        let streamed = streamed.map(|n| n.list).map_err(|e| told(&e.to_string()));
         assert_eq!(text.as_ref().map_err(told), streamed.as_ref().map_err(Clone::clone));
         text
     }
@@ -230,7 +231,7 @@ mod tests {
         let path = folder.path().join("numbers.json");
         let text = "\u{feff}{\"format\": \"plumbline.numbers\", \"version\": 1, \"numbers\": [7]}";
         std::fs::write(&path, text).unwrap();
-        assert_eq!(KIND.read::<Numbers>(&path).unwrap().numbers, [7]);
+        assert_eq!(KIND.read::<Numbers>(&path).unwrap().list, [7]);
         assert_eq!(KIND.bytes(&path).unwrap(), text.as_bytes());
         std::fs::write(&path, " ".repeat(101)).unwrap();
         let expected = "101 bytes are too many for a file of numbers (at most 100): is this the right file?";
