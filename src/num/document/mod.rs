@@ -32,7 +32,6 @@ pub struct Kind {
 
 /// Why a file was refused.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
 pub enum DocumentError {
     /// Input: not JSON of the expected shape; the message ends with line and column.
     #[error("not {name}: {fault}")]

@@ -8,6 +8,7 @@ use std::ops::Range;
 use nalgebra::Point3;
 
 use super::{Aabb, Ray};
+use crate::run::{Run, Stopped};
 
 /// Items of a leaf at most: fewer cost more steps down the tree, more cost more tests of items.
 const LEAF: usize = 4;
@@ -224,7 +225,8 @@ mod tests {
         let visit = |i: usize, j: usize| {
             let [i, j] = [i, j].map(|k| tree.order()[k] as usize);
             assert!(found.insert((i.min(j), i.max(j))), "{i} and {j} twice");
-        });
+        };
+        tree.pairs(visit, &Run::default()).expect("a run that never stops");
         found.retain(|&(i, j)| boxes[i].overlaps(&boxes[j]));
         let all = (0..boxes.len()).flat_map(|i| (i + 1..boxes.len()).map(move |j| (i, j)));
         assert!(found.into_iter().eq(all.filter(|&(i, j)| boxes[i].overlaps(&boxes[j]))));
@@ -234,7 +236,7 @@ mod tests {
     fn a_tree_of_nothing_has_nothing() {
         let tree = BoxTree::new([]);
         tree.near(&Point3::origin(), f64::INFINITY, |_| panic!("a leaf"));
-        tree.pairs(|_, _| panic!("a pair"));
+        tree.pairs(|_, _| panic!("a pair"), &Run::default()).expect("a run that never stops");
         assert!(tree.order().is_empty());
     }
 }

@@ -3,8 +3,8 @@
 use nalgebra::Point3;
 
 use crate::mesh::TriMesh;
-use plumbline_num::spatial::{Aabb, BoxTree, closest_point_on_triangle};
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::{Aabb, BoxTree, closest_point_on_triangle};
 
 /// A place on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,9 +15,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use plumbline_num::spatial::KdTree;
-use super::kd_tree::KdTree;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::KdTree;
 
 /// Balls shrink at most this often: each time the radius falls, two or three times are the rule.
 const ROUNDS: usize = 20;

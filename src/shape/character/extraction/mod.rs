@@ -70,9 +70,8 @@ use crate::mesh::TriMesh;
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
 use plumbline_num::options::OptionError;
-use plumbline_num::spatial::{KdTree, UnionFind};
-use kd_tree::KdTree;
 use plumbline_num::run::Run;
+use plumbline_num::spatial::{KdTree, UnionFind};
 
 /// Which ends must stay.
 #[derive(Clone, Debug, Default, PartialEq)]

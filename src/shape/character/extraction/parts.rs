@@ -6,8 +6,8 @@
 use std::collections::HashMap;
 
 use crate::mesh::{RepairOptions, TriMesh, edge_groups, repair};
-use plumbline_num::spatial::numbered_components;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::numbered_components;
 
 /// A part of the surface.
 pub(super) struct Part {

@@ -13,8 +13,8 @@ use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::order::Cost;
 use super::web::Web;
-use plumbline_num::spatial::KdTree;
 use plumbline_num::run::Run;
+use plumbline_num::spatial::KdTree;
 
 /// Times that it is drawn.
 const PASSES: usize = 8;

@@ -26,9 +26,8 @@ pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
 use plumbline_num::options::OptionError;
-use plumbline_num::spatial::KdTree;
-use nearest::Nearest;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::KdTree;
 use welded::Welded;
 
 /// How weights are found.

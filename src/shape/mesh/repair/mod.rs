@@ -17,8 +17,8 @@ mod weld;
 use nalgebra::Point3;
 
 use super::TriMesh;
-use plumbline_num::spatial::UnionFind;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::UnionFind;
 
 pub use report::{BoundaryLoop, Component, RepairReport};
 pub use survey::MeshFacts;

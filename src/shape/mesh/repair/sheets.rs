@@ -9,8 +9,8 @@ use super::report::describe;
 use super::{RepairReport, Repaired, Soup};
 use crate::mesh::half_edges::edge_groups;
 use crate::mesh::{HalfEdges, TriMesh};
-use plumbline_num::spatial::UnionFind;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::UnionFind;
 
 const NONE: u32 = u32::MAX;
 

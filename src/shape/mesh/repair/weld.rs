@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Vector3};
 
 use super::{TriMesh, Weld};
-use plumbline_num::spatial::UnionFind;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::UnionFind;
 
 /// Joins the vertices of a mesh.
 pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) -> Result<UnionFind, Stopped> {

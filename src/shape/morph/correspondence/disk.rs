@@ -25,8 +25,8 @@ use super::super::bvh::{Bvh, Nearest};
 use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use crate::mesh::{HalfEdges, TriMesh};
-use plumbline_num::spatial::numbered_components;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::numbered_components;
 
 /// How surfaces are laid over each other by the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -25,8 +25,8 @@ use super::super::intersections::{passages, self_intersections};
 use super::Trajectory;
 use super::frames::opposite_edges;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
-use plumbline_num::spatial::numbered_components;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::numbered_components;
 
 /// By how much an end is pushed past the plane, as a share of how deep it is.
 const BEYOND: f64 = 0.1;

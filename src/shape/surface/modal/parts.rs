@@ -21,8 +21,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::Modes;
 use crate::mesh::operators::barycentric_areas;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
-use plumbline_num::spatial::components;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::components;
 
 /// Rounds of Lloyd's alternation after each part that is added: the others have little to give.
 const ROUNDS: usize = 4;

@@ -34,8 +34,8 @@ use crate::mesh::{HalfEdges, TriMesh};
 use collapse::{Removed, removals};
 use kernel::deepest;
 pub use overlay::over_spheres;
-use plumbline_num::spatial::numbered_components;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::numbered_components;
 use stretch::{Side, Wish};
 
 /// How surfaces are laid over each other by the sphere.
