@@ -38,6 +38,7 @@ mod solve_cli;
 mod solvers;
 mod sparse;
 mod stabilize;
+mod stabilizer;
 mod stitched;
 mod support;
 mod surface;

@@ -5,8 +5,8 @@ use std::ops::Range;
 use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::video::motion::{
-    self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, MotionEstimator, MotionOptions, MotionQuality,
-    Pair, PlanarModel, ReadoutEstimator, RowMotion, Tier, TrackPoint,
+    self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, MotionEstimator, MotionModel, MotionOptions,
+    MotionQuality, Pair, PlanarModel, ReadoutEstimator, RowMotion, TrackPoint,
 };
 
 const WIDTH: u32 = 640;
@@ -392,17 +392,24 @@ fn the_verdict_says_which_family_is_supported_and_why() {
         clip.shots[0] = 0..60;
         let found = motion::verdicts(&clip);
         assert_eq!((found.len(), found[0].frames.clone()), (1, 0..60));
-        (found[0].tier, found[0].reason.clone())
+        (found[0].model, found[0].reason.clone())
     };
     let cases = [
-        (stretch(Lost, PlanarModel::Identity, 0, 0.0, 0.0), Tier::Untouched, "in 0 % of the frames only"),
-        (stretch(Measured, PlanarModel::Homography, 20, 0.5, 0.1), Tier::Similarity, "20 background points"),
-        (stretch(Measured, PlanarModel::Homography, 300, 0.1, 0.1), Tier::Similarity, "on 10 % of the frame"),
-        (stretch(Measured, PlanarModel::Similarity, 300, 0.5, 0.04), Tier::Similarity, "perspective shows in 0 %"),
-        (stretch(Measured, PlanarModel::Homography, 300, 0.5, 0.04), Tier::Homography, "move as one plane"),
-        (stretch(Measured, PlanarModel::Homography, 300, 0.5, 0.4), Tier::Mesh, "0.40 px beside any plane"),
+        (stretch(Lost, PlanarModel::Identity, 0, 0.0, 0.0), MotionModel::Untouched, "in 0 % of the frames only"),
+        (stretch(Measured, PlanarModel::Homography, 20, 0.5, 0.1), MotionModel::Similarity, "20 background points"),
+        (stretch(Measured, PlanarModel::Homography, 300, 0.1, 0.1), MotionModel::Similarity, "on 10 % of the frame"),
+        (
+            stretch(Measured, PlanarModel::Similarity, 300, 0.5, 0.04),
+            MotionModel::Similarity,
+            "perspective shows in 0 %",
+        ),
+        (stretch(Measured, PlanarModel::Homography, 300, 0.5, 0.04), MotionModel::Homography, "move as one plane"),
+        (stretch(Measured, PlanarModel::Homography, 300, 0.5, 0.4), MotionModel::Mesh, "0.40 px beside any plane"),
     ];
-    for ((tier, reason), expected, words) in cases {
-        assert!(tier == expected && reason.contains(words), "{tier:?} because {reason:?}, not {expected:?} ({words})");
+    for ((model, reason), expected, words) in cases {
+        assert!(
+            model == expected && reason.contains(words),
+            "{model:?} because {reason:?}, not {expected:?} ({words})"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use plumbline::num::math::{Point2, Similarity2, Vec2};
 use plumbline::num::run::Run;
-use plumbline::video::path::{Clip, InterFrame, PathKind, PathOptions, Tier, VirtualPath, Zoom, plan};
+use plumbline::video::path::{Clip, InterFrame, PathKind, PathOptions, SegmentOutcome, VirtualPath, Zoom, plan};
 
 const SIZE: (u32, u32) = (640, 360);
 const FPS: f64 = 30.0;
@@ -160,7 +160,7 @@ fn a_steady_pan_and_a_still_camera_come_out_unchanged() {
             let views: Vec<View> = pan(speed).collect();
             let path = plan_of(&views, &PathOptions { kind, ..PathOptions::default() });
             assert!(path.crop.iter().all(|c| *c == 1.0), "{kind:?} at {speed} px per frame");
-            assert_eq!(path.segments[0].tier, Tier::Unchanged);
+            assert_eq!(path.segments[0].outcome, SegmentOutcome::Unchanged);
             assert_eq!(path.segments[0].reason, "already steady");
         }
     }
@@ -274,7 +274,7 @@ fn under_a_locked_horizon_the_picture_does_not_turn_while_the_frame_allows_it() 
         walk(200, 1.0, 14).iter().enumerate().map(|(t, v)| View { x: v.x - 25.0 * t as f64 / FPS, ..*v }).collect();
     for kind in KINDS {
         let path = plan_of(&views, &PathOptions { kind, level: true, min_crop: 0.6, ..PathOptions::default() });
-        assert_eq!(path.segments[0].tier, Tier::Smoothed, "{kind:?}: {}", path.segments[0].reason);
+        assert_eq!(path.segments[0].outcome, SegmentOutcome::Smoothed, "{kind:?}: {}", path.segments[0].reason);
         let angle = |t: usize| {
             let from = views[t].frame_from_scene(SIZE).inverse().expect("scale > 0");
             let across = from.apply(source_of(&path, t, Point2::new(640.0, 180.0)))
@@ -317,7 +317,7 @@ fn no_window_is_smaller_than_allowed_however_the_camera_turns_and_zooms() {
         [drifting(2.0, 0.9, 0.6), drifting(0.3, 0.0, 0.24)].iter().flat_map(|views| KINDS.map(|kind| (views, kind)))
     {
         let path = plan_of(views, &PathOptions { kind, min_crop: 0.8, ..PathOptions::default() });
-        assert_eq!(path.segments[0].tier, Tier::Smoothed, "{kind:?}: {}", path.segments[0].reason);
+        assert_eq!(path.segments[0].outcome, SegmentOutcome::Smoothed, "{kind:?}: {}", path.segments[0].reason);
         let least = path.crop.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(least >= 0.8 - 1e-6, "{kind:?}: a window of {least}");
     }

@@ -66,7 +66,7 @@ fn analysis() -> impl Strategy<Value = (DecodeSettings, TrackSettings, MotionSet
             let start = start.and_then(ClipTime::from_seconds);
             (
                 DecodeSettings { path: escape(&path), start, ..DecodeSettings::default() },
-                TrackSettings { points, mask: mask.map(|m| escape(&m)) },
+                TrackSettings { points, mask: mask.map(|m| escape(&m).into()) },
                 MotionSettings { rolling_shutter, ..MotionSettings::default() },
                 SmoothSettings { smoothness, min_crop, ..SmoothSettings::default() },
             )

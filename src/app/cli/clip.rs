@@ -58,7 +58,7 @@ impl ClipArgs {
                 MotionImportSettings { path: literal_path(file), rolling_shutter: self.rolling_shutter, cameras };
             stages.push(StageEntry::built("motion", &import).input("frames", "source"));
         } else {
-            let mask = self.mask.as_ref().map(|m| literal_path(m));
+            let mask = self.mask.as_ref().map(|m| PathBuf::from(literal_path(m)));
             let track = TrackSettings { mask, ..TrackSettings::default() };
             let motion = MotionSettings { rolling_shutter: self.rolling_shutter, cameras };
             stages.push(StageEntry::built("tracks", &track).input("frames", "source"));

@@ -4,6 +4,7 @@
 
 mod blend;
 mod check;
+mod choice;
 mod clip;
 mod completions;
 mod compose;

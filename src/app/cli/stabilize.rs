@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
+use super::choice::choice;
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::job::{batch, only_input};
@@ -11,8 +12,8 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, MotionExportSettings, PathMethod,
-    RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpMode, WarpSettings, Zoom,
+    Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, ModelChoice, MotionExportSettings, PathMethod,
+    RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
 };
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
@@ -38,10 +39,10 @@ pub struct StabilizeArgs {
     clip: ClipArgs,
 
     /// How freely a frame may be bent
-    #[arg(long, value_enum, default_value_t, value_name = "MODE", help_heading = "Stabilization")]
-    mode: WarpMode,
+    #[arg(long, value_parser = choice::<ModelChoice>(), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
+    mode: ModelChoice,
     /// How the virtual camera moves
-    #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<PathMethod>(), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
     path: PathMethod,
     /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
     #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
@@ -58,7 +59,7 @@ pub struct StabilizeArgs {
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
     min_crop: f64,
     /// How the picture is enlarged to hide the borders
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<Zoom>(), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     zoom: Zoom,
     /// What stands where the source has no picture
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
@@ -176,9 +177,9 @@ impl StabilizeArgs {
     fn analysis(&self, source: String) -> Vec<StageEntry> {
         let path = |p: &PathBuf| literal_path(p);
         let in_space = match self.mode {
-            WarpMode::Auto => Some(InSpace::Auto),
-            WarpMode::ThreeD => Some(InSpace::Always),
-            WarpMode::Rotation => Some(InSpace::Turn),
+            ModelChoice::Auto => Some(InSpace::Auto),
+            ModelChoice::ThreeD => Some(InSpace::Always),
+            ModelChoice::Rotation => Some(InSpace::Rotation),
             _ => self.path_file.is_some().then_some(InSpace::Always),
         };
         let smooth = SmoothSettings {
@@ -189,7 +190,7 @@ impl StabilizeArgs {
             zoom: self.zoom,
             keep_inside: self.border == Border::Crop,
             in_space: in_space.unwrap_or_default(),
-            path_file: self.path_file.as_ref().map(path),
+            path_file: self.path_file.as_ref().map(path).map(PathBuf::from),
             ..SmoothSettings::default()
         };
         let mut stages = self.clip.analysis(source, in_space.is_some());

@@ -53,7 +53,7 @@ pub use print::print;
 pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::{FileFormat, schema, schema_of_format};
-pub use settings::number_for;
+pub use settings::{number_for, words_of};
 pub use summary::{
     InputSummary, LinesSummary, SegmentSummary, Shake, ShakeSummary, Summary, SurfaceSummary, WindowSummary,
 };

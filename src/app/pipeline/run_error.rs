@@ -2,6 +2,7 @@
 
 use super::problem::Problems;
 use plumbline_num::run::Stopped;
+use plumbline_video::stabilize::{StabilizeError, StabilizeFault};
 
 /// Why an instance failed. The message says what, where, the value, the allowed range and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -59,6 +60,26 @@ impl From<Stopped> for RunError {
         match stopped {
             Stopped::Interrupted => Self::Interrupted,
             Stopped::OutOfTime => Self::Temporary(stopped.to_string()),
+        }
+    }
+}
+
+impl From<StabilizeError> for RunError {
+    fn from(error: StabilizeError) -> Self {
+        let text = match &error {
+            StabilizeError::Interrupted { source } => return (*source).into(),
+            StabilizeError::PathFileWithoutCameras => {
+                let wanted = "`cameras = true` on video.motion, and its tracks here";
+                format!("a path file needs the cameras of the clip: {wanted}")
+            }
+            other => other.to_string(),
+        };
+        match error.fault() {
+            StabilizeFault::Options => Self::Usage(text),
+            StabilizeFault::Input => Self::Input(text),
+            StabilizeFault::Environment => Self::Temporary(text),
+            StabilizeFault::Interrupted => Self::Interrupted,
+            StabilizeFault::Internal => Self::Internal(text),
         }
     }
 }

@@ -8,7 +8,6 @@ use super::file::VERSION;
 use super::kind::{StageKind, schema_of};
 use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
-use super::stages::path_file_schema;
 use plumbline_camera::lens_file_schema;
 use plumbline_photo::marks::{faces_schema, lines_schema};
 use plumbline_shape::character::pose_file::pose_file_schema;
@@ -19,6 +18,7 @@ use plumbline_shape::morph::correspondence::landmarks_schema;
 use plumbline_shape::morph::paint::paint_schema;
 use plumbline_shape::surface::handle_file::handle_file_schema;
 use plumbline_video::motion::motion_file_schema;
+use plumbline_video::stabilize::path_file_schema;
 
 const NAME_PATTERN: &str = "^[a-z][a-z0-9_-]*$";
 
@@ -117,6 +117,7 @@ fn stage() -> Json {
 fn branch(kind: &StageKind) -> Json {
     let settings = (kind.schema)();
     let mut then = table(&settings);
+    then["description"] = format!("Settings of `{}`.", kind.name).into();
     let properties = then["properties"].as_object_mut();
     if let Some(properties) = properties {
         properties.insert("use".into(), json!({"const": kind.name, "description": kind.summary}));

@@ -4,6 +4,7 @@
 //! Deserializing a whole table stops at the first fault, so each key is tried alone; what the struct's schema says about
 //! ranges and names is read from there, never repeated.
 
+use schemars::JsonSchema;
 use serde_json::{Map, Value as Json};
 
 use super::kind::{StageSettings, schema_of};
@@ -148,6 +149,17 @@ pub(super) fn allowed_words(property: &Json) -> Vec<&str> {
         constant.into_iter().chain(one["enum"].as_array().into_iter().flatten().filter_map(Json::as_str))
     });
     listed.chain(described).collect()
+}
+
+/// The words of an enum and the help text of each, as its schema has them.
+pub fn words_of<T: JsonSchema>() -> Vec<(String, String)> {
+    let schema = schema_of::<T>(&[]);
+    let described = |word: &str| {
+        let of_word = |one: &&Json| one["const"] == word;
+        let one = schema["oneOf"].as_array().into_iter().flatten().find(of_word);
+        one.and_then(|one| one["description"].as_str()).unwrap_or_default().to_owned()
+    };
+    allowed_words(&schema).into_iter().map(|word| (word.to_owned(), described(word))).collect()
 }
 
 /// `(least, most)` that the schema allows a number.

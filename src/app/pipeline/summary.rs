@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use plumbline_media::{Input, VideoInfo};
+pub use plumbline_video::stabilize::{Shake, ShakeSummary};
 
 /// What was read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -31,24 +32,6 @@ impl InputSummary {
             fps_assumed: input.assumed_rate().is_some(),
         }
     }
-}
-
-/// How far the picture strays from its course, RMS: the sum of its motions against their Gaussian mean over 0.5 s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Shake {
-    /// Of its center, px of the source.
-    pub px: f64,
-    /// Of its angle, degrees.
-    pub deg: f64,
-}
-
-/// Shake of the clip as measured, and of what is shown of it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShakeSummary {
-    /// As the camera held it.
-    pub before: Shake,
-    /// As the virtual camera shows it.
-    pub after: Shake,
 }
 
 /// The warp of one stretch of frames.
@@ -252,12 +235,6 @@ impl fmt::Display for InputSummary {
             write!(f, ", {} fps", text.trim_end_matches('0').trim_end_matches('.'))?;
         }
         if self.fps_assumed { f.write_str(" (assumed; --fps sets another)") } else { Ok(()) }
-    }
-}
-
-impl fmt::Display for Shake {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.2} px and {:.2}°", self.px, self.deg)
     }
 }
 

@@ -20,4 +20,4 @@ pub use file::{FORMAT, MotionFileError, VERSION, motion_file_schema};
 pub use frame_motion::{FrameFlags, FrameInput, FrameMotion, MotionQuality, PlanarModel, TrackPoint};
 pub use planar_fit::{FrameScale, Pair, homography, homography_dlt, homography_of_four, similarity};
 pub use rolling_shutter::{Readout, ReadoutEstimator, RowMotion};
-pub use verdict::{SegmentVerdict, Tier, verdicts};
+pub use verdict::{MotionModel, SegmentVerdict, verdicts};

@@ -6,10 +6,10 @@ use super::clip::ClipMotion;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use plumbline_num::math::median;
 
-/// How far the picture's motion can be modeled, from least to most.
+/// Model of the picture's motion, from the least to the most free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Tier {
+pub enum MotionModel {
     /// Nothing reliable: leave the frames as they are.
     Untouched,
     /// Rotation, zoom and shift only.
@@ -32,7 +32,7 @@ pub struct SegmentVerdict {
     /// Its frames.
     pub frames: Range<usize>,
     /// The richest family that its tracks support.
-    pub tier: Tier,
+    pub model: MotionModel,
     /// Why, for the user.
     pub reason: String,
 }
@@ -52,7 +52,7 @@ const RESIDUAL_FOR_MESH: f64 = 0.06;
 /// Share of frames with a measured motion below which a stretch is left alone.
 const LEAST_MEASURED: f64 = 0.5;
 
-/// Judges a clip, shot by shot, in stretches of at most 90 frames; neighbors with the same tier and reason are one segment.
+/// Judges a clip, shot by shot, in stretches of at most 90 frames; neighbors with the same model and reason are one segment.
 pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
     let unit = f64::from(clip.width.max(clip.height)) / 640.0;
     let mut segments: Vec<SegmentVerdict> = Vec::new();
@@ -60,23 +60,26 @@ pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
         let parts = shot.len().div_ceil(LONGEST_STRETCH).max(1);
         for part in 0..parts {
             let frames = shot.start + shot.len() * part / parts..shot.start + shot.len() * (part + 1) / parts;
-            let (tier, reason) = judge(&clip.frames[frames.clone()], unit);
+            let (model, reason) = judge(&clip.frames[frames.clone()], unit);
             match segments.last_mut() {
-                Some(last) if last.frames.end > shot.start && last.tier == tier => last.frames.end = frames.end,
-                _ => segments.push(SegmentVerdict { frames, tier, reason }),
+                Some(last) if last.frames.end > shot.start && last.model == model => last.frames.end = frames.end,
+                _ => segments.push(SegmentVerdict { frames, model, reason }),
             }
         }
     }
     segments
 }
 
-fn judge(frames: &[FrameMotion], unit_px: f64) -> (Tier, String) {
+fn judge(frames: &[FrameMotion], unit_px: f64) -> (MotionModel, String) {
     let moving =
         || frames.iter().filter(|f| f.quality != MotionQuality::ShotStart && f.quality != MotionQuality::Duplicate);
     let measured: Vec<&FrameMotion> = moving().filter(|f| f.quality == MotionQuality::Measured).collect();
     let share = measured.len() as f64 / moving().count().max(1) as f64;
     if !(share >= LEAST_MEASURED) || measured.is_empty() {
-        return (Tier::Untouched, format!("motion could be measured in {:.0} % of the frames only", 100.0 * share));
+        return (
+            MotionModel::Untouched,
+            format!("motion could be measured in {:.0} % of the frames only", 100.0 * share),
+        );
     }
     let middle = |f: &dyn Fn(&FrameMotion) -> f64| {
         let mut v: Vec<f64> = measured.iter().map(|m| f(m)).collect();
@@ -85,18 +88,24 @@ fn judge(frames: &[FrameMotion], unit_px: f64) -> (Tier, String) {
     let (points, coverage) = (middle(&|f| f64::from(f.inliers)), middle(&|f| f.coverage));
     let percent = 100.0 * coverage;
     if points < POINTS_FOR_HOMOGRAPHY || coverage < COVERAGE_FOR_HOMOGRAPHY {
-        return (Tier::Similarity, format!("{points:.0} background points on {percent:.0} % of the frame are few"));
+        return (
+            MotionModel::Similarity,
+            format!("{points:.0} background points on {percent:.0} % of the frame are few"),
+        );
     }
     let bent = measured.iter().filter(|f| f.model == PlanarModel::Homography).count() as f64 / measured.len() as f64;
     let residual = middle(&|f| f.residual_px) / unit_px;
     if residual >= RESIDUAL_FOR_MESH && points >= POINTS_FOR_MESH && coverage >= COVERAGE_FOR_MESH {
-        return (Tier::Mesh, format!("{points:.0} points move {residual:.2} px beside any plane: depth or wobble"));
+        return (
+            MotionModel::Mesh,
+            format!("{points:.0} points move {residual:.2} px beside any plane: depth or wobble"),
+        );
     }
     if bent < 0.5 {
-        return (Tier::Similarity, format!("perspective shows in {:.0} % of the frames only", 100.0 * bent));
+        return (MotionModel::Similarity, format!("perspective shows in {:.0} % of the frames only", 100.0 * bent));
     }
     (
-        Tier::Homography,
+        MotionModel::Homography,
         format!("{points:.0} points on {percent:.0} % of the frame move as one plane, to {residual:.2} px"),
     )
 }

@@ -38,7 +38,11 @@ mod toward;
 mod trajectory;
 mod virtual_camera;
 
+use std::fmt;
 use std::ops::Range;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::run::Stopped;
@@ -104,15 +108,23 @@ pub enum PathKind {
     Tripod,
 }
 
-/// How the size of the crop window changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How the picture is enlarged to hide the borders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Zoom {
-    /// One size per shot.
+    /// One zoom for the whole clip
     Fixed,
-    /// Slowly, where calm passages need less crop than shaky ones.
+    /// A zoom that changes slowly with the need
+    #[default]
     Adaptive,
-    /// The output keeps the source's scale; only useful where the border may show.
+    /// No zoom: borders may show
     None,
+}
+
+impl fmt::Display for Zoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 /// What to plan.
@@ -164,7 +176,7 @@ impl Default for PathOptions {
 
 /// What was done with a run of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tier {
+pub enum SegmentOutcome {
     /// The path was smoothed.
     Smoothed,
     /// The path was given: it is to be shown as it is.
@@ -179,7 +191,7 @@ pub struct Segment {
     /// Frames of the clip.
     pub frames: Range<usize>,
     /// What was done.
-    pub tier: Tier,
+    pub outcome: SegmentOutcome,
     /// Why, for the user.
     pub reason: String,
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::chain::Chain;
 use super::optimal::{Cameras, Program, Sizing};
 use super::pose::{C64, Pose, Stage, settle};
-use super::{Clip, PathError, PathKind, PathOptions, Segment, Tier, VirtualPath, Zoom, ideal};
+use super::{Clip, PathError, PathKind, PathOptions, Segment, SegmentOutcome, VirtualPath, Zoom, ideal};
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::optim::qp::QpError;
 use plumbline_num::run::{Run, Stopped};
@@ -77,8 +77,8 @@ pub fn plan_along(
         },
         run,
     )?;
-    let followed = plan.segments.iter_mut().filter(|s| s.tier == Tier::Smoothed);
-    followed.for_each(|s| s.tier = Tier::Given);
+    let followed = plan.segments.iter_mut().filter(|s| s.outcome == SegmentOutcome::Smoothed);
+    followed.for_each(|s| s.outcome = SegmentOutcome::Given);
     Ok(plan)
 }
 
@@ -112,12 +112,12 @@ pub(super) fn plan_shots(
                     plan.out_from_src.push(out_from_src);
                     plan.crop.push(pose.z.norm());
                 }
-                Segment { frames: shot.clone(), tier: Tier::Smoothed, reason }
+                Segment { frames: shot.clone(), outcome: SegmentOutcome::Smoothed, reason }
             }
             Err(reason) => {
                 plan.out_from_src.extend(shot.clone().map(|_| Homography::identity()));
                 plan.crop.extend(shot.clone().map(|_| 1.0));
-                Segment { frames: shot.clone(), tier: Tier::Unchanged, reason }
+                Segment { frames: shot.clone(), outcome: SegmentOutcome::Unchanged, reason }
             }
         };
         plan.segments.push(segment);

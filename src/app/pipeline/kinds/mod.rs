@@ -87,7 +87,7 @@ pub use stmap::StMapSettings;
 pub use track::TrackSettings;
 pub use video_importance::{ClipFaces, VideoImportanceSettings};
 pub use video_retarget::VideoRetargetSettings;
-pub use warp::{WarpMode, WarpSettings};
+pub use warp::{ModelChoice, WarpSettings};
 
 use super::kind::StageKind;
 

@@ -1,30 +1,11 @@
 //! `video.track`: follows points through the frames.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 use crate::pipeline::kind::StageSettings;
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
-use plumbline_video::track::TrackOptions;
-
-/// Settings of `video.track`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct TrackSettings {
-    /// Points kept alive per frame; more follow finer motion and cost time in proportion
-    #[schemars(range(min = 50, max = 20_000))]
-    pub points: u32,
-    /// Picture of the clip's shape: nothing is tracked where it is white (a logo, a dashboard)
-    #[schemars(extend("format" = "path"))]
-    pub mask: Option<String>,
-}
-
-impl Default for TrackSettings {
-    fn default() -> Self {
-        Self { points: TrackOptions::default().points as u32, mask: None }
-    }
-}
+pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
 
 impl StageSettings for TrackSettings {
     const KIND: &'static str = "video.track";
@@ -50,6 +31,6 @@ impl StageSettings for TrackSettings {
     }
 
     fn reads(&self) -> Vec<&str> {
-        self.mask.as_deref().into_iter().collect()
+        self.mask.as_deref().and_then(Path::to_str).into_iter().collect()
     }
 }

@@ -1,4 +1,4 @@
-//! The maps of a render stage as one: a lens taken out, the clip held steady, its shape changed.
+//! The maps of a render stage as one: the lens undistorted, the clip stabilized, its shape changed.
 //!
 //! ```text
 //! src_from_out = lens ∘ steady ∘ shape,          each a backward map; any may be missing,
@@ -7,28 +7,27 @@
 //! composed per frame as geometry and sampled on one lattice, so that pixels are interpolated once whatever was asked for.
 
 use super::context::{Context, changed};
-use super::maps::Maps;
-use super::sampling::Feed;
-use super::tiers::Tiers;
+use super::sampling::render_inputs;
 use super::undistort::Undistorted;
-use super::{choice, context};
 use crate::pipeline::kinds::{LensUndistortSettings, VideoRetargetSettings};
 use crate::pipeline::run_error::RunError;
 use plumbline_image::Frame;
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_media::VideoInfo;
+use plumbline_num::run::Run;
 use plumbline_photo::temporal::ClipGrids;
+use plumbline_video::stabilize::{FrameMaps, FrameModels, PlanSummary, RenderInputs, select_models};
 
 /// What a render stage applies to each frame.
 pub(super) struct Chain<'v> {
     lens: Option<&'v Undistorted>,
-    pub(super) steady: Option<Feed<'v>>,
+    pub(super) steady: Option<RenderInputs<'v>>,
     shape: Option<&'v ClipGrids>,
 }
 
 impl<'v> Chain<'v> {
-    /// What earlier passes and stages handed on to the render stage `render`.
-    pub(super) fn of(context: &'v Context<'_, '_>, render: usize) -> Result<Self, RunError> {
+    /// What earlier passes and stages handed on to the render stage `render`; `covered`: the source must cover the output.
+    pub(super) fn of(context: &'v Context<'_, '_>, render: usize, covered: bool) -> Result<Self, RunError> {
         let mut chain = Self { lens: None, steady: None, shape: None };
         for edge in context.stage(render).edges.iter().filter(|e| e.port.name == "warps") {
             let settings = &context.stage(edge.from).settings;
@@ -37,7 +36,7 @@ impl<'v> Chain<'v> {
             } else if settings.get::<VideoRetargetSettings>().is_some() {
                 chain.shape = Some(context.values.get(edge)?);
             } else {
-                chain.steady = Some(Feed::of(context, edge.from)?);
+                chain.steady = Some(render_inputs(context, edge.from, covered)?);
             }
         }
         Ok(chain)
@@ -47,19 +46,19 @@ impl<'v> Chain<'v> {
     pub(super) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
         let before = match (self.lens, &self.steady) {
             (Some(lens), _) => lens.source,
-            (None, Some(feed)) => (feed.tracks.clip.width, feed.tracks.clip.height),
+            (None, Some(inputs)) => (inputs.tracks.width, inputs.tracks.height),
             (None, None) => return Ok(()),
         };
         if before == (video.width, video.height) {
             return Ok(());
         }
         let sizes = format!("{}×{} px, then {}×{} px", before.0, before.1, video.width, video.height);
-        Err(context::changed(name, &sizes))
+        Err(changed(name, &sizes))
     }
 
     /// Frames that the analysis saw, where there was one.
     pub(super) fn frames(&self) -> Option<u64> {
-        self.steady.as_ref().map(|feed| feed.tracks.store.frames() as u64)
+        self.steady.as_ref().map(|inputs| inputs.tracks.store.frames() as u64)
     }
 
     /// Refuses a clip of another length than the one analyzed.
@@ -84,23 +83,24 @@ impl<'v> Chain<'v> {
         self.lens.is_some() || self.shape.is_some()
     }
 
-    /// How far frames are bent where they are held steady. `covered`: the source must cover the output.
-    pub(super) fn tiers(&self, covered: bool) -> Result<Option<Tiers>, RunError> {
-        self.steady.as_ref().map(|feed| choice::tiers(feed, covered)).transpose()
+    /// The motion models of the frames, where they are stabilized.
+    pub(super) fn models(&self, run: &Run) -> Result<Option<FrameModels>, RunError> {
+        Ok(self.steady.as_ref().map(|inputs| select_models(inputs, run)).transpose()?)
+    }
+
+    /// The figures of the path and the models that the frames follow, where they are stabilized.
+    pub(super) fn plan(&self, models: Option<&FrameModels>) -> Option<PlanSummary> {
+        let (inputs, models) = self.steady.as_ref().zip(models)?;
+        Some(PlanSummary::of(inputs.motion, inputs.path, models))
     }
 
     /// Maps of successive frames of `video`.
-    pub(super) fn maps(
-        &self,
-        tiers: Option<&'v Tiers>,
-        covered: bool,
-        video: &VideoInfo,
-    ) -> Result<ChainMaps<'v>, RunError> {
-        let steady = self.steady.as_ref().zip(tiers);
+    pub(super) fn maps(&self, models: Option<&'v FrameModels>, video: &VideoInfo) -> Result<ChainMaps<'v>, RunError> {
+        let steady = self.steady.as_ref().zip(models);
         let shown = self.shown(video);
         Ok(ChainMaps {
             lens: self.lens,
-            steady: steady.map(|(feed, tiers)| Maps::new(feed, tiers, covered)).transpose()?,
+            steady: steady.map(|(inputs, models)| FrameMaps::new(inputs, models)).transpose()?,
             shape: self.shape,
             size: (shown.width, shown.height),
             constant: None,
@@ -112,7 +112,7 @@ impl<'v> Chain<'v> {
 /// The composed maps of successive frames.
 pub(super) struct ChainMaps<'v> {
     lens: Option<&'v Undistorted>,
-    steady: Option<Maps<'v>>,
+    steady: Option<FrameMaps<'v>>,
     shape: Option<&'v ClipGrids>,
     /// Size of the output, px.
     size: (usize, usize),

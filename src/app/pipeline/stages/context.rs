@@ -76,15 +76,15 @@ impl Context<'_, '_> {
         self.stage(stage).settings.get::<DecodeSettings>().ok_or_else(none)
     }
 
-    /// Adds a warning that was not told yet.
+    /// Adds a warning that is not there yet.
     pub(super) fn warn(&mut self, warning: String) {
         if !self.summary.warnings.contains(&warning) {
             self.summary.warnings.push(warning);
         }
     }
 
-    /// Tells of damage that was found while reading.
-    pub(super) fn tell_damage(&mut self, report: &ReadReport) {
+    /// Reports damage that was found while reading.
+    pub(super) fn report_damage(&mut self, report: &ReadReport) {
         let found = [
             (report.bad_packets, "damaged packets", "skipped"),
             (report.corrupt, "frames with damage", "concealed"),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! decode → map → render ─┬→ encode           each arrow a bounded queue between two threads
-//!                        ├→ beside → encode
+//!                        ├→ side by side → encode
 //!                        └→ album                      a few pictures for a report
 //! ```
 //!
@@ -18,7 +18,7 @@ use super::report::Album;
 use super::sampling::{Sampled, Sampler};
 use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
-use super::telling::{PathTold, tell_file};
+use super::summary::{report_file, report_plan};
 use crate::pipeline::job::Job;
 use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings, ReportSettings};
 use crate::pipeline::run_error::RunError;
@@ -59,7 +59,7 @@ fn copied(context: &mut Context<'_, '_>, stages: &[usize], source: usize) -> Res
     let mut album = Album::wanted(context, stages, reader.info())?;
     let (read, sinks) = Stream { job: context.job, reader, sampler: None, album: album.as_mut() }.run(sinks)?;
     finish(context, sinks)?;
-    context.tell_damage(&read);
+    context.report_damage(&read);
     context.values.put(source, Album::PORT, album);
     Ok(())
 }
@@ -74,22 +74,22 @@ fn rendered(
     let source = context.required(render, "frames")?.from;
     let (input, reader) = context.open(source)?;
     let others = other_inputs(context, stages, source)?;
-    let chain = Chain::of(context, render)?;
+    let chain = Chain::of(context, render, settings.border == kinds::Border::Crop)?;
     chain.check(input.name(), reader.info())?;
     context.job.progress.begin(context.pass.index, "render", chain.frames().or(reader.info().frames_estimate));
 
-    let tiers = chain.tiers(settings.border == kinds::Border::Crop)?;
-    let sampler = Sampler::new(&chain, tiers.as_ref(), settings, reader.info())?;
+    let models = chain.models(&context.job.run())?;
+    let sampler = Sampler::new(&chain, models.as_ref(), settings, reader.info())?;
     let sinks = sinks(context, stages, source, &input, &chain.shown(reader.info()), &others)?;
     let mut album = Album::wanted(context, stages, reader.info())?;
     let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: album.as_mut() };
     let (read, sinks) = stream.run(sinks)?;
     chain.check_length(input.name(), read.frames)?;
-    let path = chain.steady.zip(tiers.as_ref()).map(|(feed, tiers)| PathTold::of(&feed, tiers));
+    let plan = chain.plan(models.as_ref());
     finish(context, sinks)?;
-    context.tell_damage(&read);
-    if let Some(path) = path {
-        path.tell(context.summary);
+    context.report_damage(&read);
+    if let Some(plan) = plan {
+        report_plan(context.summary, plan);
     }
     context.values.put(render, Album::PORT, album);
     Ok(())
@@ -137,7 +137,7 @@ fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunErro
     for sink in sinks {
         context.job.check_cancel()?;
         let (output, size, written) = sink.finish()?;
-        tell_file(context.summary, &output, size, written);
+        report_file(context.summary, &output, size, written);
     }
     Ok(())
 }

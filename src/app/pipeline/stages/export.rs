@@ -4,13 +4,13 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::analysis::{Tracks, store_error};
 use super::context::Context;
 use crate::pipeline::kinds::MotionExportSettings;
 use crate::pipeline::run_error::RunError;
 use plumbline_media::Unfinished;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};
+use plumbline_video::stabilize::{StabilizeError, Tracks};
 
 /// Refuses files that cannot be written.
 pub(super) fn rehearse(settings: &MotionExportSettings) -> Result<(), RunError> {
@@ -80,7 +80,7 @@ impl Written {
 
     /// The models of the shots: in `folder` itself where there is one, else each in a folder of its own.
     fn models(&mut self, folder: &Path, motion: &ClipMotion, tracks: &Tracks) -> Result<(), RunError> {
-        let models = colmap::models_of(motion, &tracks.store).map_err(store_error)?;
+        let models = colmap::models_of(motion, &tracks.store).map_err(StabilizeError::from)?;
         if models.is_empty() {
             let nothing = "nothing was written there: no shot has cameras in space to trust";
             self.warnings.push(format!("{}: {nothing}", folder.display()));

@@ -5,41 +5,29 @@
 //! through them, each on its own thread.
 
 mod analysis;
-mod bender;
-mod beside;
-mod cameras;
 mod chain;
-mod choice;
 mod context;
-mod covering;
 mod encoding;
 mod export;
 mod filling;
 mod import;
-mod maps;
-mod measuring;
+mod importance;
 mod mesh;
 mod morphing;
 mod npz;
 mod numpy;
-mod path_file;
 mod photo;
 mod probe;
 mod report;
 mod retargeting;
 mod sampling;
-mod shake;
+mod side_by_side;
 mod sink;
 mod smoothing;
-mod space;
 mod stmap;
 mod stream;
-mod telling;
-mod tiers;
-mod trial;
+mod summary;
 mod undistort;
-mod watching;
-mod wishes;
 
 use std::path::Path;
 
@@ -53,7 +41,6 @@ use super::plan::Pass;
 use super::run_error::RunError;
 use super::summary::Summary;
 use context::{Context, media_error};
-pub(super) use path_file::path_file_schema;
 use plumbline_media::{Output, check_encoder};
 
 /// The bodies that this program has.
@@ -122,7 +109,7 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
     } else if let Some(settings) = settings.get::<LensUndistortSettings>() {
         undistort::run(context, stage, settings)
     } else if settings.get::<VideoImportanceSettings>().is_some() {
-        watching::run(context, stage)
+        importance::run(context, stage)
     } else if let Some(settings) = settings.get::<VideoRetargetSettings>() {
         retargeting::run(context, stage, settings)
     } else if let Some(settings) = settings.get::<MotionImportSettings>() {

@@ -1,8 +1,8 @@
 //! `video.retarget`: the grids of a clip, from what was judged and measured in the pass before.
 
 use super::context::Context;
+use super::importance::Watched;
 use super::undistort::{Undistorted, even_size};
-use super::watching::Watched;
 use crate::pipeline::graph::Graph;
 use crate::pipeline::kinds::{LensUndistortSettings, VideoRetargetSettings};
 use crate::pipeline::run_error::RunError;

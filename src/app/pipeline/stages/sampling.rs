@@ -4,12 +4,10 @@ use std::sync::Arc;
 
 use crossbeam::channel::{self, Receiver};
 
-use super::analysis::Tracks;
 use super::chain::{Chain, ChainMaps};
 use super::context::{Context, media_error};
 use super::filling::Filling;
 use super::stream::{QUEUE, hand_on};
-use super::tiers::Tiers;
 use crate::pipeline::job::Job;
 use crate::pipeline::kinds::{self, RenderSettings, WarpSettings};
 use crate::pipeline::run_error::RunError;
@@ -18,29 +16,22 @@ use plumbline_image::render::{Border, Interpolation, RenderOptions, Renderer};
 use plumbline_image::warp::Lattice;
 use plumbline_media::{FramePool, VideoInfo};
 use plumbline_num::run::Run;
-use plumbline_video::motion::ClipMotion;
-use plumbline_video::path::VirtualPath;
+use plumbline_video::stabilize::{FrameModels, RenderInputs};
 
-/// What feeds a render stage.
-#[derive(Clone, Copy)]
-pub(super) struct Feed<'v> {
-    pub(super) tracks: &'v Tracks,
-    pub(super) path: &'v VirtualPath,
-    pub(super) motion: Option<&'v ClipMotion>,
-    pub(super) warp: &'v WarpSettings,
-}
-
-impl<'v> Feed<'v> {
-    /// What earlier passes handed on to the warp stage `stage`.
-    pub(super) fn of(context: &'v Context<'_, '_>, stage: usize) -> Result<Self, RunError> {
-        let not_a_warp = || RunError::Internal(format!("`{}` gives no map", context.stage(stage).name));
-        Ok(Self {
-            tracks: context.values.get(context.required(stage, "tracks")?)?,
-            path: context.values.get(context.required(stage, "path")?)?,
-            motion: context.edge(stage, "motion").map(|edge| context.values.get(edge)).transpose()?,
-            warp: context.stage(stage).settings.get::<WarpSettings>().ok_or_else(not_a_warp)?,
-        })
-    }
+/// What earlier passes handed on to the warp stage `stage`; `covered`: the source must cover the output.
+pub(super) fn render_inputs<'v>(
+    context: &'v Context<'_, '_>,
+    stage: usize,
+    covered: bool,
+) -> Result<RenderInputs<'v>, RunError> {
+    let not_a_warp = || RunError::Internal(format!("`{}` gives no map", context.stage(stage).name));
+    Ok(RenderInputs {
+        tracks: context.values.get(context.required(stage, "tracks")?)?,
+        path: context.values.get(context.required(stage, "path")?)?,
+        motion: context.edge(stage, "motion").map(|edge| context.values.get(edge)).transpose()?,
+        warp: context.stage(stage).settings.get::<WarpSettings>().ok_or_else(not_a_warp)?,
+        covered,
+    })
 }
 
 /// A frame of the source and what was made of it.
@@ -78,12 +69,12 @@ pub(super) struct Sampler<'v> {
 impl<'v> Sampler<'v> {
     pub(super) fn new(
         chain: &Chain<'v>,
-        tiers: Option<&'v Tiers>,
+        models: Option<&'v FrameModels>,
         settings: &RenderSettings,
         video: &VideoInfo,
     ) -> Result<Self, RunError> {
         Ok(Self {
-            maps: chain.maps(tiers, settings.border == kinds::Border::Crop, video)?,
+            maps: chain.maps(models, video)?,
             drawer: Drawer {
                 renderer: Renderer::new(options(settings)),
                 pool: FramePool::new(&chain.shown(video)).map_err(media_error)?,
@@ -179,7 +170,7 @@ fn filling<'v>(chain: &Chain<'v>, settings: &RenderSettings) -> Result<Filling<'
         return Err(RunError::Usage(format!("borders can be filled only where a clip keeps shape and lens; {help}")));
     }
     let no_motion = || RunError::Internal("a border cannot be filled without the clip's motion".to_owned());
-    let motion = chain.steady.and_then(|feed| feed.motion);
+    let motion = chain.steady.and_then(|inputs| inputs.motion);
     Ok(Filling::new(settings, motion.ok_or_else(no_motion)?))
 }
 

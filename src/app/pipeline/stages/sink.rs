@@ -2,9 +2,9 @@
 
 use crossbeam::channel::{Receiver, Sender};
 
-use super::beside::{Beside, paste};
 use super::context::media_error;
 use super::sampling::Sampled;
+use super::side_by_side::{SideBySide, paste};
 use super::stream::hand_on;
 use crate::pipeline::job::Job;
 use crate::pipeline::kinds::EncodeSettings;
@@ -17,13 +17,13 @@ pub(super) struct Sink {
     pub(super) output: Output,
     /// Width and height of its pictures, px.
     pub(super) size: (usize, usize),
-    beside: Option<Beside>,
+    beside: Option<SideBySide>,
     writer: VideoWriter,
 }
 
 /// The way to a sink's encoder.
 pub(super) struct Branch {
-    beside: Option<Beside>,
+    beside: Option<SideBySide>,
     pool: FramePool,
     queue: Sender<Frame>,
 }
@@ -40,7 +40,7 @@ impl Sink {
         beside: bool,
     ) -> Result<Self, RunError> {
         let output = Output::parse(&settings.path);
-        let beside = beside.then(|| Beside::of(video));
+        let beside = beside.then(|| SideBySide::of(video));
         let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
         let options = WriteOptions { companions, ..write_options(settings, job) };
         let writer = VideoWriter::create(&output, source, &video, &options).map_err(media_error)?;

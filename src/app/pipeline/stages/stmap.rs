@@ -37,12 +37,12 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &StMapS
     let source = context.required(stage, "frames")?.from;
     let folder = PathBuf::from(&settings.path);
     let (input, reader) = context.open(source)?;
-    let chain = Chain::of(context, stage)?;
+    let chain = Chain::of(context, stage, settings.keep_inside)?;
     chain.check(input.name(), reader.info())?;
     context.job.progress.begin(context.pass.index, "maps", chain.frames().or(reader.info().frames_estimate));
     let size = (reader.info().width, reader.info().height);
-    let tiers = chain.tiers(settings.keep_inside)?;
-    let mut maps = chain.maps(tiers.as_ref(), settings.keep_inside, reader.info())?;
+    let models = chain.models(&context.job.run())?;
+    let mut maps = chain.maps(models.as_ref(), reader.info())?;
     let unfinished = begin(&folder)?;
     let (mut waiting, mut written) = (Vec::new(), 0);
     let report = for_each_frame(context.job, reader, |frame| {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix2;
 
-use super::analysis::told_focal_px;
+use super::analysis::focal_px_of;
 use super::context::Context;
 use super::photo::clip_lens;
 use crate::pipeline::kinds::LensUndistortSettings;
@@ -17,7 +17,7 @@ use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_photo::PhotoWarp;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, rectify};
-use plumbline_video::track::FrameTracks;
+use plumbline_video::stabilize::PointCarrier;
 
 /// The map of a clip's lens.
 #[derive(Clone)]
@@ -38,7 +38,7 @@ pub(super) fn run(
     let video = reader.info().clone();
     drop(reader);
     let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height), || {
-        told_focal_px(&input)
+        focal_px_of(&input)
     })?;
     found.warnings.into_iter().for_each(|w| context.warn(w));
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
@@ -106,17 +106,9 @@ impl Undistorted {
         self.warp.size
     }
 
-    /// Carries points of a frame to where the undistorted picture shows them; leaves out those that it does not show.
-    pub(super) fn carry(&self, tracks: &mut FrameTracks) {
-        let (width, height) = (self.warp.size.0 as f64, self.warp.size.1 as f64);
-        tracks.observations.retain_mut(|o| {
-            let shown = (self.warp.forward)(Point2::new(f64::from(o.x), f64::from(o.y)));
-            let inside = shown.filter(|p| p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height);
-            if let Some(p) = inside {
-                (o.x, o.y) = (p.x as f32, p.y as f32);
-            }
-            inside.is_some()
-        });
+    /// Carries points of the clip's own pictures to where the undistorted picture shows them.
+    pub(super) fn carrier(&self) -> PointCarrier<'_> {
+        PointCarrier { size: self.warp.size, out_from_src: &*self.warp.forward }
     }
 }
 
@@ -137,7 +129,7 @@ mod tests {
     use plumbline_num::run::Run;
     use plumbline_num::time::Timestamp;
     use plumbline_photo::rectify::Target;
-    use plumbline_video::track::{FrameQuality, Observation};
+    use plumbline_video::track::{FrameQuality, FrameTracks, Observation};
 
     fn undistorted() -> Undistorted {
         let fov = FieldOfView::degrees(110.0, FieldAxis::Horizontal);
@@ -155,7 +147,7 @@ mod tests {
         let observation = |(id, (x, y)): (usize, (f32, f32))| Observation { id: id as u32, x, y, background: true };
         let observations = places.into_iter().enumerate().map(observation).collect();
         let mut tracks = FrameTracks { pts: Timestamp(0), observations, quality: FrameQuality::default() };
-        lens.carry(&mut tracks);
+        lens.carrier().carry(&mut tracks);
         assert_eq!(tracks.observations.len(), 3, "the corner is cut away");
         for o in &tracks.observations {
             let back = lens.map(Point2::new(f64::from(o.x), f64::from(o.y))).expect("shown");

@@ -8,11 +8,11 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use super::shown::Shown;
-use crate::pipeline::stages::telling::verdict_name;
 use crate::report::{Cameras, Change, Chart, Curve, Curves, ShotVerdict};
 use plumbline_camera::CameraPose;
 use plumbline_video::motion::{ClipCameras, ShotCameras};
 use plumbline_video::path::VirtualPath;
+use plumbline_video::stabilize::verdict_name;
 
 /// x, y, z, yaw, pitch, roll: lengths of the scene and degrees.
 type Place = [f64; 6];

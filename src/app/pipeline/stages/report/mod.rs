@@ -12,7 +12,6 @@ use std::path::Path;
 
 use super::context::Context;
 use super::encoding;
-use super::shake::Strays;
 use crate::pipeline::kinds::ReportSettings;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
@@ -22,6 +21,7 @@ use in_plane::{Windows, curves};
 use plumbline_media::Unfinished;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
+use plumbline_video::stabilize::PathDeviations;
 use shown::Shown;
 
 /// Starts the unfinished page beside `path`; dropped, it is removed.
@@ -115,7 +115,7 @@ fn change(ShakeSummary { before, after }: ShakeSummary) -> Change<Shake> {
 
 /// Shake and the path in the picture.
 fn plots(motion: &ClipMotion, path: &VirtualPath, windows: &Windows, shown: Shown) -> Vec<Chart> {
-    let [before, after] = Strays::of(motion, &path.out_from_src).distances_px();
+    let [before, after] = PathDeviations::of(motion, &path.out_from_src).distances_px();
     let shake = Chart {
         title: "Shake".to_owned(),
         unit: "px from its course".to_owned(),

@@ -120,7 +120,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), Run
     context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
     let report =
         for_each_frame(context.job, reader, |frame| watching.iter_mut().try_for_each(|w| w.look(&frame, false)))?;
-    context.tell_damage(&report);
+    context.report_damage(&report);
     for watcher in watching {
         watcher.finish(context);
     }

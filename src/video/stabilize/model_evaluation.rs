@@ -1,10 +1,10 @@
-//! What a tier would make of a clip, measured before a picture is drawn: tracks are carried through the maps of the tier.
+//! What a motion model would make of a clip, measured before any frame is rendered: tracks are carried through its maps.
 //!
 //! With `q_k(t)` where the map of frame `t` shows track `k`, and `d_k = q_k(t+1) − 2 q_k(t) + q_k(t−1)`:
 //!
 //! ```text
 //! a_t = median_k d_k                              acceleration of the whole picture
-//! w_t² = mean over cells c of |median_{k ∈ c} d_k − a_t|²      wobble beside it: what neighbors do together, not their noise
+//! w_t² = mean over cells c of |median_{k ∈ c} d_k − a_t|²      wobble beside it: common motion of neighbors, not their noise
 //! A_t                                 affine map nearest to the grid's: anisotropy σ₂/σ₁
 //! shake                               of the similarities from frame to frame of the q_k, as [`super::shake`] has it
 //! ```
@@ -12,35 +12,47 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::analysis::{Tracks, store_error};
-use super::maps::{Forward, Maps};
-use super::sampling::Feed;
-use super::shake::{Stray, shake, strays};
-use super::tiers::Tiers;
-use crate::pipeline::kinds::WarpSettings;
-use crate::pipeline::run_error::RunError;
+use super::error::StabilizeError;
+use super::frame_maps::{ForwardMap, FrameMaps, RenderInputs};
+use super::frame_models::FrameModels;
+use super::options::WarpOptions;
+use super::shake::{PathDeviation, path_deviations, shake};
+use super::tracks::Tracks;
+use crate::motion::{self, ClipMotion, MotionModel, Pair};
+use crate::track::Observation;
 use plumbline_image::grid::Grid;
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline_video::motion::{self, ClipMotion, Pair};
-use plumbline_video::track::Observation;
+use plumbline_num::run::Run;
 
-/// Cells of the grid on which tiers are tried: half as fine as the one that is drawn, for an eighth of its time.
+/// Cells of the grid on which models are evaluated: half as fine as the default of rendering, for an eighth of its time.
 const CELLS: (u32, u32) = (32, 18);
-/// Columns and rows of the cells of the picture in which tracks are neighbors, and tracks that a cell needs.
+/// Columns and rows of the cells of the picture in which tracks are neighbors, and tracks that a cell needs: a median of three is
+/// the least that a single outlier cannot move.
 const NEIGHBORHOODS: (usize, usize, usize) = (8, 6, 3);
-/// Tracks by which a frame is judged, at least.
-const LEAST_TRACKS: usize = 20;
-/// Quantile of the anisotropy that is told.
-const LOW: f64 = 0.05;
+/// Tracks by which a frame is measured, at least: fewer say more of their own noise than of the picture.
+const MIN_TRACKS: usize = 20;
+/// Quantile of the anisotropy over the frames: the worst frames count, a single one does not.
+const ANISOTROPY_QUANTILE: f64 = 0.05;
 
-/// The clip as a tier would show it.
-pub(super) struct Trial {
-    frames: Vec<FrameTrial>,
-    strays: Vec<Stray>,
+/// A motion model that was evaluated on a segment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EvaluatedModel {
+    /// Frames of the segment.
+    pub frames: Range<usize>,
+    /// The model.
+    pub model: MotionModel,
+    /// What it would make of the segment.
+    pub figures: ModelFigures,
+}
+
+/// The clip as a model would show it.
+pub(super) struct ModelEvaluation {
+    frames: Vec<FrameFigures>,
+    deviations: Vec<PathDeviation>,
 }
 
 #[derive(Clone, Copy, Default)]
-struct FrameTrial {
+struct FrameFigures {
     crop: f64,
     anisotropy: f64,
     folds: usize,
@@ -48,57 +60,63 @@ struct FrameTrial {
     second: Option<(f64, f64)>,
 }
 
-impl FrameTrial {
-    fn of(map: &Forward, grid: &Grid, crop: f64) -> Self {
-        let folds = if let Forward::Mesh(mesh) = map { mesh.folded_cells() } else { 0 };
+impl FrameFigures {
+    fn of(map: &ForwardMap, grid: &Grid, crop: f64) -> Self {
+        let folds = if let ForwardMap::Mesh(mesh) = map { mesh.folded_cells() } else { 0 };
         Self { crop, anisotropy: anisotropy(map, grid), folds, second: None }
     }
 }
 
-/// A range of frames as a tier would show it.
+/// Figures of a range of frames as a model would show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct TrialFigures {
-    /// Mean part of the picture's width that stays.
-    pub(super) crop: f64,
+pub struct ModelFigures {
+    /// Mean fraction of the picture's width that is kept.
+    pub crop: f64,
     /// Shake, px.
-    pub(super) shake_px: f64,
+    pub shake_px: f64,
     /// RMS acceleration of the picture, px per frame².
-    pub(super) acceleration_px: f64,
-    /// RMS of what single tracks do beside it, px per frame².
-    pub(super) wobble_px: f64,
-    /// 5th percentile over the frames; 1 keeps angles.
-    pub(super) anisotropy: f64,
-    /// Cells that fold.
-    pub(super) folds: usize,
+    pub acceleration_px: f64,
+    /// RMS acceleration of parts of the picture beside it, px per frame².
+    pub wobble_px: f64,
+    /// 5th percentile over the frames of the ratio of the map's singular values, in [0, 1]; 1 keeps angles.
+    pub anisotropy: f64,
+    /// Cells that fold, in all frames together.
+    pub folds: usize,
 }
 
-impl Trial {
-    /// Carries the tracks of `feed` through the maps that `tiers` mean.
-    pub(super) fn run(feed: &Feed<'_>, tiers: &Tiers, motion: &ClipMotion, covered: bool) -> Result<Self, RunError> {
-        let warp = WarpSettings { columns: CELLS.0, rows: CELLS.1, ..feed.warp.clone() };
-        let mut maps = Maps::new(&Feed { warp: &warp, ..*feed }, tiers, covered)?;
+impl ModelEvaluation {
+    /// Carries the tracks of `inputs` through the maps of `models`.
+    pub(super) fn new(
+        inputs: &RenderInputs<'_>,
+        models: &FrameModels,
+        motion: &ClipMotion,
+        run: &Run,
+    ) -> Result<Self, StabilizeError> {
+        let warp = WarpOptions { columns: CELLS.0, rows: CELLS.1, ..inputs.warp.clone() };
+        let mut maps = FrameMaps::new(&RenderInputs { warp: &warp, ..*inputs }, models)?;
         let grid = maps.grid();
-        let mut frames: Vec<FrameTrial> = Vec::with_capacity(motion.frames.len());
+        let mut frames: Vec<FrameFigures> = Vec::with_capacity(motion.frames.len());
         let mut steps = Vec::with_capacity(motion.frames.len());
         for shot in &motion.shots {
-            let mut seen = Seen::new(grid);
+            let mut seen = TrackWindow::new(grid);
             for index in shot.clone() {
+                run.check()?;
                 let map = maps.forward(None)?;
-                let (step, second) = seen.push(shown(feed.tracks, index, &map, &grid)?);
+                let (step, second) = seen.push(shown(inputs.tracks, index, &map, &grid)?);
                 steps.push(step);
                 if let Some(last) = frames.last_mut() {
                     last.second = second;
                 }
-                let crop = feed.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
-                frames.push(FrameTrial::of(&map, &grid, crop));
+                let crop = inputs.path.crop.get(index).map_or(1.0, |c| c.min(1.0));
+                frames.push(FrameFigures::of(&map, &grid, crop));
             }
         }
-        let strays = strays(motion, |t| steps.get(t).copied().flatten());
-        Ok(Self { frames, strays })
+        let deviations = path_deviations(motion, |t| steps.get(t).copied().flatten());
+        Ok(Self { frames, deviations })
     }
 
     /// The figures of a range of frames; `None` where nothing could be measured in it.
-    pub(super) fn over(&self, range: Range<usize>) -> Option<TrialFigures> {
+    pub(super) fn over(&self, range: Range<usize>) -> Option<ModelFigures> {
         let frames = self.frames.get(range.clone())?;
         let second: Vec<(f64, f64)> = frames.iter().filter_map(|f| f.second).collect();
         let rms = |of: fn(&(f64, f64)) -> f64| {
@@ -107,33 +125,33 @@ impl Trial {
         };
         let mut anisotropy: Vec<f64> = frames.iter().map(|f| f.anisotropy).collect();
         anisotropy.sort_by(f64::total_cmp);
-        Some(TrialFigures {
+        Some(ModelFigures {
             crop: frames.iter().map(|f| f.crop).sum::<f64>() / frames.len().max(1) as f64,
-            shake_px: shake(self.strays.get(range)?)?.px,
+            shake_px: shake(self.deviations.get(range)?)?.px,
             acceleration_px: rms(|s| s.0)?,
             wobble_px: rms(|s| s.1)?,
-            anisotropy: *anisotropy.get((LOW * anisotropy.len() as f64) as usize)?,
+            anisotropy: *anisotropy.get((ANISOTROPY_QUANTILE * anisotropy.len() as f64) as usize)?,
             folds: frames.iter().map(|f| f.folds).sum(),
         })
     }
 }
 
 /// Where the map of a frame shows the tracks of the background.
-fn shown(tracks: &Tracks, frame: usize, map: &Forward, grid: &Grid) -> Result<Vec<(u32, Point2)>, RunError> {
-    let seen = tracks.store.read(frame).map_err(store_error)?.observations;
-    let still = seen.iter().filter(|o| o.background);
-    let place = |o: &Observation| Some((o.id, map.apply(grid, Point2::new(f64::from(o.x), f64::from(o.y)))?));
-    Ok(still.filter_map(place).collect())
+fn shown(tracks: &Tracks, frame: usize, map: &ForwardMap, grid: &Grid) -> Result<Vec<(u32, Point2)>, StabilizeError> {
+    let seen = tracks.store.read(frame)?.observations;
+    let background = seen.iter().filter(|o| o.background);
+    let position = |o: &Observation| Some((o.id, map.apply(grid, Point2::new(f64::from(o.x), f64::from(o.y)))?));
+    Ok(background.filter_map(position).collect())
 }
 
-/// Tracks as the last two frames showed them.
-struct Seen {
+/// Positions of the tracks in the last two frames.
+struct TrackWindow {
     cells: Grid,
     before: HashMap<u32, Point2>,
     last: HashMap<u32, Point2>,
 }
 
-impl Seen {
+impl TrackWindow {
     fn new(picture: Grid) -> Self {
         let cells = Grid { cols: NEIGHBORHOODS.0, rows: NEIGHBORHOODS.1, ..picture };
         Self { cells, before: HashMap::new(), last: HashMap::new() }
@@ -143,7 +161,7 @@ impl Seen {
     fn push(&mut self, shown: Vec<(u32, Point2)>) -> (Option<Homography>, Option<(f64, f64)>) {
         let pair = |&(id, this): &(u32, Point2)| Some(Pair { previous: *self.last.get(&id)?, this });
         let pairs: Vec<Pair> = shown.iter().filter_map(pair).collect();
-        let enough = pairs.len() >= LEAST_TRACKS;
+        let enough = pairs.len() >= MIN_TRACKS;
         let step = enough.then(|| motion::similarity(&pairs, &vec![1.0; pairs.len()])).flatten();
         let second = self.second(&shown);
         self.before = std::mem::replace(&mut self.last, shown.into_iter().collect());
@@ -161,7 +179,7 @@ impl Seen {
                 by_cell[at.cell].push(d);
             }
         }
-        let whole = (all.len() >= LEAST_TRACKS).then(|| median(&all))?;
+        let whole = (all.len() >= MIN_TRACKS).then(|| median(&all))?;
         let local: Vec<f64> = (by_cell.iter())
             .filter(|vectors| vectors.len() >= NEIGHBORHOODS.2)
             .map(|vectors| (median(vectors) - whole).norm_squared())
@@ -182,7 +200,7 @@ fn median(vectors: &[Vec2]) -> Vec2 {
 }
 
 /// Ratio of the singular values of the affine map nearest to a frame's.
-fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
+fn anisotropy(map: &ForwardMap, grid: &Grid) -> f64 {
     let center = Point2::new(grid.width / 2.0, grid.height / 2.0);
     let (mut x, mut y) = (Vec2::zeros(), Vec2::zeros());
     for i in 0..grid.vertex_count() {
@@ -203,8 +221,8 @@ fn anisotropy(map: &Forward, grid: &Grid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::{FrameMotion, MotionQuality};
     use plumbline_num::time::{Timebase, Timestamp};
-    use plumbline_video::motion::{FrameMotion, MotionQuality};
 
     const PICTURE: Grid = Grid { cols: 32, rows: 18, width: 640.0, height: 360.0 };
 
@@ -216,7 +234,7 @@ mod tests {
 
     /// Acceleration and wobble of three frames in which points move by `by(t, p)`.
     fn second(by: impl Fn(f64, Point2) -> Vec2) -> (f64, f64) {
-        let mut seen = Seen::new(PICTURE);
+        let mut seen = TrackWindow::new(PICTURE);
         seen.push(points(|p| by(0.0, p)));
         seen.push(points(|p| by(1.0, p)));
         seen.push(points(|p| by(2.0, p))).1.expect("all points seen three times")
@@ -251,9 +269,9 @@ mod tests {
     fn the_anisotropy_of_a_map_is_the_ratio_of_its_singular_values() {
         let mut squeezed = PICTURE.to_mesh();
         squeezed.vertices.iter_mut().for_each(|v| v.y *= 0.9);
-        assert!((anisotropy(&Forward::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
+        assert!((anisotropy(&ForwardMap::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
         let turned = plumbline_num::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
-        assert!((anisotropy(&Forward::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
+        assert!((anisotropy(&ForwardMap::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
     }
 
     #[test]
@@ -263,22 +281,26 @@ mod tests {
         // The last 30 frames jump to and fro by 4 px.
         let jump = |t: usize| if t < 31 { 0.0 } else { 4.0 * f64::from(2 * (t % 2) as u8) - 4.0 };
         let step = |t: usize| Some(Similarity2 { t: Vec2::new(jump(t), 0.0), ..Similarity2::IDENTITY }.to_homography());
-        let frame = |t: usize| FrameTrial {
+        let frame = |t: usize| FrameFigures {
             crop: if t < 30 { 1.0 } else { 0.8 + 0.2 * (t % 2) as f64 },
             anisotropy: if t == 40 { 0.5 } else { 1.0 - 0.001 * t as f64 },
             folds: usize::from(t == 40),
             second: (t != 50).then_some(if t < 30 { (0.0, 0.0) } else { (3.0 * (t % 2) as f64, 1.0) }),
         };
-        let trial = Trial { frames: (0..60).map(frame).collect(), strays: strays(&motion, step) };
-        let calm = trial.over(0..25).expect("measured");
+        let evaluation =
+            ModelEvaluation { frames: (0..60).map(frame).collect(), deviations: path_deviations(&motion, step) };
+        let calm = evaluation.over(0..25).expect("measured");
         assert_eq!((calm.crop, calm.acceleration_px, calm.wobble_px, calm.folds), (1.0, 0.0, 0.0, 0));
-        let rough = trial.over(30..60).expect("measured");
+        let rough = evaluation.over(30..60).expect("measured");
         assert!((rough.crop - 0.9).abs() < 1e-12 && rough.folds == 1, "{rough:?}");
         // 15 of the 29 frames that were measured accelerate by 3 px; one frame in 30 is below the quantile.
         assert!((rough.acceleration_px - 3.0 * (15.0_f64 / 29.0).sqrt()).abs() < 1e-12 && rough.wobble_px == 1.0);
         assert!((rough.anisotropy - 0.941).abs() < 1e-12, "{}", rough.anisotropy);
         assert!((1.5..2.5).contains(&rough.shake_px), "{}", rough.shake_px);
         assert!(calm.shake_px < 0.6, "{}", calm.shake_px);
-        assert!(trial.over(50..51).is_none() && trial.over(0..61).is_none(), "nothing measured, nothing said");
+        assert!(
+            evaluation.over(50..51).is_none() && evaluation.over(0..61).is_none(),
+            "nothing measured, nothing said"
+        );
     }
 }

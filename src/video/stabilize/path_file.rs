@@ -1,4 +1,4 @@
-//! The path file: where a person or another program wants the camera.
+//! The path file: the target poses of the virtual camera, by a person or another program.
 //!
 //! ```json
 //! { "wanted": [ { "time_s": 0.0, "q": [1,0,0,0], "t": [0,0,0] }, … ],
@@ -6,16 +6,16 @@
 //! ```
 //!
 //! Poses are `cam_from_world`, rotations a quaternion `q = [w, x, y, z]` or a matrix `R`. `input` holds the input's own
-//! cameras `I_t`, one per frame, in the same world: a similarity lays them over those that were recovered, `P_t`, and the wanted
-//! ones `W_t` with them. What it leaves is the drift of the recovered cameras, which the points recovered with them share; so the
+//! cameras `I_t`, one per frame, in the same world: a similarity aligns them with those that were recovered, `P_t`, and the wanted
+//! ones `W_t` with them. The remainder is the drift of the recovered cameras, which the points recovered with them share; so the
 //! virtual cameras follow it,
 //!
 //! ```text
 //! V_t = W_t Ē_t,      Ē: low-pass of E_t = I_t⁻¹ P_t
 //! ```
 //!
-//! (the low-pass, since what single frames have of their own would shake the path). `wanted` has one pose per frame, or poses with times between which it is interpolated. `stable` and `shaky` are
-//! understood for `wanted` and `input`.
+//! (the low-pass, since the errors of single frames would shake the path). `wanted` has one pose per frame, or poses with times
+//! between which it is interpolated. `stable` and `shaky` are accepted for `wanted` and `input`.
 
 use std::path::Path;
 
@@ -23,13 +23,14 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::pipeline::run_error::RunError;
+use super::error::StabilizeError;
+use crate::motion::{ClipCameras, FrameCamera};
+use crate::path::smoothed_poses;
 use plumbline_camera::{CameraPose, Vec3, align};
-use plumbline_video::motion::{ClipCameras, FrameCamera};
-use plumbline_video::path::smoothed_poses;
 
-/// How far a rotation may be from one.
-const SLACK: f64 = 1e-3;
+/// Deviation of a rotation from an orthonormal one up to which a pose is accepted: files with four digits pass, a matrix with a
+/// scale in it does not.
+const MAX_DEVIATION: f64 = 1e-3;
 
 /// Standard deviation, s, of the low-pass over the drift: errors of recovered cameras that are faster would be seen as shake.
 const DRIFT_S: f64 = 0.25;
@@ -62,21 +63,21 @@ struct Entry {
 }
 
 /// The JSON schema of the path file.
-pub(in crate::pipeline) fn path_file_schema() -> schemars::Schema {
+pub fn path_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }
 
-/// The wanted cameras of every frame, in the coordinates of the recovered ones.
-pub(super) struct WantedPath {
+/// The target cameras of every frame, in the coordinates of the recovered ones.
+pub(super) struct AlignedPath {
     pub(super) poses: Vec<Option<CameraPose>>,
-    /// RMS distance of the input's cameras from the recovered ones, as a share of their path's length.
+    /// RMS distance of the input's cameras from the recovered ones, as a fraction of their path's length.
     pub(super) residual: f64,
 }
 
 /// Reads a path file for a clip whose frames are shown at `times_s`.
-pub(super) fn read(path: &str, cameras: &ClipCameras, times_s: &[f64]) -> Result<WantedPath, RunError> {
-    let bad = |what: String| RunError::Input(format!("{path}: {what}"));
-    let bytes = std::fs::read(Path::new(path)).map_err(|e| bad(format!("cannot be read: {e}")))?;
+pub(super) fn read(path: &Path, cameras: &ClipCameras, times_s: &[f64]) -> Result<AlignedPath, StabilizeError> {
+    let bad = |reason: String| StabilizeError::PathFile { path: path.to_owned(), reason };
+    let bytes = std::fs::read(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
     let document: Document = serde_json::from_slice(&bytes).map_err(|e| bad(format!("not a path file: {e}")))?;
     let poses = |name: &str, entries: &[Entry]| {
         let pose = |(k, e): (usize, &Entry)| e.pose().ok_or_else(|| bad(format!("{name}[{k}] is no pose")));
@@ -100,7 +101,7 @@ pub(super) fn read(path: &str, cameras: &ClipCameras, times_s: &[f64]) -> Result
         let (input, found) = (&input[segment.clone()], &found[segment.clone()]);
         follow_drift(&mut poses[segment.clone()], input, found, &times_s[segment]);
     }
-    Ok(WantedPath { poses: poses.into_iter().map(Some).collect(), residual })
+    Ok(AlignedPath { poses: poses.into_iter().map(Some).collect(), residual })
 }
 
 /// `W_t ← W_t Ē_t` over a segment: `input` as it was given, `found` as it was recovered.
@@ -129,8 +130,8 @@ fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result
         if times.len() == 1 {
             return poses[0];
         }
-        let share = ((time - times[after - 1]) / (times[after] - times[after - 1])).clamp(0.0, 1.0);
-        poses[after - 1].toward(&poses[after], share)
+        let fraction = ((time - times[after - 1]) / (times[after] - times[after - 1])).clamp(0.0, 1.0);
+        poses[after - 1].toward(&poses[after], fraction)
     };
     Ok(times_s.iter().map(at).collect())
 }
@@ -140,12 +141,12 @@ impl Entry {
         let rotation = match (self.q, self.r) {
             (Some([w, x, y, z]), None) => {
                 let q = Quaternion::new(w, x, y, z);
-                ((q.norm() - 1.0).abs() <= SLACK).then(|| UnitQuaternion::new_normalize(q))?
+                ((q.norm() - 1.0).abs() <= MAX_DEVIATION).then(|| UnitQuaternion::new_normalize(q))?
             }
             (None, Some(r)) => {
                 let m = Matrix3::from_fn(|i, j| r[i][j]);
                 let off = (m * m.transpose() - Matrix3::identity()).amax();
-                if !(off <= SLACK && m.determinant() > 0.0) {
+                if !(off <= MAX_DEVIATION && m.determinant() > 0.0) {
                     return None;
                 }
                 UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m))
@@ -173,26 +174,26 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(4);
         let mut noise = move || shake * (random.f64() - 0.5);
         let camera = |s: f64| {
-            let turn = Vec3::new(0.1 * s.sin() + noise(), 0.2 * s + noise(), noise());
+            let rotation = Vec3::new(0.1 * s.sin() + noise(), 0.2 * s + noise(), noise());
             let center = Point3::new(s + noise(), 0.3 * (0.5 * s).cos() + noise(), noise());
-            CameraPose::looking_from(center, UnitQuaternion::from_scaled_axis(turn))
+            CameraPose::looking_from(center, UnitQuaternion::from_scaled_axis(rotation))
         };
         times_s().into_iter().map(camera).collect()
     }
 
-    /// How far two cameras are apart, in turn and place.
+    /// Distance of two cameras, in rotation and position.
     fn apart(a: &CameraPose, b: &CameraPose) -> f64 {
         a.rotation.angle_to(&b.rotation) + (a.center() - b.center()).norm()
     }
 
-    /// What a recovered world drifts by at a moment.
+    /// The drift of a recovered world at a time.
     fn drift(s: f64) -> CameraPose {
-        let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.004 * s, -0.01 * s, 0.003 * (0.4 * s).sin()));
-        CameraPose { rotation: turn, translation: Vec3::new(0.02 * s, 0.0, -0.01 * s) }
+        let rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.004 * s, -0.01 * s, 0.003 * (0.4 * s).sin()));
+        CameraPose { rotation, translation: Vec3::new(0.02 * s, 0.0, -0.01 * s) }
     }
 
     #[test]
-    fn a_virtual_camera_stands_to_the_recovered_one_as_the_wanted_one_to_the_input() {
+    fn a_virtual_camera_relates_to_the_recovered_one_as_the_wanted_one_to_the_input() {
         let (input, wanted) = (cameras(0.05), cameras(0.0));
         let found: Vec<_> = input.iter().zip(times_s()).map(|(i, s)| Some(*i * drift(s))).collect();
         let mut followed = wanted.clone();
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_single_frames_have_of_their_own_does_not_shake_the_path() {
+    fn errors_of_single_frames_do_not_shake_the_path() {
         let (input, wanted) = (cameras(0.0), cameras(0.0));
         let found: Vec<_> = cameras(0.01).into_iter().map(Some).collect();
         let mut followed = wanted.clone();

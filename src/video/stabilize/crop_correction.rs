@@ -1,4 +1,4 @@
-//! A slow zoom that keeps the source over the output where windows were moved after they had been planned.
+//! A slow zoom that keeps the source over the output where crop windows were moved after they had been planned.
 //!
 //! With `W_t` (`out_from_src`) and the output's center `c`, the part of the output about `c` that the source covers is
 //!
@@ -6,43 +6,43 @@
 //! s_t = max { s ≤ 1 : W_t⁻¹(c + s (p − c)) inside the source for all corners p of the output }
 //! ```
 //!
-//! and the zoom `z_t ≥ 1/s_t` that covers all of it is the running maximum of `1/s`, evened out: a mean over no more time than
-//! the maximum was taken over stays above what it must stay above.
+//! and the zoom `z_t ≥ 1/s_t` that covers all of it is the running maximum of `1/s`, low-passed: a mean over no more time than
+//! the maximum was taken over stays above the required zoom.
 
 use std::ops::Range;
 
+use crate::path::lowpass;
 use plumbline_num::math::{Point2, Similarity2};
-use plumbline_video::path::lowpass;
 
-/// Standard deviation, s, of the mean over time: a zoom that takes a second or two is not seen.
+/// Standard deviation of the mean over time, s: a zoom that takes a second or two is not seen.
 const SIGMA_S: f64 = 0.4;
-/// Reach of that mean, standard deviations.
-const REACH: f64 = 4.0;
+/// Half width of that mean, standard deviations: beyond 4 a Gaussian has lost all but 10⁻⁴ of its weight.
+const HALF_WIDTH: f64 = 4.0;
 
-/// Zoom about the output's center for the windows of every frame of a shot, shown every `period_s`: from 1 to `most`. What
-/// that does not cover is left to the mesh.
-pub(super) fn covering_zoom(windows: &[Similarity2], size: (f64, f64), period_s: f64, most: f64) -> Vec<f64> {
+/// Zoom about the output's center for the windows of every frame of a shot, shown every `period_s`: from 1 to `max_zoom`.
+/// What that does not cover is left to the mesh.
+pub(super) fn covering_zoom(windows: &[Similarity2], size: (f64, f64), period_s: f64, max_zoom: f64) -> Vec<f64> {
     let sigma = SIGMA_S / period_s;
-    let reach = (REACH * sigma).ceil() as usize + 1;
-    let needed: Vec<f64> = windows.iter().map(|w| 1.0 / covered_part(w, size)).collect();
+    let reach = (HALF_WIDTH * sigma).ceil() as usize + 1;
+    let needed: Vec<f64> = windows.iter().map(|w| 1.0 / covered_fraction(w, size)).collect();
     let near = |t: usize| -> Range<usize> { t.saturating_sub(reach)..(t + reach + 1).min(needed.len()) };
-    let widest: Vec<f64> = (0..needed.len()).map(|t| needed[near(t)].iter().copied().fold(1.0, f64::max)).collect();
-    lowpass(&widest, sigma).iter().map(|z| z.clamp(1.0, most)).collect()
+    let max_needed: Vec<f64> = (0..needed.len()).map(|t| needed[near(t)].iter().copied().fold(1.0, f64::max)).collect();
+    lowpass(&max_needed, sigma).iter().map(|z| z.clamp(1.0, max_zoom)).collect()
 }
 
 /// `s_t`.
-fn covered_part(out_from_src: &Similarity2, (width, height): (f64, f64)) -> f64 {
+fn covered_fraction(out_from_src: &Similarity2, (width, height): (f64, f64)) -> f64 {
     let Some(src_from_out) = out_from_src.inverse() else { return 1.0 };
     let center = Point2::new(width / 2.0, height / 2.0);
     let from = src_from_out.apply(center);
     let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(x, y)| Point2::new(x, y));
-    corners.iter().fold(1.0_f64, |part, corner| {
-        let way = src_from_out.apply(*corner) - from;
-        let until = |from: f64, way: f64, end: f64| {
-            let room = if way > 0.0 { end - from } else { -from };
-            if way == 0.0 { f64::INFINITY } else { room / way }
+    corners.iter().fold(1.0_f64, |fraction, corner| {
+        let direction = src_from_out.apply(*corner) - from;
+        let until = |from: f64, direction: f64, end: f64| {
+            let room = if direction > 0.0 { end - from } else { -from };
+            if direction == 0.0 { f64::INFINITY } else { room / direction }
         };
-        part.min(until(from.x, way.x, width)).min(until(from.y, way.y, height))
+        fraction.min(until(from.x, direction.x, width)).min(until(from.y, direction.y, height))
     })
 }
 

@@ -13,7 +13,7 @@ use plumbline_media::VideoInfo;
 
 /// Where the two pictures lie in the joined one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Beside {
+pub(super) struct SideBySide {
     /// Width and height that one picture takes, px.
     slot: (usize, usize),
     /// The slots follow each other down the coded picture, not across it.
@@ -22,7 +22,7 @@ pub(super) struct Beside {
     original_first: bool,
 }
 
-impl Beside {
+impl SideBySide {
     /// The arrangement for pictures of this video.
     pub(super) fn of(video: &VideoInfo) -> Self {
         Self::arranged((video.width, video.height), video.format, video.rotation_deg, video.mirrored)
@@ -93,8 +93,8 @@ mod tests {
     use super::*;
     use plumbline_image::Layout;
 
-    fn beside(size: (usize, usize), layout: Layout, rotation_deg: f64, mirrored: bool) -> Beside {
-        Beside::arranged(size, PixelFormat::opaque(layout, 8), rotation_deg, mirrored)
+    fn beside(size: (usize, usize), layout: Layout, rotation_deg: f64, mirrored: bool) -> SideBySide {
+        SideBySide::arranged(size, PixelFormat::opaque(layout, 8), rotation_deg, mirrored)
     }
 
     /// Samples that tell picture, plane and place.
@@ -129,7 +129,7 @@ mod tests {
             for rotation in [0.0, 90.0, 180.0, -90.0] {
                 let format = PixelFormat::opaque(layout, bits);
                 let (original, result) = (picture(format, (w, h), 1), picture(format, (w, h), 101));
-                let beside = Beside::arranged((w, h), format, rotation, false);
+                let beside = SideBySide::arranged((w, h), format, rotation, false);
                 let (across, down) = beside.times();
                 let mut joined = Frame::new(format, across * beside.slot.0, down * beside.slot.1);
                 assert!(beside.join(&original, &result, &mut joined));

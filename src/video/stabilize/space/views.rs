@@ -1,42 +1,43 @@
-//! What virtual cameras make of a clip, as the planner needs it and as it answers.
+//! The film that virtual cameras would shoot, as the planner needs it, and the windows that it answers with.
 
 use std::ops::Range;
 
-use super::fit::{Fit, Lives};
-use super::places::Places;
-use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages::analysis::{Tracks, store_error};
-use crate::pipeline::stages::covering::covering_zoom;
+use super::fit::{Fit, TrackSpans};
+use super::scene_points::ScenePoints;
+use crate::path::{Clip, InterFrame, VirtualCamera, VirtualPath};
+use crate::stabilize::crop_correction::covering_zoom;
+use crate::stabilize::error::StabilizeError;
+use crate::stabilize::tracks::Tracks;
 use plumbline_camera::{CameraPose, Intrinsics, Point3};
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
-use plumbline_video::path::{Clip, InterFrame, VirtualCamera, VirtualPath};
+use plumbline_num::run::Run;
 
-/// Zoom that steadied windows may cost: for one part in a hundred of the picture the mesh need not bend the border.
-const MOST_ZOOM: f64 = 1.01;
+/// Zoom that steadied windows may cost, at most: for one hundredth of the picture the mesh need not bend the border.
+const MAX_ZOOM: f64 = 1.01;
 
-/// Where a virtual camera is wanted.
+/// The pose of a virtual camera, before the planner chooses its window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::pipeline::stages) struct Wanted {
-    /// `cam_from_world`; in the world's origin where it only turns.
-    pub(in crate::pipeline::stages) pose: CameraPose,
-    /// It stands where the real one stood.
-    pub(in crate::pipeline::stages) turns: bool,
+pub(in crate::stabilize) struct TargetPose {
+    /// `cam_from_world`; in the world's origin where it only rotates.
+    pub(in crate::stabilize) pose: CameraPose,
+    /// It only rotates: its position is that of the real camera.
+    pub(in crate::stabilize) rotation_only: bool,
 }
 
-impl Wanted {
-    fn show(&self, lens: &Intrinsics, place: &Point3) -> Option<Point2> {
-        lens.project(&self.pose.apply(place))
+impl TargetPose {
+    fn show(&self, lens: &Intrinsics, point: &Point3) -> Option<Point2> {
+        lens.project(&self.pose.apply(point))
     }
 }
 
-/// What virtual cameras make of the frames of a clip.
-pub(in crate::pipeline::stages) struct Views {
+/// The frames of a clip under their virtual cameras.
+pub(in crate::stabilize) struct Views {
     frames: Vec<Option<View>>,
 }
 
 /// One frame under its virtual camera.
 struct View {
-    wanted: Wanted,
+    target: TargetPose,
     intrinsics: Intrinsics,
     /// `G_t`.
     shown_from_src: Similarity2,
@@ -45,52 +46,54 @@ struct View {
 }
 
 impl Views {
-    /// The views of the cameras `wanted`, one per frame of a clip that is shown at `times_s`.
-    pub(in crate::pipeline::stages) fn new(
+    /// The views of the cameras at `targets`, one per frame of a clip that is shown at `times_s`.
+    pub(in crate::stabilize) fn new(
         tracks: &Tracks,
-        places: &Places<'_>,
-        wanted: &[Option<Wanted>],
+        scene: &ScenePoints<'_>,
+        targets: &[Option<TargetPose>],
         times_s: &[f64],
-    ) -> Result<Self, RunError> {
-        let lives = Lives::of(tracks)?;
-        let mut frames = Vec::with_capacity(wanted.len());
-        let mut before: Option<(Wanted, Intrinsics)> = None;
-        for (frame, wanted) in wanted.iter().enumerate() {
-            let Some((wanted, camera)) = wanted.zip(places.camera(frame)) else {
+        run: &Run,
+    ) -> Result<Self, StabilizeError> {
+        let spans = TrackSpans::of(tracks)?;
+        let mut frames = Vec::with_capacity(targets.len());
+        let mut before: Option<(TargetPose, Intrinsics)> = None;
+        for (frame, target) in targets.iter().enumerate() {
+            run.check()?;
+            let Some((target, camera)) = target.zip(scene.camera(frame)) else {
                 before = None;
                 frames.push(None);
                 continue;
             };
-            if places.starts_at(frame) {
+            if scene.starts_at(frame) {
                 before = None;
             }
-            let seen = tracks.store.read(frame).map_err(store_error)?.observations;
+            let seen = tracks.store.read(frame)?.observations;
             let intrinsics = camera.intrinsics;
             let (mut shown, mut moved) = (Fit::default(), Fit::default());
             for o in &seen {
-                let Some(place) = places.of(frame, o, wanted.turns) else { continue };
-                let Some(now) = wanted.show(&intrinsics, &place) else { continue };
-                let weight = lives.weight(o.id, frame, times_s);
+                let Some(point) = scene.of(frame, o, target.rotation_only) else { continue };
+                let Some(now) = target.show(&intrinsics, &point) else { continue };
+                let weight = spans.weight(o.id, frame, times_s);
                 shown.add(Point2::new(f64::from(o.x), f64::from(o.y)), now, weight);
-                if let Some(then) = before.and_then(|(camera, lens)| camera.show(&lens, &place)) {
+                if let Some(then) = before.and_then(|(camera, lens)| camera.show(&lens, &point)) {
                     moved.add(then, now, weight);
                 }
             }
             let step = moved.similarity();
-            let view = |shown_from_src| View { wanted, intrinsics, shown_from_src, step };
+            let view = |shown_from_src| View { target, intrinsics, shown_from_src, step };
             frames.push(shown.similarity().map(view));
-            before = Some((wanted, intrinsics));
+            before = Some((target, intrinsics));
         }
         Ok(Self { frames })
     }
 
     /// Number of frames with a view.
-    pub(in crate::pipeline::stages) fn known(&self) -> usize {
+    pub(in crate::stabilize) fn known(&self) -> usize {
         self.frames.iter().flatten().count()
     }
 
     /// Replaces the measured motion by `F_t` wherever it is known.
-    pub(in crate::pipeline::stages) fn retarget(&self, steps: &mut [InterFrame]) {
+    pub(in crate::stabilize) fn retarget(&self, steps: &mut [InterFrame]) {
         for (t, pair) in self.frames.windows(2).enumerate() {
             let [Some(before), Some(now)] = pair else { continue };
             if let Some((step, back)) = now.step.zip(now.shown_from_src.inverse()) {
@@ -101,40 +104,40 @@ impl Views {
     }
 
     /// `G_t` of the frames that have a view.
-    pub(in crate::pipeline::stages) fn shown_from_src(&self) -> Vec<Option<Similarity2>> {
+    pub(in crate::stabilize) fn shown_from_src(&self) -> Vec<Option<Similarity2>> {
         self.frames.iter().map(|view| view.as_ref().map(|v| v.shown_from_src)).collect()
     }
 
     /// `G_t` of every frame; where there is none, that of the frame before, or of the first that has one.
-    pub(in crate::pipeline::stages) fn out_from_src(&self) -> Vec<Similarity2> {
+    pub(in crate::stabilize) fn out_from_src(&self) -> Vec<Similarity2> {
         let mut last = self.frames.iter().flatten().next().map_or(Similarity2::IDENTITY, |v| v.shown_from_src);
-        let held = self.frames.iter().map(|view| {
+        let extended = self.frames.iter().map(|view| {
             last = view.as_ref().map_or(last, |v| v.shown_from_src);
             last
         });
-        held.collect()
+        extended.collect()
     }
 
     /// Gives the path of one shot its virtual cameras, and the windows that follow from their corrections: under a slow zoom
-    /// where those leave the frame and `smallest`, the least crop, forbids it.
-    pub(in crate::pipeline::stages) fn show(
+    /// where those leave the frame and `min_crop` is given, so that no border may show.
+    pub(in crate::stabilize) fn show(
         &self,
         path: &mut VirtualPath,
         cameras: &[Option<VirtualCamera>],
         shot: &Range<usize>,
         clip: &Clip<'_>,
-        smallest: Option<f64>,
+        min_crop: Option<f64>,
     ) {
         let window = |t: usize| {
-            let drawn = self.frames[t].as_ref().zip(cameras[t].as_ref());
-            drawn.map_or_else(|| similarity_of(&path.out_from_src[t]), |(view, c)| c.correction * view.shown_from_src)
+            let shown = self.frames[t].as_ref().zip(cameras[t].as_ref());
+            shown.map_or_else(|| similarity_of(&path.out_from_src[t]), |(view, c)| c.correction * view.shown_from_src)
         };
         let windows: Vec<Similarity2> = shot.clone().map(window).collect();
         let size = (f64::from(clip.width), f64::from(clip.height));
-        let zoom = smallest.map_or_else(
+        let zoom = min_crop.map_or_else(
             || vec![1.0; windows.len()],
             |min_crop| {
-                let room = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).fold(MOST_ZOOM, f64::min);
+                let room = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).fold(MAX_ZOOM, f64::min);
                 covering_zoom(&windows, size, clip.period_s(shot), room.max(1.0))
             },
         );
@@ -148,13 +151,13 @@ impl Views {
         }
     }
 
-    /// The virtual cameras with what the planned path makes of their pictures.
-    pub(in crate::pipeline::stages) fn cameras(&self, path: &VirtualPath) -> Vec<Option<VirtualCamera>> {
+    /// The virtual cameras with the corrections by which the planned path shows their pictures.
+    pub(in crate::stabilize) fn cameras(&self, path: &VirtualPath) -> Vec<Option<VirtualCamera>> {
         let camera = |(view, out_from_src): (&Option<View>, &Homography)| {
             let view = view.as_ref()?;
             let correction = similarity_of(out_from_src) * view.shown_from_src.inverse()?;
-            let Wanted { pose, turns } = view.wanted;
-            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, turns })
+            let TargetPose { pose, rotation_only } = view.target;
+            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, turns: rotation_only })
         };
         self.frames.iter().zip(&path.out_from_src).map(camera).collect()
     }

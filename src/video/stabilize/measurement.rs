@@ -1,0 +1,71 @@
+//! Motion from tracks, frame by frame, whoever followed them: the tracker of this program or another.
+
+use super::error::StabilizeError;
+use super::source::ClipInfo;
+use super::tracks::Tracks;
+use crate::motion::{
+    ClipMotion, FrameFlags, FrameInput, FrameMotion, MotionEstimator, MotionOptions, MotionQuality, ReadoutEstimator,
+    TrackPoint,
+};
+use crate::track::{FrameTracks, TrackStore};
+
+/// Estimators of motion and readout at work, and the store of the tracks.
+pub(super) struct MotionMeasurement {
+    /// Size of the pictures in which the tracks lie, px.
+    size: (usize, usize),
+    estimator: MotionEstimator,
+    readout: ReadoutEstimator,
+    store: TrackStore,
+    motion: Vec<FrameMotion>,
+    points: Vec<TrackPoint>,
+}
+
+impl MotionMeasurement {
+    /// Nothing measured yet of pictures of `size` px.
+    pub(super) fn new(size: (usize, usize)) -> Result<Self, StabilizeError> {
+        let (width, height) = (size.0 as u32, size.1 as u32);
+        let estimator = MotionEstimator::new(width, height, MotionOptions::default());
+        let readout = ReadoutEstimator::new(height);
+        Ok(Self { size, estimator, readout, store: TrackStore::new()?, motion: Vec::new(), points: Vec::new() })
+    }
+
+    /// Measures the motion to a frame, marks its points of the background, and stores both.
+    pub(super) fn push(&mut self, mut tracks: FrameTracks) -> Result<(), StabilizeError> {
+        self.points.clear();
+        self.points.extend(tracks.observations.iter().map(|o| TrackPoint { id: o.id, x: o.x, y: o.y }));
+        let q = tracks.quality;
+        let flags = FrameFlags {
+            black: q.black,
+            duplicate: q.duplicate,
+            blurred: q.blurred,
+            cut_before: q.cut_before && q.bridged == 0,
+        };
+        let motion = self.estimator.push(FrameInput { pts: tracks.pts, flags, points: &self.points });
+        for (observation, &background) in tracks.observations.iter_mut().zip(self.estimator.background()) {
+            observation.background = background;
+        }
+        if motion.quality == MotionQuality::Measured {
+            self.readout.push(&motion.similarity, self.estimator.background_pairs());
+        } else {
+            self.readout.interrupt();
+        }
+        self.motion.push(motion);
+        Ok(self.store.push(&tracks)?)
+    }
+
+    /// Frames measured so far.
+    pub(super) fn frames(&self) -> usize {
+        self.motion.len()
+    }
+
+    /// The motion of the whole clip and its tracks.
+    pub(super) fn finish(self, info: &ClipInfo) -> (ClipMotion, Tracks) {
+        let (width, height) = self.size;
+        let mut motion = ClipMotion::new(width as u32, height as u32, info.timebase, self.motion);
+        motion.rotation = info.rotation;
+        motion.pixel_aspect = info.pixel_aspect;
+        let period = motion.frame_period_s();
+        motion.readout_s = self.readout.estimate().zip(period).map(|(readout, period)| readout.frames * period);
+        (motion, Tracks { store: self.store, width, height, timebase: info.timebase })
+    }
+}

@@ -1,0 +1,39 @@
+//! Virtual cameras whose pictures move evenly.
+
+use super::fit::Fit;
+use super::scene_points::ScenePoints;
+use crate::path::{SteadyView, TrajectoryOptions, VirtualCamera};
+use crate::stabilize::error::StabilizeError;
+use crate::stabilize::tracks::Tracks;
+use plumbline_num::run::Run;
+
+/// The virtual cameras of a clip with corrections that let the viewer's picture as a whole move evenly.
+///
+/// The planned windows stay inside the frame by abrupt changes of direction. A mesh that follows trajectories rounds them off
+/// ([`crate::path::TrajectorySmoother`]); in space the same is done for all points together, by the similarity from what a
+/// camera shows to what a [`SteadyView`] shows, so that each point stays where its depth puts it.
+pub(in crate::stabilize) fn steadied(
+    cameras: &[Option<VirtualCamera>],
+    tracks: &Tracks,
+    scene: &ScenePoints<'_>,
+    times_s: &[f64],
+    run: &Run,
+) -> Result<Vec<Option<VirtualCamera>>, StabilizeError> {
+    let sigma_s = TrajectoryOptions::default().sigma_s;
+    let mut steady = vec![None; cameras.len()];
+    for (segment, frame) in scene.segments().flat_map(|segment| segment.clone().map(move |frame| (segment, frame))) {
+        run.check()?;
+        let Some(camera) = cameras[frame] else { continue };
+        let Some(view) = SteadyView::new(cameras, times_s, segment, frame, sigma_s) else { continue };
+        let mut fit = Fit::default();
+        for o in &tracks.store.read(frame)?.observations {
+            let Some(point) = scene.of(frame, o, camera.turns) else { continue };
+            if let Some((now, even)) = camera.show(&point).zip(view.show(&point)) {
+                fit.add(now, even, 1.0);
+            }
+        }
+        let correction = fit.robust_similarity().map_or(camera.correction, |even| even * camera.correction);
+        steady[frame] = Some(VirtualCamera { correction, ..camera });
+    }
+    Ok(steady)
+}

@@ -1,0 +1,224 @@
+//! The whole method in three calls: analyze, plan, map.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::camera_recovery::complete_motion;
+use super::error::StabilizeError;
+use super::frame_maps::{FrameMaps, RenderInputs};
+use super::frame_models::FrameModels;
+use super::import::{ImportedModels, MotionFile};
+use super::model_selection::select_models;
+use super::options::{StabilizerOptions, WarpOptions};
+use super::path_planning::plan_path;
+use super::source::{ClipInfo, FrameSource};
+use super::summary::PlanSummary;
+use super::tracking::ClipTracker;
+use super::tracks::Tracks;
+use crate::motion::ClipMotion;
+use crate::path::VirtualPath;
+use plumbline_image::Frame;
+use plumbline_image::warp::WarpField;
+use plumbline_num::run::Run;
+use plumbline_num::time::Timestamp;
+
+/// Fraction of an analysis that its tracking takes where cameras are recovered too: about half of the time on clips of a minute.
+const TRACKING: f64 = 0.5;
+
+/// Stabilizes clips: see the [module](super) for the method and an example.
+#[derive(Clone, Debug, Default)]
+pub struct Stabilizer {
+    options: StabilizerOptions,
+}
+
+/// The tracks of a clip and the motion of its camera: what takes long to compute, and is the same for every plan.
+///
+/// Clones share their data.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    motion: Arc<ClipMotion>,
+    tracks: Arc<Tracks>,
+}
+
+/// The virtual camera of a clip, and the motion model of each frame.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    analysis: Analysis,
+    path: VirtualPath,
+    models: FrameModels,
+    warp: WarpOptions,
+    covered: bool,
+}
+
+impl Stabilizer {
+    /// A stabilizer with these options.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Option`] or [`StabilizeError::Path`] for a value out of range.
+    pub fn new(options: StabilizerOptions) -> Result<Self, StabilizeError> {
+        options.check()?;
+        Ok(Self { options })
+    }
+
+    /// The options.
+    pub fn options(&self) -> &StabilizerOptions {
+        &self.options
+    }
+
+    /// Replaces the options, for another plan of the same analysis.
+    ///
+    /// # Errors
+    /// As for [`Self::new`]; the options then stay as they are.
+    pub fn set_options(&mut self, options: StabilizerOptions) -> Result<(), StabilizeError> {
+        *self = Self::new(options)?;
+        Ok(())
+    }
+
+    /// Reads the clip once: follows points through its frames and estimates the camera's motion.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Frames`], [`StabilizeError::NoFrames`]: the source; [`StabilizeError::Mask`]: the mask;
+    /// [`StabilizeError::Store`]: the temporary folder; [`StabilizeError::Interrupted`].
+    pub fn analyze<S: FrameSource>(&self, source: &S, run: &Run) -> Result<Analysis, StabilizeError> {
+        let info = source.info();
+        let tracking = run.part(0.0, if self.options.motion.cameras { TRACKING } else { 1.0 });
+        let mut tracker = ClipTracker::new(&info, &self.options.track, None)?;
+        for_each_frame(source, &info, &tracking, |frame| tracker.push(frame).map(|_| ()))?;
+        let (motion, tracks) = tracker.finish()?;
+        self.completed(motion, tracks, &info, run)
+    }
+
+    /// Reads the motion of the clip from a file instead: a motion file (`plumbline.motion`), or the folder of a COLMAP model. The
+    /// frames are read only where `source` does not know their number and rate.
+    ///
+    /// # Errors
+    /// [`StabilizeError::MotionFile`], [`StabilizeError::Model`]: the file; otherwise as for [`Self::analyze`].
+    pub fn import<S: FrameSource>(&self, path: &Path, source: &S, run: &Run) -> Result<Analysis, StabilizeError> {
+        let info = source.info();
+        let reading = run.part(0.0, TRACKING);
+        let (motion, tracks) = if path.is_dir() {
+            let imported = ImportedModels::read(path)?.motion(&times(source, &info, &reading)?, &info)?;
+            (imported.motion, imported.tracks)
+        } else {
+            let file = MotionFile::read(path)?;
+            file.check_size(&info)?;
+            if !file.matches(&info) {
+                file.check_times(&times(source, &info, &reading)?, &info)?;
+            }
+            file.into_motion()?
+        };
+        self.completed(motion, tracks, &info, run)
+    }
+
+    /// The analysis with the camera motion that the options ask for.
+    fn completed(
+        &self,
+        mut motion: ClipMotion,
+        tracks: Tracks,
+        info: &ClipInfo,
+        run: &Run,
+    ) -> Result<Analysis, StabilizeError> {
+        complete_motion(&mut motion, &tracks, &self.options.motion, info.focal_px, &run.part(TRACKING, 1.0))?;
+        Ok(Analysis::new(motion, tracks))
+    }
+
+    /// Plans the virtual camera and selects the motion model of each segment. Nothing is tracked and no frame is read: again with
+    /// other options, it takes milliseconds in the picture and seconds in space.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Path`], [`StabilizeError::PathFile`], [`StabilizeError::PathFileWithoutCameras`]: the options;
+    /// [`StabilizeError::Store`]: the temporary folder; [`StabilizeError::Interrupted`].
+    pub fn plan(&self, analysis: &Analysis, run: &Run) -> Result<Plan, StabilizeError> {
+        let StabilizerOptions { path: smoothing, warp, .. } = &self.options;
+        let (motion, tracks) = (analysis.motion(), analysis.tracks());
+        let path = plan_path(motion, Some(tracks), smoothing, run)?;
+        let covered = smoothing.keep_inside;
+        let models = select_models(&RenderInputs { tracks, path: &path, motion: Some(motion), warp, covered }, run)?;
+        run.step(1.0)?;
+        Ok(Plan { analysis: analysis.clone(), path, models, warp: warp.clone(), covered })
+    }
+}
+
+impl Analysis {
+    /// An analysis of motion and tracks that are known already.
+    pub fn new(motion: ClipMotion, tracks: Tracks) -> Self {
+        Self { motion: Arc::new(motion), tracks: Arc::new(tracks) }
+    }
+
+    /// The motion of the camera, frame by frame, with its cameras in space where they were asked for.
+    pub fn motion(&self) -> &ClipMotion {
+        &self.motion
+    }
+
+    /// The points of the clip.
+    pub fn tracks(&self) -> &Tracks {
+        &self.tracks
+    }
+}
+
+impl Plan {
+    /// The path of the virtual camera: its map per frame, how much of the picture it keeps, and why.
+    pub fn path(&self) -> &VirtualPath {
+        &self.path
+    }
+
+    /// The motion model of every frame, and the models that were evaluated to select them.
+    pub fn models(&self) -> &FrameModels {
+        &self.models
+    }
+
+    /// The figures of the plan: crop, shake before and after, the segments and their reasons.
+    pub fn summary(&self) -> PlanSummary {
+        PlanSummary::of(Some(self.analysis.motion()), &self.path, &self.models)
+    }
+
+    /// The maps of the clip's frames, to be asked for in their order.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Grid`]: no mesh of this shape.
+    pub fn maps(&self) -> Result<FrameMaps<'_>, StabilizeError> {
+        let (tracks, motion) = (self.analysis.tracks(), Some(self.analysis.motion()));
+        let inputs = RenderInputs { tracks, path: &self.path, motion, warp: &self.warp, covered: self.covered };
+        FrameMaps::new(&inputs, &self.models)
+    }
+
+    /// The map of frame `index` alone, from output pixels to source pixels; `frame` is its picture, which says where a change of
+    /// shape would be seen. For all frames in turn take [`Self::maps`], which does not start anew for each.
+    ///
+    /// # Errors
+    /// [`StabilizeError::TooManyFrames`], [`StabilizeError::Store`], [`StabilizeError::Warp`], [`StabilizeError::Map`].
+    pub fn map(&self, index: usize, frame: Option<&Frame>) -> Result<WarpField, StabilizeError> {
+        self.maps()?.at(index, frame)
+    }
+}
+
+/// Reads a clip from its first frame to its last.
+fn for_each_frame<S: FrameSource>(
+    source: &S,
+    info: &ClipInfo,
+    run: &Run,
+    mut body: impl FnMut(&Frame) -> Result<(), StabilizeError>,
+) -> Result<(), StabilizeError> {
+    let failed = |error: S::Error| StabilizeError::Frames { source: Box::new(error) };
+    for (done, frame) in source.frames().map_err(failed)?.enumerate() {
+        run.check()?;
+        body(&frame.map_err(failed)?)?;
+        if let Some(frames) = info.frames {
+            run.progress.report((done + 1) as f64 / frames.max(1) as f64);
+        }
+    }
+    Ok(())
+}
+
+/// Times of the clip's frames.
+fn times<S: FrameSource>(source: &S, info: &ClipInfo, run: &Run) -> Result<Vec<Timestamp>, StabilizeError> {
+    let mut times = Vec::new();
+    for_each_frame(source, info, run, |frame| {
+        times.push(frame.pts);
+        Ok(())
+    })?;
+    Ok(times)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,241 @@
+use std::cell::Cell;
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::*;
+use crate::motion::MotionQuality;
+use crate::stabilize::{ModelChoice, PathMethod, StabilizeFault};
+use plumbline_image::{Layout, PixelFormat};
+use plumbline_num::math::{Point2, PointMap, Vec2};
+use plumbline_num::run::{Budget, Interrupt, Progress, Stopped};
+use plumbline_num::time::Timebase;
+
+const SIZE: (usize, usize) = (320, 180);
+const FRAMES: usize = 40;
+
+/// A textured wall, recorded by a camera that drifts and trembles.
+struct Wall {
+    frames: usize,
+    /// Frame that cannot be read.
+    broken: Option<usize>,
+    /// Frame at which the reader stops the run.
+    stops: Option<(usize, Interrupt)>,
+    /// How often the clip was opened.
+    opened: Cell<usize>,
+}
+
+impl Wall {
+    fn new(frames: usize) -> Self {
+        Self { frames, broken: None, stops: None, opened: Cell::new(0) }
+    }
+
+    /// Where the camera looks in frame `t`, px of the wall.
+    fn camera(t: usize) -> Vec2 {
+        let tremor = [0.0, 5.0, -3.0, 4.0, -5.0, 2.0, -4.0];
+        Vec2::new(1.5 * t as f64 + tremor[t % 7], 0.5 * t as f64 + tremor[(t + 3) % 5])
+    }
+
+    /// Gray level of the wall: smooth spots of random brightness, 8 px apart.
+    fn shade(x: f64, y: f64) -> u8 {
+        let spot = |i: i64, j: i64| {
+            let mixed = (i.wrapping_mul(0x9e37_79b9) ^ j.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
+            ((mixed >> 16) & 0xff) as f64
+        };
+        let (u, v) = (x / 8.0, y / 8.0);
+        let (i, j) = (u.floor() as i64, v.floor() as i64);
+        let (a, b) = (u - u.floor(), v - v.floor());
+        let row = |j: i64| spot(i, j) * (1.0 - a) + spot(i + 1, j) * a;
+        (row(j) * (1.0 - b) + row(j + 1) * b) as u8
+    }
+
+    fn frame(t: usize) -> Frame {
+        let mut frame = Frame::new(PixelFormat::opaque(Layout::Gray, 8), SIZE.0, SIZE.1);
+        frame.pts = Timestamp(t as i64);
+        let at = Self::camera(t);
+        let mut luma = frame.plane8_mut(0).expect("8 bit");
+        for y in 0..SIZE.1 {
+            for (x, v) in luma.row_mut(y).iter_mut().enumerate() {
+                *v = Self::shade(x as f64 + at.x, y as f64 + at.y);
+            }
+        }
+        frame
+    }
+}
+
+impl FrameSource for Wall {
+    type Error = io::Error;
+
+    fn info(&self) -> ClipInfo {
+        let frames = Some(self.frames as u64);
+        ClipInfo { frames, ..ClipInfo::new(SIZE.0, SIZE.1, Timebase { num: 1, den: 30 }) }
+    }
+
+    fn frames(&self) -> Result<impl Iterator<Item = Result<Frame, io::Error>>, io::Error> {
+        self.opened.set(self.opened.get() + 1);
+        Ok((0..self.frames).map(|t| {
+            if let Some((_, interrupt)) = self.stops.as_ref().filter(|(at, _)| *at == t) {
+                interrupt.stop();
+            }
+            if self.broken == Some(t) {
+                Err(io::Error::other(format!("frame {t} is torn")))
+            } else {
+                Ok(Self::frame(t))
+            }
+        }))
+    }
+}
+
+fn stabilizer() -> Stabilizer {
+    Stabilizer::new(StabilizerOptions::default()).expect("the defaults are in range")
+}
+
+fn analysis() -> Analysis {
+    stabilizer().analyze(&Wall::new(FRAMES), &Run::default()).expect("a clip with texture")
+}
+
+/// RMS of the second difference of positions, px.
+fn unrest(positions: &[Vec2]) -> f64 {
+    let second = positions.windows(3).map(|p| (p[2] - 2.0 * p[1] + p[0]).norm_squared());
+    (second.sum::<f64>() / (positions.len() - 2) as f64).sqrt()
+}
+
+#[test]
+fn the_maps_of_a_plan_take_the_shake_out() {
+    let (source, analysis) = (Wall::new(FRAMES), analysis());
+    let plan = stabilizer().plan(&analysis, &Run::default()).expect("a path");
+    let mut maps = plan.maps().expect("a grid");
+    let center = Point2::new(SIZE.0 as f64 / 2.0, SIZE.1 as f64 / 2.0);
+    let mut shown = Vec::new();
+    for (t, frame) in source.frames().expect("opens").enumerate() {
+        let map = maps.next(&frame.expect("a frame")).expect("a map");
+        shown.push(map.map(center).expect("inside").coords + Wall::camera(t));
+    }
+    let recorded: Vec<Vec2> = (0..FRAMES).map(Wall::camera).collect();
+    assert!(unrest(&shown) < 0.1 * unrest(&recorded), "{} of {}", unrest(&shown), unrest(&recorded));
+
+    let summary = plan.summary();
+    let shake = summary.shake.expect("the motion was measured");
+    assert!(shake.before.px > 2.0 && shake.after.px < 0.5 * shake.before.px, "{shake:?}");
+    assert!(summary.min_crop >= 0.8 - 1e-6 && summary.min_crop <= summary.mean_crop, "{summary:?}");
+    assert_eq!(summary.segments.last().map(|s| s.frames.end), Some(FRAMES));
+    assert!(summary.segments.iter().all(|s| !s.reason.is_empty()));
+}
+
+#[test]
+fn a_map_out_of_turn_is_the_map_in_its_turn() {
+    let analysis = analysis();
+    let mut stabilizer = stabilizer();
+    for mode in [ModelChoice::Mesh, ModelChoice::Subspace, ModelChoice::Similarity] {
+        let mut options = StabilizerOptions::default();
+        options.warp.mode = mode;
+        stabilizer.set_options(options).expect("in range");
+        let plan = stabilizer.plan(&analysis, &Run::default()).expect("a path");
+        let mut maps = plan.maps().expect("a grid");
+        for t in 0..FRAMES {
+            let frame = Wall::frame(t);
+            let in_turn = maps.next(&frame).expect("a map");
+            if t % 13 != 5 {
+                continue;
+            }
+            let alone = plan.map(t, Some(&frame)).expect("a map");
+            for p in [(20.0, 30.0), (160.0, 90.0), (300.0, 170.0)].map(|(x, y)| Point2::new(x, y)) {
+                assert_eq!(in_turn.map(p), alone.map(p), "{mode}, frame {t}");
+            }
+        }
+        let beyond = plan.map(FRAMES, None).expect_err("no such frame");
+        assert!(matches!(beyond, StabilizeError::TooManyFrames { analyzed: FRAMES }), "{beyond}");
+    }
+}
+
+#[test]
+fn planning_again_reads_no_frame_and_follows_the_new_options() {
+    let source = Wall::new(FRAMES);
+    let mut stabilizer = stabilizer();
+    let analysis = stabilizer.analyze(&source, &Run::default()).expect("a clip with texture");
+    assert_eq!(source.opened.get(), 1);
+    let first = stabilizer.plan(&analysis, &Run::default()).expect("a path");
+    let mut options = stabilizer.options().clone().with_keep(0.6);
+    options.path.method = PathMethod::Tripod;
+    stabilizer.set_options(options).expect("in range");
+    let second = stabilizer.plan(&analysis, &Run::default()).expect("a path");
+    assert_eq!(source.opened.get(), 1, "nothing is read again");
+    assert_ne!(first.path().crop, second.path().crop);
+    let again = stabilizer.plan(&analysis, &Run::default()).expect("a path");
+    assert_eq!(second.path().crop, again.path().crop, "the same options give the same plan");
+}
+
+#[test]
+fn a_call_that_is_interrupted_says_so_at_the_next_frame() {
+    let interrupt = Interrupt::new();
+    let source = Wall { stops: Some((5, interrupt.clone())), ..Wall::new(1_000_000) };
+    let run = Run::with_interrupt(&interrupt);
+    let stopped = stabilizer().analyze(&source, &run).expect_err("stopped");
+    assert!(matches!(stopped, StabilizeError::Interrupted { source: Stopped::Interrupted }), "{stopped}");
+    assert_eq!(stopped.fault(), StabilizeFault::Interrupted);
+    let stopped = stabilizer().plan(&analysis(), &run).expect_err("stopped");
+    assert!(matches!(stopped, StabilizeError::Interrupted { source: Stopped::Interrupted }), "{stopped}");
+}
+
+#[test]
+fn a_call_whose_time_is_up_says_so() {
+    let run = Run { budget: Budget::time(Duration::ZERO), ..Run::default() };
+    let late = stabilizer().analyze(&Wall::new(FRAMES), &run).expect_err("no time");
+    assert!(matches!(late, StabilizeError::Interrupted { source: Stopped::OutOfTime }), "{late}");
+}
+
+#[test]
+fn the_progress_of_an_analysis_rises_to_its_end() {
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let listener = Arc::clone(&heard);
+    let progress = Progress::new(move |f| listener.lock().expect("no thread panics here").push(f));
+    let run = Run { progress, ..Run::default() };
+    let mut options = StabilizerOptions::default();
+    options.motion.cameras = false;
+    let stabilizer = Stabilizer::new(options).expect("in range");
+    stabilizer.analyze(&Wall::new(10), &run).expect("a clip with texture");
+    let heard = heard.lock().expect("no thread panics here");
+    assert!(heard.len() >= 10 && heard.is_sorted() && heard.last() == Some(&1.0), "{heard:?}");
+}
+
+#[test]
+fn an_error_says_what_failed_and_whose_fault_it_is() {
+    let analyze = |source: &Wall| stabilizer().analyze(source, &Run::default()).expect_err("refused");
+    let torn = analyze(&Wall { broken: Some(3), ..Wall::new(FRAMES) });
+    assert_eq!((torn.to_string().as_str(), torn.fault()), ("frame 3 is torn", StabilizeFault::Input));
+    let empty = analyze(&Wall::new(0));
+    assert!(matches!(empty, StabilizeError::NoFrames));
+    let mut options = StabilizerOptions::default();
+    options.track.mask = Some("no/such/mask.png".into());
+    let masked = Stabilizer::new(options).expect("in range").analyze(&Wall::new(FRAMES), &Run::default());
+    let masked = masked.expect_err("no mask");
+    assert!(masked.to_string().contains("no/such/mask.png") && masked.fault() == StabilizeFault::Input, "{masked}");
+    let mut options = StabilizerOptions::default();
+    options.path.path_file = Some("path.json".into());
+    let unaligned =
+        Analysis { motion: Arc::new(ClipMotion { cameras: None, ..analysis().motion().clone() }), ..analysis() };
+    let unaligned = Stabilizer::new(options).expect("in range").plan(&unaligned, &Run::default());
+    assert!(matches!(unaligned, Err(StabilizeError::PathFileWithoutCameras)));
+    let narrow = Stabilizer::new(StabilizerOptions::default().with_keep(1.5)).expect_err("too much");
+    assert_eq!(narrow.to_string(), "min_crop 1.5 is invalid (expected 0.3 to 1)");
+    assert_eq!(narrow.fault(), StabilizeFault::Options);
+}
+
+#[test]
+fn a_motion_file_gives_the_plan_that_tracking_gave() {
+    let analysis = analysis();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("motion.json");
+    let mut bytes = Vec::new();
+    analysis.motion().write_json_with_tracks(&mut bytes, &analysis.tracks().store).expect("in memory");
+    std::fs::write(&path, bytes).expect("a small file");
+    let source = Wall::new(FRAMES);
+    let imported = stabilizer().import(&path, &source, &Run::default()).expect("its own format");
+    assert_eq!(imported.motion().frames.len(), FRAMES);
+    assert!(imported.motion().frames.iter().skip(1).all(|f| f.quality == MotionQuality::Measured));
+    let crops = |analysis: &Analysis| stabilizer().plan(analysis, &Run::default()).expect("a path").path().crop.clone();
+    let off = crops(&analysis).iter().zip(crops(&imported)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-6, "{off}");
+    let longer = stabilizer().import(&path, &Wall::new(FRAMES + 1), &Run::default()).expect_err("another clip");
+    assert!(longer.to_string().ends_with("it belongs to another clip or span"), "{longer}");
+}

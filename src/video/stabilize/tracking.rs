@@ -1,0 +1,70 @@
+//! The streaming half of the analysis: each frame goes in once, tracks and planar motion come out at the end.
+
+use super::error::StabilizeError;
+use super::measurement::MotionMeasurement;
+use super::options::TrackingOptions;
+use super::source::ClipInfo;
+use super::tracks::{PointCarrier, Tracks};
+use crate::motion::ClipMotion;
+use crate::track::{TrackOptions, Tracker};
+use plumbline_image::Frame;
+use plumbline_image::feature::Mask;
+
+/// Radius, px of the analysis picture, by which a mask grows: half a window of the matcher, which must not see the masked
+/// part. A smaller one lets the rim of a logo be followed, a larger one hides what lies beside it.
+const MASK_RADIUS_PX: usize = 10;
+
+/// Follows points through the frames of a clip and measures its motion from them.
+pub struct ClipTracker<'a> {
+    info: ClipInfo,
+    tracker: Tracker,
+    carrier: Option<PointCarrier<'a>>,
+    measurement: MotionMeasurement,
+}
+
+impl<'a> ClipTracker<'a> {
+    /// A tracker for the clip that `info` describes; its points are carried through `carrier`, if there is one.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Tracker`], [`StabilizeError::Mask`]: the options; [`StabilizeError::Store`]: no temporary file.
+    pub fn new(
+        info: &ClipInfo,
+        options: &TrackingOptions,
+        carrier: Option<PointCarrier<'a>>,
+    ) -> Result<Self, StabilizeError> {
+        let (width, height) = (info.width, info.height);
+        let settings = TrackOptions { points: options.points as usize, ..TrackOptions::default() };
+        let analysis_size = settings.analysis_size(width, height);
+        let open = |path| Mask::open(path, analysis_size.0, analysis_size.1, MASK_RADIUS_PX);
+        let mask = options.mask.as_deref().map(open).transpose()?;
+        let tracker = Tracker::new(width, height, settings, mask)?;
+        let measurement = MotionMeasurement::new(carrier.map_or((width, height), |carrier| carrier.size))?;
+        Ok(Self { info: *info, tracker, carrier, measurement })
+    }
+
+    /// Follows the points into the next frame; returns whether it begins a new shot.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Store`]: the temporary folder is full.
+    pub fn push(&mut self, frame: &Frame) -> Result<bool, StabilizeError> {
+        let mut tracks = self.tracker.push(frame);
+        let cut = tracks.quality.cut_before && tracks.quality.bridged == 0;
+        if let Some(carrier) = &self.carrier {
+            carrier.carry(&mut tracks);
+        }
+        self.measurement.push(tracks)?;
+        Ok(cut)
+    }
+
+    /// The motion of the clip in the picture, and its tracks.
+    ///
+    /// # Errors
+    /// [`StabilizeError::NoFrames`] where no frame was pushed.
+    pub fn finish(self) -> Result<(ClipMotion, Tracks), StabilizeError> {
+        if self.measurement.frames() == 0 {
+            Err(StabilizeError::NoFrames)
+        } else {
+            Ok(self.measurement.finish(&self.info))
+        }
+    }
+}
