@@ -22,7 +22,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plumbline_video::stabilize::{ModelChoice, PathMethod};
+    use crate::pipeline::kinds::{ModelChoice, PathMethod};
 
     #[test]
     fn every_word_of_the_schema_is_read_as_its_choice() {

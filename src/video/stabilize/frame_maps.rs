@@ -1,6 +1,6 @@
 //! The map of each frame, from the path of the virtual camera and the points that pull the mesh.
 //!
-//! The camera's map `S_t` takes out the motion that all points share. Anchors ([`TrajectorySmoother`]) say where each point would
+//! The camera's map `S_t` removes the motion common to all points. Anchors ([`TrajectorySmoother`]) say where each point would
 //! go if it moved smoothly, or where a virtual camera in space shows it. The homography model follows the part of that which a
 //! plane can follow, the mesh model warps the frame to it. Where the camera only rotated, the frame needs no points: each vertex
 //! `v` goes where the virtual camera, rotated by `R̄_t`, sees what the real one saw at it, `D_t(π(R̄_t R_tᵀ π⁻¹(v)))`.
@@ -25,8 +25,8 @@ pub struct RenderInputs<'a> {
     pub tracks: &'a Tracks,
     /// The path of the virtual camera.
     pub path: &'a VirtualPath,
-    /// The motion of the real camera: the readout of its sensor, and its poses in space. Without it no frame is bent beyond
-    /// what the mode forces.
+    /// The motion of the real camera: the readout of its sensor, and its poses in space. Without it no frame is
+    /// warped beyond the model that the mode forces.
     pub motion: Option<&'a ClipMotion>,
     /// How frames are warped.
     pub warp: &'a WarpOptions,
@@ -34,7 +34,7 @@ pub struct RenderInputs<'a> {
     pub covered: bool,
 }
 
-/// Maps of the frames of a clip, most cheaply in their order.
+/// Maps of the frames of a clip: inexpensive in their order, possible in any.
 pub struct FrameMaps<'a> {
     inputs: RenderInputs<'a>,
     models: &'a FrameModels,
@@ -85,7 +85,7 @@ impl<'a> FrameMaps<'a> {
         Ok(Self { inputs: *inputs, models, scene, grid, solver, smoother, trajectories, pushed: 0, popped: 0, next: 0 })
     }
 
-    /// The grid over the source on which frames are bent.
+    /// The grid over the source on which frames are warped.
     pub(super) fn grid(&self) -> Grid {
         self.grid
     }
@@ -98,10 +98,10 @@ impl<'a> FrameMaps<'a> {
         self.next_field(Some(frame))
     }
 
-    /// The map of frame `index`, as [`Self::next`] would give it in its turn; without its picture, all parts of it have the same
+    /// The map of frame `index`, as [`Self::next`] would give it; without its picture, all parts of it have the same
     /// saliency. The frame after it is the next one.
     ///
-    /// A frame out of turn costs the reading of the tracks from the start of its shot.
+    /// A frame out of order costs the reading of the tracks from the start of its segment.
     ///
     /// # Errors
     /// As for [`Self::next`].

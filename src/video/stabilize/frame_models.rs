@@ -64,7 +64,7 @@ impl FrameModels {
         clear * self.strength(frame, |model| model == MotionModel::ThreeD)
     }
 
-    /// Strength at `frame` of what the models `with` have in common: 1 far inside their segments, 0 outside.
+    /// Joint strength at `frame` of the models that fulfill `with`: 1 far inside their segments, 0 outside.
     pub(super) fn strength(&self, frame: usize, with: impl Fn(MotionModel) -> bool) -> f64 {
         let (Some(here), reach) = (self.segment(frame), BLEND as f64) else { return 0.0 };
         if here.model == MotionModel::Untouched || !with(here.model) {
@@ -124,7 +124,7 @@ fn parted_in_space(
 fn forced(mode: ModelChoice, verdicts: &[SegmentVerdict], part: &path::Segment) -> Vec<SegmentVerdict> {
     let model = match mode {
         ModelChoice::Auto => None,
-        // Where there are cameras in space, they are drawn; a mesh elsewhere.
+        // Cameras in space where there are any; a mesh elsewhere.
         ModelChoice::ThreeD | ModelChoice::Rotation | ModelChoice::Mesh => Some(MotionModel::Mesh),
         ModelChoice::Subspace => Some(MotionModel::Subspace),
         ModelChoice::Homography => Some(MotionModel::Homography),
@@ -138,7 +138,7 @@ fn forced(mode: ModelChoice, verdicts: &[SegmentVerdict], part: &path::Segment) 
     }
 }
 
-/// The part of a verdict that falls into `part`, with both reasons. What cannot be measured is at least moved along the path.
+/// The part of a verdict that falls into `part`, with both reasons. Frames whose motion cannot be measured still follow the path.
 fn clipped(verdict: &SegmentVerdict, part: &path::Segment) -> Option<SegmentVerdict> {
     let frames = verdict.frames.start.max(part.frames.start)..verdict.frames.end.min(part.frames.end);
     let reason = format!("{}; {}", verdict.reason, part.reason);

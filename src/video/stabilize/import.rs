@@ -56,8 +56,8 @@ impl MotionFile {
         Err(refused(&self.path, reason))
     }
 
-    /// Whether number and mean rate of the frames are what is known of the clip: then its frames need not be read to trust
-    /// the file.
+    /// Whether number and mean rate of the frames agree with what is known of the clip: then the file can be
+    /// trusted without reading the frames.
     pub fn matches(&self, info: &ClipInfo) -> bool {
         let count = info.frames == Some(self.motion.frames.len() as u64);
         let rates = self.motion.frame_period_s().zip(info.frame_rate);
@@ -93,7 +93,7 @@ impl MotionFile {
         })
     }
 
-    /// Whether the file holds tracks: without them frames follow the planned camera, and nothing bends them.
+    /// Whether the file has tracks: without them frames follow the planned camera, and nothing bends them.
     pub fn has_tracks(&self) -> bool {
         self.store.is_some()
     }
@@ -137,7 +137,7 @@ pub struct ImportedMotion {
 }
 
 impl ImportedModels {
-    /// Reads the model in `folder`, or those in its numbered folders where it holds none.
+    /// Reads the model in `folder`, or those in its numbered folders where it contains none.
     ///
     /// # Errors
     /// [`StabilizeError::Model`], [`StabilizeError::MotionFile`]: no model, or one that cannot be used.
@@ -170,7 +170,7 @@ impl ImportedModels {
     }
 }
 
-/// The folders of the models: `folder` itself, or the numbered ones in it where it holds none.
+/// The folders of the models: `folder` itself, or the numbered ones in it where it contains none.
 fn folders_of(folder: &Path) -> Vec<PathBuf> {
     let own = ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file());
     let numbered: Vec<PathBuf> =

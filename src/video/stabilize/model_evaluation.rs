@@ -270,8 +270,8 @@ mod tests {
         let mut squeezed = PICTURE.to_mesh();
         squeezed.vertices.iter_mut().for_each(|v| v.y *= 0.9);
         assert!((anisotropy(&ForwardMap::Mesh(squeezed), &PICTURE) - 0.9).abs() < 1e-12);
-        let turned = plumbline_num::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
-        assert!((anisotropy(&ForwardMap::Plane(turned.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
+        let rotated = plumbline_num::math::Similarity2::about(Point2::new(320.0, 180.0), 0.3, 1.2, Vec2::new(5.0, 2.0));
+        assert!((anisotropy(&ForwardMap::Plane(rotated.to_homography()), &PICTURE) - 1.0).abs() < 1e-9);
     }
 
     #[test]

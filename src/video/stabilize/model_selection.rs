@@ -74,16 +74,16 @@ pub(super) fn select_path(
 /// [`StabilizeError::Store`], [`StabilizeError::Grid`], [`StabilizeError::Warp`], [`StabilizeError::Interrupted`].
 pub fn select_models(inputs: &RenderInputs<'_>, run: &Run) -> Result<FrameModels, StabilizeError> {
     let mut models = FrameModels::new(inputs.warp.mode, inputs.motion, inputs.path);
-    let bent = |s: &SegmentVerdict| s.model == MotionModel::Mesh;
-    let open = inputs.warp.mode == ModelChoice::Auto && models.segments.iter().any(bent);
+    let is_mesh = |s: &SegmentVerdict| s.model == MotionModel::Mesh;
+    let open = inputs.warp.mode == ModelChoice::Auto && models.segments.iter().any(is_mesh);
     let Some(motion) = inputs.motion.filter(|_| open) else { return Ok(models) };
     let evaluate = |model: &MotionModel| {
         let mut tried = models.clone();
-        tried.segments.iter_mut().filter(|s| bent(s)).for_each(|s| s.model = *model);
+        tried.segments.iter_mut().filter(|s| is_mesh(s)).for_each(|s| s.model = *model);
         ModelEvaluation::new(inputs, &tried, motion, run)
     };
     let evaluations = LADDER.par_iter().map(evaluate).collect::<Result<Vec<_>, _>>()?;
-    for segment in models.segments.iter_mut().filter(|s| bent(s)) {
+    for segment in models.segments.iter_mut().filter(|s| is_mesh(s)) {
         let figures: Option<Vec<ModelFigures>> = evaluations.iter().map(|e| e.over(segment.frames.clone())).collect();
         let Some(figures) = figures else { continue };
         let rung = rung(&figures);

@@ -1,6 +1,6 @@
 //! Options of the stabilizer, grouped by step.
 //!
-//! Each group is what the step of that name takes: [`TrackingOptions`] and [`CameraMotionOptions`] the analysis,
+//! Each group belongs to one step: [`TrackingOptions`] and [`CameraMotionOptions`] the analysis,
 //! [`SmoothingOptions`] the planning of the path, [`WarpOptions`] the map of each frame.
 
 use std::fmt;

@@ -20,7 +20,7 @@ use crate::motion::ClipMotion;
 use crate::path::lowpass;
 use plumbline_num::math::{Homography, Point2, Vec2};
 
-/// Standard deviation of the mean, s: steps and tremor are faster, pans and turns slower. At half of it steps count as course,
+/// Standard deviation of the mean, s: steps and tremor are faster, pans and rotations slower. At half of it steps count as course,
 /// at double of it pans count as shake.
 const SIGMA_S: f64 = 0.5;
 
@@ -39,7 +39,7 @@ impl fmt::Display for Shake {
     }
 }
 
-/// Shake of the clip as measured, and of what is shown of it.
+/// Shake of the clip as measured, and as shown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ShakeSummary {
     /// As the camera recorded it.

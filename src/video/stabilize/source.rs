@@ -29,7 +29,7 @@ pub struct ClipInfo {
     pub height: usize,
     /// Length of one tick of the time stamps.
     pub timebase: Timebase,
-    /// Clockwise turn at which the pictures are shown: 0, 90, 180 or 270 degrees.
+    /// Clockwise rotation at which the pictures are shown: 0, 90, 180 or 270 degrees.
     pub rotation: u16,
     /// Width over height of one pixel, as a fraction.
     pub pixel_aspect: (u32, u32),

@@ -31,7 +31,7 @@ pub struct Stabilizer {
     options: StabilizerOptions,
 }
 
-/// The tracks of a clip and the motion of its camera: what takes long to compute, and is the same for every plan.
+/// The tracks of a clip and the motion of its camera: expensive to compute, and the same for every plan.
 ///
 /// Clones share their data.
 #[derive(Clone, Debug)]
@@ -183,7 +183,7 @@ impl Plan {
     }
 
     /// The map of frame `index` alone, from output pixels to source pixels; `frame` is its picture, which says where a change of
-    /// shape would be seen. For all frames in turn take [`Self::maps`], which does not start anew for each.
+    /// shape would be seen. For all frames in order take [`Self::maps`], which does not start anew for each.
     ///
     /// # Errors
     /// [`StabilizeError::TooManyFrames`], [`StabilizeError::Store`], [`StabilizeError::Warp`], [`StabilizeError::Map`].

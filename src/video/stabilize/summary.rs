@@ -1,4 +1,4 @@
-//! The figures of a plan: what is kept of the picture, how much it shakes, and which model each segment is warped with.
+//! The figures of a plan: crop, shake before and after, and the motion model of each segment.
 
 use std::ops::Range;
 

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! This is for paths that were given, which are to be shown as they are. A smoothed path is better off with `q_k` itself: part of
-//! what looks like noise is how the frame itself was bent (by a rolling shutter, say), and should go (wobble on nus-regular-1
+//! the apparent noise is how the frame itself was distorted (by a rolling shutter, say), and should go (wobble on nus-regular-1
 //! .79 with `q_k`, .91 without that part).
 
 use super::scene_points::ScenePoints;
