@@ -40,7 +40,9 @@
 //! #             let mut luma = frame.plane8_mut(0).expect("8 bit");
 //! #             for y in 0..120 {
 //! #                 for (x, v) in luma.row_mut(y).iter_mut().enumerate() {
-//! #                     *v = (((x + shift) / 9 * 7919 + y / 9 * 104_729) % 251) as u8;
+//! #                     let (x, y) = ((x + shift) as f64, y as f64);
+//! #                     let waves = (0.31 * x + 2.0 * (0.07 * y).sin()).sin() + (0.27 * y + 3.0 * (0.05 * x).cos()).sin();
+//! #                     *v = (128.0 + 60.0 * waves) as u8;
 //! #                 }
 //! #             }
 //! #             Ok(frame)
