@@ -3,3 +3,4 @@
 pub mod cli;
 pub mod pipeline;
 pub mod report;
+pub mod stages;

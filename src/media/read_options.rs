@@ -1,23 +1,31 @@
 //! How to read a clip, and what became of it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::FieldOrder;
 
-/// What to do with interlaced pictures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// What happens to interlaced pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum Deinterlace {
-    /// Rebuild the missing lines of the earlier field (module `deinterlace`) in pictures flagged as interlaced.
+    /// Pictures flagged as interlaced are deinterlaced by field; others are left alone.
+    ///
+    /// The missing lines of the earlier field are rebuilt (module `deinterlace`).
     #[default]
     Auto,
-    /// The same in all pictures, which have the top field first.
+    /// All pictures are deinterlaced, the top field being earlier.
     Top,
-    /// The same in all pictures, which have the bottom field first.
+    /// All pictures are deinterlaced, the bottom field being earlier.
     Bottom,
-    /// Stop with [`super::MediaError::Interlaced`].
-    Refuse,
-    /// Deliver the woven lines as they are.
+    /// Pictures are taken as they are.
+    ///
+    /// The woven lines are delivered.
     Off,
+    /// Interlaced input is an error.
+    ///
+    /// Reading stops with [`super::MediaError::Interlaced`].
+    Refuse,
 }
 
 /// Options of [`super::VideoReader::open`].

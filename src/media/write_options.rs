@@ -3,14 +3,13 @@
 use std::fmt;
 use std::str::FromStr;
 
-use clap::ValueEnum;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::Input;
 
 /// How the pictures are coded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Codec {
     /// H.264: plays everywhere
@@ -18,7 +17,6 @@ pub enum Codec {
     H264,
     /// H.265: smaller, slower
     #[serde(alias = "h265")]
-    #[value(alias = "h265")]
     Hevc,
     /// AV1: smallest, slowest
     Av1,
@@ -174,10 +172,10 @@ mod tests {
     #[test]
     fn every_codec_reads_its_own_name() {
         for codec in Codec::ALL {
-            assert_eq!(Codec::from_str(codec.name(), false), Ok(codec));
+            assert_eq!(serde_json::from_value::<Codec>(codec.name().into()).expect("a codec"), codec);
             assert_eq!(serde_json::to_value(codec).expect("JSON"), codec.name());
         }
-        assert_eq!(Codec::value_variants(), Codec::ALL);
+        assert_eq!(serde_json::from_value::<Codec>("h265".into()).expect("another name"), Codec::Hevc);
     }
 
     #[test]

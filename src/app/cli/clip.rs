@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::job::JobArgs;
+use super::options::choice;
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{
-    DecodeSettings, Deinterlace, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings,
-};
+use crate::pipeline::kinds::{DecodeSettings, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings};
 use crate::pipeline::units::{ClipTime, FrameRate};
+use plumbline_media::Deinterlace;
 
 /// Options that `stabilize` and `motion` share.
 #[derive(Debug, Args)]
@@ -25,7 +25,7 @@ pub(super) struct ClipArgs {
     #[arg(long, value_name = "RATE")]
     fps: Option<FrameRate>,
     /// What happens to interlaced pictures
-    #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+    #[arg(long, default_value = "auto", value_name = "HOW", value_parser = choice::<Deinterlace>(&[]))]
     deinterlace: Deinterlace,
 
     /// Take motion and points from here in place of tracking: plumbline.motion JSON, or the folder of a COLMAP model

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::job::JobArgs;
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
@@ -24,15 +25,19 @@ pub(super) struct ComposeArgs {
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
 
-    /// Where both are cut and how they are joined (`plumbline schema seam` describes the file)
-    #[arg(long, value_name = "FILE.json")]
-    seam: PathBuf,
-
-    /// Also write how it went, as JSON
-    #[arg(long, value_name = "FILE.json")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    compose: Given<Compose>,
     #[command(flatten)]
     job: JobArgs,
+}
+
+/// What it says of `compose`.
+struct Compose;
+
+impl Offer for Compose {
+    type Kind = ComposeSettings;
+    const SETTINGS: &'static [Setting] =
+        &[Setting::of("seam").value("FILE.json"), Setting::of("report").value("FILE.json")];
 }
 
 impl ComposeArgs {
@@ -43,15 +48,12 @@ impl ComposeArgs {
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
-        let compose = ComposeSettings {
-            seam: literal_path(&self.seam),
-            report: self.report.as_ref().map(|path| literal_path(path)),
-        };
+        let compose = &self.compose.settings;
         let save = MeshSaveSettings { path: literal_path(&self.output), ..Default::default() };
         let stages = vec![
             StageEntry::built("base", &load(&self.base)),
             StageEntry::built("part", &load(&self.part)),
-            StageEntry::built("composed", &compose).input("base", "base").input("part", "part"),
+            StageEntry::built("composed", compose).input("base", "base").input("part", "part"),
             StageEntry::built("out", &save).input("mesh", "composed"),
         ];
         PipelineFile { name: Some("compose".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }

@@ -5,15 +5,16 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use serde::Serialize;
 
 use super::failure::Failure;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
-use crate::pipeline::kinds::BindingWish;
 use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::syntax::Entry;
+use plumbline_shape::character::weights::WeightMethod;
 
 /// Options of every command that computes something.
 #[derive(Debug, Args)]
@@ -44,14 +45,14 @@ impl JobArgs {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum WeightsArg {
     /// By a method.
-    How(BindingWish),
+    How(WeightMethod),
     /// By the weights of a file.
     File(PathBuf),
 }
 
 impl Default for WeightsArg {
     fn default() -> Self {
-        Self::How(BindingWish::default())
+        Self::How(WeightMethod::default())
     }
 }
 
@@ -59,14 +60,14 @@ impl FromStr for WeightsArg {
     type Err = Infallible;
 
     fn from_str(text: &str) -> Result<Self, Infallible> {
-        Ok(<BindingWish as ValueEnum>::from_str(text, false).map_or_else(|_| Self::File(text.into()), Self::How))
+        Ok(serde_json::from_value(text.into()).map_or_else(|_| Self::File(text.into()), Self::How))
     }
 }
 
 impl fmt::Display for WeightsArg {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::How(how) => f.write_str(how.to_possible_value().expect("none is hidden").get_name()),
+            Self::How(how) => how.serialize(f),
             Self::File(path) => path.display().fmt(f),
         }
     }
@@ -74,8 +75,8 @@ impl fmt::Display for WeightsArg {
 
 impl WeightsArg {
     /// The method, or the one that a file stands in for.
-    pub(super) fn binding(&self) -> BindingWish {
-        if let Self::How(how) = self { *how } else { BindingWish::default() }
+    pub(super) fn binding(&self) -> WeightMethod {
+        if let Self::How(how) = self { *how } else { WeightMethod::default() }
     }
 
     /// The file as a setting.

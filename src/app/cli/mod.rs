@@ -4,7 +4,6 @@
 
 mod blend;
 mod check;
-mod choice;
 mod clip;
 mod completions;
 mod compose;
@@ -17,6 +16,7 @@ mod mesh;
 mod modes;
 mod morph;
 mod motion;
+mod options;
 mod photo;
 mod photo_clip;
 mod plan;

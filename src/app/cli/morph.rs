@@ -6,9 +6,10 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::job::JobArgs;
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings, OverWish};
+use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 use plumbline_shape::mesh::MeshFormat;
 
@@ -26,41 +27,32 @@ pub(super) struct MorphArgs {
     #[arg(short, long, value_name = "FOLDER|FILE")]
     output: PathBuf,
 
-    /// Shapes, both meshes among them
-    #[arg(long, default_value_t = MorphSettings::default().frames, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=9999))]
-    frames: u32,
     /// How long a .glb or .gltf file moves, in seconds
     #[arg(long, default_value_t = 2.0, value_name = "S")]
     #[arg(value_parser = |text: &str| number_for::<MeshSaveSettings>("seconds", text))]
     seconds: f64,
-    /// Places of both meshes that belong together (`plumbline schema landmarks`, .cons or .yml)
-    #[arg(long, value_name = "FILE", help_heading = "Method")]
-    landmarks: Option<PathBuf>,
-    /// Add vertices until no feature of the second mesh is missed by more than this share of its size
-    #[arg(long, value_name = "SHARE", requires = "landmarks", help_heading = "Method")]
-    #[arg(value_parser = |text: &str| number_for::<MorphSettings>("refine", text))]
-    refine: Option<f64>,
-    /// Rounds in which each shape is made more rigid towards both meshes
-    #[arg(long, default_value_t = MorphSettings::default().rounds, value_name = "N", help_heading = "Method")]
-    #[arg(value_parser = clap::value_parser!(u32).range(0..=10_000))]
-    rounds: u32,
-    /// Rounds at most in which a shape that passes through itself is pushed out of itself
-    #[arg(long, default_value_t = MorphSettings::default().untangle, value_name = "N", help_heading = "Method")]
-    #[arg(value_parser = clap::value_parser!(u32).range(0..=1000))]
-    untangle: u32,
-    /// How the first mesh is laid over the second
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", requires = "landmarks", help_heading = "Method")]
-    over: OverWish,
-    /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
-    #[arg(long, default_value_t = 0, value_name = "N", allow_hyphen_values = true, help_heading = "Method")]
-    #[arg(value_parser = clap::value_parser!(i32).range(-100..=100))]
-    whole_turns: i32,
+    #[command(flatten)]
+    morph: Given<Morph>,
 
-    /// Also write how it went, as JSON, with the self-intersections of every shape
-    #[arg(long, value_name = "FILE.json")]
-    report: Option<PathBuf>,
     #[command(flatten)]
     job: JobArgs,
+}
+
+/// What it says of `morph`.
+struct Morph;
+
+impl Offer for Morph {
+    type Kind = MorphSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("frames"),
+        Setting::of("landmarks").under("Method"),
+        Setting::of("refine").value("SHARE").requires("landmarks").under("Method"),
+        Setting::of("rounds").under("Method"),
+        Setting::of("untangle").under("Method"),
+        Setting::of("over").requires("landmarks").under("Method"),
+        Setting::of("whole_turns").signed().under("Method"),
+        Setting::of("report").value("FILE.json"),
+    ];
 }
 
 impl MorphArgs {
@@ -71,26 +63,17 @@ impl MorphArgs {
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
-        let morph = MorphSettings {
-            landmarks: self.landmarks.as_ref().map(|path| literal_path(path)),
-            frames: self.frames,
-            rounds: self.rounds,
-            untangle: self.untangle,
-            over: self.over,
-            whole_turns: self.whole_turns,
-            refine: self.refine,
-            report: self.report.as_ref().map(|path| literal_path(path)),
-        };
+        let morph = &self.morph.settings;
         let path = in_folder(&self.output, &self.first, "morph");
         // In a folder every shape is a file, of whatever format.
         let moves =
             path == self.output && matches!(MeshFormat::of_name(&path), Some(MeshFormat::Glb | MeshFormat::Gltf));
         let seconds = moves.then_some(self.seconds);
-        let save = MeshSaveSettings { path: literal_path(&path), frames: self.frames, seconds, ..Default::default() };
+        let save = MeshSaveSettings { path: literal_path(&path), frames: morph.frames, seconds, ..Default::default() };
         let stages = vec![
             StageEntry::built("first", &load(&self.first)),
             StageEntry::built("second", &load(&self.second)),
-            StageEntry::built("shapes", &morph).input("mesh", "first").input("other", "second"),
+            StageEntry::built("shapes", morph).input("mesh", "first").input("other", "second"),
             StageEntry::built("out", &save).input("mesh", "shapes"),
         ];
         PipelineFile { name: Some("morph".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::job::{JobArgs, batch, only_input};
+use super::options::{Given, Offer, Setting};
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
@@ -40,10 +41,8 @@ pub(super) struct PhotoArgs {
     #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to spare")]
     pub(super) faces: String,
 
-    /// JPEG quality, 1 to 100; from 90 on colors keep their full resolution
-    #[arg(long, default_value_t = ImageSaveSettings::default().quality, value_name = "Q", help_heading = "Writing")]
-    #[arg(value_parser = clap::value_parser!(u8).range(1..=100))]
-    quality: u8,
+    #[command(flatten)]
+    save: Given<Save>,
     /// Draw the grid of the map over the result
     #[arg(long, help_heading = "Writing")]
     grid: bool,
@@ -57,15 +56,29 @@ pub(super) struct PhotoArgs {
     #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
     report: Option<PathBuf>,
 
-    /// Most pixels of a picture; larger ones are refused before memory is taken for them
-    #[arg(long, default_value_t = ImageLoadSettings::default().max_pixels, value_name = "N")]
-    #[arg(value_parser = clap::value_parser!(u64).range(1..))]
-    max_pixels: u64,
+    #[command(flatten)]
+    load: Given<Load>,
     /// Pictures at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
     pub(super) jobs: u32,
     #[command(flatten)]
     pub(super) job: JobArgs,
+}
+
+/// What the commands say of `image.save`.
+struct Save;
+
+impl Offer for Save {
+    type Kind = ImageSaveSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("quality").value("Q").ranged().under("Writing")];
+}
+
+/// What they say of `image.load`.
+struct Load;
+
+impl Offer for Load {
+    type Kind = ImageLoadSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("max_pixels")];
 }
 
 /// Where the names of one job come from: the options, or the item of the batch.
@@ -89,7 +102,7 @@ impl PhotoArgs {
         stages: impl FnOnce(Wanted) -> Vec<StageEntry>,
     ) -> Result<PipelineFile, Failure> {
         let names = self.names()?;
-        let load = ImageLoadSettings { path: names.source.clone(), max_pixels: self.max_pixels };
+        let load = ImageLoadSettings { path: names.source.clone(), ..self.load.settings.clone() };
         let mut all = vec![StageEntry::built("photo", &load)];
         let wanted = Wanted { lines: self.push_lines(&names, detect, &mut all), faces: self.push_faces(&mut all) };
         all.extend(self.saved_lines(wanted)?);
@@ -109,7 +122,7 @@ impl PhotoArgs {
         [
             (self.lines.is_some(), "--lines"),
             (is_file(&self.faces), "--faces FILE"),
-            (self.quality != ImageSaveSettings::default().quality, "--quality"),
+            (self.save.settings != ImageSaveSettings::default(), "--quality"),
             (self.grid, "--grid"),
             (self.export_map.is_some(), "--export-map"),
             (self.save_lines.is_some(), "--save-lines"),
@@ -213,7 +226,7 @@ impl PhotoArgs {
             stages.push(grid.input("image", "drawn").input("warp", "map"));
             shown = "grid";
         }
-        let save = ImageSaveSettings { path: names.output.clone(), quality: self.quality };
+        let save = ImageSaveSettings { path: names.output.clone(), ..self.save.settings.clone() };
         stages.push(StageEntry::built("out", &save).input("image", shown));
         if let Some(prefix) = &self.export_map {
             let export = MapExportSettings { path: literal_path(prefix), ..MapExportSettings::default() };

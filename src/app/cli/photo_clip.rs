@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::job::{batch, only_input};
+use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::stabilize::KEPT_CONTAINERS;
 use crate::pipeline::file::literal_path;
@@ -15,8 +16,7 @@ use crate::pipeline::kinds::{
 };
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::units::ClipTime;
-use crate::pipeline::{PipelineFile, StageEntry, number_for};
+use crate::pipeline::{PipelineFile, StageEntry};
 
 /// Options that only clips have.
 #[derive(Debug, Args)]
@@ -24,30 +24,42 @@ pub(super) struct ClipWishes {
     /// Also hold the clip steady, in the same interpolation
     #[arg(long, help_heading = "Clips")]
     pub(super) stabilize: bool,
-    /// First position to read: seconds or [HH:]MM:SS
-    #[arg(long, value_name = "TIME", help_heading = "Clips")]
-    start: Option<ClipTime>,
-    /// Position to stop before
-    #[arg(long, value_name = "TIME", help_heading = "Clips")]
-    end: Option<ClipTime>,
-    /// How the pictures are coded
-    #[arg(long, value_enum, default_value_t, value_name = "CODEC", help_heading = "Clips")]
-    codec: Codec,
-    /// Constant quality, 0 = best; the encoder's own default if left out
-    #[arg(long, value_name = "Q", help_heading = "Clips")]
-    #[arg(value_parser = |text: &str| number_for::<EncodeSettings>("crf", text))]
-    crf: Option<f64>,
+    #[command(flatten)]
+    decode: Given<Decode>,
+    #[command(flatten)]
+    encode: Given<Encode>,
+}
+
+/// What the commands say of `video.decode`.
+struct Decode;
+
+impl Offer for Decode {
+    type Kind = DecodeSettings;
+    const SETTINGS: &'static [Setting] =
+        &[Setting::of("start").value("TIME").under("Clips"), Setting::of("end").value("TIME").under("Clips")];
+}
+
+/// What they say of `video.encode`.
+struct Encode;
+
+impl Offer for Encode {
+    type Kind = EncodeSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("codec").value("CODEC").aliases(&[("hevc", "h265")]).under("Clips"),
+        Setting::of("crf").value("Q").under("Clips"),
+    ];
 }
 
 impl ClipWishes {
     /// Refuses options of clips where there are only photos.
     pub(super) fn refuse_for_photos(&self) -> Result<(), Failure> {
+        let (decode, encode) = (&self.decode.settings, &self.encode.settings);
         let given = [
             (self.stabilize, "--stabilize"),
-            (self.start.is_some(), "--start"),
-            (self.end.is_some(), "--end"),
-            (self.codec != Codec::default(), "--codec"),
-            (self.crf.is_some(), "--crf"),
+            (decode.start.is_some(), "--start"),
+            (decode.end.is_some(), "--end"),
+            (encode.codec != Codec::default(), "--codec"),
+            (encode.crf.is_some(), "--crf"),
         ];
         refuse(&given, "is for clips, but the inputs are pictures")
     }
@@ -70,8 +82,8 @@ impl ClipWishes {
     ) -> Result<PipelineFile, Failure> {
         refuse(&photo.for_pictures_only(), "is for pictures, but the inputs are clips")?;
         let (source, output) = self.names(photo)?;
-        let decode = DecodeSettings { path: source, start: self.start, end: self.end, ..DecodeSettings::default() };
-        let encode = EncodeSettings { path: output, codec: self.codec, crf: self.crf, ..EncodeSettings::default() };
+        let decode = DecodeSettings { path: source, ..self.decode.settings.clone() };
+        let encode = EncodeSettings { path: output, ..self.encode.settings.clone() };
         let mut all = vec![StageEntry::built("source", &decode)];
         all.extend(stages);
         all.push(StageEntry::built("drawn", render).input("frames", "source").inputs("warps", warps));
@@ -91,7 +103,7 @@ impl ClipWishes {
         let Some(output) = &photo.output else {
             let folder = literal_path(photo.out_dir.as_deref().unwrap_or(Path::new(".")));
             let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
-            let extension = match self.codec {
+            let extension = match self.encode.settings.codec {
                 Codec::Prores => "mov",
                 Codec::Ffv1 => "mkv",
                 _ if kept => "${item.ext}",

@@ -6,14 +6,14 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::job::{JobArgs, WeightsArg};
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
     ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
-    SkinningWish,
 };
 use crate::pipeline::surfaces::ViewWish;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Frames of a folder where no number is given.
 const FRAMES: u32 = 24;
@@ -30,43 +30,15 @@ pub(super) struct PoseArgs {
     /// How a mesh is bound to --skeleton: heat, biharmonic, distance, or a file of weights
     #[arg(long, default_value_t, value_name = "HOW|FILE", requires = "skeleton")]
     weights: WeightsArg,
-    /// The pose: turns of joints, and places that they seek (`plumbline schema pose` describes the file)
-    #[arg(long, value_name = "FILE.json", conflicts_with = "clip")]
-    pose: Option<PathBuf>,
-    /// The movement, by its name
-    #[arg(long, value_name = "NAME")]
-    clip: Option<String>,
+    #[command(flatten)]
+    posing: Given<Posing>,
     /// The file to write, its extension chooses the format; or a folder (`frames/`) for a sequence of OBJ files
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
 
-    /// How the surface follows the joints
-    #[arg(long, value_enum, default_value_t, value_name = "METHOD", help_heading = "Posing")]
-    skinning: SkinningWish,
-    /// The model that `plumbline skin train` has learnt of this mesh and skeleton, for --skinning regression
-    #[arg(long, value_name = "FILE.skin", help_heading = "Posing", conflicts_with = "weights")]
-    model: Option<PathBuf>,
-    /// Keep the details of the surface at rest; the number holds it to the skinned surface: 1 firmly, 0.01 loosely
-    #[arg(long, value_name = "HOLD", help_heading = "Posing")]
-    #[arg(value_parser = |text: &str| number_for::<PoseSettings>("details", text))]
-    details: Option<f64>,
-    /// Steps toward the targets of the pose file, at most
-    #[arg(long, default_value_t = PoseSettings::default().iterations, value_name = "N", help_heading = "Posing")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    iterations: u32,
-    /// Where the movement begins, s
-    #[arg(long, value_name = "SECONDS", requires = "clip", help_heading = "Posing", allow_hyphen_values = true)]
-    start: Option<f64>,
-    /// Where the movement ends, s
-    #[arg(long, value_name = "SECONDS", requires = "clip", help_heading = "Posing", allow_hyphen_values = true)]
-    end: Option<f64>,
-
     /// Poses of the movement, or from rest to the pose, as NAME_0000.EXT and so on; of a folder 24 if left out
     #[arg(long, value_name = "N", help_heading = "Writing", value_parser = clap::value_parser!(u32).range(1..=9999))]
     frames: Option<u32>,
-    /// Keep the skeleton and its movements in the .glb or .gltf, which stands in the pose by its joints
-    #[arg(long, help_heading = "Writing")]
-    rig: bool,
     /// Also draw the last pose
     #[arg(long, value_name = "FILE.png", help_heading = "Writing")]
     render: Option<PathBuf>,
@@ -85,6 +57,24 @@ pub(super) struct PoseArgs {
     job: JobArgs,
 }
 
+/// What it says of `pose`.
+struct Posing;
+
+impl Offer for Posing {
+    type Kind = PoseSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("pose").value("FILE.json").conflicts("clip"),
+        Setting::of("clip").value("NAME"),
+        Setting::of("skinning").value("METHOD").under("Posing"),
+        Setting::of("model").value("FILE.skin").conflicts("weights").under("Posing"),
+        Setting::of("details").value("HOLD").under("Posing"),
+        Setting::of("iterations").under("Posing"),
+        Setting::of("start").value("SECONDS").requires("clip").signed().under("Posing"),
+        Setting::of("end").value("SECONDS").requires("clip").signed().under("Posing"),
+        Setting::of("rig").under("Writing"),
+    ];
+}
+
 impl PoseArgs {
     pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
@@ -93,25 +83,17 @@ impl PoseArgs {
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (output, frames) = self.files();
-        if self.rig
+        if self.posing.settings.rig
             && !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
             return Err(Failure::usage("--rig needs an output that can hold a skeleton: NAME.glb or NAME.gltf"));
         }
         let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
         let pose = PoseSettings {
-            pose: self.pose.as_ref().map(|path| literal_path(path)),
-            clip: self.clip.clone(),
-            skinning: self.skinning,
-            model: self.model.as_ref().map(|path| literal_path(path)),
             binding: self.weights.binding(),
             weights: self.weights.file(),
-            details: self.details,
             frames,
-            start: self.start,
-            end: self.end,
-            iterations: self.iterations,
-            rig: self.rig,
+            ..self.posing.settings.clone()
         };
         let save = MeshSaveSettings { path: literal_path(&output), frames, ..MeshSaveSettings::default() };
         let mut stages = vec![StageEntry::built("mesh", &load)];

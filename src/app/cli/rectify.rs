@@ -3,16 +3,16 @@
 use clap::Args;
 
 use super::failure::Failure;
+use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
-use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    Border, FovAxis, ImageRenderSettings, ImportanceSettings, Interpolation, LensUndistortSettings,
-    LinesDetectSettings, PhotoBorder, PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
+    Border, ImageRenderSettings, ImportanceSettings, LensUndistortSettings, LinesDetectSettings, PhotoBorder,
+    PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
 };
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, TargetSize, ViewAngles, ViewField};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]
@@ -22,17 +22,8 @@ pub struct RectifyArgs {
     #[command(flatten)]
     clips: ClipWishes,
 
-    /// The lens: auto (EXIF, profiles, the lines themselves), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP
-    /// cameras.txt, OCam, our own JSON), or a model such as equidistant, to be given with --fov
-    #[arg(long, default_value = "auto", value_name = "auto|FILE|MODEL", help_heading = "Lens")]
-    lens: String,
-    /// Field of view, degrees, 1 to 360
-    #[arg(long, value_name = "DEG", help_heading = "Lens")]
-    #[arg(value_parser = |text: &str| number_for::<PhotoRectifySettings>("fov", text))]
-    fov: Option<f64>,
-    /// Along which way the field of view is measured
-    #[arg(long, value_enum, default_value_t, value_name = "h|v|d", requires = "fov", help_heading = "Lens")]
-    fov_axis: FovAxis,
+    #[command(flatten)]
+    lens: Given<Lens>,
 
     /// Make a stitched picture with an irregular border, transparent, black or white, a rectangle by warping; found by itself
     /// where no lens is known
@@ -42,25 +33,47 @@ pub struct RectifyArgs {
     /// if left out, optimized for pictures and perspective for clips
     #[arg(long, value_name = "PROJECTION", help_heading = "Result")]
     to: Option<ProjectionWish>,
-    /// Where the viewer looks, degrees from where the camera looked
-    #[arg(long, default_value_t, value_name = "YAW,PITCH,ROLL", allow_hyphen_values = true, help_heading = "Result")]
-    view: ViewAngles,
-    /// How much the view shows, degrees; all that the picture has if left out, and of panoramas 100,75
-    #[arg(long, value_name = "WIDTH,HEIGHT", help_heading = "Result")]
-    view_field: Option<ViewField>,
-    /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the
-    /// largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
-    #[arg(long, default_value_t, value_name = "auto|rectangle|W:H|none", help_heading = "Result")]
-    crop: CropWish,
-    /// Size of the result, px; if left out, pictures stay as wide as they are, and clips keep their size
-    #[arg(long, value_name = "WxH", help_heading = "Result")]
-    size: Option<PixelSize>,
-    /// What stands where the picture shows nothing
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Result")]
-    border: PhotoBorder,
-    /// How pixels are interpolated
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Result")]
-    interpolation: Interpolation,
+    #[command(flatten)]
+    view: Given<View>,
+    #[command(flatten)]
+    render: Given<Render>,
+}
+
+/// What it says of `photo.rectify`: the lens.
+struct Lens;
+
+impl Offer for Lens {
+    type Kind = PhotoRectifySettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("lens").value("auto|FILE|MODEL").under("Lens"),
+        Setting::of("fov").value("DEG").ranged().under("Lens"),
+        Setting::of("fov_axis").value("h|v|d").aliases(&FOV_ALIASES).requires("fov").under("Lens"),
+    ];
+}
+
+/// Longer words for the ways that a field of view is measured.
+const FOV_ALIASES: [(&str, &str); 3] = [("h", "horizontal"), ("v", "vertical"), ("d", "diagonal")];
+
+/// What it says of `photo.rectify`: the result.
+struct View;
+
+impl Offer for View {
+    type Kind = PhotoRectifySettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("view").value("YAW,PITCH,ROLL").signed().under("Result"),
+        Setting::of("view_field").value("WIDTH,HEIGHT").under("Result"),
+        Setting::of("crop").value("auto|rectangle|W:H|none").under("Result"),
+        Setting::of("size").value("WxH").under("Result"),
+    ];
+}
+
+/// What it says of `image.render`.
+struct Render;
+
+impl Offer for Render {
+    type Kind = ImageRenderSettings;
+    const SETTINGS: &'static [Setting] =
+        &[Setting::of("border").under("Result"), Setting::of("interpolation").under("Result")];
 }
 
 impl RectifyArgs {
@@ -73,30 +86,38 @@ impl RectifyArgs {
         if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
     }
 
+    /// What the options say of lens and result.
+    fn settings(&self) -> PhotoRectifySettings {
+        let (lens, view) = (&self.lens.settings, &self.view.settings);
+        PhotoRectifySettings { lens: lens.lens.clone(), fov: lens.fov, fov_axis: lens.fov_axis, ..view.clone() }
+    }
+
     fn of_clips(&self) -> Result<PipelineFile, Failure> {
         if self.rectangle {
             return Err(Failure::usage("--rectangle is for stitched pictures, but the input is a clip; leave it out"));
         }
-        if matches!(self.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+        if matches!(self.render.settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
             let help = "give black, mirror or replicate";
             return Err(Failure::usage(format!("borders of clips are neither transparent nor filled; {help}")));
         }
+        let wanted = self.settings();
         let settings = LensUndistortSettings {
-            lens: literal_path(std::path::Path::new(&self.lens)),
-            fov: self.fov,
-            fov_axis: self.fov_axis,
+            lens: wanted.lens,
+            fov: wanted.fov,
+            fov_axis: wanted.fov_axis,
             to: self.to.unwrap_or(ProjectionWish::Perspective),
-            view: self.view,
-            crop: self.crop,
-            size: self.size,
+            view: wanted.view,
+            crop: wanted.crop,
+            size: wanted.size,
         };
-        let border = match (self.crop, self.border) {
+        let border = match (wanted.crop, self.render.settings.border) {
             (CropWish::None, PhotoBorder::Black) => Border::Black,
             (CropWish::None, PhotoBorder::Mirror) => Border::Mirror,
             (CropWish::None, PhotoBorder::Replicate) => Border::Replicate,
             _ => Border::Crop,
         };
-        let render = RenderSettings { interpolation: self.interpolation, border, ..RenderSettings::default() };
+        let render =
+            RenderSettings { interpolation: self.render.settings.interpolation, border, ..RenderSettings::default() };
         let mut stages = vec![StageEntry::built("lens", &settings).input("frames", "source")];
         if self.clips.stabilize {
             stages.extend(analysis(Some("lens")));
@@ -109,29 +130,18 @@ impl RectifyArgs {
 
     fn of_photos(&self) -> Result<PipelineFile, Failure> {
         self.clips.refuse_for_photos()?;
-        let render =
-            ImageRenderSettings { interpolation: self.interpolation, border: self.border, ..Default::default() };
         if self.rectangle {
-            return self.of_stitched(&render);
+            return self.of_stitched();
         }
         let to = self.to.unwrap_or_default();
-        let settings = PhotoRectifySettings {
-            to,
-            lens: literal_path(std::path::Path::new(&self.lens)),
-            fov: self.fov,
-            fov_axis: self.fov_axis,
-            view: self.view,
-            view_field: self.view_field,
-            crop: self.crop,
-            size: self.size,
-        };
+        let settings = PhotoRectifySettings { to, ..self.settings() };
         let detect = LinesDetectSettings {
             lens: settings.lens.clone(),
-            fov: self.fov,
-            fov_axis: self.fov_axis,
+            fov: settings.fov,
+            fov_axis: settings.fov_axis,
             ..LinesDetectSettings::default()
         };
-        self.photo.pipeline("rectify", &render, &detect, |wanted| {
+        self.photo.pipeline("rectify", &self.render.settings, &detect, |wanted| {
             let stage = wanted.connect(StageEntry::built("map", &settings).input("image", "photo"));
             if to != ProjectionWish::Optimized {
                 return vec![stage];
@@ -142,23 +152,24 @@ impl RectifyArgs {
     }
 
     /// Lines are those of the picture: no lens took it.
-    fn of_stitched(&self, render: &ImageRenderSettings) -> Result<PipelineFile, Failure> {
+    fn of_stitched(&self) -> Result<PipelineFile, Failure> {
+        let wanted = self.settings();
         let given = [
-            (self.lens != "auto", "--lens"),
-            (self.view != ViewAngles::default(), "--view"),
-            (matches!(self.crop, CropWish::Rectangle | CropWish::None), "--crop rectangle or none"),
+            (wanted.lens != "auto", "--lens"),
+            (wanted.view != ViewAngles::default(), "--view"),
+            (matches!(wanted.crop, CropWish::Rectangle | CropWish::None), "--crop rectangle or none"),
         ];
         if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
             let help = "a stitched picture is warped as it is, without a lens";
             return Err(Failure::usage(format!("{option} does not go with --rectangle: {help}")));
         }
-        let shape = match (self.size, self.crop) {
+        let shape = match (wanted.size, wanted.crop) {
             (Some(size), _) => Some(TargetSize::Pixels(size)),
             (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
             (None, _) => None,
         };
         let settings = PhotoRectangleSettings { size: shape };
-        self.photo.pipeline("rectangle", render, &LinesDetectSettings::default(), |wanted| {
+        self.photo.pipeline("rectangle", &self.render.settings, &LinesDetectSettings::default(), |wanted| {
             vec![wanted.connect(StageEntry::built("map", &settings).input("image", "photo"))]
         })
     }

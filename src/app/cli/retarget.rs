@@ -1,20 +1,17 @@
 //! `plumbline retarget`: pictures and clips in another shape. Builds the same graph as `pipeline/retarget.toml`, and for clips
 //! with `--stabilize` as `pipeline/vertical-video.toml`.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use super::failure::Failure;
+use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
-use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{
-    ClipFaces, ImageRenderSettings, ImportanceSettings, Interpolation, LinesDetectSettings, PhotoBorder,
-    PhotoRetargetSettings, RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
+    ClipFaces, ImageRenderSettings, ImportanceSettings, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
+    RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
 };
-use crate::pipeline::sizes::TargetSize;
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Options of `plumbline retarget`.
@@ -25,15 +22,36 @@ pub struct RetargetArgs {
     #[command(flatten)]
     clips: ClipWishes,
 
-    /// The new size in pixels, or the new shape: the largest of it inside the picture
-    #[arg(long, value_name = "WxH|W:H", help_heading = "Result")]
-    size: TargetSize,
-    /// A picture of the same size, painted by hand: white matters, black does not, mid-gray leaves what was found
-    #[arg(long, value_name = "FILE", help_heading = "What to spare")]
-    importance: Option<PathBuf>,
-    /// How pixels are interpolated
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Result")]
-    interpolation: Interpolation,
+    #[command(flatten)]
+    shape: Given<Shape>,
+    #[command(flatten)]
+    importance: Given<Painted>,
+    #[command(flatten)]
+    render: Given<Render>,
+}
+
+/// What it says of `photo.retarget`.
+struct Shape;
+
+impl Offer for Shape {
+    type Kind = PhotoRetargetSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("size").value("WxH|W:H").under("Result")];
+}
+
+/// What it says of `importance`.
+struct Painted;
+
+impl Offer for Painted {
+    type Kind = ImportanceSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("mask").named("importance").under("What to spare")];
+}
+
+/// What it says of `image.render`.
+struct Render;
+
+impl Offer for Render {
+    type Kind = ImageRenderSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("interpolation").under("Result")];
 }
 
 impl RetargetArgs {
@@ -48,12 +66,12 @@ impl RetargetArgs {
 
     fn of_clips(&self) -> Result<PipelineFile, Failure> {
         let faces = if self.photo.faces == "off" { ClipFaces::Off } else { ClipFaces::Auto };
-        let judged = VideoImportanceSettings { faces, mask: self.importance.as_ref().map(|path| literal_path(path)) };
-        let settings = VideoRetargetSettings { size: Some(self.size), ..VideoRetargetSettings::default() };
+        let judged = VideoImportanceSettings { faces, mask: self.importance.settings.mask.clone() };
+        let settings = VideoRetargetSettings { size: self.shape.settings.size, ..VideoRetargetSettings::default() };
         let map = StageEntry::built("map", &settings).input("importance", "importance").input("motion", "motion");
         let mut stages = analysis(None);
         stages.push(StageEntry::built("importance", &judged).input("frames", "source"));
-        let render = RenderSettings { interpolation: self.interpolation, ..RenderSettings::default() };
+        let render = RenderSettings { interpolation: self.render.settings.interpolation, ..RenderSettings::default() };
         if self.clips.stabilize {
             stages.extend(ClipWishes::steady());
             stages.push(map.input("path", "path"));
@@ -68,16 +86,16 @@ impl RetargetArgs {
         self.clips.refuse_for_photos()?;
         // The map covers its output, but kernels reach over the edge: black would darken the outermost pixels.
         let border = PhotoBorder::Replicate;
-        let render = ImageRenderSettings { interpolation: self.interpolation, border, ..Default::default() };
-        let mask = self.importance.as_ref().map(|path| literal_path(path));
-        let settings = PhotoRetargetSettings { size: Some(self.size) };
+        let render = ImageRenderSettings { border, ..self.render.settings.clone() };
         self.photo.pipeline("retarget", &render, &LinesDetectSettings::default(), |wanted| {
-            let judged = StageEntry::built("importance", &ImportanceSettings { mask }).input("image", "photo");
+            let judged = StageEntry::built("importance", &self.importance.settings).input("image", "photo");
             let judged = match wanted.faces {
                 Some(faces) => judged.input("faces", faces),
                 None => judged,
             };
-            let stage = StageEntry::built("map", &settings).input("image", "photo").input("importance", "importance");
+            let stage = StageEntry::built("map", &self.shape.settings)
+                .input("image", "photo")
+                .input("importance", "importance");
             vec![judged, wanted.connect(stage)]
         })
     }

@@ -6,11 +6,12 @@ use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
 use super::job::{JobArgs, batch, only_input};
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, SkeletonExtractSettings};
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
 
 /// Formats of skeletons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -41,28 +42,28 @@ pub(super) struct SkeletonArgs {
     #[arg(long, value_enum, default_value_t, value_name = "FORMAT", requires = "out_dir")]
     format: SkeletonFormat,
 
-    /// About how many joints; as many as bends, ends and junctions need if left out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = "Skeleton")]
-    joints: Option<u32>,
-    /// Branches whose end sticks out of the rest of the shape by less than this share of its own half-width are taken away
-    #[arg(long, default_value_t = SkeletonExtractSettings::default().prune, value_name = "SHARE", help_heading = "Skeleton")]
-    #[arg(value_parser = |text: &str| number_for::<SkeletonExtractSettings>("prune", text))]
-    prune: f64,
-    /// Ends that stay: auto, the tips of the surface, or a file with numbers of vertices, from 0
-    #[arg(long, value_name = "FILE|auto", help_heading = "Skeleton")]
-    keep: Option<String>,
-    /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay
-    #[arg(long, value_name = "FILE", conflicts_with = "joints", help_heading = "Skeleton")]
-    template: Option<PathBuf>,
-    /// A folder for the surface after each round of contraction, as .obj
-    #[arg(long, value_name = "DIR", requires = "output", help_heading = "Skeleton")]
-    contraction_frames: Option<PathBuf>,
+    #[command(flatten)]
+    extract: Given<Extract>,
 
     /// Meshes at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
     jobs: u32,
     #[command(flatten)]
     job: JobArgs,
+}
+
+/// What it says of `skeleton.extract`.
+struct Extract;
+
+impl Offer for Extract {
+    type Kind = SkeletonExtractSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("joints").under("Skeleton"),
+        Setting::of("prune").value("SHARE").under("Skeleton"),
+        Setting::of("keep").value("FILE|auto").under("Skeleton"),
+        Setting::of("template").conflicts("joints").under("Skeleton"),
+        Setting::of("contraction_frames").value("DIR").requires("output").under("Skeleton"),
+    ];
 }
 
 impl SkeletonArgs {
@@ -73,14 +74,7 @@ impl SkeletonArgs {
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (source, target) = self.names()?;
-        let extract = SkeletonExtractSettings {
-            path: Some(target),
-            joints: self.joints,
-            prune: self.prune,
-            keep: self.keep.as_ref().map(|s| escape(s)),
-            template: self.template.as_ref().map(|path| literal_path(path)),
-            contraction_frames: self.contraction_frames.as_ref().map(|path| literal_path(path)),
-        };
+        let extract = SkeletonExtractSettings { path: Some(target), ..self.extract.settings.clone() };
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };
         Ok(PipelineFile {
             name: Some("skeleton".to_owned()),

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
-use super::choice::choice;
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::job::{batch, only_input};
+use super::options::choice;
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
@@ -39,10 +39,10 @@ pub struct StabilizeArgs {
     clip: ClipArgs,
 
     /// How freely a frame may be bent
-    #[arg(long, value_parser = choice::<ModelChoice>(), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<ModelChoice>(&[]), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
     mode: ModelChoice,
     /// How the virtual camera moves
-    #[arg(long, value_parser = choice::<PathMethod>(), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<PathMethod>(&[]), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
     path: PathMethod,
     /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
     #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
@@ -59,7 +59,7 @@ pub struct StabilizeArgs {
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
     min_crop: f64,
     /// How the picture is enlarged to hide the borders
-    #[arg(long, value_parser = choice::<Zoom>(), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<Zoom>(&[]), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     zoom: Zoom,
     /// What stands where the source has no picture
     #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
@@ -72,7 +72,8 @@ pub struct StabilizeArgs {
     interpolation: Interpolation,
 
     /// How the pictures are coded
-    #[arg(long, value_enum, default_value_t, value_name = "CODEC", help_heading = "Encoding")]
+    #[arg(long, default_value = Codec::default().name(), value_name = "CODEC", help_heading = "Encoding")]
+    #[arg(value_parser = choice::<Codec>(&[("hevc", "h265")]))]
     codec: Codec,
     /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
     #[arg(long, default_value_t, value_name = "WHICH", help_heading = "Encoding")]

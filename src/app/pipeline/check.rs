@@ -244,3 +244,40 @@ fn check_item_use(file: &PipelineFile, problems: &mut Vec<Problem>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stages::MeshDeformSettings;
+    use plumbline_shape::surface::LaplacianKind;
+
+    /// A pipeline that deforms a mesh, with `setting` on its ninth line.
+    fn deforming(setting: &str) -> Result<Pipeline, Problems> {
+        let text = format!(
+            "version = 1\n[stage.mesh]\nuse = \"mesh.load\"\npath = \"a.obj\"\n[stage.posed]\nuse = \"mesh.deform\"\n\
+             inputs = [\"mesh\"]\nhandles = \"h.json\"\n{setting}\n[stage.out]\nuse = \"mesh.save\"\n\
+             inputs = [\"posed\"]\npath = \"b.obj\"\n"
+        );
+        read(Source { name: "x.toml".to_owned(), text, base: None }, &[])
+    }
+
+    #[test]
+    fn keys_of_a_flattened_part_are_read_and_others_are_refused_at_their_place() {
+        let good = deforming("laplacian = \"uniform\"").expect("no faults");
+        let settings = good.graph.stage("posed").and_then(|s| s.settings.get::<MeshDeformSettings>());
+        assert_eq!(settings.map(|s| s.options.laplacian), Some(LaplacianKind::Uniform));
+        for (setting, code, message) in [
+            ("laplacien = \"uniform\"", "unknown-key", "has no setting `laplacien`"),
+            ("smoothness = 0.1", "unknown-key", "has no setting `smoothness`"),
+            ("options = {}", "unknown-key", "has no setting `options`"),
+            ("laplacian = \"cotangens\"", "bad-value", "expected `cotangent` or `uniform`"),
+            ("tolerance = 0.7", "out-of-range", "expected 0 to 0.5"),
+        ] {
+            let problems = deforming(setting).expect_err("a fault");
+            let problem = &problems.problems[0];
+            assert_eq!((problems.problems.len(), problem.code), (1, code), "{problem:?}");
+            assert!(problem.message.contains(message), "{}", problem.message);
+            assert_eq!(problems.sources.line_column(problem.labels[0].0).0, 9);
+        }
+    }
+}

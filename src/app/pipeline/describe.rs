@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use serde_json::Value as Json;
 
 use super::kind::StageKind;
-use super::kinds::KINDS;
 use super::port::{Arity, Port};
 use super::settings::{allowed_range, allowed_words, range_text};
+use crate::stages::KINDS;
 
 /// Every kind on a line.
 pub fn list() -> String {

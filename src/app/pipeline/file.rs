@@ -4,7 +4,7 @@
 
 use serde_json::Value as Json;
 
-use super::kind::{StageKind, StageSettings};
+use super::kind::{Stage, StageKind};
 use super::reference::escape;
 use super::syntax::{Entry, Node, Sources, Span, Value};
 
@@ -78,8 +78,8 @@ pub struct PipelineFile {
 impl StageEntry {
     /// A stage with typed settings, for programs. Settings equal to their defaults are left out, unless a file must give them. Strings in `settings` are
     /// templates: pass what must not be read as a reference through [`escape`].
-    pub fn built<S: StageSettings>(name: &str, settings: &S) -> Self {
-        let kind = super::kinds::find(S::KIND);
+    pub fn built<S: Stage>(name: &str, settings: &S) -> Self {
+        let kind = crate::stages::find(S::KIND);
         Self {
             name: name.into(),
             kind,

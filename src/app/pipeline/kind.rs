@@ -14,6 +14,9 @@ use serde::de::DeserializeOwned;
 
 use super::memory::Held;
 use super::port::Port;
+use super::port_value::{Inputs, Outputs, inputs_fit, outputs_fit};
+use super::run_error::RunError;
+use crate::stages::context::Context;
 
 /// How a stage's result depends on time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,10 +42,10 @@ pub struct Conflict {
     pub help: &'static str,
 }
 
-/// The settings of one stage kind, and what holds for every stage of the kind.
+/// A stage kind: its settings, what holds for every stage of the kind, and what a stage of it does.
 ///
 /// `Default` gives every setting that a file leaves out; `REQUIRED` names those that a file must give.
-pub trait StageSettings:
+pub trait Stage:
     Serialize + DeserializeOwned + JsonSchema + Default + PartialEq + Debug + Send + Sync + 'static
 {
     /// The name after `use =`.
@@ -53,6 +56,10 @@ pub trait StageSettings:
     const INPUTS: &'static [Port];
     /// What it gives; the first is meant by the stage's bare name.
     const OUTPUTS: &'static [Port];
+    /// What `run` takes: the values at its input ports, in their order.
+    type Input: Inputs;
+    /// What `run` gives: the values at its output ports, in their order.
+    type Output: Outputs;
     /// Settings without a default.
     const REQUIRED: &'static [&'static str] = &[];
     /// It interpolates pixels; at most one such stage may lie on the way of a picture.
@@ -87,49 +94,85 @@ pub trait StageSettings:
     fn fills(&self) -> Vec<&str> {
         Vec::new()
     }
+
+    /// Refuses what must fail at the end, before any work is done.
+    ///
+    /// # Errors
+    /// [`RunError::Output`] or [`RunError::Usage`] where a file cannot be written.
+    fn preflight(&self) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    /// Does the work of one stage in one pass.
+    ///
+    /// # Errors
+    /// Whatever went wrong; no file may be left under its final name unless it is whole.
+    fn run(&self, input: Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError>;
 }
 
-/// Settings of a kind known at run time; [`dyn Settings::get`] gives back the typed struct.
+/// A stage of a kind known at run time; [`dyn Settings::get`] gives back the typed struct.
 pub trait Settings: Any + Debug + Send + Sync {
-    /// See [`StageSettings::over_time`].
+    /// See [`Stage::over_time`].
     fn over_time(&self) -> OverTime;
-    /// See [`StageSettings::held`].
+    /// See [`Stage::held`].
     fn held(&self) -> Vec<Held>;
-    /// See [`StageSettings::conflicts`].
+    /// See [`Stage::conflicts`].
     fn conflicts(&self) -> Vec<Conflict>;
-    /// See [`StageSettings::reads`].
+    /// See [`Stage::reads`].
     fn reads(&self) -> Vec<&str>;
-    /// See [`StageSettings::writes`].
+    /// See [`Stage::writes`].
     fn writes(&self) -> Vec<String>;
-    /// See [`StageSettings::fills`].
+    /// See [`Stage::fills`].
     fn fills(&self) -> Vec<&str>;
+    /// See [`Stage::preflight`].
+    ///
+    /// # Errors
+    /// See [`Stage::preflight`].
+    fn preflight(&self) -> Result<(), RunError>;
+    /// Takes what is at the input ports of stage number `stage`, runs it, and hands on what it gives.
+    ///
+    /// # Errors
+    /// See [`Stage::run`].
+    fn run(&self, context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError>;
     /// Every setting, defaults included.
     fn to_json(&self) -> serde_json::Value;
 }
 
-impl<S: StageSettings> Settings for S {
+impl<S: Stage> Settings for S {
     fn over_time(&self) -> OverTime {
-        StageSettings::over_time(self)
+        Stage::over_time(self)
     }
 
     fn held(&self) -> Vec<Held> {
-        StageSettings::held(self)
+        Stage::held(self)
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
-        StageSettings::conflicts(self)
+        Stage::conflicts(self)
     }
 
     fn reads(&self) -> Vec<&str> {
-        StageSettings::reads(self)
+        Stage::reads(self)
     }
 
     fn writes(&self) -> Vec<String> {
-        StageSettings::writes(self)
+        Stage::writes(self)
     }
 
     fn fills(&self) -> Vec<&str> {
-        StageSettings::fills(self)
+        Stage::fills(self)
+    }
+
+    fn preflight(&self) -> Result<(), RunError> {
+        Stage::preflight(self)
+    }
+
+    fn run(&self, context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+        context.at = stage;
+        let input = S::Input::take(context, stage, S::INPUTS)?;
+        let output = Stage::run(self, input, context)?;
+        output.put(context, stage, S::OUTPUTS);
+        Ok(())
     }
 
     fn to_json(&self) -> serde_json::Value {
@@ -139,7 +182,7 @@ impl<S: StageSettings> Settings for S {
 
 impl dyn Settings {
     /// The settings as `S`; `None` for a stage of another kind.
-    pub fn get<S: StageSettings>(&self) -> Option<&S> {
+    pub fn get<S: Stage>(&self) -> Option<&S> {
         (self as &dyn Any).downcast_ref()
     }
 }
@@ -167,7 +210,14 @@ pub struct StageKind {
 
 impl StageKind {
     /// The row of `S`.
-    pub const fn of<S: StageSettings>() -> Self {
+    pub const fn of<S: Stage>() -> Self {
+        const {
+            assert!(inputs_fit(S::INPUTS, <S::Input as Inputs>::FITS), "`run` takes other values than the ports carry");
+            assert!(
+                outputs_fit(S::OUTPUTS, <S::Output as Outputs>::FITS),
+                "`run` gives other values than the ports carry"
+            );
+        }
         Self {
             name: S::KIND,
             summary: S::SUMMARY,
@@ -193,14 +243,15 @@ impl StageKind {
     /// The default settings.
     ///
     /// # Errors
-    /// None of the kinds of [`super::kinds::KINDS`] gives one: a test parses the defaults of each.
+    /// None of the kinds of [`crate::stages::KINDS`] gives one: a test parses the defaults of each.
     pub fn defaults(&self) -> Result<Arc<dyn Settings>, serde_json::Error> {
         (self.parse)(serde_json::json!({}))
     }
 }
 
-/// Draft-07 schema of `T`, every type spelled out in place: editors for TOML understand no newer draft.
-pub(super) fn schema_of<T: JsonSchema>(required: &[&str]) -> serde_json::Value {
+/// Draft-07 schema of `T`, every type spelled out in place: editors for TOML understand no newer draft. Of the doc comment of a
+/// setting the first paragraph is its text, without a full stop at its end: what follows is for readers of the code.
+pub(crate) fn schema_of<T: JsonSchema>(required: &[&str]) -> serde_json::Value {
     let settings = SchemaSettings::draft07().with(|s| {
         s.inline_subschemas = true;
         s.meta_schema = None;
@@ -209,5 +260,23 @@ pub(super) fn schema_of<T: JsonSchema>(required: &[&str]) -> serde_json::Value {
     if !required.is_empty() {
         schema.insert("required".into(), required.into());
     }
-    schema.to_value()
+    let mut schema = schema.to_value();
+    if let Some(object) = schema.as_object_mut() {
+        object.values_mut().for_each(shorten);
+    }
+    schema
+}
+
+fn shorten(schema: &mut serde_json::Value) {
+    match schema {
+        serde_json::Value::Object(object) => {
+            if let Some(serde_json::Value::String(text)) = object.get_mut("description") {
+                let first = text.split("\n\n").next().unwrap_or_default();
+                *text = first.strip_suffix('.').unwrap_or(first).to_owned();
+            }
+            object.values_mut().for_each(shorten);
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(shorten),
+        _ => {}
+    }
 }

@@ -5,7 +5,7 @@
 //! [`Plan`] cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
 //! [`PipelineFile`] that a file is read into.
 //!
-//! What stages compute stands in the other modules; [`stages`] joins them to the graph through the trait [`Backend`].
+//! What stages compute stands in the other modules; [`crate::stages`] joins them to the graph.
 
 pub mod batch;
 mod check;
@@ -25,19 +25,20 @@ pub mod options;
 mod overrides;
 pub mod plan;
 pub mod port;
+pub mod port_value;
 mod print;
 pub mod problem;
 pub mod progress;
 pub mod reference;
-mod run_error;
+pub(crate) mod run_error;
 mod schema;
-mod settings;
+pub(crate) mod settings;
 pub mod shipped;
 pub mod sizes;
 pub mod solve;
 pub mod stages;
 pub mod suggest;
-mod summary;
+pub(crate) mod summary;
 pub mod surfaces;
 pub mod syntax;
 pub mod units;

@@ -100,7 +100,7 @@ impl Pass {
     }
 
     /// The one stage of this pass whose settings are `S`, if there is one.
-    pub fn stage_of<'g, S: super::kind::StageSettings>(&self, graph: &'g Graph) -> Option<(usize, &'g S)> {
+    pub fn stage_of<'g, S: super::kind::Stage>(&self, graph: &'g Graph) -> Option<(usize, &'g S)> {
         self.stages.iter().find_map(|&s| graph.stages[s].settings.get::<S>().map(|settings| (s, settings)))
     }
 }

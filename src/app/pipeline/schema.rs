@@ -6,8 +6,8 @@ use serde_json::{Map, Value as Json, json};
 
 use super::file::VERSION;
 use super::kind::{StageKind, schema_of};
-use super::kinds::KINDS;
 use super::options::{BatchSettings, RunSettings};
+use crate::stages::KINDS;
 use plumbline_camera::lens_file_schema;
 use plumbline_photo::marks::{faces_schema, lines_schema};
 use plumbline_shape::character::pose_file::pose_file_schema;

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde_json::{Map, Value as Json};
 
-use super::kind::{StageSettings, schema_of};
+use super::kind::{Stage, schema_of};
 use super::problem::Problem;
 use super::reference::{Resolved, Scope, resolve};
 use super::suggest::{did_you_mean, listed};
@@ -142,13 +142,21 @@ fn to_json(node: &Node, key: &str) -> Result<Json, Problem> {
 
 /// The words that the schema of a value lists, if it is a choice.
 pub(super) fn allowed_words(property: &Json) -> Vec<&str> {
-    let listed = property["enum"].as_array().into_iter().flatten().filter_map(Json::as_str);
-    let of = |name: &str| property[name].as_array().map(Vec::as_slice).unwrap_or_default();
-    let described = of("oneOf").iter().flat_map(|one| {
-        let constant = one["const"].as_str();
-        constant.into_iter().chain(one["enum"].as_array().into_iter().flatten().filter_map(Json::as_str))
+    choices(property).into_iter().map(|(word, _)| word).collect()
+}
+
+fn listed_words(schema: &Json) -> Vec<&str> {
+    schema["enum"].as_array().into_iter().flatten().filter_map(Json::as_str).collect()
+}
+
+/// The same, and what each word means.
+pub(crate) fn choices(property: &Json) -> Vec<(&str, Option<&str>)> {
+    let plain = listed_words(property).into_iter().map(|word| (word, None));
+    let described = property["oneOf"].as_array().into_iter().flatten().flat_map(|one| {
+        let about = one["description"].as_str();
+        one["const"].as_str().into_iter().chain(listed_words(one)).map(move |word| (word, about)).collect::<Vec<_>>()
     });
-    listed.chain(described).collect()
+    plain.chain(described).collect()
 }
 
 /// The words of an enum and the help text of each, as its schema has them.
@@ -163,7 +171,7 @@ pub fn words_of<T: JsonSchema>() -> Vec<(String, String)> {
 }
 
 /// `(least, most)` that the schema allows a number.
-pub(super) fn allowed_range(property: &Json) -> (Option<f64>, Option<f64>) {
+pub(crate) fn allowed_range(property: &Json) -> (Option<f64>, Option<f64>) {
     (property["minimum"].as_f64(), property["maximum"].as_f64())
 }
 
@@ -183,7 +191,7 @@ fn check_range(key: &str, node: &Node, json: &Json, property: &Json, expected: &
 }
 
 /// `0.3 to 1`, `at least 0`, or nothing.
-pub(super) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
+pub(crate) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
     match range {
         (Some(a), Some(b)) => format!("{a} to {b}"),
         (Some(a), None) => format!("at least {a}"),
@@ -210,9 +218,14 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
 ///
 /// # Errors
 /// No number, or out of range; the message tells the range.
-pub fn number_for<S: StageSettings>(key: &str, text: &str) -> Result<f64, String> {
-    let range = allowed_range(&schema_of::<S>(&[])["properties"][key]);
+pub fn number_for<S: Stage>(key: &str, text: &str) -> Result<f64, String> {
+    number_in(allowed_range(&schema_of::<S>(&[])["properties"][key]), text)
+}
+
+/// Reads a number between two bounds.
+pub(crate) fn number_in(range: (Option<f64>, Option<f64>), text: &str) -> Result<f64, String> {
     let wanted = range_text(range);
+    let wanted = if wanted.is_empty() { "a number".to_owned() } else { wanted };
     let x: f64 = text.parse().map_err(|_| format!("not a number (expected {wanted})"))?;
     // Written so that NaN is out of range.
     let inside = range.0.is_none_or(|a| x >= a) && range.1.is_none_or(|b| x <= b);

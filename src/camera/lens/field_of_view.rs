@@ -2,19 +2,29 @@
 
 use std::f64::consts::PI;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Lens, LensError, Projection};
 use crate::Vec3;
 use plumbline_num::math::{Point2, Vec2};
 
 /// Along which line through the middle of the picture a field of view is measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum FieldAxis {
+    /// Horizontally.
+    ///
     /// From the left edge to the right one.
     #[default]
+    #[serde(rename = "h")]
     Horizontal,
+    /// Vertically.
+    ///
     /// From the top edge to the bottom one.
+    #[serde(rename = "v")]
     Vertical,
     /// From corner to corner.
+    #[serde(rename = "d")]
     Diagonal,
 }
 

@@ -7,17 +7,24 @@
 //! the height. The smaller `c_z` of both counts.
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use plumbline_camera::CameraPose;
 use plumbline_num::math::Point2;
 
 /// Which axis of the model points up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum UpAxis {
-    /// +y up, the front looks along +z: glTF, and most of OBJ.
+    /// +y up, the front looks along +z.
+    ///
+    /// So do glTF, and most of OBJ.
     #[default]
     Y,
-    /// +z up, the front looks along −y: drawings of parts and buildings, scans.
+    /// +z up, the front looks along -y.
+    ///
+    /// So do drawings of parts and buildings, and scans.
     Z,
 }
 

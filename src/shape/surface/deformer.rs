@@ -1,6 +1,7 @@
 //! The one door to all methods of deformation: bound to a mesh and a set of handles once, then solved pose by pose.
 
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 use super::arap::{Arap, CellKind};
 use super::detail_preserving::LaplacianKind;
@@ -66,38 +67,51 @@ impl Method {
 }
 
 /// How elastic energies are minimized. All reach the same minimum; they differ in time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Solver {
-    /// Rotations and positions in turn: the energy falls at every step, slowly near the end.
-    LocalGlobal,
-    /// The same steps, lengthened by what the last ones taught (quasi-Newton).
+    /// Rotations and positions in turn, steps lengthened by what the last ones taught.
+    ///
+    /// A quasi-Newton method over the steps of [`Self::LocalGlobal`].
     #[default]
     Accelerated,
-    /// Rotations and positions together, linearized: few, dear iterations.
+    /// Rotations and positions in turn.
+    ///
+    /// The energy falls at every step, slowly near the end.
+    LocalGlobal,
+    /// Rotations and positions together: few, dear rounds.
     GaussNewton,
 }
 
 /// What a method may be told.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
 pub struct DeformOptions {
-    /// How cotangents are taken.
+    /// How weights of edges are taken from angles.
     pub cotangents: CotangentRule,
-    /// How elastic energies are minimized.
+    /// How the energy of arap methods is minimized.
     pub solver: Solver,
     /// ARAP with cells at vertices: how much neighbors turn alike (`α` of Levi & Gotsman), dimensionless, 0 for not at all.
     /// 0.02 keeps the volume of twisted bars. Minimized by local–global steps, whatever the solver.
+    #[serde(skip)]
     pub smoothness: f64,
     /// ARAP with cells at vertices: share of the resistance to bending, in (0, 1]. Cells resist it by the square of their
     /// size, so that a finer mesh of the same surface bends more easily; a mesh that stands for one of `n` times as many
     /// vertices has `1/n` of it.
+    #[serde(skip)]
     pub bending: f64,
-    /// Laplacian editing: whose differential coordinates are kept.
+    /// What the method laplacian keeps.
+    ///
+    /// Whose differential coordinates are kept.
     pub laplacian: LaplacianKind,
-    /// Laplacian editing: where their rotations come from.
+    /// Where the method laplacian takes its rotations from.
     pub turning: Turning,
-    /// What happens to parts without a handle.
+    /// What happens to parts on which no handle is.
     pub unheld: Unheld,
     /// What the shell of [`Method::Primo`] is like.
+    #[serde(skip)]
     pub primo: PrimoOptions,
 }
 
@@ -116,22 +130,34 @@ impl Default for DeformOptions {
     }
 }
 
-/// Where an iteration starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Where an iteration starts: all end at the same surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum Start<'a> {
-    /// What is quickest on large surfaces: [`Self::Coarse`] for ARAP without smoothness, [`Self::Spread`] for others.
+    /// What is quickest for the method.
+    ///
+    /// On large surfaces [`Self::Coarse`] for ARAP without smoothness, [`Self::Spread`] for others.
     #[default]
     Auto,
-    /// The solution of coarser copies of the surface, which are made when first asked for. As [`Self::Spread`] for surfaces of
-    /// few vertices, and for methods that need one solve only.
+    /// The solution of coarser copies of the mesh.
+    ///
+    /// They are made when first asked for. As [`Self::Spread`] for surfaces of few vertices, and for methods that need one solve
+    /// only.
     Coarse,
-    /// Rotations spread smoothly from the handles: near the solution, whatever the pose.
+    /// The handles' rotations, spread smoothly.
+    ///
+    /// Near the solution, whatever the pose.
     Spread,
+    /// The mesh as it was read.
+    ///
     /// The surface at rest.
     Rest,
     /// Where the last call ended: for drags. The first call starts by itself.
+    #[serde(skip)]
     Last,
     /// These positions, one per vertex.
+    #[serde(skip)]
     At(&'a [Point3<f64>]),
 }
 

@@ -17,6 +17,7 @@
 //! editing*, SMI 2004.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::bound::Bound;
 use super::held_laplacian::HeldLaplacian;
@@ -27,12 +28,18 @@ use crate::mesh::operators::{Cotangents, EdgeWeights, barycentric_areas};
 use plumbline_num::run::{Run, Stopped};
 
 /// Which Laplacian the differential coordinates are of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum LaplacianKind {
+    /// How far vertices stand off the surface around them.
+    ///
     /// Cotangents over areas: normal to the surface, the same for fine and coarse triangles.
     #[default]
     Cotangent,
-    /// The mean of the neighbors: needs no areas and no angles, keeps tangential detail too.
+    /// How far vertices are from the mean of their neighbors.
+    ///
+    /// Needs no areas and no angles, keeps tangential detail too.
     Uniform,
 }
 

@@ -1,16 +1,22 @@
 //! What of a surface is free to move: vertices joined to a handle that are not held exactly themselves.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Handles, Hold, SurfaceError};
 use crate::mesh::TriMesh;
 use plumbline_num::spatial::components;
 
 /// What happens to a part of the surface that no handle is on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum Unheld {
-    /// It stays where it is, and the report names it.
+    /// They stay where they are, and the summary names them.
+    ///
+    /// The report lists them.
     #[default]
     Still,
-    /// It is an error.
+    /// The mesh is refused.
     Refused,
 }
 

@@ -15,6 +15,7 @@
 //! alternation.
 
 use nalgebra::{Matrix3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 
 use super::arap::{CellKind, Cells};
 use super::bound::Begin;
@@ -30,16 +31,26 @@ use plumbline_num::energy::Convergence;
 use plumbline_num::run::{Run, Stopped};
 
 /// Where the rotations of differential coordinates come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Turning {
-    /// Those of the handles, spread harmonically.
+    /// The handles', spread smoothly.
+    ///
+    /// They are spread harmonically.
     #[default]
     Spread,
-    /// Fitted to a first solve under one rotation for all.
+    /// Fitted to a first solve.
+    ///
+    /// The first solve is under one rotation for all.
     FirstSolve,
-    /// Fitted to the last solve, again and again until the surface stands still.
+    /// Fitted again and again.
+    ///
+    /// Fitted to the last solve until the surface stands still.
     Alternating,
-    /// Similarities that are linear in the positions: one solve of a three times larger system. Exact for small turns against
+    /// Linear in the positions: one solve, for small turns.
+    ///
+    /// Similarities that are linear in the positions, in one solve of a three times larger system. Exact for small turns against
     /// the rotation of all handles together.
     Linear,
 }

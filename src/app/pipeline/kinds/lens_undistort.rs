@@ -3,11 +3,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FovAxis;
-use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::kind::{OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
+use crate::pipeline::stages;
+use crate::stages::context::Context;
+use plumbline_camera::FieldAxis;
 
 /// Settings of `lens.undistort`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,7 +24,7 @@ pub struct LensUndistortSettings {
     #[schemars(range(min = 1.0, max = 360.0))]
     pub fov: Option<f64>,
     /// Along which way the field of view is measured
-    pub fov_axis: FovAxis,
+    pub fov_axis: FieldAxis,
     /// How directions become the picture: perspective, stereographic, panini, panini:D, mercator, cylindrical, equirectangular or optimized
     pub to: ProjectionWish,
     /// Where the viewer looks: yaw, pitch and roll in degrees
@@ -36,7 +40,7 @@ impl Default for LensUndistortSettings {
         Self {
             lens: String::new(),
             fov: None,
-            fov_axis: FovAxis::default(),
+            fov_axis: FieldAxis::default(),
             to: ProjectionWish::Perspective,
             view: ViewAngles::default(),
             crop: CropWish::default(),
@@ -45,12 +49,14 @@ impl Default for LensUndistortSettings {
     }
 }
 
-impl StageSettings for LensUndistortSettings {
+impl Stage for LensUndistortSettings {
     const KIND: &'static str = "lens.undistort";
     const SUMMARY: &'static str = "finds the one map that takes a lens out of every frame";
     const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip, for the size of its pictures")];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
     const REQUIRED: &'static [&'static str] = &["lens"];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn over_time(&self) -> OverTime {
         OverTime::Once
@@ -58,5 +64,9 @@ impl StageSettings for LensUndistortSettings {
 
     fn held(&self) -> Vec<Held> {
         vec![Held { what: "grid of the map", bytes: 16 << 20, ..Held::default() }]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        stages::lens_undistort(context, stage, self).map(|()| HandedOn)
     }
 }

@@ -1,18 +1,28 @@
 //! `video.motion`: how the camera moved.
 
-use crate::pipeline::kind::StageSettings;
+use crate::pipeline::kind::Stage;
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::stages::context::Context;
 pub use plumbline_video::stabilize::{CameraMotionOptions as MotionSettings, RollingShutter};
 
-impl StageSettings for MotionSettings {
+impl Stage for MotionSettings {
     const KIND: &'static str = "video.motion";
     const SUMMARY: &'static str = "estimates the camera's motion from frame to frame, following the background";
     const INPUTS: &'static [Port] = &[Port::one("tracks", PortType::Tracks, "points of the clip")];
     const OUTPUTS: &'static [Port] = &[Port::one("motion", PortType::Motion, "motion between neighboring frames")];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn held(&self) -> Vec<Held> {
         // A homography, a similarity and the verdicts of one frame.
         vec![Held { what: "motion", bytes_per_clip_frame: 192.0, ..Held::default() }]
+    }
+
+    // Found while the points are tracked: `video.track` hands it on.
+    fn run(&self, _input: Wired, _context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        Ok(HandedOn)
     }
 }

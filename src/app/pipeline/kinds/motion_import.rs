@@ -4,9 +4,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RollingShutter;
-use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::kind::{OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages;
+use crate::stages::context::Context;
 
 /// Settings of `video.motion_import`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,7 +25,7 @@ pub struct MotionImportSettings {
     pub cameras: bool,
 }
 
-impl StageSettings for MotionImportSettings {
+impl Stage for MotionImportSettings {
     const KIND: &'static str = "video.motion_import";
     const SUMMARY: &'static str = "reads motion and points from a file in place of tracking the clip";
     const INPUTS: &'static [Port] =
@@ -31,6 +35,8 @@ impl StageSettings for MotionImportSettings {
         Port::one("tracks", PortType::Tracks, "the points of every frame"),
     ];
     const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn over_time(&self) -> OverTime {
         OverTime::Once
@@ -46,5 +52,9 @@ impl StageSettings for MotionImportSettings {
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.path]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        stages::motion_import(context, stage, self).map(|()| HandedOn)
     }
 }

@@ -1,12 +1,16 @@
 //! `video.smooth`: plans the virtual camera.
 
-use crate::pipeline::kind::{Conflict, OverTime, StageSettings};
+use crate::pipeline::kind::{Conflict, OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages;
+use crate::stages::context::Context;
 pub use plumbline_video::path::Zoom;
 pub use plumbline_video::stabilize::{InSpace, PathMethod, SmoothingOptions as SmoothSettings};
 
-impl StageSettings for SmoothSettings {
+impl Stage for SmoothSettings {
     const KIND: &'static str = "video.smooth";
     const SUMMARY: &'static str = "plans the path of the virtual camera under a crop budget";
     const INPUTS: &'static [Port] = &[
@@ -14,6 +18,8 @@ impl StageSettings for SmoothSettings {
         Port::optional("tracks", PortType::Tracks, "points of the clip, for virtual cameras in space"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("path", PortType::Path, "path of the virtual camera")];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn over_time(&self) -> OverTime {
         OverTime::Reduce
@@ -28,5 +34,9 @@ impl StageSettings for SmoothSettings {
     fn held(&self) -> Vec<Held> {
         // One homography and one crop per frame, and the optimizer's rows of the same order.
         vec![Held { what: "path", bytes_per_clip_frame: 80.0, ..Held::default() }]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        stages::smooth(context, stage, self).map(|()| HandedOn)
     }
 }

@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
-use crate::pipeline::kind::StageSettings;
+use crate::pipeline::kind::Stage;
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages;
+use crate::stages::context::Context;
 pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
 
-impl StageSettings for TrackSettings {
+impl Stage for TrackSettings {
     const KIND: &'static str = "video.track";
     const SUMMARY: &'static str =
         "follows points through the frames, and recognizes cuts, blurred and duplicate frames";
@@ -16,6 +20,8 @@ impl StageSettings for TrackSettings {
         Port::optional("lens", PortType::Warp, "a map of the whole clip that the points are carried through"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("tracks", PortType::Tracks, "the points of every frame")];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn held(&self) -> Vec<Held> {
         // Two frames' luma pyramids (1 + 1/4 + 1/16 + … = 4/3 each); tracks go to a temporary file at 8 bytes per point.
@@ -32,5 +38,9 @@ impl StageSettings for TrackSettings {
 
     fn reads(&self) -> Vec<&str> {
         self.mask.as_deref().and_then(Path::to_str).into_iter().collect()
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        stages::track(context, stage, self).map(|()| HandedOn)
     }
 }

@@ -1,14 +1,17 @@
 //! `video.warp`: a map per frame; no pixel is touched.
 
-use crate::pipeline::kind::{OverTime, StageSettings};
+use crate::pipeline::kind::{OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::stages::context::Context;
 pub use plumbline_video::stabilize::{ModelChoice, WarpOptions as WarpSettings};
 
 /// Frames over which points fade in and out.
 const FADE: u32 = 25;
 
-impl StageSettings for WarpSettings {
+impl Stage for WarpSettings {
     const KIND: &'static str = "video.warp";
     const SUMMARY: &'static str = "finds the map of each frame from the output to the source";
     const INPUTS: &'static [Port] = &[
@@ -17,6 +20,8 @@ impl StageSettings for WarpSettings {
         Port::optional("motion", PortType::Motion, "motion within the frame, for rolling shutter"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "one map per frame")];
+    type Input = Wired;
+    type Output = HandedOn;
 
     fn over_time(&self) -> OverTime {
         OverTime::Window(FADE)
@@ -26,5 +31,10 @@ impl StageSettings for WarpSettings {
         // Two unknowns per vertex; a nested-dissection factor of a grid of this size has about 60 entries per unknown.
         let unknowns = 2 * u64::from(self.columns + 1) * u64::from(self.rows + 1);
         vec![Held { what: "mesh and its factor", bytes: unknowns * (60 * 8 + 4 * 8), ..Held::default() }]
+    }
+
+    // Only describes a stream: the stage at its end pulls frames through it.
+    fn run(&self, _input: Wired, _context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        Ok(HandedOn)
     }
 }

@@ -1,23 +1,12 @@
-//! Bodies of the stages: where the methods of the other modules are joined to the graph.
-//!
-//! A pass is run stage by stage in the order of the graph. Stages that only describe a stream (`video.decode`, `video.warp`,
-//! `video.render`) do nothing of their own accord: the sink that ends the stream (`video.track`, `video.encode`) pulls frames
-//! through them, each on its own thread.
+//! Bodies of the stages of clips. Their kinds are in [`crate::stages`] and [`super::kinds`].
 
 mod analysis;
 mod chain;
-mod context;
 mod encoding;
 mod export;
 mod filling;
 mod import;
 mod importance;
-mod mesh;
-mod morphing;
-mod npz;
-mod numpy;
-mod photo;
-mod probe;
 mod report;
 mod retargeting;
 mod sampling;
@@ -31,100 +20,81 @@ mod undistort;
 
 use std::path::Path;
 
-use super::batch::Instance;
-use super::job::{Backend, Job, Probed, Values};
 use super::kinds::{
     EncodeSettings, LensUndistortSettings, MotionExportSettings, MotionImportSettings, ReportSettings, SmoothSettings,
-    StMapSettings, TrackSettings, VideoImportanceSettings, VideoRetargetSettings,
+    StMapSettings, TrackSettings, VideoRetargetSettings,
 };
-use super::plan::Pass;
 use super::run_error::RunError;
-use super::summary::Summary;
-use context::{Context, media_error};
+use crate::stages::context::{self, Context, media_error};
 use plumbline_media::{Output, check_encoder};
 
-/// The bodies that this program has.
-pub struct Bodies;
-
-impl Backend for Bodies {
-    fn probe(&self, input: &str) -> Result<Probed, RunError> {
-        probe::probe(input)
-    }
-
-    fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
-        photo::rehearse(instance)?;
-        mesh::rehearse(instance)?;
-        for stage in &instance.graph.stages {
-            if let Some(settings) = stage.settings.get::<EncodeSettings>() {
-                let output = Output::parse(&settings.path);
-                output.rehearse().map_err(media_error)?;
-                if !output.is_sequence() {
-                    check_encoder(settings.codec, &settings.encoder).map_err(media_error)?;
-                }
-            }
-            if let Some(settings) = stage.settings.get::<MotionExportSettings>() {
-                export::rehearse(settings)?;
-            }
-            if let Some(settings) = stage.settings.get::<StMapSettings>() {
-                stmap::rehearse(settings)?;
-            }
-            if let Some(settings) = stage.settings.get::<ReportSettings>() {
-                report::begin(Path::new(&settings.path))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
-        let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
-        pool.install(|| {
-            let mut context = Context { job, pass, values, summary };
-            if job.graph().is_still() {
-                return run_still(&mut context);
-            }
-            pass.stages.iter().try_for_each(|&stage| run_stage(&mut context, stage))
-        })
-    }
+/// What clips take of the stages of photos.
+mod photo {
+    pub(super) use crate::stages::photo::lens::clip_lens;
+    pub(super) use crate::stages::photo::{painted_mask as importance_mask, target, view};
 }
 
-/// Evaluates the stages of a graph of still pictures or meshes, and lets go of what no later one takes. A picture takes a
-/// second or two: progress is told by items done.
-fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
-    let (job, pass) = (context.job, context.pass);
-    for (done, &stage) in pass.stages.iter().enumerate() {
-        job.check_cancel()?;
-        let done_by_kind =
-            photo::run(context, stage).or_else(|| mesh::run(context, stage)).or_else(|| morphing::run(context, stage));
-        done_by_kind.unwrap_or_else(|| run_stage(context, stage))?;
-        photo::let_go(job.graph(), &pass.stages, done, context.values);
-    }
-    Ok(())
+// What the kinds of clips call: the modules above keep their bodies to themselves.
+
+type Done = Result<(), RunError>;
+
+pub(crate) fn track(context: &mut Context<'_, '_>, stage: usize, settings: &TrackSettings) -> Done {
+    analysis::run(context, stage, settings)
 }
 
-fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
-    let settings = context.job.graph().stages[stage].settings.clone();
-    if let Some(settings) = settings.get::<TrackSettings>() {
-        analysis::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<LensUndistortSettings>() {
-        undistort::run(context, stage, settings)
-    } else if settings.get::<VideoImportanceSettings>().is_some() {
-        importance::run(context, stage)
-    } else if let Some(settings) = settings.get::<VideoRetargetSettings>() {
-        retargeting::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<MotionImportSettings>() {
-        import::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<MotionExportSettings>() {
-        export::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<SmoothSettings>() {
-        smoothing::run(context, stage, settings)
-    } else if let Some(settings) = settings.get::<StMapSettings>() {
-        stmap::run(context, stage, settings)
-    } else if settings.get::<EncodeSettings>().is_some() {
-        encoding::run(context, stage)
-    } else if let Some(settings) = settings.get::<ReportSettings>() {
-        report::run(context, stage, settings)
-    } else {
-        Ok(())
+pub(crate) fn lens_undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndistortSettings) -> Done {
+    undistort::run(context, stage, settings)
+}
+
+pub(crate) fn video_importance(context: &mut Context<'_, '_>, stage: usize) -> Done {
+    importance::run(context, stage)
+}
+
+pub(crate) fn video_retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetargetSettings) -> Done {
+    retargeting::run(context, stage, settings)
+}
+
+pub(crate) fn motion_import(context: &mut Context<'_, '_>, stage: usize, settings: &MotionImportSettings) -> Done {
+    import::run(context, stage, settings)
+}
+
+pub(crate) fn motion_export(context: &mut Context<'_, '_>, stage: usize, settings: &MotionExportSettings) -> Done {
+    export::run(context, stage, settings)
+}
+
+pub(crate) fn preflight_motion_export(settings: &MotionExportSettings) -> Done {
+    export::rehearse(settings)
+}
+
+pub(crate) fn smooth(context: &mut Context<'_, '_>, stage: usize, settings: &SmoothSettings) -> Done {
+    smoothing::run(context, stage, settings)
+}
+
+pub(crate) fn stmap(context: &mut Context<'_, '_>, stage: usize, settings: &StMapSettings) -> Done {
+    stmap::run(context, stage, settings)
+}
+
+pub(crate) fn preflight_stmap(settings: &StMapSettings) -> Done {
+    stmap::rehearse(settings)
+}
+
+pub(crate) fn encode(context: &mut Context<'_, '_>, stage: usize) -> Done {
+    encoding::run(context, stage)
+}
+
+pub(crate) fn preflight_encode(settings: &EncodeSettings) -> Done {
+    let output = Output::parse(&settings.path);
+    output.rehearse().map_err(media_error)?;
+    if output.is_sequence() {
+        return Ok(());
     }
+    check_encoder(settings.codec, &settings.encoder).map_err(media_error)
+}
+
+pub(crate) fn report(context: &mut Context<'_, '_>, stage: usize, settings: &ReportSettings) -> Done {
+    report::run(context, stage, settings)
+}
+
+pub(crate) fn preflight_report(settings: &ReportSettings) -> Done {
+    report::begin(Path::new(&settings.path)).map(drop)
 }

@@ -21,6 +21,8 @@ mod tests;
 mod visibility;
 mod welded;
 
+use serde::{Deserialize, Serialize};
+
 pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 
 use super::{CharacterError, Skeleton, SkinWeights};
@@ -31,14 +33,23 @@ use plumbline_num::spatial::KdTree;
 use welded::Welded;
 
 /// How weights are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum WeightMethod {
+    /// As heat that comes from the nearest bones in sight and spreads along the surface.
+    ///
     /// Bone heat (Baran & Popović 2007).
     #[default]
     Heat,
+    /// As smoothly as bounds of 0 and 1 allow, rigid about the middles of bones.
+    ///
     /// Bounded biharmonic weights (Jacobson et al. 2011), on the surface.
+    #[serde(rename = "biharmonic", alias = "bbw")]
     BoundedBiharmonic,
-    /// By distance alone: needs no surface, and leaks between limbs that are close.
+    /// By distance to the bones alone, through the surface.
+    ///
+    /// It needs no surface, and leaks between limbs that are close.
     Distance,
 }
 

@@ -1,6 +1,7 @@
 //! Half cotangents of the corners of triangles: what every operator and every elastic energy here is weighted by.
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::intrinsic_delaunay;
 use crate::mesh::TriMesh;
@@ -13,17 +14,25 @@ const DEGENERATE: f64 = 1e-10;
 /// Half the cotangent of 60°.
 const EQUILATERAL: f64 = 0.288_675_134_594_812_9;
 
-/// How cotangents are taken where angles are obtuse.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How the weights of edges are taken from the angles of triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
 pub enum CotangentRule {
-    /// As they are. The weight of an edge is negative where its opposite angles sum to more than π.
+    /// As they are; obtuse triangles may give negative ones.
+    ///
+    /// The weight of an edge is negative where its opposite angles sum to more than π.
     #[default]
     Raw,
-    /// No half cotangent below 0: every weight is ≥ 0, at the price of linear precision.
+    /// None below 0.
+    ///
+    /// No half cotangent is below 0, so that every weight is ≥ 0, at the price of linear precision.
     Clamped,
-    /// Those of the intrinsic Delaunay triangulation of the same surface (Bobenko & Springborn 2007): every weight inside
-    /// the surface is ≥ 0 and the Laplacian is still that of the surface. Edges of the weights need not be edges of the mesh. Vertices on
-    /// non-manifold edges keep the triangles they have.
+    /// Those of the intrinsic Delaunay triangulation of the same surface.
+    ///
+    /// After Bobenko & Springborn 2007: every weight inside the surface is ≥ 0 and the Laplacian is still that of the surface.
+    /// Edges of the weights need not be edges of the mesh. Vertices on non-manifold edges keep the triangles they have.
+    #[serde(rename = "delaunay")]
     IntrinsicDelaunay,
 }
 

@@ -1,0 +1,47 @@
+//! `faces.detect`: finds faces.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use plumbline_image::feature::{Face, FaceDetector, FaceOptions};
+use plumbline_image::still::Photo;
+
+/// Settings of `faces.detect`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FacesDetectSettings {
+    /// Least score of a face; real ones have 8 to about 30
+    #[schemars(range(min = 1.0, max = 100.0))]
+    pub least_score: f64,
+}
+
+impl Default for FacesDetectSettings {
+    fn default() -> Self {
+        Self { least_score: 8.0 }
+    }
+}
+
+impl Stage for FacesDetectSettings {
+    const KIND: &'static str = "faces.detect";
+    const SUMMARY: &'static str = "finds faces that look at the camera";
+    const INPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
+    const OUTPUTS: &'static [Port] = &[Port::one("faces", PortType::Faces, "boxes around the faces")];
+    type Input = (Arc<Photo>,);
+    type Output = (Arc<[Face]>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let options = FaceOptions { least_score: self.least_score, ..FaceOptions::default() };
+        let faces = FaceDetector::new(options).detect(&photo.frame, &context.job.run())?;
+        Ok((faces.into(),))
+    }
+}

@@ -1,0 +1,27 @@
+//! Files that stages write: beside their targets, and under their names once they are whole.
+
+use std::path::Path;
+
+use super::context::Context;
+use crate::pipeline::run_error::RunError;
+use plumbline_media::Unfinished;
+
+/// Starts the file that is to become `path`; dropped, it is removed.
+pub(crate) fn begin(path: &Path) -> Result<Unfinished, RunError> {
+    Unfinished::beside(path).map_err(|e| cannot(path, &e))
+}
+
+pub(crate) fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
+    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
+}
+
+impl Context<'_, '_> {
+    /// Writes a file and lists it among the outputs.
+    pub(crate) fn write_file(&mut self, path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), RunError> {
+        let unfinished = begin(path)?;
+        std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
+        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        self.summary.outputs.push(path.to_owned());
+        Ok(())
+    }
+}

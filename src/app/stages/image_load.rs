@@ -1,0 +1,73 @@
+//! `image.load`: opens a still picture.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::photo::{heif, still_error};
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::InputSummary;
+use plumbline_image::still::{self, LoadOptions, Photo, StillError};
+
+/// Settings of `image.load`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImageLoadSettings {
+    /// The picture: JPEG, PNG, TIFF, WebP, HEIC or AVIF
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// Most pixels; larger pictures are refused before memory is taken for them
+    #[schemars(range(min = 1))]
+    pub max_pixels: u64,
+}
+
+impl Default for ImageLoadSettings {
+    fn default() -> Self {
+        Self { path: String::new(), max_pixels: LoadOptions::default().max_pixels }
+    }
+}
+
+impl Stage for ImageLoadSettings {
+    const KIND: &'static str = "image.load";
+    const SUMMARY: &'static str = "opens a still picture, upright, with its EXIF and color profile";
+    const INPUTS: &'static [Port] = &[];
+    const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = ();
+    type Output = (Arc<Photo>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        // Packed as it is decoded, then in planes; 16 bit with alpha is the worst case at 16 bytes.
+        vec![Held { what: "the picture, packed and in planes", frames: 2.0, ..Held::default() }]
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        vec![&self.path]
+    }
+
+    fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let path = Path::new(&self.path);
+        let options = LoadOptions { max_pixels: self.max_pixels };
+        let photo = match still::load(path, options) {
+            Err(StillError::Heif) => heif::load(path, options, context.job.threads)?,
+            read => read.map_err(|e| still_error(path, &e))?,
+        };
+        for warning in &photo.warnings {
+            context.warn(format!("{}: {warning}", path.display()));
+        }
+        let size = (photo.frame.width as u32, photo.frame.height as u32);
+        let name = self.path.clone();
+        context.summary.input.get_or_insert(InputSummary { name, size, fps: None, fps_assumed: false });
+        Ok((Arc::new(photo),))
+    }
+}

@@ -1,0 +1,167 @@
+//! `image.map_export`: writes the map of a still picture.
+//!
+//! `PREFIX_x.npy` and `PREFIX_y.npy` hold, for the pixel at column `i`, row `j` of the output, the column and row of the source that
+//! its center comes from, pixel centers at integers as OpenCV has them: `src_from_out(i + ½, j + ½) − ½`, NaN where the map is not
+//! defined. `PREFIX_mesh.npy` holds the grid's vertices in the output in the same convention, `(rows, columns, 2)`. `PREFIX.exr` is
+//! for compositors: `R = x/W`, `G = 1 − y/H` of the source, both −1 where the map is not defined.
+//!
+//! Positions are those of the field itself, not of the lattice that it is rendered through.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::files::{begin, cannot};
+use super::numpy::write_npy;
+use super::values::PhotoMap;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::Written;
+use crate::pipeline::run_error::RunError;
+use plumbline_image::grid::GridMesh;
+use plumbline_image::still::Photo;
+use plumbline_image::write_exr;
+use plumbline_num::math::{Point2, PointMap};
+use plumbline_photo::PhotoWarp;
+
+/// Settings of `image.map_export`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MapExportSettings {
+    /// Beginning of the files' names: PREFIX_x.npy, PREFIX_y.npy, PREFIX_mesh.npy and PREFIX.exr
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// Also write the map for compositors, as 32-bit EXR: R = x/W, G = 1 - y/H
+    pub exr: bool,
+}
+
+impl Default for MapExportSettings {
+    fn default() -> Self {
+        Self { path: String::new(), exr: true }
+    }
+}
+
+impl MapExportSettings {
+    /// Source column and row of every pixel of the output, the grid, and the map for compositors.
+    pub fn files(&self) -> [Option<String>; 4] {
+        let file = |end: &str| Some(format!("{}{end}", self.path));
+        [file("_x.npy"), file("_y.npy"), file("_mesh.npy"), file(".exr").filter(|_| self.exr)]
+    }
+}
+
+impl Stage for MapExportSettings {
+    const KIND: &'static str = "image.map_export";
+    const SUMMARY: &'static str =
+        "writes where each pixel comes from, and the grid: NumPy arrays, and EXR for compositors";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture that the map is of, before it is sampled"),
+        Port::one("warp", PortType::Warp, "the map"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the files")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = (Arc<Photo>, Arc<PhotoMap>);
+    type Output = (Written,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "the map at every pixel", bytes_per_px: 24.0, ..Held::default() }]
+    }
+
+    fn writes(&self) -> Vec<String> {
+        self.files().into_iter().flatten().collect()
+    }
+
+    fn run(&self, (photo, map): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let (width, height) = map.warp.size;
+        let [x, y] = positions(&map.warp);
+        let [to_x, to_y, to_mesh, to_exr] = self.files();
+        let shape = [height, width];
+        write(context, to_x.as_deref(), |file| write_npy(BufWriter::new(file), &shape, &x))?;
+        write(context, to_y.as_deref(), |file| write_npy(BufWriter::new(file), &shape, &y))?;
+        let mesh = &map.warp.mesh;
+        write(context, to_mesh.as_deref(), |file| {
+            write_npy(BufWriter::new(file), &[mesh.rows + 1, mesh.cols + 1, 2], &vertices(mesh))
+        })?;
+        let share = |values: Vec<f32>, of: usize, up: bool| -> Vec<f32> {
+            let one = |v: f32| {
+                let part = (f64::from(v) + 0.5) / of as f64;
+                if v.is_nan() { -1.0 } else { (if up { 1.0 - part } else { part }) as f32 }
+            };
+            values.into_par_iter().map(one).collect()
+        };
+        let source = (photo.frame.width, photo.frame.height);
+        drop(photo);
+        write(context, to_exr.as_deref(), |file| {
+            let channels = [("R", share(x, source.0, false)), ("G", share(y, source.1, true))];
+            write_exr((width, height), channels, BufWriter::new(file))
+        })?;
+        Ok((Written,))
+    }
+}
+
+/// Writes one file and gives it its name.
+fn write(
+    context: &mut Context<'_, '_>,
+    path: Option<&str>,
+    body: impl FnOnce(File) -> std::io::Result<()>,
+) -> Result<(), RunError> {
+    let Some(path) = path.map(Path::new) else { return Ok(()) };
+    context.job.check_cancel()?;
+    let unfinished = begin(path)?;
+    let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
+    body(file).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+    context.summary.outputs.push(path.to_owned());
+    Ok(())
+}
+
+/// Source column and row of every pixel of the output.
+fn positions(warp: &PhotoWarp) -> [Vec<f32>; 2] {
+    let (width, height) = warp.size;
+    let (mut x, mut y) = (vec![f32::NAN; width * height], vec![f32::NAN; width * height]);
+    x.par_chunks_mut(width).zip(y.par_chunks_mut(width)).enumerate().for_each(|(j, (xs, ys))| {
+        for (i, (x, y)) in xs.iter_mut().zip(ys).enumerate() {
+            if let Some(p) = warp.field.map(Point2::new(i as f64 + 0.5, j as f64 + 0.5)) {
+                (*x, *y) = ((p.x - 0.5) as f32, (p.y - 0.5) as f32);
+            }
+        }
+    });
+    [x, y]
+}
+
+fn vertices(mesh: &GridMesh) -> Vec<f32> {
+    mesh.vertices.iter().flat_map(|v| [(v.x - 0.5) as f32, (v.y - 0.5) as f32]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix2x3;
+
+    use super::*;
+    use plumbline_image::grid::Grid;
+    use plumbline_image::warp::{Map, WarpField};
+
+    #[test]
+    fn one_pixel_of_the_source_is_found_at_its_own_column_and_row() {
+        // The output shows the source from column 7, row 2 on, at half the density.
+        let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(2.0, 0.0, 7.0, 0.0, 2.0, 2.0)));
+        let mesh = Grid { cols: 2, rows: 1, width: 20.0, height: 10.0 }.to_mesh();
+        let forward = Box::new(|p: Point2| Some(p));
+        let warp =
+            PhotoWarp { field, size: (20, 10), mesh, forward, lines: Vec::new(), cut_faces: Vec::new(), iterations: 0 };
+        let [x, y] = positions(&warp);
+        assert_eq!((x[0], y[0]), (7.5, 2.5), "the first pixel covers columns 7 and 8, rows 2 and 3");
+        assert_eq!((x[3 * 20 + 4], y[3 * 20 + 4]), (15.5, 8.5));
+        assert_eq!(vertices(&warp.mesh)[..4], [-0.5, -0.5, 9.5, -0.5]);
+    }
+}

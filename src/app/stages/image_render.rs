@@ -1,0 +1,200 @@
+//! `image.render`: samples a still picture once through its maps.
+
+use std::sync::Arc;
+
+use clap::ValueEnum;
+use nalgebra::{Matrix2, Matrix2x3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
+use super::photo::with_pixels;
+use super::values::PhotoMap;
+use super::video_render;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::PixelSize;
+use plumbline_image::Frame;
+use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
+use plumbline_image::still::Photo;
+use plumbline_image::warp::{Lattice, Map, WarpField};
+use plumbline_num::math::{Point2, PointMap};
+use plumbline_num::run::Run;
+
+/// What stands where the source has no picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum PhotoBorder {
+    /// Black; transparent where the picture has transparency
+    #[default]
+    Black,
+    /// The picture mirrored at its edge
+    Mirror,
+    /// The edge's pixels drawn out
+    Replicate,
+    /// Transparent: for PNG, TIFF and WebP
+    Transparent,
+    /// What the rest of the picture suggests: skies, walls and floors go on, things are not invented
+    Fill,
+}
+
+/// Settings of `image.render`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImageRenderSettings {
+    /// How pixels are interpolated
+    pub interpolation: video_render::Interpolation,
+    /// What stands where the source has no picture
+    pub border: PhotoBorder,
+    /// Size of the result, such as 1600x1200; that of the maps if left out
+    pub size: Option<PixelSize>,
+}
+
+impl Stage for ImageRenderSettings {
+    const KIND: &'static str = "image.render";
+    const SUMMARY: &'static str = "samples a still picture once through its map, as the mean where it shrinks";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture"),
+        Port::any("warps", PortType::Warp, "the map; without one the picture is only resized"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the sampled picture")];
+    const RESAMPLES: bool = true;
+    type Input = (Arc<Photo>, Vec<Arc<PhotoMap>>);
+    type Output = (Arc<Photo>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "the result", frames: 1.0, ..Held::default() }]
+    }
+
+    fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let map = maps.into_iter().next();
+        let source = (photo.frame.width, photo.frame.height);
+        let natural = map.as_ref().map_or(source, |m| m.warp.size);
+        let size = self.size.map_or(natural, |s| (s.width as usize, s.height as usize));
+        if map.is_none() && size == source {
+            return Ok((photo,));
+        }
+        let lattice = match map {
+            Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
+            map => Lattice::between(&resized(map, natural, size), size, source),
+        };
+        let frame = sampled(&photo.frame, &lattice, self, &context.job.run()).map_err(|e| render_error(context, &e))?;
+        Ok((Arc::new(with_pixels(&photo, frame)),))
+    }
+}
+
+/// The picture through a lattice, and what stands where it shows nothing.
+fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings, run: &Run) -> Result<Frame, RenderError> {
+    let renderer = renderer(settings);
+    if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+        return renderer.render_still(frame, lattice, run);
+    }
+    let lost = RenderError::Plane { plane: 0, role: "source" };
+    let (mut made, shown) = if frame.format.alpha {
+        let made = renderer.render_still(frame, lattice, run)?;
+        let shown = opacity(&made).ok_or(lost.clone())?;
+        (made, shown)
+    } else {
+        // Colors go on beyond the edge, so that a pixel shown in part has the color of what it shows.
+        let options = RenderOptions { border: Border::Replicate, ..options(settings) };
+        let made = Renderer::new(options).render_still(frame, lattice, run)?;
+        let mask = mask_of(frame, settings.border == PhotoBorder::Fill).ok_or(lost.clone())?;
+        let mask = renderer.render_still(&mask, lattice, run)?;
+        let shown = plane_of(&mask).ok_or(lost.clone())?;
+        (made, shown)
+    };
+    if settings.border == PhotoBorder::Fill {
+        complete(&mut made, &eroded(&shown), run)?;
+        return Ok(made);
+    }
+    if frame.format.alpha { Ok(made) } else { with_alpha(&made, &shown).ok_or(lost) }
+}
+
+/// The map followed by a resize: where the pixels of the resized output come from.
+fn resized(map: Option<Arc<PhotoMap>>, natural: (usize, usize), size: (usize, usize)) -> WarpField {
+    let scale = (natural.0 as f64 / size.0 as f64, natural.1 as f64 / size.1 as f64);
+    let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(scale.0, 0.0, 0.0, 0.0, scale.1, 0.0)));
+    match map {
+        Some(map) => field.then(Map::Radial(Box::new(Shared(map)))),
+        None => field,
+    }
+}
+
+/// A map that others hold too.
+struct Shared(Arc<PhotoMap>);
+
+impl PointMap for Shared {
+    fn map(&self, p: Point2) -> Option<Point2> {
+        self.0.warp.field.map(p)
+    }
+
+    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
+        self.0.warp.field.jacobian(p)
+    }
+}
+
+fn renderer(settings: &ImageRenderSettings) -> Renderer {
+    Renderer::new(options(settings))
+}
+
+fn options(settings: &ImageRenderSettings) -> RenderOptions {
+    RenderOptions {
+        interpolation: match settings.interpolation {
+            video_render::Interpolation::Bicubic => Interpolation::Bicubic,
+            video_render::Interpolation::Lanczos3 => Interpolation::Lanczos3,
+        },
+        border: match settings.border {
+            PhotoBorder::Black | PhotoBorder::Transparent | PhotoBorder::Fill => Border::Black,
+            PhotoBorder::Mirror => Border::Mirror,
+            PhotoBorder::Replicate => Border::Replicate,
+        },
+    }
+}
+
+fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {
+    let name = context.summary.input.as_ref().map_or("the picture", |i| i.name.as_str());
+    match error {
+        RenderError::Interrupted(stopped) => (*stopped).into(),
+        RenderError::Dimensions { .. } => RunError::Input(format!("{name}: {error}; resize it first")),
+        other => RunError::Internal(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_image::grid::Grid;
+    use plumbline_photo::PhotoWarp;
+
+    fn shifted() -> Arc<PhotoMap> {
+        let shift = Map::Affine(Matrix2x3::new(1.0, 0.0, 5.0, 0.0, 1.0, -3.0));
+        let mesh = Grid { cols: 1, rows: 1, width: 100.0, height: 50.0 }.to_mesh();
+        let field = WarpField::identity().then(shift);
+        let forward = Box::new(|p: Point2| Some(p));
+        let warp = PhotoWarp {
+            field,
+            size: (100, 50),
+            mesh,
+            forward,
+            lines: Vec::new(),
+            cut_faces: Vec::new(),
+            iterations: 0,
+        };
+        Arc::new(PhotoMap { warp, told: serde_json::Map::new() })
+    }
+
+    #[test]
+    fn a_resize_acts_on_the_output_and_the_map_behind_it() {
+        let field = resized(Some(shifted()), (100, 50), (200, 25));
+        assert_eq!(field.map(Point2::new(20.0, 10.0)), Some(Point2::new(15.0, 17.0)));
+        let plain = resized(None, (100, 50), (200, 25));
+        assert_eq!(plain.map(Point2::new(200.0, 25.0)), Some(Point2::new(100.0, 50.0)));
+    }
+}

@@ -1,0 +1,88 @@
+//! `image.save`: writes a still picture.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::files::{begin, cannot};
+use super::photo::still_error;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::Written;
+use crate::pipeline::run_error::RunError;
+use plumbline_image::still::Photo;
+use plumbline_image::still::{SaveOptions, StillFormat, encode};
+
+/// Settings of `image.save`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImageSaveSettings {
+    /// The file to write; its extension chooses the format: .jpg, .png, .tif or .webp
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// JPEG quality; from 90 on colors keep their full resolution
+    #[schemars(range(min = 1, max = 100))]
+    pub quality: u8,
+}
+
+impl Default for ImageSaveSettings {
+    fn default() -> Self {
+        Self { path: String::new(), quality: SaveOptions::default().quality }
+    }
+}
+
+impl Stage for ImageSaveSettings {
+    const KIND: &'static str = "image.save";
+    const SUMMARY: &'static str = "writes a still picture with its EXIF and color profile";
+    const INPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = (Arc<Photo>,);
+    type Output = (Written,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "packed samples", frames: 1.0, ..Held::default() }]
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
+    }
+
+    fn preflight(&self) -> Result<(), RunError> {
+        let path = Path::new(&self.path);
+        StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
+        begin(path).map(drop)
+    }
+
+    fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let path = Path::new(&self.path);
+        let format = StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
+        let unfinished = begin(path)?;
+        let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
+        let mut out = BufWriter::with_capacity(BUFFER, file);
+        let options = SaveOptions { quality: self.quality };
+        let saved = encode(&photo, format, options, &mut out).map_err(|e| still_error(path, &e))?;
+        out.flush().map_err(|e| cannot(path, &e))?;
+        context.job.check_cancel()?;
+        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        for warning in saved.warnings {
+            context.warn(format!("{}: {warning}", path.display()));
+        }
+        context.summary.outputs.push(path.to_owned());
+        context.summary.size = Some((photo.frame.width as u32, photo.frame.height as u32));
+        Ok((Written,))
+    }
+}
+
+/// Bytes gathered before they go to the disk.
+const BUFFER: usize = 1 << 20;

@@ -1,0 +1,211 @@
+//! Handles of a mesh as it was read, on the mesh that is deformed.
+//!
+//! A handle names vertices of the file. Repair joins some of them and leaves some out: every vertex of the result belongs to
+//! the handle of the vertices that it was.
+
+use nalgebra::{Point3, UnitQuaternion};
+
+use super::solvable::Solvable;
+use crate::pipeline::run_error::RunError;
+use plumbline_num::spatial::ShortestPaths;
+use plumbline_shape::mesh::TriMesh;
+use plumbline_shape::surface::handle_file::MeshHandles;
+use plumbline_shape::surface::{HandlePose, Handles, Hold};
+
+/// A held vertex of the mesh that is deformed.
+struct Held {
+    vertex: u32,
+    /// Handle, and which of its vertices this is; `None`: held still because it is outside the region.
+    of: Option<(usize, usize)>,
+}
+
+/// Handles on the mesh that is deformed.
+pub(crate) struct Bound<'a> {
+    mesh: &'a TriMesh,
+    rest: &'a [Point3<f64>],
+    handles: &'a MeshHandles,
+    held: Vec<Held>,
+    /// What the user should know.
+    pub(crate) warnings: Vec<String>,
+}
+
+impl<'a> Bound<'a> {
+    /// Handles of the vertices at `rest`, on what repair made of them. With `roi`, what is farther along edges than that from
+    /// every handle that moves is held still.
+    pub(crate) fn new(
+        handles: &'a MeshHandles,
+        rest: &'a [Point3<f64>],
+        solvable: &'a Solvable,
+        roi: Option<f64>,
+    ) -> Result<Self, RunError> {
+        let mut bound = Self { mesh: &solvable.mesh, rest, handles, held: Vec::new(), warnings: Vec::new() };
+        let owner = bound.owners(solvable)?;
+        let mut outside = vec![false; solvable.mesh.vertex_count()];
+        for v in &handles.outside {
+            solvable.vertex_of_source[*v as usize].iter().for_each(|r| outside[*r as usize] = true);
+        }
+        if let Some(reach) = roi {
+            bound.hold_beyond(reach, &owner, &mut outside);
+        }
+        for (vertex, (of, outside)) in owner.iter().zip(outside).enumerate() {
+            if of.is_some() || outside {
+                bound.held.push(Held { vertex: vertex as u32, of: *of });
+            }
+        }
+        Ok(bound)
+    }
+
+    /// The handle of each vertex of the mesh that is deformed.
+    fn owners(&mut self, solvable: &Solvable) -> Result<Vec<Option<(usize, usize)>>, RunError> {
+        let mut of_source: Vec<Option<(usize, usize)>> = vec![None; self.rest.len()];
+        for (h, handle) in self.handles.handles.iter().enumerate() {
+            let mut gone = 0;
+            for (k, &v) in handle.vertices.iter().enumerate() {
+                let Some(result) = solvable.vertex_of_source[v as usize] else {
+                    gone += 1;
+                    continue;
+                };
+                let slot = &mut of_source[solvable.source_of_vertex[result as usize] as usize];
+                match *slot {
+                    None => *slot = Some((h, k)),
+                    Some((other, at)) if other != h => {
+                        return Err(self.torn(v, h, self.handles.handles[other].vertices[at], other));
+                    }
+                    Some(_) => {}
+                }
+            }
+            if gone == handle.vertices.len() {
+                let name = &handle.name;
+                let message = format!("handle {name:?}: none of its vertices is on the surface after repair");
+                return Err(RunError::Input(format!("{message}; name vertices of triangles that have an area")));
+            }
+            if gone > 0 {
+                self.warnings
+                    .push(format!("handle {:?}: {gone} of its vertices are on no triangle and stay", handle.name));
+            }
+        }
+        Ok(solvable.source_of_vertex.iter().map(|source| of_source[*source as usize]).collect())
+    }
+
+    /// Two handles hold vertices in one place.
+    fn torn(&self, v: u32, h: usize, w: u32, other: usize) -> RunError {
+        let (first, second) = (&self.handles.handles[other].name, &self.handles.handles[h].name);
+        RunError::Input(format!(
+            "vertex {w} of handle {first:?} and vertex {v} of handle {second:?} are in the same place and were joined: put both \
+             into one handle"
+        ))
+    }
+
+    /// Holds what is farther along edges from all handles that move.
+    fn hold_beyond(&self, reach: f64, owner: &[Option<(usize, usize)>], outside: &mut [bool]) {
+        let moves =
+            |of: &Option<(usize, usize)>| of.is_some_and(|(h, _)| self.handles.handles[h].track.times().is_some());
+        let starts = (0..owner.len()).filter(|v| moves(&owner[*v]));
+        let distance = distances(self.mesh, starts);
+        for (outside, distance) in outside.iter_mut().zip(distance) {
+            *outside |= !(distance <= reach);
+        }
+    }
+
+    /// The set of held vertices.
+    pub(crate) fn set(&self) -> Result<Handles, RunError> {
+        let hold = |held: &Held| {
+            let weight = held.of.and_then(|(h, _)| self.handles.handles[h].weight);
+            (held.vertex, weight.map_or(Hold::Exact, Hold::Soft))
+        };
+        Handles::new(self.held.iter().map(hold)).map_err(|e| RunError::Input(e.to_string()))
+    }
+
+    /// Where they are wanted at a time.
+    pub(crate) fn pose(&self, time: f64) -> HandlePose {
+        let all = &self.handles.handles;
+        let wanted: Vec<_> = all.iter().map(|h| h.track.positions(&h.vertices, self.rest, time)).collect();
+        let turned: Vec<Option<UnitQuaternion<f64>>> = all.iter().map(|h| h.track.rotation(time)).collect();
+        let place = |held: &Held| match held.of {
+            Some((h, k)) => wanted[h][k],
+            None => self.mesh.positions()[held.vertex as usize],
+        };
+        let pose = HandlePose::new(self.held.iter().map(place).collect());
+        // Rotations are known of all vertices or of none: handles that move freely do not tell theirs.
+        let turn = |held: &Held| held.of.map_or(Some(UnitQuaternion::identity()), |(h, _)| turned[h]);
+        match self.held.iter().map(turn).collect() {
+            Some(rotations) => pose.with_rotations(rotations),
+            None => pose,
+        }
+    }
+
+    /// The time before anything has moved.
+    pub(crate) fn start(&self) -> f64 {
+        self.handles.times().0
+    }
+
+    /// The farthest that a handle turns between two times, rad.
+    pub(crate) fn turn(&self, from: f64, to: f64) -> f64 {
+        const STEPS: u32 = 32;
+        let at = |k: u32| from + (to - from) * f64::from(k) / f64::from(STEPS);
+        let of = |track: &plumbline_shape::surface::handle_file::Track| -> f64 {
+            let angle = |k: u32| Some(track.rotation(at(k))?.angle_to(&track.rotation(at(k + 1))?));
+            (0..STEPS).filter_map(angle).sum()
+        };
+        self.handles.handles.iter().map(|h| of(&h.track)).fold(0.0, f64::max)
+    }
+}
+
+/// Length of the shortest way along edges from any of `starts`; infinite where there is none.
+fn distances(mesh: &TriMesh, starts: impl Iterator<Item = usize>) -> Vec<f64> {
+    let mut sides: Vec<(u32, u32)> =
+        mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
+    sides.sort_unstable();
+    sides.dedup();
+    let edges = |v: u32| {
+        let of_v = sides[sides.partition_point(|s| s.0 < v)..].iter().take_while(move |s| s.0 == v);
+        let p = mesh.positions();
+        of_v.map(move |&(_, w)| (w, nalgebra::distance(&p[v as usize], &p[w as usize])))
+    };
+    ShortestPaths::new(mesh.vertex_count(), starts.map(|v| v as u32), edges).length
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_num::run::Run;
+    use plumbline_shape::surface::handle_file::HandleFile;
+
+    /// A strip of unit squares along x, its halves apart: the vertices of its middle stand twice.
+    fn strip() -> TriMesh {
+        let at = |x: f64| [Point3::new(x, 0.0, 0.0), Point3::new(x, 1.0, 0.0)];
+        let positions = [0.0, 1.0, 1.0, 2.0].map(at).concat();
+        TriMesh::new(positions, vec![[0, 2, 3], [0, 3, 1], [4, 6, 7], [4, 7, 5]]).unwrap()
+    }
+
+    fn handles(entries: &str, mesh: &TriMesh) -> MeshHandles {
+        let text = format!("{{\"format\": \"plumbline.handles\", \"version\": 1, \"handles\": [{entries}]}}");
+        HandleFile::parse(&text).unwrap().of_mesh(mesh.positions()).unwrap()
+    }
+
+    #[test]
+    fn vertices_that_repair_joined_are_held_once_and_moved_by_their_handle() {
+        let mesh = strip();
+        let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
+        let found = handles("{\"vertices\": {\"indices\": [2, 4]}, \"rigid\": {\"translation\": [0, 0, 3]}}", &mesh);
+        let bound = Bound::new(&found, mesh.positions(), &solvable, None).unwrap();
+        assert_eq!(bound.set().unwrap().len(), 1);
+        assert_eq!(bound.pose(1.0).positions(), [Point3::new(1.0, 0.0, 3.0)]);
+        let torn = handles(
+            "{\"name\": \"a\", \"vertices\": {\"indices\": [2]}}, {\"name\": \"b\", \"vertices\": {\"indices\": [4]}}",
+            &mesh,
+        );
+        let told =
+            Bound::new(&torn, mesh.positions(), &solvable, None).err().expect("two wishes for one place").to_string();
+        assert!(told.contains("vertex 2 of handle \"a\" and vertex 4 of handle \"b\" are in the same place"), "{told}");
+    }
+
+    #[test]
+    fn what_is_farther_along_edges_than_the_reach_is_held() {
+        let mesh = strip();
+        let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
+        let found = handles("{\"vertices\": {\"indices\": [0, 1]}, \"rigid\": {\"translation\": [0, 0, 1]}}", &mesh);
+        let held = |roi| Bound::new(&found, mesh.positions(), &solvable, roi).unwrap().set().unwrap().len();
+        assert_eq!([None, Some(0.5), Some(1.0), Some(2.0)].map(held), [2, 6, 4, 2]);
+    }
+}

@@ -1,0 +1,114 @@
+//! What is told of a deformation: in a line or two, and as JSON.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::{Value as Json, json};
+
+use super::solvable::Solvable;
+
+use crate::pipeline::run_error::RunError;
+use crate::stages::context::Context;
+use crate::stages::mesh_deform::{MeshDeformSettings, Solved};
+use plumbline_shape::surface::DeformReport;
+
+/// Tells of the repair and of the last pose, and warns of what went wrong in any.
+pub(crate) fn tell(
+    context: &mut Context<'_, '_>,
+    solvable: &Solvable,
+    solved: &[Solved],
+    settings: &MeshDeformSettings,
+) {
+    let Some(last) = solved.last() else { return };
+    let report = &last.report;
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs = solvable.report.changes().collect();
+        surface.deformation = Some(line(report, &settings.method.to_string(), solved.len()));
+    }
+    for part in report.held_still.iter().take(3) {
+        let first = solvable.source_of_vertex[part.vertex as usize];
+        context.warn(format!("no handle is on the part of {} vertices around vertex {first}: it stays", part.vertices));
+    }
+    if report.held_still.len() > 3 {
+        context.warn(format!("{} more parts without a handle stay", report.held_still.len() - 3));
+    }
+    let open = solved.iter().filter(|s| !s.report.stop.converged()).count();
+    if open > 0 {
+        let which = if solved.len() == 1 { "it".to_owned() } else { format!("{open} of {} poses", solved.len()) };
+        let most = settings.iterations;
+        context.warn(format!("{which} had not converged after {most} rounds; --iterations allows more (`iterations`)"));
+    }
+    if report.negative_weights > 0 && report.energies.last().is_some_and(|e| *e < 0.0) {
+        let count = report.negative_weights;
+        context.warn(format!(
+            "the energy is negative, since {count} edges have negative weights: take the method arap, or --cotangents clamped"
+        ));
+    }
+}
+
+fn line(report: &DeformReport, method: &str, poses: usize) -> String {
+    let shape = &report.shape;
+    let rounds = if report.iterations == 1 { "1 solve".to_owned() } else { format!("{} rounds", report.iterations) };
+    let mut told = format!("{method}: {} in {rounds}", report.stop);
+    if poses > 1 {
+        told = format!("{poses} poses; the last by {told}");
+    }
+    if let [first, .., last] = report.energies.as_slice() {
+        let _ = write!(told, ", energy {first:.4e} to {last:.4e}");
+    }
+    let _ = write!(told, ", edges stretched by {:.1} % at most", 100.0 * shape.worst_stretch);
+    if let Some(ratio) = shape.volume_ratio {
+        let _ = write!(told, ", volume {:.1} %", 100.0 * ratio);
+    }
+    if shape.flipped_faces > 0 {
+        let _ = write!(told, ", {} faces flipped", shape.flipped_faces);
+    }
+    if report.constraint_error > 0.0 {
+        let _ = write!(told, ", handles missed by {:.3e} at most", report.constraint_error);
+    }
+    told
+}
+
+/// Writes the report.
+pub(crate) fn write(
+    context: &mut Context<'_, '_>,
+    path: &Path,
+    solvable: &Solvable,
+    solved: &[Solved],
+    settings: &MeshDeformSettings,
+) -> Result<(), RunError> {
+    let poses: Vec<Json> = solved.iter().map(|s| pose(s, solvable)).collect();
+    let name = context.summary.surface.as_ref().map_or("", |s| s.name.as_str());
+    let report = json!({
+        "version": 1,
+        "input": name,
+        "handles": settings.handles,
+        "method": settings.method,
+        "cotangents": settings.options.cotangents,
+        "repair": solvable.report,
+        "poses": poses,
+    });
+    context.write_file(path, format!("{report:#}\n"))
+}
+
+/// Vertices are those of the file; lengths are in units of the mesh.
+fn pose(solved: &Solved, solvable: &Solvable) -> Json {
+    let report = &solved.report;
+    let part = |p: &plumbline_shape::surface::Part| json!({"vertex": solvable.source_of_vertex[p.vertex as usize], "vertices": p.vertices});
+    let still: Vec<Json> = report.held_still.iter().map(part).collect();
+    json!({
+        "time": solved.time,
+        "stop": report.stop.to_string(),
+        "converged": report.stop.converged(),
+        "iterations": report.iterations,
+        "energies": report.energies,
+        "constraint_error": report.constraint_error,
+        "worst_stretch": report.shape.worst_stretch,
+        "rms_stretch": report.shape.rms_stretch,
+        "flipped_faces": report.shape.flipped_faces,
+        "volume_ratio": report.shape.volume_ratio,
+        "negative_weights": report.negative_weights,
+        "degenerate_faces": report.degenerate_faces,
+        "held_still": still,
+    })
+}

@@ -1,0 +1,192 @@
+//! `mesh.deform`: moves a few vertices and lets the rest follow.
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::Point3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::mesh::handles::Bound;
+use super::mesh::solvable::Solvable;
+use super::mesh::{report, surface_error};
+use super::values::Posed;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::surfaces::MethodName;
+use plumbline_num::run::Run;
+use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
+use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Start, bind};
+
+/// Settings of `mesh.deform`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct MeshDeformSettings {
+    /// Which vertices are held and which are moved: a file of handles (`plumbline schema handles` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub handles: String,
+    /// How the rest of the surface follows
+    pub method: MethodName,
+    /// What the methods may be told.
+    #[serde(flatten)]
+    pub options: DeformOptions,
+    /// Where rounds start; a pose after the first one starts from the one before
+    pub start: Start<'static>,
+    /// The surface moves up to this far from handles that move, along edges, in units of the mesh; all of it if left out
+    #[schemars(range(min = 0.0))]
+    pub roi: Option<f64>,
+    /// Rounds at most
+    #[schemars(range(min = 1, max = 1_000_000))]
+    pub iterations: u32,
+    /// It has converged when a round lowers the energy by no more than this share of it
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub tolerance: f64,
+    /// Poses from the first key of the handles to the last, as NAME_0000.EXT and so on; 1: the last alone
+    #[schemars(range(min = 1, max = 9999))]
+    pub frames: u32,
+    /// Also write how it went, as JSON
+    #[schemars(extend("format" = "path"))]
+    pub report: Option<String>,
+}
+
+/// When a deformation is done. A bar that is twisted by 135 degrees rests on a symmetric saddle first, where rounds gain less
+/// than 10⁻⁶ of the energy and end 3.5 % above the minimum; 10⁻⁸ costs half as many rounds again.
+const DONE: Convergence = Convergence { max_iterations: 1000, tolerance: 1e-8 };
+
+impl Default for MeshDeformSettings {
+    fn default() -> Self {
+        Self {
+            handles: String::new(),
+            method: MethodName::default(),
+            options: DeformOptions::default(),
+            start: Start::default(),
+            roi: None,
+            iterations: DONE.max_iterations as u32,
+            tolerance: DONE.tolerance,
+            frames: 1,
+            report: None,
+        }
+    }
+}
+
+impl Stage for MeshDeformSettings {
+    const KIND: &'static str = "mesh.deform";
+    const SUMMARY: &'static str = "holds and moves a few vertices; the rest of the surface follows and keeps its shape";
+    const INPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh at rest")];
+    const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh in its poses")];
+    const REQUIRED: &'static [&'static str] = &["handles"];
+    type Input = (Posed,);
+    type Output = (Posed,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        vec![&self.handles]
+    }
+
+    fn writes(&self) -> Vec<String> {
+        self.report.iter().cloned().collect()
+    }
+
+    fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let path = Path::new(&self.handles);
+        let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
+        let rest = posed.last().to_vec();
+        let handles = HandleFile::read(path).and_then(|file| file.of_mesh(&rest)).map_err(|e| of_file(&e))?;
+        let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
+        let solvable = Solvable::new(&mesh, &context.job.run())?;
+        let bound = Bound::new(&handles, mesh.positions(), &solvable, self.roi).map_err(|e| match e {
+            RunError::Input(text) => of_file(&text),
+            other => other,
+        })?;
+        bound.warnings.iter().for_each(|w| context.warn(w.clone()));
+        let deformer = bind(self.method.0, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
+            .map_err(surface_error)?;
+        let mut solver = PoseSolver { bound: &bound, deformer, settings: self, at: None };
+        let mut poses = Vec::with_capacity(self.frames as usize);
+        let mut solved = Vec::with_capacity(self.frames as usize);
+        for time in times(&handles, self.frames) {
+            context.job.check_cancel()?;
+            let (positions, report) = solver.pose(time, &context.job.run())?;
+            poses.push(solvable.carry_back(mesh.positions(), &positions));
+            solved.push(Solved { time, report });
+        }
+        report::tell(context, &solvable, &solved, self);
+        if let Some(path) = &self.report {
+            report::write(context, Path::new(path), &solvable, &solved, self)?;
+        }
+        let marks = marks(&handles);
+        Ok((Posed { model: posed.model, poses: Arc::new(poses), handles: Arc::new(marks) },))
+    }
+}
+
+/// A handle turns by no more between two solves: from there, the shortest way would soon be the wrong one.
+const MOST_TURN: f64 = 0.8 * PI;
+/// Rounds of solves on the way to a pose: they only have to lead the right way round.
+const ON_THE_WAY: usize = 10;
+
+/// A pose and how it was found.
+pub(crate) struct Solved {
+    pub(crate) time: f64,
+    pub(crate) report: DeformReport,
+}
+
+/// Times of the poses: the last alone, or evenly from the first to the last.
+fn times(handles: &MeshHandles, frames: u32) -> impl Iterator<Item = f64> + use<> {
+    let (first, last) = handles.times();
+    let share = move |i: u32| if frames <= 1 { 1.0 } else { f64::from(i) / f64::from(frames - 1) };
+    (0..frames.max(1)).map(move |i| first * (1.0 - share(i)) + last * share(i))
+}
+
+/// Vertices of handles, and whether they move.
+fn marks(handles: &MeshHandles) -> Vec<(u32, bool)> {
+    let of = |h: &plumbline_shape::surface::handle_file::MeshHandle| {
+        let moves = h.track.times().is_some();
+        h.vertices.iter().map(move |v| (*v, moves)).collect::<Vec<_>>()
+    };
+    handles.handles.iter().flat_map(of).collect()
+}
+
+/// A bound method, and the time of the pose that it solved last.
+struct PoseSolver<'b, 'h> {
+    bound: &'b Bound<'h>,
+    deformer: Box<dyn Deformer>,
+    settings: &'b MeshDeformSettings,
+    at: Option<f64>,
+}
+
+impl PoseSolver<'_, '_> {
+    /// The pose at a time. Where a handle turns too far from the last pose, or from rest, there are solves on the way.
+    fn pose(&mut self, time: f64, run: &Run) -> Result<(Vec<Point3<f64>>, DeformReport), RunError> {
+        let from = self.at.unwrap_or(self.bound.start());
+        let turn = self.bound.turn(from, time);
+        let steps = (turn / MOST_TURN).ceil().clamp(1.0, 1000.0) as u32;
+        for step in 1..steps {
+            let between = from + (time - from) * f64::from(step) / f64::from(steps);
+            self.solve(between, ON_THE_WAY, run)?;
+        }
+        let deformed = self.solve(time, self.settings.iterations as usize, run)?;
+        Ok((deformed.positions, deformed.report))
+    }
+
+    fn solve(
+        &mut self,
+        time: f64,
+        iterations: usize,
+        run: &Run,
+    ) -> Result<plumbline_shape::surface::Deformation, RunError> {
+        let convergence = Convergence {
+            max_iterations: iterations.min(self.settings.iterations as usize),
+            tolerance: self.settings.tolerance,
+        };
+        let start = if self.at.is_some() { Start::Last } else { self.settings.start };
+        let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run).map_err(surface_error)?;
+        self.at = Some(time);
+        Ok(deformed)
+    }
+}

@@ -1,0 +1,69 @@
+//! `mesh.load`: opens a mesh.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::mesh::mesh_error;
+use super::values::Posed;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::SurfaceSummary;
+use crate::pipeline::units::ByteSize;
+use plumbline_shape::mesh::{Model, ReadLimits, read_model};
+
+/// Settings of `mesh.load`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MeshLoadSettings {
+    /// The mesh: OBJ, PLY, OFF, STL, glTF, GLB or Medit
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// Most bytes of the file and of what it refers to; larger ones are refused before memory is taken for them
+    pub max_bytes: ByteSize,
+}
+
+impl Default for MeshLoadSettings {
+    fn default() -> Self {
+        Self { path: String::new(), max_bytes: ByteSize(ReadLimits::default().max_bytes) }
+    }
+}
+
+impl Stage for MeshLoadSettings {
+    const KIND: &'static str = "mesh.load";
+    const SUMMARY: &'static str =
+        "opens a mesh with its polygons, texture coordinates, normals, colors, groups and materials";
+    const INPUTS: &'static [Port] = &[];
+    const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = ();
+    type Output = (Posed,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        vec![&self.path]
+    }
+
+    fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let path = Path::new(&self.path);
+        let limits = ReadLimits { max_bytes: self.max_bytes.0, ..ReadLimits::default() };
+        let model = read_model(path, &limits, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
+        for warning in model.warnings() {
+            context.warn(format!("{}: {warning}", path.display()));
+        }
+        context.summary.surface.get_or_insert_with(|| summary(&self.path, &model));
+        Ok((Posed::at_rest(model),))
+    }
+}
+
+fn summary(name: &str, model: &Model) -> SurfaceSummary {
+    let bounds = model.mesh().bounding_box().map_or([[0.0; 3]; 2], |(low, high)| [low, high].map(|p| p.coords.into()));
+    let (vertices, faces) = (model.mesh().vertex_count(), model.faces().len());
+    SurfaceSummary { name: name.to_owned(), vertices, faces, bounds, ..SurfaceSummary::default() }
+}

@@ -1,0 +1,253 @@
+//! The stages: one file per kind, which holds its settings, ports and `run`. What several kinds share is in the folders beside
+//! them.
+//!
+//! A pass is run stage by stage in the order of the graph. Stages that only describe a stream (`video.decode`, `video.warp`,
+//! `video.render`) do nothing of their own accord: the sink that ends the stream (`video.track`, `video.encode`) pulls frames
+//! through them, each on its own thread.
+//!
+//! To add a kind: a file here with a struct of settings that implements [`Stage`](crate::pipeline::kind::Stage), and its lines
+//! in this file.
+
+mod blend;
+mod compose;
+pub(crate) mod context;
+mod faces_detect;
+mod faces_load;
+pub(crate) mod files;
+mod image_grid;
+mod image_load;
+mod image_map_export;
+mod image_render;
+mod image_save;
+mod importance;
+mod lines_detect;
+mod lines_load;
+mod lines_save;
+mod mesh;
+mod mesh_deform;
+mod mesh_load;
+mod mesh_modes;
+mod mesh_render;
+mod mesh_save;
+mod morph;
+mod morphing;
+mod npz;
+mod numpy;
+pub(crate) mod photo;
+mod photo_rectangle;
+mod photo_rectify;
+mod photo_report;
+mod photo_retarget;
+mod pose;
+mod probe;
+mod skeleton_extract;
+mod skeleton_load;
+mod skin_train;
+mod skin_weights;
+pub(crate) mod values;
+mod video_decode;
+mod video_encode;
+mod video_importance;
+mod video_motion_export;
+mod video_render;
+mod video_report;
+mod video_retarget;
+mod video_stmap;
+
+use std::sync::Arc;
+
+pub use blend::BlendSettings;
+pub use compose::ComposeSettings;
+pub use faces_detect::FacesDetectSettings;
+pub use faces_load::FacesLoadSettings;
+pub use image_grid::ImageGridSettings;
+pub use image_load::ImageLoadSettings;
+pub use image_map_export::MapExportSettings;
+pub use image_render::{ImageRenderSettings, PhotoBorder};
+pub use image_save::ImageSaveSettings;
+pub use importance::ImportanceSettings;
+pub use lines_detect::LinesDetectSettings;
+pub use lines_load::LinesLoadSettings;
+pub use lines_save::LinesSaveSettings;
+pub use mesh_deform::MeshDeformSettings;
+pub use mesh_load::MeshLoadSettings;
+pub use mesh_modes::MeshModesSettings;
+pub use mesh_render::MeshRenderSettings;
+pub use mesh_save::MeshSaveSettings;
+pub use morph::{MorphSettings, OverWish};
+pub use photo_rectangle::PhotoRectangleSettings;
+pub use photo_rectify::PhotoRectifySettings;
+pub use photo_report::PhotoReportSettings;
+pub use photo_retarget::PhotoRetargetSettings;
+pub use plumbline_media::{Codec, EncoderWish};
+pub use pose::{PoseSettings, SkinningWish};
+pub use skeleton_extract::SkeletonExtractSettings;
+pub use skeleton_load::SkeletonLoadSettings;
+pub use skin_train::SkinTrainSettings;
+pub use skin_weights::SkinWeightsSettings;
+pub use video_decode::DecodeSettings;
+pub use video_encode::EncodeSettings;
+pub use video_importance::{ClipFaces, VideoImportanceSettings};
+pub use video_motion_export::MotionExportSettings;
+pub use video_render::{Border, Interpolation, RenderSettings};
+pub use video_report::ReportSettings;
+pub use video_retarget::VideoRetargetSettings;
+pub use video_stmap::StMapSettings;
+
+use crate::pipeline::batch::Instance;
+use crate::pipeline::graph::Graph;
+use crate::pipeline::job::{Backend, Job, Probed, Values};
+use crate::pipeline::kind::StageKind;
+use crate::pipeline::kinds::{
+    LensUndistortSettings, MotionImportSettings, MotionSettings, SmoothSettings, TrackSettings, WarpSettings,
+};
+use crate::pipeline::plan::Pass;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::Summary;
+use context::Context;
+
+/// Every stage kind, in the order of the data's way.
+pub static KINDS: [StageKind; 42] = [
+    StageKind::of::<DecodeSettings>(),
+    StageKind::of::<LensUndistortSettings>(),
+    StageKind::of::<TrackSettings>(),
+    StageKind::of::<MotionSettings>(),
+    StageKind::of::<MotionImportSettings>(),
+    StageKind::of::<MotionExportSettings>(),
+    StageKind::of::<SmoothSettings>(),
+    StageKind::of::<WarpSettings>(),
+    StageKind::of::<VideoImportanceSettings>(),
+    StageKind::of::<VideoRetargetSettings>(),
+    StageKind::of::<StMapSettings>(),
+    StageKind::of::<RenderSettings>(),
+    StageKind::of::<EncodeSettings>(),
+    StageKind::of::<ReportSettings>(),
+    StageKind::of::<ImageLoadSettings>(),
+    StageKind::of::<LinesLoadSettings>(),
+    StageKind::of::<LinesDetectSettings>(),
+    StageKind::of::<LinesSaveSettings>(),
+    StageKind::of::<FacesLoadSettings>(),
+    StageKind::of::<FacesDetectSettings>(),
+    StageKind::of::<ImportanceSettings>(),
+    StageKind::of::<PhotoRectifySettings>(),
+    StageKind::of::<PhotoRectangleSettings>(),
+    StageKind::of::<PhotoRetargetSettings>(),
+    StageKind::of::<ImageRenderSettings>(),
+    StageKind::of::<ImageGridSettings>(),
+    StageKind::of::<ImageSaveSettings>(),
+    StageKind::of::<MapExportSettings>(),
+    StageKind::of::<PhotoReportSettings>(),
+    StageKind::of::<MeshLoadSettings>(),
+    StageKind::of::<MeshDeformSettings>(),
+    StageKind::of::<MeshModesSettings>(),
+    StageKind::of::<SkinWeightsSettings>(),
+    StageKind::of::<SkeletonLoadSettings>(),
+    StageKind::of::<SkeletonExtractSettings>(),
+    StageKind::of::<SkinTrainSettings>(),
+    StageKind::of::<PoseSettings>(),
+    StageKind::of::<MorphSettings>(),
+    StageKind::of::<BlendSettings>(),
+    StageKind::of::<ComposeSettings>(),
+    StageKind::of::<MeshRenderSettings>(),
+    StageKind::of::<MeshSaveSettings>(),
+];
+
+/// The kind called `name`.
+pub fn find(name: &str) -> Option<&'static StageKind> {
+    KINDS.iter().find(|k| k.name == name)
+}
+
+/// The stages that this program has.
+pub struct Bodies;
+
+impl Backend for Bodies {
+    fn probe(&self, input: &str) -> Result<Probed, RunError> {
+        probe::probe(input)
+    }
+
+    fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
+        instance.graph.stages.iter().try_for_each(|stage| stage.settings.preflight())
+    }
+
+    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
+        let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
+        pool.install(|| {
+            let mut context = Context { job, pass, values, summary, at: 0 };
+            if job.graph().is_still() {
+                return run_still(&mut context);
+            }
+            pass.stages.iter().try_for_each(|&stage| run_stage(&mut context, stage))
+        })
+    }
+}
+
+/// Evaluates the stages of a graph of still pictures or meshes, and lets go of what no later one takes. A picture takes a
+/// second or two: progress is told by items done.
+fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
+    let (job, pass) = (context.job, context.pass);
+    for (done, &stage) in pass.stages.iter().enumerate() {
+        job.check_cancel()?;
+        run_stage(context, stage)?;
+        let_go(job.graph(), &pass.stages, done, context.values);
+    }
+    Ok(())
+}
+
+fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+    let settings = Arc::clone(&context.stage(stage).settings);
+    settings.run(context, stage)
+}
+
+/// Drops the results that no stage of `stages` after position `done` takes.
+fn let_go(graph: &Graph, stages: &[usize], done: usize, values: &mut Values) {
+    for &from in &stages[..=done] {
+        let later = stages[done + 1..].iter().any(|&s| graph.stages[s].edges.iter().any(|e| e.from == from));
+        if !later {
+            values.forget(from);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::pipeline::graph::Stage;
+    use crate::pipeline::plan::Plan;
+    use crate::pipeline::progress::{Silent, TaskProgress};
+
+    /// What a stage of its own says, connected to nothing.
+    fn run_alone(kind: &'static StageKind) -> Result<(), RunError> {
+        let settings = kind.defaults().expect("defaults of a kind");
+        let stage = Stage { name: "alone".to_owned(), kind, settings, deferred: Vec::new(), edges: Vec::new() };
+        let graph = Graph { stages: vec![stage] };
+        let plan = Plan::of(&graph);
+        let instance = Instance { key: "alone".to_owned(), item: None, graph, plan };
+        let progress = TaskProgress::new(&Silent, "alone", 1);
+        let cancel = Arc::new(AtomicBool::new(false));
+        let job = Job { instance: &instance, threads: 1, overwrite: false, progress: &progress, cancel: &cancel };
+        let (mut values, mut summary) = (Values::default(), Summary::default());
+        let pass = &instance.plan.passes[0];
+        run_stage(&mut Context { job: &job, pass, values: &mut values, summary: &mut summary, at: 0 }, 0)
+    }
+
+    #[test]
+    fn every_kind_runs_or_says_what_it_lacks() {
+        for kind in &KINDS {
+            let described = ["video.decode", "video.motion", "video.warp", "video.render"].contains(&kind.name);
+            let streams = kind.name.starts_with("video.") || kind.name.starts_with("lens.");
+            let lacks = kind.inputs.iter().find(|p| p.arity.is_required());
+            match (run_alone(kind), lacks) {
+                (Ok(()), _) => assert!(described, "{} did nothing", kind.name),
+                (Err(error), Some(port)) if !streams => {
+                    let expected = format!("`alone` has no {}", port.name);
+                    assert!(error.to_string().contains(&expected), "{}: {error}", kind.name);
+                }
+                (Err(_), _) => assert!(!described, "{} does something", kind.name),
+            }
+        }
+    }
+}

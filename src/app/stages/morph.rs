@@ -1,0 +1,153 @@
+//! `morph`: the shapes between two meshes.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::context::Context;
+use super::morphing::pair::{Pair, quality_json};
+use super::morphing::shapes::Shapes;
+use super::morphing::{morph_error, tell, write_report};
+use super::values::Posed;
+use crate::pipeline::kind::{Conflict, OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use plumbline_shape::morph::correspondence::{CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions};
+use plumbline_shape::morph::{Trajectory, TrajectoryOptions};
+
+/// How one mesh is laid over another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverWish {
+    /// Deformed smoothly until it lies there: any mesh, never flawless
+    #[default]
+    Registration,
+    /// Through the sphere: closed meshes without handles, one to one
+    Sphere,
+    /// Through the disk: meshes with one boundary and without handles, one to one
+    Disk,
+}
+
+impl OverWish {
+    /// The option of the method.
+    pub fn option(self) -> CorrespondenceMethod {
+        match self {
+            Self::Registration => CorrespondenceMethod::Registration(RegistrationOptions::default()),
+            Self::Sphere => CorrespondenceMethod::Sphere(SphereOptions::default()),
+            Self::Disk => CorrespondenceMethod::Disk(DiskOptions::default()),
+        }
+    }
+}
+
+/// Settings of `morph`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MorphSettings {
+    /// Places of both meshes that belong together, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
+    /// or .yml)
+    #[schemars(extend("format" = "path"))]
+    pub landmarks: Option<String>,
+    /// Shapes, both meshes among them
+    #[schemars(range(min = 2, max = 9999))]
+    pub frames: u32,
+    /// Rounds in which each shape is made more rigid towards both meshes
+    #[schemars(range(min = 0, max = 10_000))]
+    pub rounds: u32,
+    /// Rounds at most in which a shape that passes through itself is pushed out of itself
+    #[schemars(range(min = 0, max = 1000))]
+    pub untangle: u32,
+    /// How the first mesh is laid over the second
+    pub over: OverWish,
+    /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
+    #[schemars(range(min = -100, max = 100))]
+    pub whole_turns: i32,
+    /// Add vertices until no feature of the second mesh is missed by more than this share of its size; none if left out
+    #[schemars(range(min = 0.0001, max = 1.0))]
+    pub refine: Option<f64>,
+    /// Also write how it went, as JSON, with the self-intersections of every shape
+    #[schemars(extend("format" = "path"))]
+    pub report: Option<String>,
+}
+
+impl Default for MorphSettings {
+    fn default() -> Self {
+        Self {
+            landmarks: None,
+            frames: 9,
+            rounds: 10,
+            untangle: 8,
+            over: OverWish::default(),
+            whole_turns: 0,
+            refine: None,
+            report: None,
+        }
+    }
+}
+
+impl Stage for MorphSettings {
+    const KIND: &'static str = "morph";
+    const SUMMARY: &'static str = "finds the shapes between two meshes, as rigid towards both as can be";
+    const INPUTS: &'static [Port] = &[
+        Port::one("mesh", PortType::Mesh, "the mesh at time 0, whose faces all shapes have"),
+        Port::one("other", PortType::Mesh, "the mesh at time 1"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the shapes")];
+    type Input = (Posed, Posed);
+    type Output = (Posed,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        let by_landmarks = [("over", self.over != OverWish::default()), ("refine", self.refine.is_some())];
+        let asked = by_landmarks.into_iter().filter(|(_, is_given)| *is_given && self.landmarks.is_none());
+        let message =
+            "without landmarks the meshes are two poses of one, and neither is laid over the other".to_owned();
+        asked
+            .map(|(key, _)| Conflict { key, message: message.clone(), help: "give `landmarks`, or leave it out" })
+            .collect()
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        self.landmarks.iter().map(String::as_str).collect()
+    }
+
+    fn writes(&self) -> Vec<String> {
+        self.report.iter().cloned().collect()
+    }
+
+    fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), self.over, self.refine)?;
+        let options = TrajectoryOptions { rounds: self.rounds as usize, whole_turns: self.whole_turns };
+        let mut trajectory =
+            Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
+        let mut shapes = Shapes::new(&pair, self.report.is_some());
+        for k in 0..self.frames {
+            context.job.check_cancel()?;
+            let time = f64::from(k) / f64::from((self.frames - 1).max(1));
+            let x = match self.untangle {
+                0 => trajectory.at(time, &context.job.run())?,
+                rounds => trajectory.untangled(time, rounds as usize, &context.job.run())?.0,
+            };
+            let linear = trajectory.linear(time);
+            shapes.add(Some(time), time, &x, &linear, &context.job.run())?;
+        }
+        if let Some(worse) = shapes.worse_than_linear() {
+            context.warn(worse);
+        }
+        let turn = trajectory.turn_of_whole().norm().to_degrees();
+        tell(context, format!("{} shapes, turning by {turn:.1}° as a whole{}", self.frames, shapes.intersections()));
+        let report = json!({
+            "version": 1,
+            "landmarks": self.landmarks,
+            "turn_deg": turn,
+            "correspondence": pair.quality.as_ref().map(quality_json),
+            "shapes": shapes.told,
+        });
+        let poses = shapes.poses;
+        write_report(context, self.report.as_ref(), &report)?;
+        Ok((pair.posed(poses),))
+    }
+}

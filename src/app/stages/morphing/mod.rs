@@ -1,0 +1,49 @@
+//! What the kinds that join two meshes share.
+
+pub(crate) mod pair;
+pub(crate) mod shapes;
+
+use std::path::Path;
+
+use serde_json::Value as Json;
+
+use super::context::Context;
+use super::values::Posed;
+use crate::pipeline::run_error::RunError;
+use plumbline_shape::mesh::TriMesh;
+use plumbline_shape::morph::MorphError;
+
+/// The mesh in its last pose.
+pub(crate) fn pose_of(posed: &Posed) -> Result<TriMesh, RunError> {
+    let moved = posed.model.mesh().with_positions(posed.last().to_vec());
+    moved.map_err(|e| RunError::Internal(e.to_string()))
+}
+
+/// An error of a method in the terms of a run.
+pub(crate) fn morph_error(error: MorphError) -> RunError {
+    match error {
+        MorphError::Interrupted(stopped) => stopped.into(),
+        error => RunError::Input(error.to_string()),
+    }
+}
+
+/// The same, of a file.
+pub(crate) fn of_file(path: &str) -> impl Fn(MorphError) -> RunError + use<'_> {
+    move |error| RunError::Input(format!("{path}: {error}"))
+}
+
+/// Writes a report where one is wanted.
+pub(crate) fn write_report(
+    context: &mut Context<'_, '_>,
+    path: Option<&String>,
+    report: &Json,
+) -> Result<(), RunError> {
+    path.map_or(Ok(()), |path| context.write_file(Path::new(path), format!("{report:#}\n")))
+}
+
+/// Adds a line to what is told of the first mesh.
+pub(crate) fn tell(context: &mut Context<'_, '_>, line: String) {
+    if let Some(surface) = &mut context.summary.surface {
+        surface.morph.push(line);
+    }
+}

@@ -1,0 +1,161 @@
+//! Two meshes as two poses of one.
+
+use std::sync::Arc;
+
+use nalgebra::Point3;
+use serde_json::{Value as Json, json};
+
+use super::{morph_error, of_file, pose_of, tell};
+use crate::pipeline::run_error::RunError;
+use crate::stages::context::Context;
+use crate::stages::mesh::solvable::Solvable;
+use crate::stages::morph::OverWish;
+use crate::stages::values::Posed;
+use plumbline_shape::mesh::{Model, TriMesh};
+use plumbline_shape::morph::correspondence::{Landmarks, MapQuality, correspond, measure, refine};
+use plumbline_shape::morph::{MorphError, same_connectivity};
+
+/// Rounds of refinement at most; each halves edges.
+const ROUNDS: usize = 6;
+
+/// Two poses of one mesh without faults, and the model whose vertices follow them.
+pub(crate) struct Pair {
+    /// What is written: the first mesh as it was read, or as it was refined.
+    pub(crate) model: Arc<Model>,
+    pub(crate) first: TriMesh,
+    pub(crate) second: TriMesh,
+    solvable: Solvable,
+    /// The model has the vertices of the meshes, not those of the file.
+    refined: bool,
+    /// Both ends by the vertices of the file.
+    ends: Option<[Vec<Point3<f64>>; 2]>,
+    /// How well one lies over the other, where landmarks were needed.
+    pub(crate) quality: Option<MapQuality>,
+}
+
+impl Pair {
+    /// Both meshes, the first laid over the second where there are landmarks.
+    pub(crate) fn new(
+        context: &mut Context<'_, '_>,
+        [first, second]: [Posed; 2],
+        landmarks: Option<&String>,
+        over: OverWish,
+        tolerance: Option<f64>,
+    ) -> Result<Self, RunError> {
+        let [a, b] = [pose_of(&first)?, pose_of(&second)?];
+        for (which, mesh) in [("first", &a), ("second", &b)] {
+            if !(mesh.area() > 0.0) {
+                return Err(morph_error(MorphError::Empty { which }));
+            }
+        }
+        let solvable = Solvable::new(&a, &context.job.run())?;
+        if let Some(surface) = &mut context.summary.surface {
+            surface.repairs = solvable.report.changes().collect();
+        }
+        match landmarks {
+            None => Self::same(first.model, &a, &b, solvable),
+            Some(path) => {
+                let pairs = Landmarks::read(path.as_ref()).and_then(|l| l.vertices(&a, &b)).map_err(of_file(path))?;
+                Self::laid(context, first.model, &b, solvable, &pairs, (over, tolerance))
+            }
+        }
+    }
+
+    fn same(model: Arc<Model>, a: &TriMesh, b: &TriMesh, solvable: Solvable) -> Result<Self, RunError> {
+        same_connectivity(a, b).map_err(morph_error)?;
+        let there = solvable.source_of_vertex.iter().map(|v| b.positions()[*v as usize]).collect();
+        let second = solvable.mesh.with_positions(there).map_err(|e| RunError::Internal(e.to_string()))?;
+        let ends = Some([a.positions().to_vec(), b.positions().to_vec()]);
+        Ok(Self { model, first: solvable.mesh.clone(), second, solvable, refined: false, ends, quality: None })
+    }
+
+    fn laid(
+        context: &mut Context<'_, '_>,
+        model: Arc<Model>,
+        b: &TriMesh,
+        solvable: Solvable,
+        pairs: &[(u32, u32)],
+        (over, tolerance): (OverWish, Option<f64>),
+    ) -> Result<Self, RunError> {
+        let mut pairs: Vec<(u32, u32)> =
+            pairs.iter().filter_map(|&(v, w)| Some((solvable.vertex_of_source[v as usize]?, w))).collect();
+        // Vertices that repair joined are one landmark.
+        let mut seen = std::collections::BTreeSet::new();
+        pairs.retain(|p| seen.insert(p.0));
+        let laid = correspond(&solvable.mesh, b, &pairs, &over.option(), &context.job.run()).map_err(morph_error)?;
+        let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.laid, laid.quality);
+        context.job.check_cancel()?;
+        if let Some(tolerance) = tolerance {
+            let refined = refine(&first, &second, b, tolerance, ROUNDS, &context.job.run()).map_err(morph_error)?;
+            tell(context, format!("{} vertices added where features would be lost", refined.added));
+            (first, second) = (refined.first, refined.laid);
+            quality = measure(&first, &second, b, &pairs, &context.job.run()).map_err(morph_error)?;
+        }
+        tell(context, told(&quality, pairs.len()));
+        if let Some(fault) = faults(&quality, first.triangle_count(), over) {
+            context.warn(fault);
+        }
+        let refined = tolerance.is_some();
+        let model = if refined { Arc::new(Model::of_mesh(first.clone())) } else { model };
+        Ok(Self { model, first, second, solvable, refined, ends: None, quality: Some(quality) })
+    }
+
+    /// Shapes by the vertices that are written.
+    pub(crate) fn posed(&self, poses: Vec<Vec<Point3<f64>>>) -> Posed {
+        Posed { model: Arc::clone(&self.model), poses: Arc::new(poses), handles: Arc::default() }
+    }
+
+    /// Positions of the vertices that are written.
+    pub(crate) fn written(&self, time: Option<f64>, moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
+        match (time, &self.ends) {
+            (Some(0.0), Some([first, _])) => first.clone(),
+            (Some(1.0), Some([_, second])) => second.clone(),
+            _ if self.refined => moved.to_vec(),
+            _ => self.solvable.carry_back(self.model.mesh().positions(), moved),
+        }
+    }
+
+    /// Values of the vertices that are written, for those of the mesh.
+    pub(crate) fn gathered(&self, of_file: &[Option<f64>]) -> Vec<Option<f64>> {
+        self.solvable.source_of_vertex.iter().map(|v| of_file[*v as usize]).collect()
+    }
+}
+
+fn told(quality: &MapQuality, landmarks: usize) -> String {
+    format!(
+        "laid over the other by {landmarks} landmarks: stretch {:.2}, landmarks missed by {:.2} % at most, features by {:.2} %",
+        quality.stretch,
+        100.0 * quality.landmark_error,
+        100.0 * quality.missed_worst
+    )
+}
+
+/// What is told of triangles that face away from what is under them, and of landmarks that did not meet.
+fn faults(quality: &MapQuality, all: usize, over: OverWish) -> Option<String> {
+    let folded = quality.flipped + quality.collapsed;
+    let folded = (folded > 0).then(|| match over {
+        OverWish::Registration => {
+            format!("{folded} of {all} triangles are folded where the first mesh lies over the second")
+        }
+        OverWish::Sphere | OverWish::Disk => format!(
+            "{folded} of {all} triangles reach across places of the second mesh that face away from them: no vertex lies out of order, \
+             but the first mesh is too coarse there"
+        ),
+    });
+    let apart = (quality.landmark_error > 1e-9).then(|| "some landmarks found no way to their places".to_owned());
+    let told: Vec<String> = folded.into_iter().chain(apart).collect();
+    (!told.is_empty()).then(|| told.join("; "))
+}
+
+/// The quality of a map as JSON.
+pub(crate) fn quality_json(quality: &MapQuality) -> Json {
+    json!({
+        "flipped": quality.flipped,
+        "collapsed": quality.collapsed,
+        "stretch": quality.stretch,
+        "stretch_95": quality.stretch_95,
+        "landmark_error": quality.landmark_error,
+        "missed_rms": quality.missed_rms,
+        "missed_worst": quality.missed_worst,
+    })
+}

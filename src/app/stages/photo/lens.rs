@@ -1,0 +1,244 @@
+//! Which lens took a picture: what the user says, what the file says, what the marked lines say.
+
+use std::path::Path;
+
+use crate::pipeline::run_error::RunError;
+use crate::stages::lines_detect::LinesDetectSettings;
+use crate::stages::photo_rectify::PhotoRectifySettings;
+use plumbline_camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun_lens, read_lens};
+use plumbline_image::still::{ExifTags, Photo};
+use plumbline_num::run::Run;
+use plumbline_photo::Line;
+use plumbline_photo::calibration::{CalibrationOptions, LineRole, calibrate};
+use plumbline_photo::rectangle::Outline;
+
+/// By which share a focal length from EXIF may be off, and one that the user gives.
+const CLAIMED: f64 = 0.1;
+const GIVEN: f64 = 0.01;
+/// Least lines of three points or more from which a lens is found.
+const LEAST_LINES: usize = 3;
+
+/// What the user says of the lens.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wish<'s> {
+    lens: &'s str,
+    fov: Option<FieldOfView>,
+}
+
+impl<'s> Wish<'s> {
+    fn new(lens: &'s str, fov: Option<f64>, axis: FieldAxis) -> Self {
+        Self { lens, fov: fov.map(|degrees| FieldOfView::degrees(degrees, axis)) }
+    }
+
+    /// Of a rectifying stage.
+    pub(crate) fn of_rectify(settings: &'s PhotoRectifySettings) -> Self {
+        Self::new(&settings.lens, settings.fov, settings.fov_axis)
+    }
+
+    /// Of a stage that finds lines; `None` where it shall find them without a lens.
+    pub(crate) fn of_lines(settings: &'s LinesDetectSettings) -> Option<Self> {
+        (settings.lens != "none").then(|| Self::new(&settings.lens, settings.fov, settings.fov_axis))
+    }
+}
+
+/// A lens for the picture's size, and how it was found.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    pub(crate) lens: Lens,
+    /// In words, for the report.
+    pub(crate) how: String,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// The lens of a picture.
+pub(crate) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>, run: &Run) -> Result<Found, RunError> {
+    let size = (photo.frame.width as f64, photo.frame.height as f64);
+    let facts = facts(photo.tags.clone(), size);
+    if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov, run) } else { given(&facts, size, wish) }
+}
+
+/// The lens of a picture; `None` where none is known and the picture is a stitched one, which no lens took.
+pub(crate) fn find_unless_stitched(
+    photo: &Photo,
+    marked: &[Line],
+    wish: Wish<'_>,
+    run: &Run,
+) -> Result<Option<Found>, RunError> {
+    let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
+    match find(photo, marked, wish, run) {
+        Err(_) if wish.lens == "auto" && stitched() => Ok(None),
+        found => found.map(Some),
+    }
+}
+
+/// The lens that is said to have taken a clip of so many px; `auto` is a rectilinear one with the field of view that is given, or
+/// with the focal length, px, that the clip tells.
+pub(crate) fn clip_lens(
+    lens: &str,
+    fov: Option<f64>,
+    axis: FieldAxis,
+    (width, height): (usize, usize),
+    told_focal_px: impl FnOnce() -> Option<f64>,
+) -> Result<Found, RunError> {
+    let size = (width as f64, height as f64);
+    let wish = Wish::new(lens, fov, axis);
+    if lens == "auto" {
+        if let Some(fov) = wish.fov {
+            return named(Projection::Rectilinear, fov, size);
+        }
+        let focal = told_focal_px().ok_or_else(|| {
+            let help = "give --lens FILE, or --lens MODEL with --fov DEG";
+            RunError::Usage(format!("the lens is not known, and the clip tells no focal length: {help}"))
+        })?;
+        let fov = 2.0 * (0.5 * size.0 / focal).atan();
+        let fov = FieldOfView::degrees(fov.to_degrees(), FieldAxis::Horizontal);
+        let mut found = named(Projection::Rectilinear, fov, size)?;
+        found.warnings.push(format!("the lens is taken for a rectilinear one of {focal:.0} px, which the clip tells"));
+        return Ok(found);
+    }
+    if Projection::named(lens).is_some() && fov.is_none() {
+        return Err(RunError::Usage(format!("the lens `{lens}` needs a field of view: give --fov DEG (`fov`)")));
+    }
+    given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, wish)
+}
+
+/// The lens that the user names.
+fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, RunError> {
+    match (wish.lens, Projection::named(wish.lens), wish.fov) {
+        (_, Some(projection), Some(fov)) => named(projection, fov, size),
+        (_, Some(Projection::Equirectangular), None) => {
+            named(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
+        }
+        (_, Some(projection), None) => {
+            let claimed = facts.lens().map_err(|e| RunError::Usage(e.to_string()))?.lens;
+            let fov = claimed.field_of_view(FieldAxis::Horizontal);
+            let missing = || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", wish.lens));
+            named(projection, fov.ok_or_else(missing)?, size)
+        }
+        (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), facts, size),
+        (name, None, _) => Err(RunError::Usage(format!(
+            "`{name}` is no lens (expected auto, a lens file, or rectilinear, equidistant, equisolid, stereographic, \
+             orthographic, equirectangular, cylindrical or mercator with --fov)"
+        ))),
+    }
+}
+
+fn named(projection: Projection, fov: FieldOfView, size: (f64, f64)) -> Result<Found, RunError> {
+    let how = format!("{}, {:.1}°", projection.name(), fov.radians.to_degrees());
+    let lens = Lens::from_field_of_view(projection, fov, size).map_err(|e| RunError::Usage(e.to_string()))?;
+    Ok(Found { lens, how, warnings: Vec::new() })
+}
+
+fn from_file(path: &Path, facts: &ExifFacts, size: (f64, f64)) -> Result<Found, RunError> {
+    let profile = read_lens(path, facts).map_err(|e| RunError::Input(e.to_string()))?;
+    let fits = profile.lens.resized(size);
+    let lens = fits.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+    Ok(Found { lens, how: format!("{} file {}", profile.format, path.display()), warnings: profile.notes })
+}
+
+/// From marked lines, with what EXIF or the user claim as a prior; without lines from a profile, or from those claims alone.
+fn automatic(
+    facts: &ExifFacts,
+    marked: &[Line],
+    size: (f64, f64),
+    given: Option<FieldOfView>,
+    run: &Run,
+) -> Result<Found, RunError> {
+    let exif = facts.lens();
+    let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
+    let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
+    if marked.iter().filter(|l| l.points.len() > 2).count() >= LEAST_LINES {
+        return from_lines(marked, size, claim, run);
+    }
+    if let Some(fov) = given {
+        return named(Projection::Rectilinear, fov, size);
+    }
+    if let Some(profile) = facts.model.as_ref().and_then(|_| lensfun_lens(None, facts).ok())
+        && let Ok(lens) = profile.lens.resized(size)
+    {
+        return Ok(Found {
+            lens,
+            how: format!("{} profile {}", profile.format, profile.name),
+            warnings: profile.notes,
+        });
+    }
+    match exif {
+        Ok(found) => Ok(Found { lens: found.lens, how: format!("EXIF: {}", found.reason), warnings: Vec::new() }),
+        Err(_) if (size.0 - 2.0 * size.1).abs() < 1.0 => {
+            let all = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
+            let mut found = named(Projection::Equirectangular, all, size)?;
+            found.warnings.push("taken for an equirectangular panorama, since it is twice as wide as high".to_owned());
+            Ok(found)
+        }
+        Err(error) => Err(RunError::Usage(format!("the lens is not known: {error}"))),
+    }
+}
+
+fn from_lines(
+    marked: &[Line],
+    size: (f64, f64),
+    claim: Option<(FieldOfView, f64)>,
+    run: &Run,
+) -> Result<Found, RunError> {
+    let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
+    let found = calibrate(marked, size, &options, run).map_err(|e| RunError::Input(e.to_string()))?;
+    let bent = found.lines.iter().filter(|l| l.role == LineRole::Bent);
+    let warning =
+        |name: &str| format!("line `{name}` fits no lens under which the others are straight; it was left out there");
+    let warnings = bent.map(|l| warning(&l.name)).collect();
+    let how = format!("{} from marked lines, which fit to {:.2} px", found.model.name(), found.noise_px);
+    Ok(Found { lens: found.lens, how, warnings })
+}
+
+/// What EXIF says, for a picture of `size` px. Digital zoom cuts the field; pixels count as they were when the picture was
+/// taken, scaled to what it is now.
+fn facts(tags: ExifTags, size: (f64, f64)) -> ExifFacts {
+    let zoom = tags.digital_zoom.filter(|z| *z >= 1.0).unwrap_or(1.0);
+    let lens = match (&tags.lens_make, tags.lens_model) {
+        (Some(make), Some(model)) if !model.starts_with(make.as_str()) => Some(format!("{make} {model}")),
+        (_, model) => model,
+    };
+    let taken = tags.size_px.map(|(w, h)| f64::from(w).hypot(f64::from(h)));
+    let pixel_um = tags.sensor_px_per_mm.zip(taken).map(|((x, y), taken)| {
+        let scale = 1000.0 * taken / size.0.hypot(size.1) / zoom;
+        (scale / x, scale / y)
+    });
+    ExifFacts {
+        size: Some(size),
+        make: tags.make,
+        model: tags.model,
+        lens,
+        focal_mm: tags.focal_mm,
+        focal_35_mm: tags.focal_35mm,
+        pixel_um,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn degrees(tags: ExifTags, size: (f64, f64)) -> Option<f64> {
+        let lens = facts(tags, size).lens().ok()?.lens;
+        lens.field_of_view(FieldAxis::Diagonal).map(|f| f.radians.to_degrees())
+    }
+
+    #[test]
+    fn focal_lengths_mean_the_same_field_at_any_size_of_the_picture() {
+        let tags = ExifTags { focal_35mm: Some(24.0), ..ExifTags::default() };
+        let field = degrees(tags, (4000.0, 3000.0)).expect("a focal length");
+        assert!((field - 84.06).abs() < 0.1, "{field}");
+        // A sensor of 24×16 mm at 16 mm, the picture scaled to a half since: the same field.
+        let sensor = ExifTags {
+            focal_mm: Some(16.0),
+            sensor_px_per_mm: Some((250.0, 250.0)),
+            size_px: Some((6000, 4000)),
+            ..ExifTags::default()
+        };
+        for size in [(6000.0, 4000.0), (3000.0, 2000.0)] {
+            let field = degrees(sensor.clone(), size).expect("a focal length");
+            assert!((field - 84.06).abs() < 0.2, "{field}");
+        }
+        assert_eq!(degrees(ExifTags { focal_mm: Some(16.0), ..ExifTags::default() }, (400.0, 300.0)), None);
+    }
+}

@@ -1,0 +1,79 @@
+//! What the kinds of still pictures share.
+
+pub(crate) mod heif;
+pub(crate) mod lens;
+pub(crate) mod rectangle;
+pub(crate) mod transparency;
+
+use std::path::Path;
+
+use super::context::Context;
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::{ProjectionWish, ViewAngles};
+use crate::pipeline::summary::LinesSummary;
+use plumbline_camera::Projection;
+use plumbline_image::Frame;
+use plumbline_image::feature::Face;
+use plumbline_image::still::{self, LoadOptions, Photo, StillError, flattened};
+use plumbline_num::math::Rect;
+use plumbline_photo::LineReport;
+use plumbline_photo::rectify::{Target, View};
+
+/// Boxes around faces.
+pub(crate) fn rects(faces: Option<&[Face]>) -> Vec<Rect> {
+    faces.unwrap_or_default().iter().map(|f| f.rect).collect()
+}
+
+/// Other pixels with what the file said of the picture.
+pub(crate) fn with_pixels(photo: &Photo, frame: Frame) -> Photo {
+    let (exif, icc, tags) = (photo.exif.clone(), photo.icc.clone(), photo.tags.clone());
+    Photo { frame, exif, tags, icc, format: photo.format, warnings: Vec::new() }
+}
+
+/// Tells how straight lines became, and names those that did not.
+pub(crate) fn tell_lines(context: &mut Context<'_, '_>, lines: &[LineReport]) {
+    let worst = lines.iter().max_by(|a, b| a.max_px.total_cmp(&b.max_px)).map(|l| (l.name.clone(), l.max_px));
+    context.summary.lines = Some(LinesSummary { count: lines.len(), worst });
+    for line in lines.iter().filter(|l| l.is_bent()) {
+        let (name, off) = (&line.name, line.max_px);
+        context.warn(format!("line `{name}` could not be made straight: it is off by {off:.1} px"));
+    }
+}
+
+/// An error of a picture's file in the terms of a run.
+pub(crate) fn still_error(path: &Path, error: &StillError) -> RunError {
+    let text = format!("{}: {error}", path.display());
+    match error {
+        StillError::Extension(_) => RunError::Usage(error.to_string()),
+        StillError::Layout => RunError::Internal(text),
+        e if e.is_about_output() => RunError::Output(text),
+        _ => RunError::Input(text),
+    }
+}
+
+/// A mask painted by hand. Where it is transparent, nothing was painted: mid-gray, which leaves what was found.
+pub(crate) fn painted_mask(path: &Path) -> Result<Frame, RunError> {
+    let frame = still::load(path, LoadOptions::default()).map_err(|e| still_error(path, &e))?.frame;
+    if !frame.format.alpha {
+        return Ok(frame);
+    }
+    flattened(&frame, 0.5).map_err(|e| still_error(path, &e))
+}
+
+/// The wish in the terms of the method.
+pub(crate) fn target(wish: ProjectionWish) -> Target {
+    match wish {
+        ProjectionWish::Optimized => Target::Optimized,
+        ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
+        ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
+        ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
+        ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
+        ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
+        ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
+    }
+}
+
+/// Degrees to radians.
+pub(crate) fn view(angles: ViewAngles) -> View {
+    View { yaw: angles.yaw.to_radians(), pitch: angles.pitch.to_radians(), roll: angles.roll.to_radians() }
+}

@@ -1,0 +1,53 @@
+//! The map that makes the irregular border of a stitched picture a rectangle.
+
+use serde_json::{Map, json};
+
+use super::tell_lines;
+use crate::pipeline::run_error::RunError;
+use crate::stages::context::Context;
+use crate::stages::values::PhotoMap;
+use plumbline_image::still::Photo;
+use plumbline_image::{Plane, analysis_luma};
+use plumbline_num::math::Rect;
+use plumbline_photo::Line;
+use plumbline_photo::rectangle::{
+    Outline, RectangleError, RectangleInput, RectangleOptions, RectangleShape, rectangle,
+};
+
+/// Longest side of the gray levels that seams are laid in, px.
+const LUMA_SIDE: usize = 960;
+
+/// The map of a picture.
+pub(crate) fn make(
+    context: &mut Context<'_, '_>,
+    photo: &Photo,
+    lines: &[Line],
+    faces: &[Rect],
+    shape: RectangleShape,
+) -> Result<PhotoMap, RunError> {
+    let outline = Outline::of_frame(&photo.frame).ok_or_else(|| rectangle_error(&RectangleError::NoBorder))?;
+    context.job.check_cancel()?;
+    let mut luma = Plane::new(0, 0);
+    if !analysis_luma(&photo.frame, LUMA_SIDE, &mut luma) {
+        return Err(RunError::Internal("the memory of the picture does not hold its planes".to_owned()));
+    }
+    let size = (photo.frame.width, photo.frame.height);
+    let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces };
+    let options = RectangleOptions { shape, ..RectangleOptions::default() };
+    let made = rectangle(&input, &options, &context.job.run()).map_err(|e| rectangle_error(&e))?;
+    tell_lines(context, &made.warp.lines);
+    let mut told = Map::new();
+    told.insert("inside".into(), json!(outline.share()));
+    told.insert("stretch".into(), json!(made.stretch));
+    told.insert("outside_shown".into(), json!(made.outside));
+    told.insert("faces".into(), faces.len().into());
+    Ok(PhotoMap { warp: made.warp, told })
+}
+
+fn rectangle_error(error: &RectangleError) -> RunError {
+    match error {
+        RectangleError::Interrupted(stopped) => (*stopped).into(),
+        RectangleError::Option { .. } => RunError::Usage(error.to_string()),
+        other => RunError::Input(other.to_string()),
+    }
+}

@@ -1,0 +1,59 @@
+//! `photo.rectangle`: the map that makes a stitched panorama with an irregular border a rectangle.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::photo::{rectangle, rects};
+use super::values::{LineSet, PhotoMap};
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::TargetSize;
+use plumbline_image::feature::Face;
+use plumbline_image::still::Photo;
+use plumbline_photo::rectangle::RectangleShape;
+
+/// Settings of `photo.rectangle`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhotoRectangleSettings {
+    /// Size of the result, such as 1600x900, or its shape, such as 16:9; the shape that stretches least if left out
+    pub size: Option<TargetSize>,
+}
+
+impl Stage for PhotoRectangleSettings {
+    const KIND: &'static str = "photo.rectangle";
+    const SUMMARY: &'static str = "finds the map that makes a stitched panorama with an irregular border a rectangle";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture, with a border that is transparent, black or white"),
+        Port::any("lines", PortType::Lines, "lines to keep straight"),
+        Port::optional("faces", PortType::Faces, "faces to keep in shape"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
+    type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>);
+    type Output = (Arc<PhotoMap>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "grid and factor", bytes: 32 << 20, ..Held::default() }]
+    }
+
+    fn run(&self, (photo, lines, faces): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let lines = LineSet::all(lines).lines;
+        let faces = rects(faces.as_deref());
+        let shape = match self.size {
+            None => RectangleShape::Natural,
+            Some(TargetSize::Pixels(size)) => RectangleShape::Exact(size.width as usize, size.height as usize),
+            Some(TargetSize::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
+        };
+        let map = rectangle::make(context, &photo, &lines, &faces, shape)?;
+        Ok((Arc::new(map),))
+    }
+}

@@ -1,0 +1,188 @@
+//! `photo.rectify`: the map that makes lines straight and keeps shapes.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, json};
+
+use super::context::Context;
+use super::photo::lens::{self, Wish};
+use super::photo::{rectangle, rects, target, tell_lines, view};
+use super::values::{LineSet, PhotoMap};
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
+use plumbline_camera::{FieldAxis, Lens};
+use plumbline_image::feature::{Face, Importance};
+use plumbline_image::still::Photo;
+use plumbline_photo::line_detection::off_faces;
+use plumbline_photo::rectangle::RectangleShape;
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Window, rectify};
+
+/// Settings of `photo.rectify`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhotoRectifySettings {
+    /// How directions become the picture: optimized, perspective, stereographic, panini, panini:D, mercator, cylindrical or equirectangular
+    pub to: ProjectionWish,
+    /// The lens: auto (EXIF, profiles, the lines themselves), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our own JSON), or a model such as equidistant, to be given with its field of view
+    #[schemars(extend("format" = "lens"))]
+    pub lens: String,
+    /// Field of view, degrees, for a lens named by its model; found from lines or EXIF if left out
+    #[schemars(range(min = 1.0, max = 360.0))]
+    pub fov: Option<f64>,
+    /// Along which way the field of view is measured
+    pub fov_axis: FieldAxis,
+    /// Where the viewer looks, degrees from where the camera looked: yaw, pitch, roll
+    pub view: ViewAngles,
+    /// How much the view shows, degrees, such as 100,75; all that the picture has if left out, and of panoramas 100,75
+    pub view_field: Option<ViewField>,
+    /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
+    pub crop: CropWish,
+    /// Size of the result, px, such as 1600x1200; if left out, pictures stay as wide as they are, and clips keep their size
+    pub size: Option<PixelSize>,
+}
+
+impl Default for PhotoRectifySettings {
+    fn default() -> Self {
+        Self {
+            to: ProjectionWish::default(),
+            lens: "auto".to_owned(),
+            fov: None,
+            fov_axis: FieldAxis::default(),
+            view: ViewAngles::default(),
+            view_field: None,
+            crop: CropWish::default(),
+            size: None,
+        }
+    }
+}
+
+impl Stage for PhotoRectifySettings {
+    const KIND: &'static str = "photo.rectify";
+    const SUMMARY: &'static str = "finds the map that makes lines straight and keeps shapes";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture"),
+        Port::any("lines", PortType::Lines, "lines to make straight"),
+        Port::optional("faces", PortType::Faces, "faces to keep in shape"),
+        Port::optional("importance", PortType::Importance, "where distortion would show"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
+    type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>, Option<Arc<Importance>>);
+    type Output = (Arc<PhotoMap>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "grid and factor", bytes: 64 << 20, ..Held::default() }]
+    }
+
+    fn run(
+        &self,
+        (photo, lines, faces, importance): Self::Input,
+        context: &mut Context<'_, '_>,
+    ) -> Result<Self::Output, RunError> {
+        let set = LineSet::all(lines);
+        let faces = rects(faces.as_deref());
+        let lines = if set.found { off_faces(set.lines, &faces) } else { set.lines };
+        let found = match set.lens {
+            Some(found) => Some(found),
+            None => {
+                lens::find_unless_stitched(&photo, &lines, Wish::of_rectify(self), &context.job.run())?.map(Arc::new)
+            }
+        };
+        let Some(found) = found else {
+            let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
+            context.warn(note.to_owned());
+            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, shape(self))?),));
+        };
+        found.warnings.iter().for_each(|w| context.warn(w.clone()));
+        context.job.check_cancel()?;
+        let input = RectifyInput {
+            lens: &found.lens,
+            lines: &lines,
+            faces: &faces,
+            salience: importance.as_ref().map(|i| i.plane()),
+        };
+        let warp = rectify(&input, &options(self, &found.lens), &context.job.run()).map_err(|e| rectify_error(&e))?;
+        tell_lines(context, &warp.lines);
+        tell_cut_faces(context, &warp.cut_faces);
+        let mut told = Map::new();
+        let lens = &found.lens;
+        told.insert(
+            "lens".into(),
+            json!({
+                "found": found.how,
+                "projection": lens.projection.name(),
+                "focal_px": [lens.focal.x, lens.focal.y],
+                "center_px": [lens.center.x, lens.center.y],
+            }),
+        );
+        told.insert("faces".into(), faces.len().into());
+        Ok((Arc::new(PhotoMap { warp, told }),))
+    }
+}
+
+/// What a view of a panorama shows unless said otherwise.
+const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
+
+/// The shape of a rectangle for the wishes on size and crop.
+fn shape(settings: &PhotoRectifySettings) -> RectangleShape {
+    match (settings.size, settings.crop) {
+        (Some(size), _) => RectangleShape::Exact(size.width as usize, size.height as usize),
+        (None, CropWish::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
+        (None, _) => RectangleShape::Natural,
+    }
+}
+
+/// Says which faces the crop could not keep.
+fn tell_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
+    if !cut.is_empty() {
+        let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();
+        context.warn(format!(
+            "the output does not show all of face {}: no such rectangle holds all faces; --crop none keeps them",
+            numbers.join(", ")
+        ));
+    }
+}
+
+fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
+    RectifyOptions {
+        target: target(settings.to),
+        view: view(settings.view),
+        window: window(settings, lens),
+        crop: match settings.crop {
+            CropWish::Auto => Crop::Auto,
+            CropWish::Rectangle => Crop::Rectangle,
+            CropWish::None => Crop::None,
+            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
+        },
+        size: settings.size.map_or(OutputSize::Source, |s| OutputSize::Exact(s.width as usize, s.height as usize)),
+        ..RectifyOptions::default()
+    }
+}
+
+/// What the view shows. Of a panorama no flat picture shows all, save for the panoramas themselves.
+fn window(settings: &PhotoRectifySettings, lens: &Lens) -> Option<Window> {
+    let panoramic = lens.projection.is_panoramic();
+    let all =
+        matches!(settings.to, ProjectionWish::Mercator | ProjectionWish::Cylindrical | ProjectionWish::Equirectangular);
+    let field = settings.view_field.or_else(|| (panoramic && !all).then_some(PANORAMA_VIEW))?;
+    let half = |degrees: f64| 0.5 * degrees.to_radians();
+    Some(Window { half_width: half(field.width), half_height: half(field.height) })
+}
+
+fn rectify_error(error: &RectifyError) -> RunError {
+    match error {
+        RectifyError::Interrupted(stopped) => (*stopped).into(),
+        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
+            RunError::Usage(error.to_string())
+        }
+        other => RunError::Input(other.to_string()),
+    }
+}

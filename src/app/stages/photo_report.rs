@@ -1,0 +1,86 @@
+//! `photo.report`: how a still picture's map fared, for programs.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value as Json, json};
+
+use super::context::Context;
+use super::values::PhotoMap;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::Written;
+use crate::pipeline::run_error::RunError;
+use plumbline_image::still::Photo;
+use plumbline_photo::LineReport;
+
+/// Settings of `photo.report`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhotoReportSettings {
+    /// The JSON file to write
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+}
+
+impl Stage for PhotoReportSettings {
+    const KIND: &'static str = "photo.report";
+    const SUMMARY: &'static str = "writes how straight each line became, and what else the map does, as JSON";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture that the map is of, before it is sampled"),
+        Port::one("warp", PortType::Warp, "the map"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = (Arc<Photo>, Arc<PhotoMap>);
+    type Output = (Written,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
+    }
+
+    fn run(&self, (photo, map): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let name = context.summary.input.as_ref().map_or("", |i| i.name.as_str());
+        let report = told(&map, name, (photo.frame.width, photo.frame.height));
+        context.write_file(Path::new(&self.path), format!("{report:#}\n"))?;
+        Ok((Written,))
+    }
+}
+
+/// Everything that is told of a map. Lengths are in px of the output, angles in degrees.
+fn told(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
+    let warp = &map.warp;
+    let lines: Vec<Json> = warp.lines.iter().map(line).collect();
+    let worst = warp.lines.iter().map(|l| l.max_px).fold(0.0, f64::max);
+    let mut all = Map::new();
+    all.insert("version".into(), 1.into());
+    all.insert("input".into(), json!({"name": name, "size": [source.0, source.1]}));
+    all.insert("output".into(), json!({"size": [warp.size.0, warp.size.1]}));
+    let grid = json!({"columns": warp.mesh.cols, "rows": warp.mesh.rows, "folds": warp.mesh.folded_cells()});
+    all.insert("grid".into(), grid);
+    all.insert("solves".into(), warp.iterations.into());
+    all.insert("worst_line_px".into(), json!(worst));
+    all.insert("lines".into(), lines.into());
+    all.extend(map.told.clone());
+    Json::Object(all)
+}
+
+fn line(line: &LineReport) -> Json {
+    json!({
+        "name": line.name,
+        "max_px": line.max_px,
+        "rms_px": line.rms_px,
+        "length_px": line.length_px,
+        "angle_deg": line.angle.to_degrees(),
+        "angle_error_deg": line.angle_error.map(f64::to_degrees),
+        "off_lens_px": line.off_lens_px,
+        "shown": line.shown,
+        "bent": line.is_bent(),
+    })
+}

@@ -1,0 +1,84 @@
+//! `photo.retarget`: the map to another shape that spares what matters.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, json};
+
+use super::context::Context;
+use super::photo::tell_lines;
+use super::values::{LineSet, PhotoMap};
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::TargetSize;
+use plumbline_image::feature::{Face, Importance};
+use plumbline_image::still::Photo;
+use plumbline_photo::retarget::{RetargetError, RetargetOptions, retarget};
+
+/// Settings of `photo.retarget`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhotoRetargetSettings {
+    /// The new size, such as 1080x1920, or the new shape, such as 9:16: the largest of it inside the picture
+    pub size: Option<TargetSize>,
+}
+
+impl Stage for PhotoRetargetSettings {
+    const KIND: &'static str = "photo.retarget";
+    const SUMMARY: &'static str = "finds the map to another shape that spares what matters";
+    const INPUTS: &'static [Port] = &[
+        Port::one("image", PortType::Image, "the picture"),
+        Port::optional("importance", PortType::Importance, "how much each place matters"),
+        Port::any("lines", PortType::Lines, "lines to keep straight"),
+        Port::optional("faces", PortType::Faces, "faces to keep in shape"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
+    const REQUIRED: &'static [&'static str] = &["size"];
+    type Input = (Arc<Photo>, Option<Arc<Importance>>, Vec<LineSet>, Option<Arc<[Face]>>);
+    type Output = (Arc<PhotoMap>,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn held(&self) -> Vec<Held> {
+        vec![Held { what: "grid and factor", bytes: 16 << 20, ..Held::default() }]
+    }
+
+    fn run(
+        &self,
+        (photo, importance, lines, faces): Self::Input,
+        context: &mut Context<'_, '_>,
+    ) -> Result<Self::Output, RunError> {
+        let lines = LineSet::all(lines).lines;
+        let faces = faces.unwrap_or_default();
+        let importance = importance.unwrap_or_else(|| Arc::new(Importance::even()));
+        let source = (photo.frame.width, photo.frame.height);
+        let size = self.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
+        let out = size.pixels(source);
+        let options = RetargetOptions::default();
+        let made = retarget(source, out, &importance, &lines, &faces, &options, &context.job.run())
+            .map_err(|e| retarget_error(&e))?;
+        for name in &made.released {
+            context.warn(format!("line `{name}` could not stay straight with the others and was let go"));
+        }
+        tell_lines(context, &made.warp.lines);
+        let mut told = Map::new();
+        let (min, max) = (made.window.min, made.window.max);
+        told.insert("window_px".into(), json!([min.x, min.y, max.x, max.y]));
+        told.insert("released".into(), json!(made.released));
+        told.insert("faces".into(), faces.len().into());
+        Ok((Arc::new(PhotoMap { warp: made.warp, told }),))
+    }
+}
+
+fn retarget_error(error: &RetargetError) -> RunError {
+    match error {
+        RetargetError::Interrupted(stopped) => (*stopped).into(),
+        RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(error.to_string()),
+        other => RunError::Input(other.to_string()),
+    }
+}

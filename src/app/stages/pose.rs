@@ -1,0 +1,376 @@
+//! `pose`: a character in another pose, or in the poses of a movement.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::ValueEnum;
+use nalgebra::{Matrix4, Point3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::mesh::binding;
+use super::values::Posed;
+use crate::pipeline::kind::{Conflict, OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::run_error::RunError;
+use plumbline_num::run::Run;
+use plumbline_shape::character::ik::between;
+use plumbline_shape::character::io::{Rig, RigFileError, character_of};
+use plumbline_shape::character::pose_file::WantedPose;
+use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
+use plumbline_shape::character::skinning::{Skinner, SkinningMethod};
+use plumbline_shape::character::weights::WeightMethod;
+use plumbline_shape::character::{
+    Character, CharacterError, DetailRefiner, Outside, Pose, Skeleton, Skin, SkinWeights,
+};
+use plumbline_shape::mesh::{Model, TriMesh};
+
+/// How the surface follows the joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum SkinningWish {
+    /// Linear blend: as every viewer does; collapses under twist
+    Lbs,
+    /// Dual quaternions: keep the radius under twist, bulge at bends
+    #[default]
+    Dqs,
+    /// Optimized centers of rotation: neither
+    Cor,
+    /// Dual quaternions where joints twist, linear where they swing
+    Mixed,
+    /// As a model has learnt from examples
+    Regression,
+}
+
+impl SkinningWish {
+    /// The method; none of its own for what a model has learnt.
+    pub fn method(self) -> Option<SkinningMethod> {
+        match self {
+            Self::Lbs => Some(SkinningMethod::LinearBlend),
+            Self::Dqs => Some(SkinningMethod::DualQuaternion),
+            Self::Cor => Some(SkinningMethod::CentersOfRotation),
+            Self::Mixed => Some(SkinningMethod::TwistSwing),
+            Self::Regression => None,
+        }
+    }
+}
+
+/// Settings of `pose`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoseSettings {
+    /// The pose: a pose file (JSON; `plumbline schema pose` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub pose: Option<String>,
+    /// The movement, by its name
+    pub clip: Option<String>,
+    /// How the surface follows the joints
+    pub skinning: SkinningWish,
+    /// The trained model (.skin) for regression, of this mesh and skeleton
+    #[schemars(extend("format" = "path"))]
+    pub model: Option<String>,
+    /// How a surface without a skin is bound to the skeleton
+    pub binding: WeightMethod,
+    /// A file of weights in place of `binding` (JSON; `plumbline schema weights` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub weights: Option<String>,
+    /// Keep the details that the surface has at rest, as they turn with the joints; the number holds it to the skinned surface: 1
+    /// as strongly as neighbors hold each other, less lets it leave further
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub details: Option<f64>,
+    /// Poses: of a movement from its start to its end, of a pose file from rest to the pose; 1: the last alone
+    #[schemars(range(min = 1, max = 9999))]
+    pub frames: u32,
+    /// Where the movement begins, s; its first key if left out
+    pub start: Option<f64>,
+    /// Where the movement ends, s; its last key if left out
+    pub end: Option<f64>,
+    /// Steps toward the targets of a pose file, at most
+    #[schemars(range(min = 1, max = 100_000))]
+    pub iterations: u32,
+    /// The output keeps its skeleton and movements, and stands in the pose by its joints: for .glb and .gltf, which are then
+    /// shown with linear blend
+    pub rig: bool,
+}
+
+impl Default for PoseSettings {
+    fn default() -> Self {
+        Self {
+            pose: None,
+            clip: None,
+            skinning: SkinningWish::default(),
+            model: None,
+            binding: WeightMethod::default(),
+            weights: None,
+            details: None,
+            frames: 1,
+            start: None,
+            end: None,
+            iterations: 200,
+            rig: false,
+        }
+    }
+}
+
+impl Stage for PoseSettings {
+    const KIND: &'static str = "pose";
+    const SUMMARY: &'static str = "puts a character into a pose, or through a movement";
+    const INPUTS: &'static [Port] = &[
+        Port::one("mesh", PortType::Mesh, "the surface: with a skin, or to be bound to the skeleton"),
+        Port::optional("skeleton", PortType::Skeleton, "the skeleton, where the file of the surface has none"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the surface in its poses")];
+    type Input = (Posed, Option<Arc<Rig>>);
+    type Output = (Posed,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        let conflict = |key, message: &str, help| Conflict { key, message: message.to_owned(), help };
+        let mut found = Vec::new();
+        if self.pose.is_some() && self.clip.is_some() {
+            let help = "name the clip in the pose file (`from`), or leave one out";
+            found.push(conflict("clip", "a pose file and a clip are both given", help));
+        }
+        if self.rig && self.frames > 1 {
+            found.push(conflict(
+                "rig",
+                "a rig is one file, and several frames are asked for",
+                "leave out `frames` or `rig`",
+            ));
+        }
+        if (self.skinning == SkinningWish::Regression) != self.model.is_some() {
+            let help = "give `skinning = \"regression\"` and `model`, or neither";
+            found.push(conflict("model", "regression and a trained model belong together", help));
+        }
+        if self.rig && self.model.is_some() {
+            found.push(conflict("rig", "a rig follows its joints by linear blend", "leave out `rig` or `model`"));
+        }
+        for (key, time) in [("start", self.start), ("end", self.end)] {
+            if let Some(time) = time.filter(|t| !t.is_finite()) {
+                found.push(conflict(key, &format!("{time} is no time"), "give a number of seconds"));
+            }
+        }
+        if let (Some(start), Some(end)) = (self.start, self.end)
+            && !(start <= end)
+        {
+            found.push(conflict("end", "it is before the start", "give an `end` that is not before `start`"));
+        }
+        found
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        self.pose.iter().chain(&self.model).chain(&self.weights).map(String::as_str).collect()
+    }
+
+    fn run(&self, (surface, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let trained = self.model.as_deref().map(|file| Trained::read(Path::new(file))).transpose()?;
+        let character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), self)?;
+        let wanted = poses(context, &character, self)?;
+        let posed = if self.rig {
+            let last = wanted.last().map(|(pose, _)| pose);
+            let mut kept = character;
+            kept.clips.retain(|clip| self.clip.as_deref().is_none_or(|name| clip.name() == name));
+            // A movement is shown from rest; a pose is where the joints stand.
+            let stand = if self.clip.is_some() { None } else { last };
+            let model = kept.to_model(stand).map_err(|e| RunError::Internal(e.to_string()))?;
+            Posed::at_rest(model)
+        } else {
+            let positions = skinned(context, &character, &wanted, trained.as_ref(), self)?;
+            Posed { model: Arc::new(character.model), poses: Arc::new(positions), handles: Arc::default() }
+        };
+        Ok((posed,))
+    }
+}
+
+/// How far a target may be missed before it is told, of the model's diagonal.
+const MISSED: f64 = 1e-4;
+
+/// The surface with its own skin, or bound to the skeleton that is given.
+fn character(
+    context: &mut Context<'_, '_>,
+    model: &Model,
+    rig: Option<&Rig>,
+    trained: Option<&Trained<'_>>,
+    settings: &PoseSettings,
+) -> Result<Character, RunError> {
+    let Some(rig) = rig else {
+        let character = character_of(model).map_err(|e| match e {
+            RigFileError::NoSkin => RunError::Input(format!("{e}; `--skeleton` (the input `skeleton`) names one")),
+            other => RunError::Input(other.to_string()),
+        })?;
+        let known = model.warnings();
+        character.warnings.iter().filter(|w| !known.contains(w)).for_each(|w| context.warn(w.clone()));
+        return Ok(character);
+    };
+    let weights = match trained {
+        Some(trained) => trained.weights(model.mesh(), &rig.skeleton)?,
+        None => binding::weights(context, model.mesh(), &rig.skeleton, settings.binding, settings.weights.as_ref())?,
+    };
+    let skin = Skin::bound(weights, &rig.skeleton).map_err(refused)?;
+    let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
+    let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin)).map_err(refused)?;
+    Ok(Character { clips: rig.clips.clone(), ..character })
+}
+
+/// A pose and the weights of the morph targets.
+type Wanted = (Pose, Vec<f64>);
+
+fn poses(
+    context: &mut Context<'_, '_>,
+    character: &Character,
+    settings: &PoseSettings,
+) -> Result<Vec<Wanted>, RunError> {
+    let rest = || (character.skeleton.rest_pose(), character.rest_weights());
+    let share = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
+    if let Some(path) = settings.pose.as_deref().map(Path::new) {
+        let refused = |e: plumbline_shape::character::pose_file::PoseFileError| {
+            RunError::Input(format!("{}: {e}", path.display()))
+        };
+        let wanted = WantedPose::read(path, character).map_err(refused)?;
+        let found = wanted.solve(character, settings.iterations as usize, &context.job.run()).map_err(refused)?;
+        let far = MISSED * character.model.mesh().diagonal();
+        for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
+            let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
+                "units"
+            } else {
+                "rad"
+            };
+            context.warn(format!("{}: target {k} is missed by {missed:.3} {unit}", path.display()));
+        }
+        let (from, weights) = rest();
+        let pose = |k: u32| {
+            let pose = between(&character.skeleton, &from, &found.pose, share(k))
+                .map_err(|e| RunError::Internal(e.to_string()))?;
+            let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * share(k)).collect();
+            Ok((pose, mixed))
+        };
+        return (0..settings.frames).map(pose).collect();
+    }
+    let Some(name) = &settings.clip else { return Ok(vec![rest(); settings.frames as usize]) };
+    let refused = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    let clip = character.clip(name).map_err(|e| refused(&e))?;
+    let (first, last) = clip.span().unwrap_or((0.0, 0.0));
+    let (start, end) = (settings.start.unwrap_or(first), settings.end.unwrap_or(last));
+    let pose = |k: u32| {
+        let time = start + (end - start) * share(k);
+        let pose = clip.pose(&character.skeleton, time, Outside::Hold).map_err(|e| refused(&e))?;
+        Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Hold).map_err(|e| refused(&e))?))
+    };
+    (0..settings.frames).map(pose).collect()
+}
+
+/// A model of a file.
+struct Trained<'a> {
+    path: &'a Path,
+    model: SkinModel,
+}
+
+impl<'a> Trained<'a> {
+    fn read(path: &'a Path) -> Result<Self, RunError> {
+        let model = SkinModel::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+        Ok(Self { path, model })
+    }
+
+    fn refused(&self, error: &dyn std::fmt::Display) -> RunError {
+        RunError::Input(format!("{}: {error}", self.path.display()))
+    }
+
+    /// The weights that fitted its examples best.
+    fn weights(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<SkinWeights, RunError> {
+        self.model.check(mesh, skeleton).map_err(|e| self.refused(&e))?;
+        self.model.weights().for_skeleton(skeleton).map_err(|e| self.refused(&e))
+    }
+}
+
+/// What puts the surface into a pose.
+enum Follower {
+    Blend(Box<Skinner>, SkinningMethod),
+    /// With the weights of the morph targets that its surface at rest has.
+    Trained(Box<TrainedSkin>, Vec<f64>),
+}
+
+impl Follower {
+    fn new(
+        character: &Character,
+        trained: Option<&Trained<'_>>,
+        settings: &PoseSettings,
+        run: &Run,
+    ) -> Result<Self, RunError> {
+        let mesh = character.model.mesh();
+        match (settings.skinning.method(), trained) {
+            (Some(method), _) => Ok(Self::Blend(Box::new(blend(character, mesh, method, run)?), method)),
+            (None, None) => Err(RunError::Usage("regression needs a trained skin (`model`)".to_owned())),
+            (None, Some(file)) => {
+                let bound = file.model.bound(mesh, &character.skeleton, run).map_err(|e| file.refused(&e))?;
+                Ok(Self::Trained(Box::new(bound), vec![0.0; character.targets.len()]))
+            }
+        }
+    }
+
+    /// Positions in a pose, with weights of the morph targets.
+    fn positions(
+        &mut self,
+        character: &Character,
+        matrices: &[Matrix4<f64>],
+        morphs: &[f64],
+        run: &Run,
+    ) -> Result<Vec<Point3<f64>>, RunError> {
+        let morphed = morphs.iter().any(|w| *w != 0.0);
+        match self {
+            Self::Trained(trained, at_rest) => {
+                if at_rest.as_slice() != morphs {
+                    trained.set_rest(&character.morphed(morphs).map_err(refused)?, run).map_err(refused)?;
+                    morphs.clone_into(at_rest);
+                }
+                trained.positions(matrices).map_err(refused)
+            }
+            Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
+            Self::Blend(_, method) => {
+                let places = character.morphed(morphs).map_err(refused)?;
+                let mesh = character.model.mesh().with_positions(places).map_err(|e| RunError::Input(e.to_string()))?;
+                blend(character, &mesh, *method, run)?.positions(matrices).map_err(refused)
+            }
+        }
+    }
+}
+
+fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod, run: &Run) -> Result<Skinner, RunError> {
+    Skinner::new(mesh, None, &character.skeleton, &character.skin, method, run).map_err(refused)
+}
+
+fn refused(error: CharacterError) -> RunError {
+    match error {
+        CharacterError::Interrupted(stopped) => stopped.into(),
+        error => RunError::Input(error.to_string()),
+    }
+}
+
+/// Positions of the surface in each pose.
+fn skinned(
+    context: &Context<'_, '_>,
+    character: &Character,
+    wanted: &[Wanted],
+    trained: Option<&Trained<'_>>,
+    settings: &PoseSettings,
+) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
+    let skin = &character.skin;
+    let mut follower = Follower::new(character, trained, settings, &context.job.run())?;
+    let refiner =
+        |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold, &context.job.run()).map_err(refused);
+    let mut refiner = settings.details.map(refiner).transpose()?;
+    let mut positions = Vec::with_capacity(wanted.len());
+    for (pose, morphs) in wanted {
+        context.job.check_cancel()?;
+        let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
+        let skinned = follower.positions(character, &matrices, morphs, &context.job.run())?;
+        positions.push(match &mut refiner {
+            Some(refiner) => refiner.refined(skinned, &matrices, &context.job.run()).map_err(refused)?,
+            None => skinned,
+        });
+    }
+    Ok(positions)
+}

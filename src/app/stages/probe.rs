@@ -1,0 +1,32 @@
+//! What a file holds, for `plumbline probe` and for the memory estimates of a plan.
+
+use super::context::{media_error, open_input};
+use crate::pipeline::job::Probed;
+use crate::pipeline::memory::ClipShape;
+use crate::pipeline::run_error::RunError;
+use plumbline_media::{Input, ReadOptions, VideoReader};
+
+/// Looks into `input`.
+pub(crate) fn probe(input: &str) -> Result<Probed, RunError> {
+    let input = open_input(input).map_err(media_error)?;
+    let info = plumbline_media::probe(&input).map_err(media_error)?;
+    let shape = info.video.is_some().then(|| shape(&input)).transpose()?;
+    let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;
+    Ok(Probed { text: info.to_string(), json, shape })
+}
+
+/// What memory depends on, from the decoder itself.
+fn shape(input: &Input) -> Result<ClipShape, RunError> {
+    let reader = VideoReader::open(input, &ReadOptions::default()).map_err(media_error)?;
+    let info = reader.info();
+    let samples = |i| {
+        let (width, height) = info.format.plane_size(i, info.width, info.height);
+        (width * height * info.format.bytes_per_sample()) as u64
+    };
+    Ok(ClipShape {
+        width: info.width as u32,
+        height: info.height as u32,
+        frame_bytes: (0..info.format.planes()).map(samples).sum(),
+        frames: info.frames_estimate,
+    })
+}

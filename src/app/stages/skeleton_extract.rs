@@ -1,0 +1,275 @@
+//! `skeleton.extract`: the curve in the middle of a surface, and joints on it, its own or those of a template.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::files::{begin, cannot};
+use super::values::Posed;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::Written;
+use crate::pipeline::run_error::RunError;
+use plumbline_num::run::Run;
+use plumbline_shape::character::extraction::{
+    ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
+};
+use plumbline_shape::character::fitting::{FitError, fit_template};
+use plumbline_shape::character::io::{Rig, read_rig, rig_text};
+use plumbline_shape::character::skeleton_file::SkeletonFile;
+use plumbline_shape::character::weights::{WeightOptions, bone_weights};
+use plumbline_shape::character::{Character, CurveSkeleton, Skeleton, Skin};
+use plumbline_shape::mesh::io::{WriteOptions, encode_model};
+use plumbline_shape::mesh::{MeshFormat, Model};
+
+/// Settings of `skeleton.extract`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SkeletonExtractSettings {
+    /// The file to write: .json (with the curve), .glb or .gltf (bound to the surface), .tgf, .skel or .bvh
+    #[schemars(extend("format" = "path"))]
+    pub path: Option<String>,
+    /// About how many joints; as many as bends, ends and junctions need if left out
+    #[schemars(range(min = 1, max = 10_000))]
+    pub joints: Option<u32>,
+    /// Branches whose end sticks out of the rest of the shape by less than this share of its own half-width are taken away
+    #[schemars(range(min = 0, max = 100))]
+    pub prune: f64,
+    /// Ends that stay: auto, the tips of the surface, or a file with numbers of vertices, from 0
+    pub keep: Option<String>,
+    /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay, and `joints` does
+    /// not count
+    #[schemars(extend("format" = "path"))]
+    pub template: Option<String>,
+    /// A folder for the surface after each round of contraction, as .obj
+    #[schemars(extend("format" = "path"))]
+    pub contraction_frames: Option<String>,
+}
+
+impl Default for SkeletonExtractSettings {
+    fn default() -> Self {
+        let prune = ExtractionOptions::default().prune;
+        Self { path: None, joints: None, prune, keep: None, template: None, contraction_frames: None }
+    }
+}
+
+impl SkeletonExtractSettings {
+    /// The file that `keep` names.
+    pub fn keep_file(&self) -> Option<&str> {
+        self.keep.as_deref().filter(|keep| *keep != "auto")
+    }
+}
+
+impl Stage for SkeletonExtractSettings {
+    const KIND: &'static str = "skeleton.extract";
+    const SUMMARY: &'static str = "finds the curve in the middle of a surface by contraction, and joints on it";
+    const INPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the surface; it may be open or in parts")];
+    const OUTPUTS: &'static [Port] = &[
+        Port::one("skeleton", PortType::Skeleton, "the skeleton"),
+        Port::one("file", PortType::File, "the file, where one is named"),
+    ];
+    type Input = (Posed,);
+    type Output = (Arc<Rig>, Written);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        self.keep_file().into_iter().chain(self.template.as_deref()).collect()
+    }
+
+    fn writes(&self) -> Vec<String> {
+        self.path.iter().cloned().collect()
+    }
+
+    fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let mesh =
+            posed.model.mesh().with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+        let options = ExtractionOptions { prune: self.prune, keep: keep(self)?, ..ExtractionOptions::default() };
+        let folder = self.contraction_frames.as_deref().map(Path::new);
+        let mut failed = None;
+        let mut frames = Vec::new();
+        let job = context.job;
+        let mut observer = |round: &Round<'_>| {
+            if job.check_cancel().is_err() {
+                return ControlFlow::Break(());
+            }
+            let Some(folder) = folder else { return ControlFlow::Continue(()) };
+            let path = folder.join(format!("part{:03}_round{:03}.obj", round.part, round.round));
+            match write_frame(&path, round, &context.job.run()) {
+                Ok(()) => frames.push(path),
+                Err(error) => {
+                    failed = Some(error);
+                    return ControlFlow::Break(());
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        let found = extract(&mesh, &options, &mut observer, &context.job.run());
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let (curve, report) = found.map_err(|e| refused(&e))?;
+        context.job.check_cancel()?;
+        context.summary.outputs.extend(frames);
+        let rig = rig(context, &curve, &report, self)?;
+        if let Some(path) = self.path.as_deref().map(Path::new) {
+            let bytes = encoded(path, &posed.model, &rig, &curve, &context.job.run())?;
+            context.write_file(path, bytes)?;
+        }
+        Ok((Arc::new(rig), Written))
+    }
+}
+
+/// The joints on the curve: as it bends, or those of a template with its movements.
+fn rig(
+    context: &mut Context<'_, '_>,
+    curve: &CurveSkeleton,
+    report: &ExtractionReport,
+    settings: &SkeletonExtractSettings,
+) -> Result<Rig, RunError> {
+    if let Some(template) = settings.template.as_deref().map(Path::new) {
+        return fitted(context, template, curve, report);
+    }
+    let wanted = settings.joints.map(|n| n as usize);
+    let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
+    tell(context, &skeleton, report, settings);
+    Ok(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() })
+}
+
+/// The joints of a template on the curve.
+fn fitted(
+    context: &mut Context<'_, '_>,
+    path: &Path,
+    curve: &CurveSkeleton,
+    report: &ExtractionReport,
+) -> Result<Rig, RunError> {
+    let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+    rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
+    let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
+    let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| match e {
+        FitError::Template { .. } => RunError::Input(format!("{}: {e}", path.display())),
+        FitError::Character(_) => RunError::Internal(e.to_string()),
+        _ => RunError::Input(format!("{mesh}: {e}")),
+    })?;
+    let name = |j: u32| fit.skeleton.joints()[j as usize].name.as_str();
+    let loose: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
+    let line = format!(
+        "{} joints of {}, {:.4} times as large; {} of {} limbs on the curve, joints {:.1} % off the template's shape; a curve of {} ends, \
+         {} of them without a limb",
+        fit.skeleton.joint_count(),
+        path.display(),
+        fit.scale,
+        fit.limbs.len() - loose.len(),
+        fit.limbs.len(),
+        100.0 * fit.residual,
+        report.ends,
+        fit.spare_ends
+    );
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs.clone_from(&report.repairs);
+        surface.skeleton = Some(line);
+    }
+    for limb in loose {
+        let (from, to) = (name(limb.from), name(limb.to));
+        context
+            .warn(format!("the curve has no limb from {from:?} to {to:?}; its joints went with the one it hangs on"));
+    }
+    if fit.ambiguous {
+        let what = "the shape fits the template in two ways, as where left and right look alike";
+        context.warn(format!("{what}; the one that turns it least was taken: look whether the sides are right"));
+    }
+    let clips = rig.clips.iter().map(|clip| fit.retargeted(&rig.skeleton, clip)).collect::<Result<_, _>>();
+    let clips = clips.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
+    Ok(Rig { skeleton: fit.skeleton, clips, warnings: Vec::new() })
+}
+
+fn refused(error: &ExtractionError) -> RunError {
+    match error {
+        ExtractionError::Interrupted(stopped) => (*stopped).into(),
+        ExtractionError::Option { .. } => RunError::Usage(error.to_string()),
+        ExtractionError::Numerics(_) => RunError::Internal(error.to_string()),
+        _ => RunError::Input(error.to_string()),
+    }
+}
+
+/// Which ends stay.
+fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
+    let Some(name) = settings.keep_file() else {
+        return Ok(if settings.keep.is_some() { Keep::Extrema } else { Keep::Nothing });
+    };
+    let bad = |what: String| RunError::Input(format!("{name}: {what}"));
+    let text =
+        std::fs::read_to_string(name).map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
+    let words = text.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|w| !w.is_empty());
+    let number = |w: &str| w.parse::<u32>().map_err(|_| bad(format!("`{w}` is no number of a vertex (whole, from 0)")));
+    words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)
+}
+
+fn write_frame(path: &Path, round: &Round<'_>, run: &Run) -> Result<(), RunError> {
+    let internal = |e: plumbline_shape::mesh::MeshError| RunError::Internal(e.to_string());
+    let model = Model::of_mesh(round.surface());
+    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run).map_err(internal)?;
+    let unfinished = begin(path)?;
+    std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))
+}
+
+/// The bytes of the file.
+fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton, run: &Run) -> Result<Vec<u8>, RunError> {
+    let skeleton = &rig.skeleton;
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    match extension.as_str() {
+        "json" => {
+            let file = SkeletonFile { skeleton: skeleton.clone(), curve: Some(curve.clone()) };
+            Ok(file.to_json().into_bytes())
+        }
+        "glb" | "gltf" => {
+            let (weights, _) =
+                bone_weights(model.mesh(), skeleton, &WeightOptions::default(), run).map_err(|e| input(&e))?;
+            let skin = Skin::bound(weights, skeleton).map_err(|e| input(&e))?;
+            let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
+            let character = Character::new(still, skeleton.clone(), Arc::new(skin)).map_err(|e| input(&e))?;
+            let character = Character { clips: rig.clips.clone(), ..character };
+            let rigged = character.to_model(None).map_err(|e| RunError::Internal(e.to_string()))?;
+            let format = if extension == "glb" { MeshFormat::Glb } else { MeshFormat::Gltf };
+            encode_model(&rigged, format, &WriteOptions::default(), run).map_err(|e| RunError::Internal(e.to_string()))
+        }
+        other => match rig_text(skeleton, rig.clips.first(), other) {
+            Ok((text, _)) => Ok(text.into_bytes()),
+            Err(_) => Err(RunError::Usage(format!(
+                "the extension of `{}` names no skeleton to write (expected .json, .glb, .gltf, .tgf, .skel or .bvh)",
+                path.display()
+            ))),
+        },
+    }
+}
+
+fn tell(
+    context: &mut Context<'_, '_>,
+    skeleton: &Skeleton,
+    report: &ExtractionReport,
+    settings: &SkeletonExtractSettings,
+) {
+    let joints = skeleton.joint_count();
+    let line = format!(
+        "{joints} joints; a curve of {} ends, {} junctions and {} loops in {} parts, {} rounds",
+        report.ends, report.junctions, report.loops, report.parts, report.rounds
+    );
+    if let Some(surface) = &mut context.summary.surface {
+        surface.repairs.clone_from(&report.repairs);
+        surface.skeleton = Some(line);
+    }
+    if report.parts == 1 && report.loops != report.handles {
+        context.warn(format!("the curve has {} loops, but the surface has {} handles", report.loops, report.handles));
+    }
+    if let Some(wanted) = settings.joints.filter(|n| (*n as usize) < joints) {
+        context.warn(format!("{joints} joints, not {wanted}: ends, junctions and loops need as many"));
+    }
+}

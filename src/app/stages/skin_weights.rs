@@ -1,0 +1,109 @@
+//! `skin.weights`: how much each vertex of a mesh follows each joint of a skeleton.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::values::Posed;
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::Written;
+use crate::pipeline::run_error::RunError;
+use plumbline_shape::character::WeightsFile;
+use plumbline_shape::character::io::Rig;
+use plumbline_shape::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
+
+/// Settings of `skin.weights`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SkinWeightsSettings {
+    /// How weights are found
+    pub method: WeightMethod,
+    /// Joints per vertex at most: 4 for most programs, 8 where two sets are read
+    #[schemars(range(min = 1, max = 64))]
+    pub influences: u32,
+    /// Rounds of smoothing over neighbors
+    #[schemars(range(min = 0, max = 1000))]
+    pub smooth: u32,
+    /// The file of weights to write (`plumbline schema weights` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+}
+
+impl Default for SkinWeightsSettings {
+    fn default() -> Self {
+        Self {
+            method: WeightMethod::default(),
+            influences: WeightOptions::default().influences as u32,
+            smooth: WeightOptions::default().smooth as u32,
+            path: String::new(),
+        }
+    }
+}
+
+impl Stage for SkinWeightsSettings {
+    const KIND: &'static str = "skin.weights";
+    const SUMMARY: &'static str = "finds how much each vertex of a mesh follows each joint of a skeleton";
+    const INPUTS: &'static [Port] = &[
+        Port::one("mesh", PortType::Mesh, "the mesh at rest"),
+        Port::one("skeleton", PortType::Skeleton, "the skeleton in it"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = (Posed, Arc<Rig>);
+    type Output = (Written,);
+
+    fn over_time(&self) -> OverTime {
+        OverTime::Once
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
+    }
+
+    fn run(&self, (posed, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+        let skeleton = &rig.skeleton;
+        let rest = posed.last().to_vec();
+        let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
+        let options = WeightOptions {
+            method: self.method,
+            influences: self.influences as usize,
+            smooth: self.smooth as usize,
+            ..WeightOptions::default()
+        };
+        context.job.check_cancel()?;
+        let (weights, report) =
+            bone_weights(&mesh, skeleton, &options, &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
+        warn(context, &report, &options, |j| skeleton.joints()[j as usize].name.clone());
+        if let Some(surface) = &mut context.summary.surface {
+            let joints = skeleton.joint_count();
+            surface.weights = Some(format!("{joints} joints, {} at most for a vertex", weights.most_influences()));
+        }
+        let file = WeightsFile::of(skeleton, &weights).map_err(|e| RunError::Internal(e.to_string()))?;
+        context.write_file(Path::new(&self.path), file.to_json())?;
+        Ok((Written,))
+    }
+}
+
+/// What the user should know.
+fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOptions, name: impl Fn(u32) -> String) {
+    if report.by_distance {
+        context.warn("no vertex sees a bone: weighted by distance; is the skeleton inside the mesh?".to_owned());
+    }
+    if report.borrowed_vertices > 0 {
+        let WeightReport { borrowed_components: pieces, borrowed_vertices: vertices, .. } = report;
+        context.warn(format!(
+            "{pieces} pieces with {vertices} vertices see no bone and took the weights of what is nearest"
+        ));
+    }
+    if !report.idle_joints.is_empty() {
+        let names: Vec<String> = report.idle_joints.iter().map(|&j| name(j)).collect();
+        context.warn(format!("no vertex follows {}", names.join(", ")));
+    }
+    if options.method == WeightMethod::BoundedBiharmonic && report.residual > 1e-3 {
+        context.warn(format!("weights are exact to {:.0e} only after {} rounds", report.residual, report.iterations));
+    }
+}

@@ -1,0 +1,96 @@
+//! What flows between stages of pictures and meshes, and the port types that it travels under.
+//!
+//! Everything is held by reference count and let go after the last stage that takes it.
+
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
+use super::photo::lens::Found;
+use crate::pipeline::port::PortType;
+use crate::pipeline::port_value::PortValue;
+use plumbline_image::feature::{Face, Importance};
+use plumbline_image::still::Photo;
+use plumbline_photo::{Line, PhotoWarp};
+use plumbline_shape::character::io::Rig;
+use plumbline_shape::mesh::Model;
+
+impl PortValue for Arc<Photo> {
+    const DATA: PortType = PortType::Image;
+}
+
+impl PortValue for Arc<[Face]> {
+    const DATA: PortType = PortType::Faces;
+}
+
+impl PortValue for Arc<Importance> {
+    const DATA: PortType = PortType::Importance;
+}
+
+impl PortValue for LineSet {
+    const DATA: PortType = PortType::Lines;
+}
+
+impl PortValue for Arc<PhotoMap> {
+    const DATA: PortType = PortType::Warp;
+}
+
+impl PortValue for Posed {
+    const DATA: PortType = PortType::Mesh;
+}
+
+impl PortValue for Arc<Rig> {
+    const DATA: PortType = PortType::Skeleton;
+}
+
+/// Lines, and the lens under which they were found.
+#[derive(Clone, Debug, Default)]
+pub struct LineSet {
+    pub(crate) lines: Vec<Line>,
+    /// `None` for lines that were marked: they may tell the lens themselves.
+    pub(crate) lens: Option<Arc<Found>>,
+    /// They were found, not marked: each is two ends, and between them as straight as the lens says.
+    pub(crate) found: bool,
+}
+
+impl LineSet {
+    /// The lines of all sets, and the first lens under which any were found.
+    pub(crate) fn all(sets: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        for set in sets {
+            all.lines.extend(set.lines);
+            all.lens = all.lens.or(set.lens);
+        }
+        all
+    }
+}
+
+/// A map of a picture, and what is told of it.
+pub struct PhotoMap {
+    pub(crate) warp: PhotoWarp,
+    /// What else a report tells.
+    pub(crate) told: serde_json::Map<String, serde_json::Value>,
+}
+
+/// A mesh between stages: the model as it was read, and beside it the poses that it was given. Files are written from the model,
+/// so that polygons, texture coordinates, groups and materials are those that were read.
+#[derive(Clone)]
+pub struct Posed {
+    /// As it was read.
+    pub(crate) model: Arc<Model>,
+    /// Positions of its vertices, pose by pose; none: as it was read.
+    pub(crate) poses: Arc<Vec<Vec<Point3<f64>>>>,
+    /// Vertices of handles, and whether each moves.
+    pub(crate) handles: Arc<Vec<(u32, bool)>>,
+}
+
+impl Posed {
+    pub(crate) fn at_rest(model: Model) -> Self {
+        Self { model: Arc::new(model), poses: Arc::default(), handles: Arc::default() }
+    }
+
+    /// Positions of the last pose.
+    pub(crate) fn last(&self) -> &[Point3<f64>] {
+        self.poses.last().map_or_else(|| self.model.mesh().positions(), Vec::as_slice)
+    }
+}

@@ -1,0 +1,96 @@
+//! `video.encode`: writes a clip.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::kind::{Conflict, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::stages;
+use crate::pipeline::units::BitRate;
+use crate::stages::context::Context;
+use plumbline_media::{Codec, EncoderWish};
+
+/// Settings of `video.encode`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EncodeSettings {
+    /// The file to write; its extension chooses the container; an image sequence such as `out/%05d.png`, or `-` for standard output
+    #[schemars(extend("format" = "path"))]
+    pub path: String,
+    /// How the pictures are coded
+    pub codec: Codec,
+    /// Which encoder: `software`, `auto` (a device where one works, else software), `hardware`, or FFmpeg's name of one
+    pub encoder: EncoderWish,
+    /// Constant quality, 0 = best; the encoder's own default if left out
+    #[schemars(range(min = 0.0, max = 63.0))]
+    pub crf: Option<f64>,
+    /// The encoder's own name for speed against size, such as `veryfast` or `slow`
+    pub preset: Option<String>,
+    /// Average bit rate instead of constant quality
+    pub bitrate: Option<BitRate>,
+    /// A stream that the container cannot hold is an error, not a warning
+    pub strict: bool,
+}
+
+impl EncodeSettings {
+    fn crf_conflict(&self) -> Option<Conflict> {
+        let crf = self.crf?;
+        let codec = self.codec.name();
+        if self.bitrate.is_some() {
+            let message = "`crf` and `bitrate` exclude each other".to_owned();
+            return Some(Conflict { key: "bitrate", message, help: "give one of them" });
+        }
+        match self.codec.crf_max() {
+            None => {
+                let message = format!("codec `{codec}` has no `crf`");
+                Some(Conflict { key: "crf", message, help: "leave `crf` out, or take h264, hevc or av1" })
+            }
+            Some(max) if crf > max => {
+                let message = format!("`crf` = {crf} is out of range for `{codec}` (expected 0 to {max})");
+                Some(Conflict { key: "crf", message, help: "18 to 28 is usual" })
+            }
+            Some(_) => None,
+        }
+    }
+}
+
+impl Stage for EncodeSettings {
+    const KIND: &'static str = "video.encode";
+    const SUMMARY: &'static str = "writes a clip: as many frames as came in, with their own times";
+    const INPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the pictures"),
+        Port::optional("audio", PortType::Audio, "streams to copy beside the picture"),
+        Port::optional("beside", PortType::Frames, "pictures to show on the left of `frames`, for comparison"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
+    const REQUIRED: &'static [&'static str] = &["path"];
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn held(&self) -> Vec<Held> {
+        // Measured with x264 at 640×360 and 1920×1080 as peak memory over bytes of a frame: 58 frames at `veryfast` (10 ahead),
+        // 116 at `medium` (40 ahead, and references at four half-pixel positions); the same for joined pictures of twice the size.
+        let quick = matches!(self.preset.as_deref(), Some("ultrafast" | "superfast" | "veryfast"));
+        let frames = if quick { 60.0 } else { 120.0 };
+        vec![Held { what: "encoder's lookahead", frames, ..Held::default() }]
+    }
+
+    fn conflicts(&self) -> Vec<Conflict> {
+        self.crf_conflict().into_iter().collect()
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![self.path.clone()]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        stages::encode(context, stage).map(|()| HandedOn)
+    }
+
+    fn preflight(&self) -> Result<(), RunError> {
+        stages::preflight_encode(self)
+    }
+}

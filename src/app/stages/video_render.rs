@@ -1,0 +1,98 @@
+//! `video.render`: the only stage that samples pixels.
+
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::memory::Held;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
+use crate::pipeline::run_error::RunError;
+use crate::pipeline::units::ByteSize;
+use crate::stages::context::Context;
+
+/// How pixels are interpolated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Interpolation {
+    /// 4×4 pixels: sharp and fast
+    #[default]
+    Bicubic,
+    /// 6×6 pixels: sharpest, slower
+    Lanczos3,
+}
+
+/// What stands where the source has no picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Border {
+    /// Nothing of it shows: the picture is enlarged
+    #[default]
+    Crop,
+    /// The picture mirrored at its edge
+    Mirror,
+    /// The edge's pixels drawn out
+    Replicate,
+    /// Black
+    Black,
+    /// Picture from neighboring frames
+    Fill,
+}
+
+/// Settings of `video.render`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderSettings {
+    /// How pixels are interpolated
+    pub interpolation: Interpolation,
+    /// What stands where the source has no picture
+    pub border: Border,
+    /// Most memory for the neighboring frames of `border = "fill"`
+    pub fill_memory: ByteSize,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        let (interpolation, border) = (Interpolation::default(), Border::default());
+        Self { interpolation, border, fill_memory: ByteSize(256 << 20) }
+    }
+}
+
+impl RenderSettings {
+    /// Most neighboring frames that `border = "fill"` looks at, on both sides together.
+    pub const FILL_WINDOW: u32 = 60;
+}
+
+impl Stage for RenderSettings {
+    const KIND: &'static str = "video.render";
+    const SUMMARY: &'static str = "samples each frame once through its maps";
+    const INPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the pictures"),
+        Port::many("warps", PortType::Warp, "maps, applied in this order and composed"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the sampled pictures")];
+    const RESAMPLES: bool = true;
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn over_time(&self) -> OverTime {
+        match self.border {
+            Border::Fill => OverTime::Window(Self::FILL_WINDOW),
+            _ => OverTime::Map,
+        }
+    }
+
+    fn held(&self) -> Vec<Held> {
+        let mut held = vec![Held { what: "frames at work", frames: 4.0, ..Held::default() }];
+        if self.border == Border::Fill {
+            held.push(Held { what: "neighboring frames", bytes: self.fill_memory.0, ..Held::default() });
+        }
+        held
+    }
+
+    // Only describes a stream: the stage at its end pulls frames through it.
+    fn run(&self, _input: Wired, _context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        Ok(HandedOn)
+    }
+}
