@@ -31,6 +31,19 @@ pub enum OverTime {
     Once,
 }
 
+/// What a map does, in the order in which maps can be applied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MapStep {
+    /// It takes a lens out of a clip.
+    Lens,
+    /// It holds a clip steady.
+    Steady,
+    /// It changes the shape of a clip.
+    Shape,
+    /// It is of a still picture.
+    Photo,
+}
+
 /// Settings that exclude each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Conflict {
@@ -64,6 +77,8 @@ pub trait Stage:
     const REQUIRED: &'static [&'static str] = &[];
     /// It interpolates pixels; at most one such stage may lie on the way of a picture.
     const RESAMPLES: bool = false;
+    /// What the map that it gives does, where a render stage must know.
+    const MAP: Option<MapStep> = None;
 
     /// How the result depends on time.
     fn over_time(&self) -> OverTime {
@@ -202,6 +217,8 @@ pub struct StageKind {
     pub required: &'static [&'static str],
     /// It interpolates pixels.
     pub resamples: bool,
+    /// What the map that it gives does.
+    pub map: Option<MapStep>,
     /// Reads settings from JSON; settings that are left out take their defaults.
     pub parse: fn(serde_json::Value) -> Result<Arc<dyn Settings>, serde_json::Error>,
     /// The JSON schema (draft-07) of the settings, without references.
@@ -225,6 +242,7 @@ impl StageKind {
             outputs: S::OUTPUTS,
             required: S::REQUIRED,
             resamples: S::RESAMPLES,
+            map: S::MAP,
             parse: |value| Ok(Arc::new(serde_json::from_value::<S>(value)?)),
             schema: || schema_of::<S>(S::REQUIRED),
         }

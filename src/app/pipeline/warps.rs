@@ -4,45 +4,18 @@
 //! know of those before it: points are carried through the lens, importance through the virtual camera.
 
 use super::graph::{Graph, Stage};
-use super::kinds::{
-    LensUndistortSettings, PhotoRectifySettings, PhotoRetargetSettings, VideoRetargetSettings, WarpSettings,
-};
+use super::kind::MapStep;
 use super::port::PortType;
 use super::problem::Problem;
-
-/// What a map does, in the order in which maps can be applied.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Place {
-    Lens,
-    Steady,
-    Shape,
-    /// Of a still picture.
-    Photo,
-}
-
-fn place(stage: &Stage) -> Option<Place> {
-    let settings = &stage.settings;
-    if settings.get::<LensUndistortSettings>().is_some() {
-        Some(Place::Lens)
-    } else if settings.get::<WarpSettings>().is_some() {
-        Some(Place::Steady)
-    } else if settings.get::<VideoRetargetSettings>().is_some() {
-        Some(Place::Shape)
-    } else if settings.get::<PhotoRectifySettings>().is_some() || settings.get::<PhotoRetargetSettings>().is_some() {
-        Some(Place::Photo)
-    } else {
-        None
-    }
-}
 
 /// The first fault of the maps that `stage` takes.
 pub(super) fn check(graph: &Graph, stage: &Stage) -> Option<Problem> {
     let edges = stage.edges.iter().filter(|e| e.output.data == PortType::Warp);
-    let maps: Vec<(usize, Place)> = edges.filter_map(|e| Some((e.from, place(&graph.stages[e.from])?))).collect();
+    let maps: Vec<(usize, MapStep)> = edges.filter_map(|e| Some((e.from, graph.stages[e.from].kind.map?))).collect();
     let name = |at: usize| graph.stages[at].name.as_str();
     let problem = |message: String, help: &'static str| Some(Problem::new("warps", message).help(help));
     let clip = stage.edges.iter().any(|e| e.output.data == PortType::Frames);
-    if let Some((at, _)) = maps.iter().find(|(_, place)| clip == (*place == Place::Photo)) {
+    if let Some((at, _)) = maps.iter().find(|(_, step)| clip == (*step == MapStep::Photo)) {
         let message = format!("`{}` takes the map `{}`, which is of another kind of picture", stage.name, name(*at));
         return problem(message, "maps of video.* and lens.* stages are for clips, those of photo.* stages for photos");
     }
@@ -55,8 +28,8 @@ pub(super) fn check(graph: &Graph, stage: &Stage) -> Option<Problem> {
         );
         return problem(message, "order maps as lens.undistort, video.warp, video.retarget, at most one of each");
     }
-    let find = |wanted: Place| maps.iter().find(|(_, place)| *place == wanted).map(|(at, _)| *at);
-    let (lens, steady, shape) = (find(Place::Lens), find(Place::Steady), find(Place::Shape));
+    let find = |wanted: MapStep| maps.iter().find(|(_, step)| *step == wanted).map(|(at, _)| *at);
+    let (lens, steady, shape) = (find(MapStep::Lens), find(MapStep::Steady), find(MapStep::Shape));
     for at in [steady, shape].into_iter().flatten() {
         if carried_through(graph, at) != lens {
             let message = format!("`{}` and `{}` do not go through the same lens", stage.name, name(at));
@@ -87,8 +60,8 @@ fn path_of(graph: &Graph, at: usize) -> Option<usize> {
 fn carried_through(graph: &Graph, at: usize) -> Option<usize> {
     let of_points = |e: &&super::graph::Edge| !matches!(e.port.data, PortType::Frames | PortType::Importance);
     let mut edges = graph.stages[at].edges.iter().filter(of_points);
-    edges.find_map(|e| match place(&graph.stages[e.from]) {
-        Some(Place::Lens) => Some(e.from),
+    edges.find_map(|e| match graph.stages[e.from].kind.map {
+        Some(MapStep::Lens) => Some(e.from),
         _ => carried_through(graph, e.from),
     })
 }

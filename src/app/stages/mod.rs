@@ -211,7 +211,6 @@ fn let_go(graph: &Graph, stages: &[usize], done: usize, values: &mut Values) {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
 
     use super::*;

@@ -10,7 +10,7 @@ use super::context::Context;
 use super::photo::lens::{self, Wish};
 use super::photo::{rectangle, rects, target, tell_lines, view};
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{MapStep, OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
@@ -71,6 +71,7 @@ impl Stage for PhotoRectifySettings {
         Port::optional("importance", PortType::Importance, "where distortion would show"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
+    const MAP: Option<MapStep> = Some(MapStep::Photo);
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>, Option<Arc<Importance>>);
     type Output = (Arc<PhotoMap>,);
 

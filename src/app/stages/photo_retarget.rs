@@ -9,7 +9,7 @@ use serde_json::{Map, json};
 use super::context::Context;
 use super::photo::tell_lines;
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{MapStep, OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
@@ -37,6 +37,7 @@ impl Stage for PhotoRetargetSettings {
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
     const REQUIRED: &'static [&'static str] = &["size"];
+    const MAP: Option<MapStep> = Some(MapStep::Photo);
     type Input = (Arc<Photo>, Option<Arc<Importance>>, Vec<LineSet>, Option<Arc<[Face]>>);
     type Output = (Arc<PhotoMap>,);
 

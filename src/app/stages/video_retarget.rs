@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::Stage;
+use crate::pipeline::kind::{MapStep, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
@@ -40,6 +40,7 @@ impl Stage for VideoRetargetSettings {
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "one map per frame")];
     const REQUIRED: &'static [&'static str] = &["size"];
+    const MAP: Option<MapStep> = Some(MapStep::Shape);
     type Input = Wired;
     type Output = HandedOn;
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{MapStep, OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
@@ -55,6 +55,7 @@ impl Stage for LensUndistortSettings {
     const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip, for the size of its pictures")];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
     const REQUIRED: &'static [&'static str] = &["lens"];
+    const MAP: Option<MapStep> = Some(MapStep::Lens);
     type Input = Wired;
     type Output = HandedOn;
 

@@ -1,6 +1,6 @@
 //! `video.warp`: a map per frame; no pixel is touched.
 
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{MapStep, OverTime, Stage};
 use crate::pipeline::memory::Held;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
@@ -20,6 +20,7 @@ impl Stage for WarpSettings {
         Port::optional("motion", PortType::Motion, "motion within the frame, for rolling shutter"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "one map per frame")];
+    const MAP: Option<MapStep> = Some(MapStep::Steady);
     type Input = Wired;
     type Output = HandedOn;
 
