@@ -7,17 +7,16 @@ use clap::{ArgGroup, Args};
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::job::{batch, only_input};
-use super::options::choice;
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::kinds::{
-    Border, Codec, EncodeSettings, EncoderWish, InSpace, Interpolation, ModelChoice, MotionExportSettings, PathMethod,
-    RenderSettings, ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
+    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, PathMethod, RenderSettings,
+    ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
 };
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::units::{BitRate, ByteSize};
 use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
 
 /// Options of `plumbline stabilize`.
@@ -61,36 +60,10 @@ pub struct StabilizeArgs {
     /// How the picture is enlarged to hide the borders
     #[arg(long, value_parser = choice::<Zoom>(&[]), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     zoom: Zoom,
-    /// What stands where the source has no picture
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
-    border: Border,
-    /// Most memory for the neighboring frames of --border fill
-    #[arg(long, default_value_t = RenderSettings::default().fill_memory, value_name = "SIZE", help_heading = "Stabilization")]
-    fill_memory: ByteSize,
-    /// How pixels are interpolated
-    #[arg(long, value_enum, default_value_t, value_name = "HOW", help_heading = "Stabilization")]
-    interpolation: Interpolation,
-
-    /// How the pictures are coded
-    #[arg(long, default_value = Codec::default().name(), value_name = "CODEC", help_heading = "Encoding")]
-    #[arg(value_parser = choice::<Codec>(&[("hevc", "h265")]))]
-    codec: Codec,
-    /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
-    #[arg(long, default_value_t, value_name = "WHICH", help_heading = "Encoding")]
-    encoder: EncoderWish,
-    /// Constant quality, 0 = best; the encoder's own default if left out
-    #[arg(long, value_name = "Q", help_heading = "Encoding")]
-    #[arg(value_parser = |text: &str| number_for::<EncodeSettings>("crf", text))]
-    crf: Option<f64>,
-    /// The encoder's own name for speed against size, such as veryfast or slow
-    #[arg(long, value_name = "NAME", help_heading = "Encoding")]
-    preset: Option<String>,
-    /// Average bit rate instead of constant quality, such as 6M
-    #[arg(long, value_name = "RATE", conflicts_with = "crf", help_heading = "Encoding")]
-    bitrate: Option<BitRate>,
-    /// A stream that the container cannot hold is an error, not a warning
-    #[arg(long, help_heading = "Encoding")]
-    strict: bool,
+    #[command(flatten)]
+    render: Given<Render>,
+    #[command(flatten)]
+    encode: Given<Encode>,
 
     /// Also write original and result side by side, to OUTPUT with .compare before its extension
     #[arg(long, help_heading = "Extras")]
@@ -104,6 +77,33 @@ pub struct StabilizeArgs {
     /// Also write the map of every frame for compositors, as 32-bit EXR: R = x/W, G = 1 - y/H
     #[arg(long, value_name = "DIR", help_heading = "Extras")]
     export_stmap: Option<PathBuf>,
+}
+
+/// What it says of `video.render`.
+struct Render;
+
+impl Offer for Render {
+    type Kind = RenderSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("border").under("Stabilization"),
+        Setting::of("fill_memory").value("SIZE").under("Stabilization"),
+        Setting::of("interpolation").under("Stabilization"),
+    ];
+}
+
+/// What it says of `video.encode`.
+struct Encode;
+
+impl Offer for Encode {
+    type Kind = EncodeSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("codec").value("CODEC").aliases(&[("hevc", "h265")]).under("Encoding"),
+        Setting::of("encoder").value("WHICH").under("Encoding"),
+        Setting::of("crf").value("Q").under("Encoding"),
+        Setting::of("preset").value("NAME").under("Encoding"),
+        Setting::of("bitrate").value("RATE").conflicts("crf").under("Encoding"),
+        Setting::of("strict").under("Encoding"),
+    ];
 }
 
 /// Containers that hold what the default codecs give; other inputs get `mp4`.
@@ -165,7 +165,7 @@ impl StabilizeArgs {
             let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
             extension.is_some_and(|e| KEPT_CONTAINERS.contains(&e.as_str()))
         };
-        let extension = match self.codec {
+        let extension = match self.encode.settings.codec {
             Codec::Prores => "mov",
             Codec::Ffv1 => "mkv",
             _ if self.inputs.iter().all(kept) => "${item.ext}",
@@ -189,7 +189,7 @@ impl StabilizeArgs {
             smoothness: self.smoothness,
             min_crop: self.min_crop,
             zoom: self.zoom,
-            keep_inside: self.border == Border::Crop,
+            keep_inside: self.render.settings.border == Border::Crop,
             in_space: in_space.unwrap_or_default(),
             path_file: self.path_file.as_ref().map(path).map(PathBuf::from),
             ..SmoothSettings::default()
@@ -207,20 +207,20 @@ impl StabilizeArgs {
 
     fn rendering(&self, output: &str) -> Result<Vec<StageEntry>, Failure> {
         let warp = WarpSettings { mode: self.mode, ..WarpSettings::default() };
-        let render =
-            RenderSettings { interpolation: self.interpolation, border: self.border, fill_memory: self.fill_memory };
+        let render = &self.render.settings;
         let mut stages = vec![
             StageEntry::built("warp", &warp)
                 .input("tracks", self.clip.tracks())
                 .input("path", "path")
                 .input("motion", "motion"),
-            StageEntry::built("steady", &render).input("frames", "source").inputs("warps", &["warp"]),
+            StageEntry::built("steady", render).input("frames", "source").inputs("warps", &["warp"]),
             StageEntry::built("out", &self.encode(output.to_owned()))
                 .input("frames", "steady")
                 .input("audio", "source.audio"),
         ];
         if let Some(folder) = &self.export_stmap {
-            let maps = StMapSettings { path: literal_path(folder), keep_inside: self.border == Border::Crop };
+            let maps =
+                StMapSettings { path: literal_path(folder), keep_inside: self.render.settings.border == Border::Crop };
             let maps = StageEntry::built("maps", &maps);
             stages.push(maps.input("frames", "source").inputs("warps", &["warp"]));
         }
@@ -237,15 +237,7 @@ impl StabilizeArgs {
     }
 
     fn encode(&self, path: String) -> EncodeSettings {
-        EncodeSettings {
-            path,
-            codec: self.codec,
-            encoder: self.encoder.clone(),
-            crf: self.crf,
-            preset: self.preset.as_deref().map(escape),
-            bitrate: self.bitrate,
-            strict: self.strict,
-        }
+        EncodeSettings { path, ..self.encode.settings.clone() }
     }
 }
 

@@ -1,6 +1,5 @@
 //! `morph`: the shapes between two meshes.
 
-use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -17,7 +16,7 @@ use plumbline_shape::morph::correspondence::{CorrespondenceMethod, DiskOptions, 
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions};
 
 /// How one mesh is laid over another.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverWish {
     /// Deformed smoothly until it lies there: any mesh, never flawless

@@ -23,7 +23,7 @@ pub struct DecodeSettings {
     pub start: Option<ClipTime>,
     /// Position to stop before; the clip's end if left out
     pub end: Option<ClipTime>,
-    /// Frames per second of an image sequence, such as 24 or "30000/1001"; 25 if left out
+    /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
     pub fps: Option<FrameRate>,
     /// What happens to interlaced pictures
     pub deinterlace: Deinterlace,

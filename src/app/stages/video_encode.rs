@@ -22,14 +22,14 @@ pub struct EncodeSettings {
     pub path: String,
     /// How the pictures are coded
     pub codec: Codec,
-    /// Which encoder: `software`, `auto` (a device where one works, else software), `hardware`, or FFmpeg's name of one
+    /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
     pub encoder: EncoderWish,
     /// Constant quality, 0 = best; the encoder's own default if left out
     #[schemars(range(min = 0.0, max = 63.0))]
     pub crf: Option<f64>,
-    /// The encoder's own name for speed against size, such as `veryfast` or `slow`
+    /// The encoder's own name for speed against size, such as veryfast or slow
     pub preset: Option<String>,
-    /// Average bit rate instead of constant quality
+    /// Average bit rate instead of constant quality, such as 6M
     pub bitrate: Option<BitRate>,
     /// A stream that the container cannot hold is an error, not a warning
     pub strict: bool,

@@ -1,6 +1,5 @@
 //! `video.render`: the only stage that samples pixels.
 
-use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +12,7 @@ use crate::pipeline::units::ByteSize;
 use crate::stages::context::Context;
 
 /// How pixels are interpolated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {
     /// 4×4 pixels: sharp and fast
@@ -24,7 +23,7 @@ pub enum Interpolation {
 }
 
 /// What stands where the source has no picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Border {
     /// Nothing of it shows: the picture is enlarged
@@ -48,7 +47,7 @@ pub struct RenderSettings {
     pub interpolation: Interpolation,
     /// What stands where the source has no picture
     pub border: Border,
-    /// Most memory for the neighboring frames of `border = "fill"`
+    /// Most memory for the neighboring frames of the border fill
     pub fill_memory: ByteSize,
 }
 
