@@ -107,7 +107,10 @@ fn check_value(key: &str, node: &Node, property: &Json, expected: &Expected<'_>)
 
 /// A refusal in the words of the deserializer, its names of types put in ours.
 fn refused(key: &str, node: &Node, expected: &Expected<'_>, reason: &str) -> Problem {
-    let reason = reason.replace("expected u32", "expected a whole number").replace("expected f64", "expected a number");
+    let reason = reason
+        .replace("expected usize", "expected a whole number")
+        .replace("expected u32", "expected a whole number")
+        .replace("expected f64", "expected a number");
     Problem::new("bad-value", format!("`{key}` of {} is wrong: {reason}", expected.what)).label(node.span, "this value")
 }
 

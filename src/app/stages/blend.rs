@@ -41,7 +41,13 @@ pub struct BlendSettings {
 
 impl Default for BlendSettings {
     fn default() -> Self {
-        Self { paint: String::new(), landmarks: None, rounds: MorphSettings::default().rounds, frames: 1, report: None }
+        Self {
+            paint: String::new(),
+            landmarks: None,
+            rounds: TrajectoryOptions::default().rounds as u32,
+            frames: 1,
+            report: None,
+        }
     }
 }
 

@@ -20,18 +20,18 @@ use crate::pipeline::kind::{OverTime, Stage};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
-use plumbline_shape::mesh::operators::CotangentRule;
 use plumbline_shape::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
 
 /// Settings of `mesh.modes`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct MeshModesSettings {
     /// How many modes beside the rigid motions
     #[schemars(range(min = 1, max = 1000))]
     pub count: u32,
-    /// How weights of edges are taken from angles
-    pub cotangents: CotangentRule,
+    /// How modes are computed.
+    #[serde(flatten)]
+    pub options: ModesOptions,
     /// Number of parts; as many as the motion needs if left out
     #[schemars(range(min = 1, max = 10_000))]
     pub part_count: Option<u32>,
@@ -45,7 +45,7 @@ pub struct MeshModesSettings {
 
 impl Default for MeshModesSettings {
     fn default() -> Self {
-        Self { count: 20, cotangents: CotangentRule::default(), part_count: None, modes: None, parts: None }
+        Self { count: 20, options: ModesOptions::default(), part_count: None, modes: None, parts: None }
     }
 }
 
@@ -72,8 +72,8 @@ impl Stage for MeshModesSettings {
         }
         let mesh = posed.model.mesh();
         let solvable = Solvable::new(mesh, &context.job.run())?;
-        let options = ModesOptions { cotangents: self.cotangents, ..ModesOptions::default() };
-        let found = modes(&solvable.mesh, self.count as usize, &options, &context.job.run()).map_err(surface_error)?;
+        let found =
+            modes(&solvable.mesh, self.count as usize, &self.options, &context.job.run()).map_err(surface_error)?;
         context.job.check_cancel()?;
         let options = PartsOptions {
             count: self.part_count.map_or(PartsOptions::default().count, |n| PartCount::Exactly(n as usize)),

@@ -41,7 +41,7 @@ impl OverWish {
 
 /// Settings of `morph`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct MorphSettings {
     /// Places of both meshes that belong together, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
     /// or .yml)
@@ -50,17 +50,14 @@ pub struct MorphSettings {
     /// Shapes, both meshes among them
     #[schemars(range(min = 2, max = 9999))]
     pub frames: u32,
-    /// Rounds in which each shape is made more rigid towards both meshes
-    #[schemars(range(min = 0, max = 10_000))]
-    pub rounds: u32,
+    /// How shapes lie between the meshes.
+    #[serde(flatten)]
+    pub options: TrajectoryOptions,
     /// Rounds at most in which a shape that passes through itself is pushed out of itself
     #[schemars(range(min = 0, max = 1000))]
     pub untangle: u32,
     /// How the first mesh is laid over the second
     pub over: OverWish,
-    /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270
-    #[schemars(range(min = -100, max = 100))]
-    pub whole_turns: i32,
     /// Add vertices until no feature of the second mesh is missed by more than this share of its size; none if left out
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub refine: Option<f64>,
@@ -74,10 +71,9 @@ impl Default for MorphSettings {
         Self {
             landmarks: None,
             frames: 9,
-            rounds: 10,
+            options: TrajectoryOptions::default(),
             untangle: 8,
             over: OverWish::default(),
-            whole_turns: 0,
             refine: None,
             report: None,
         }
@@ -119,9 +115,8 @@ impl Stage for MorphSettings {
 
     fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), self.over, self.refine)?;
-        let options = TrajectoryOptions { rounds: self.rounds as usize, whole_turns: self.whole_turns };
         let mut trajectory =
-            Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
+            Trajectory::new(&pair.first, &pair.second, &self.options, &context.job.run()).map_err(morph_error)?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());
         for k in 0..self.frames {
             context.job.check_cancel()?;

@@ -17,31 +17,15 @@ use plumbline_shape::character::io::Rig;
 use plumbline_shape::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
 
 /// Settings of `skin.weights`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct SkinWeightsSettings {
-    /// How weights are found
-    pub method: WeightMethod,
-    /// Joints per vertex at most: 4 for most programs, 8 where two sets are read
-    #[schemars(range(min = 1, max = 64))]
-    pub influences: u32,
-    /// Rounds of smoothing over neighbors
-    #[schemars(range(min = 0, max = 1000))]
-    pub smooth: u32,
+    /// What weights are like.
+    #[serde(flatten)]
+    pub options: WeightOptions,
     /// The file of weights to write (`plumbline schema weights` describes it)
     #[schemars(extend("format" = "path"))]
     pub path: String,
-}
-
-impl Default for SkinWeightsSettings {
-    fn default() -> Self {
-        Self {
-            method: WeightMethod::default(),
-            influences: WeightOptions::default().influences as u32,
-            smooth: WeightOptions::default().smooth as u32,
-            path: String::new(),
-        }
-    }
 }
 
 impl Stage for SkinWeightsSettings {
@@ -68,16 +52,11 @@ impl Stage for SkinWeightsSettings {
         let skeleton = &rig.skeleton;
         let rest = posed.last().to_vec();
         let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
-        let options = WeightOptions {
-            method: self.method,
-            influences: self.influences as usize,
-            smooth: self.smooth as usize,
-            ..WeightOptions::default()
-        };
+        let options = &self.options;
         context.job.check_cancel()?;
         let (weights, report) =
-            bone_weights(&mesh, skeleton, &options, &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
-        warn(context, &report, &options, |j| skeleton.joints()[j as usize].name.clone());
+            bone_weights(&mesh, skeleton, options, &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
+        warn(context, &report, options, |j| skeleton.joints()[j as usize].name.clone());
         if let Some(surface) = &mut context.summary.surface {
             let joints = skeleton.joint_count();
             surface.weights = Some(format!("{joints} joints, {} at most for a vertex", weights.most_influences()));

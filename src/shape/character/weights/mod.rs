@@ -54,15 +54,20 @@ pub enum WeightMethod {
 }
 
 /// What weights are like.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
 pub struct WeightOptions {
-    /// How they are found.
+    /// How weights are found.
     pub method: WeightMethod,
-    /// Joints per vertex at most: 4 in files for games, 8 where two sets are allowed.
+    /// Joints per vertex at most: 4 for most programs, 8 where two sets are read.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 64)))]
     pub influences: usize,
     /// Weights below this are left out, 0 or more and below 1.
+    #[serde(skip)]
     pub least: f64,
     /// Rounds of smoothing over neighbors.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1000)))]
     pub smooth: usize,
 }
 

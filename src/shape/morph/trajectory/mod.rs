@@ -34,6 +34,7 @@ use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::MorphError;
 use super::elastic_solve::ElasticSolve;
@@ -46,12 +47,17 @@ use unwinding::Unwinding;
 pub(super) use unwinding::neighbors;
 
 /// How a trajectory is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
 pub struct TrajectoryOptions {
-    /// Rounds of improvement towards both ends; 0: the Poisson solution. Gains fall quickly: after 10 rounds frames of a running
-    /// horse still move by 10⁻⁴ of its size.
+    /// Rounds in which each shape is made more rigid towards both meshes.
+    ///
+    /// 0: the Poisson solution. Gains fall quickly: after 10 rounds frames of a running horse still move by 10⁻⁴ of its size.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 10_000)))]
     pub rounds: usize,
-    /// Whole turns added to the rotation of the surface as a whole: −1 makes 90° the other way 270°.
+    /// Whole turns added to how the surface turns as a whole: -1 makes 90 degrees the other way 270.
+    #[cfg_attr(feature = "schema", schemars(range(min = -100, max = 100)))]
     pub whole_turns: i32,
 }
 

@@ -17,6 +17,7 @@ mod start;
 mod tests;
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::SurfaceError;
 use crate::mesh::TriMesh;
@@ -36,11 +37,14 @@ const SHIFT: f64 = 1e-9;
 const LEAST_MASS: f64 = 1e-6;
 
 /// How modes are computed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
 pub struct ModesOptions {
-    /// How cotangents are taken.
+    /// How weights of edges are taken from angles.
     pub cotangents: CotangentRule,
     /// Residual under which a mode is accepted, in (0, 1); its value is then right to about the square of it.
+    #[serde(skip)]
     pub tolerance: f64,
 }
 
