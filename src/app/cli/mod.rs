@@ -44,9 +44,9 @@ pub use rectify::RectifyArgs;
 pub use retarget::RetargetArgs;
 pub use stabilize::StabilizeArgs;
 
-/// Hold shaky video steady, make the lines of photos straight.
+/// Hold shaky video steady, make straight lines straight, bend shapes the way they would bend
 #[derive(Debug, Parser)]
-#[command(name = "plumbline", version, about, max_term_width = 100, propagate_version = true)]
+#[command(name = "plumbline", version, max_term_width = 100, propagate_version = true)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -290,7 +290,7 @@ fn shorten(schema: &mut serde_json::Value) {
         serde_json::Value::Object(object) => {
             if let Some(serde_json::Value::String(text)) = object.get_mut("description") {
                 let first = text.split("\n\n").next().unwrap_or_default();
-                *text = first.strip_suffix('.').unwrap_or(first).to_owned();
+                *text = first.strip_suffix('.').unwrap_or(first).replace('\n', " ");
             }
             object.values_mut().for_each(shorten);
         }
