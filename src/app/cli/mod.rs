@@ -44,7 +44,7 @@ pub use rectify::RectifyArgs;
 pub use retarget::RetargetArgs;
 pub use stabilize::StabilizeArgs;
 
-/// Hold shaky video steady, make straight lines straight, bend shapes the way they would bend
+/// Deshake video, defish and retarget photos; deform, auto-rig, skin and morph meshes
 #[derive(Debug, Parser)]
 #[command(name = "plumbline", version, max_term_width = 100, propagate_version = true)]
 pub struct Cli {

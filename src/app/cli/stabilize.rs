@@ -7,7 +7,7 @@ use clap::{ArgGroup, Args};
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::job::{batch, only_input};
-use super::options::{Given, Offer, Setting};
+use super::options::{Given, Offer, Setting, choice};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
@@ -38,10 +38,10 @@ pub struct StabilizeArgs {
     clip: ClipArgs,
 
     /// How freely a frame may be bent
-    #[arg(long, value_parser = choice::<ModelChoice>(&[]), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<ModelChoice>(), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
     mode: ModelChoice,
     /// How the virtual camera moves
-    #[arg(long, value_parser = choice::<PathMethod>(&[]), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<PathMethod>(), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
     path: PathMethod,
     /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
     #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
@@ -58,7 +58,7 @@ pub struct StabilizeArgs {
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
     min_crop: f64,
     /// How the picture is enlarged to hide the borders
-    #[arg(long, value_parser = choice::<Zoom>(&[]), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
+    #[arg(long, value_parser = choice::<Zoom>(), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     zoom: Zoom,
     #[command(flatten)]
     render: Given<Render>,
