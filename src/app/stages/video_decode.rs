@@ -19,7 +19,7 @@ pub struct DecodeSettings {
     /// The clip: a file, an image sequence (`frames/%05d.png`, a folder or a glob of pictures), or `-` for standard input
     #[schemars(extend("format" = "path"))]
     pub path: String,
-    /// First position to read, seconds or [HH:]MM:SS; the clip's start if left out
+    /// First position to read, seconds, MM:SS or HH:MM:SS; the clip's start if left out
     pub start: Option<ClipTime>,
     /// Position to stop before; the clip's end if left out
     pub end: Option<ClipTime>,
