@@ -1,9 +1,10 @@
 //! One picture through its map: transparency weighted, means where the map shrinks.
 
 use super::alpha::{unweighted, weighted};
-use super::{RenderError, Renderer};
+use super::{RenderError, RenderOptions, Renderer};
 use crate::Frame;
-use crate::warp::Lattice;
+use crate::still::Photo;
+use crate::warp::{Lattice, WarpField};
 use plumbline_num::run::Run;
 
 impl Renderer {
@@ -26,6 +27,21 @@ impl Renderer {
         drop(source);
         unweighted(&made, &mut dst).ok_or(RenderError::Plane { plane, role: "destination" })?;
         Ok(dst)
+    }
+}
+
+impl Photo {
+    /// The picture through a warp, of `size` px: sampled once, with the default kernel and border. What the file says of camera
+    /// and color stays.
+    ///
+    /// # Errors
+    /// As for [`Renderer::render`].
+    pub fn rendered(&self, src_from_out: &WarpField, size: (usize, usize), run: &Run) -> Result<Self, RenderError> {
+        let lattice = Lattice::between(src_from_out, size, (self.frame.width, self.frame.height));
+        let frame = Renderer::new(RenderOptions::default()).render_still(&self.frame, &lattice, run)?;
+        let Self { exif, tags, icc, format, warnings, .. } = self;
+        let (exif, tags, icc, warnings) = (exif.clone(), tags.clone(), icc.clone(), warnings.clone());
+        Ok(Self { frame, exif, tags, icc, format: *format, warnings })
     }
 }
 

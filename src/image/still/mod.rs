@@ -24,6 +24,7 @@ mod jpeg;
 mod load;
 mod orientation;
 mod packed;
+mod photo;
 mod reduce;
 mod save;
 mod sniff;

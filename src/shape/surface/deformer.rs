@@ -211,6 +211,38 @@ pub fn bind(
     }
 }
 
+/// Deforms a surface once, with the default options: `targets` are where the vertices of `handles` go, in their ascending order.
+/// For one pose after the other, or with a progress report, [`bind`] a [`Deformer`].
+///
+/// ```
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::surface::{Handles, Method, deform};
+///
+/// let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+/// let (low, high) = bar.bounding_box().expect("it has vertices");
+/// let at_end = |v: &u32| [low.z, high.z].contains(&bar.positions()[*v as usize].z);
+/// let handles = Handles::exact((0..bar.vertex_count() as u32).filter(at_end))?;
+/// let mut targets: Vec<_> = handles.vertices().iter().map(|v| bar.positions()[*v as usize]).collect();
+/// targets.iter_mut().filter(|p| p.z == high.z).for_each(|p| p.x += 1.0); // the upper end to the side
+/// let bent = deform(&bar, &handles, &targets, Method::Arap)?;
+/// assert_eq!(bent[handles.vertices()[0] as usize], targets[0]);
+/// # Ok::<(), plumbline_shape::surface::SurfaceError>(())
+/// ```
+///
+/// # Errors
+/// As for [`bind`] and [`Deformer::deform`].
+pub fn deform(
+    mesh: &TriMesh,
+    handles: &Handles,
+    targets: &[Point3<f64>],
+    method: Method,
+) -> Result<Vec<Point3<f64>>, SurfaceError> {
+    let run = Run::default();
+    let mut deformer = bind(method, mesh, handles, &DeformOptions::default(), &run)?;
+    let pose = HandlePose::new(targets.to_vec());
+    Ok(deformer.deform(&pose, Start::Auto, &Convergence::default(), &run)?.positions)
+}
+
 /// The method without coarser copies.
 pub(super) fn bind_alone(
     method: Method,

@@ -34,7 +34,7 @@ mod tests;
 
 pub use crate::mesh::operators::CotangentRule;
 pub use arap::{Arap, CellKind};
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind, deform};
 pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};

@@ -1,5 +1,6 @@
 //! Why a skeleton could not be extracted.
 
+use crate::character::CharacterError;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
@@ -22,6 +23,9 @@ pub enum ExtractionError {
         /// Number of vertices of the mesh.
         vertices: usize,
     },
+    /// The curve gives no skeleton: more joints than a skeleton holds.
+    #[error(transparent)]
+    Skeleton(#[from] CharacterError),
     /// The observer asked to stop, the run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),

@@ -65,7 +65,7 @@ use std::ops::ControlFlow;
 
 use nalgebra::Point3;
 
-use super::CurveSkeleton;
+use super::{CurveSkeleton, Skeleton};
 use crate::mesh::TriMesh;
 pub use error::ExtractionError;
 pub use joints::skeleton_of;
@@ -214,6 +214,27 @@ pub fn extract(
     adopt_the_rest(mesh, &mut curve);
     count_features(&curve, &mut report);
     Ok((curve, report))
+}
+
+/// The skeleton of a surface: [`extract`] with the default options, and [`skeleton_of`] its curve with as many joints as the
+/// shape has ends, junctions and bends.
+///
+/// ```
+/// use plumbline_shape::character::extraction::skeleton;
+/// use plumbline_shape::mesh::shapes;
+///
+/// let bar = skeleton(&shapes::bar([4, 4, 20], [1.0, 1.0, 8.0]))?;
+/// assert_eq!(bar.roots().count(), 1);
+/// assert!(bar.joint_count() >= 2);
+/// # Ok::<(), plumbline_shape::character::extraction::ExtractionError>(())
+/// ```
+///
+/// # Errors
+/// As for [`extract`]; [`ExtractionError::Skeleton`].
+pub fn skeleton(mesh: &TriMesh) -> Result<Skeleton, ExtractionError> {
+    let options = ExtractionOptions::default();
+    let (curve, _) = extract(mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default())?;
+    Ok(skeleton_of(&curve, None)?)
 }
 
 /// Vertices of no part go to the nearest node.

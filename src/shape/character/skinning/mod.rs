@@ -34,7 +34,8 @@ pub use packed::PackedSkin;
 pub use twist_swing::Twisting;
 
 use super::skin::check_affine;
-use super::{CharacterError, Skeleton, Skin, SkinWeights};
+use super::weights::{WeightOptions, bone_weights};
+use super::{CharacterError, Pose, Skeleton, Skin, SkinWeights};
 use crate::mesh::TriMesh;
 use centers_of_rotation::CentersPose;
 use dual_quaternion::DualQuaternionPose;
@@ -109,6 +110,33 @@ struct Posing<'a> {
     weights: &'a SkinWeights,
     pivots: &'a [Point3<f64>],
     matrices: &'a [Matrix4<f64>],
+}
+
+/// A surface in a pose of its skeleton: weights by bone heat, the surface bound to the skeleton at rest, and posed by dual
+/// quaternions. For one pose after the other make a [`Skinner`].
+///
+/// ```
+/// use plumbline_shape::character::{extraction::skeleton, skinning::skin};
+/// use plumbline_shape::mesh::shapes;
+///
+/// let bar = shapes::bar([4, 4, 20], [1.0, 1.0, 8.0]);
+/// let skeleton = skeleton(&bar)?;
+/// let mut pose = skeleton.rest_pose();
+/// let root = skeleton.roots().next().expect("a skeleton has a joint");
+/// pose.locals[root as usize].translation.x += 2.0;
+/// let posed = skin(&bar, &skeleton, &pose)?;
+/// assert!((posed[0].x - bar.positions()[0].x - 2.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As for [`bone_weights`], [`Skinner::new`] and [`Skeleton::globals`].
+pub fn skin(mesh: &TriMesh, skeleton: &Skeleton, pose: &Pose) -> Result<Vec<Point3<f64>>, CharacterError> {
+    let run = Run::default();
+    let (weights, _) = bone_weights(mesh, skeleton, &WeightOptions::default(), &run)?;
+    let skin = Skin::bound(weights, skeleton)?;
+    let skinner = Skinner::new(mesh, None, skeleton, &skin, SkinningMethod::default(), &run)?;
+    skinner.positions(&skin.joint_matrices(&skeleton.globals(pose)?)?)
 }
 
 impl Skinner {

@@ -43,6 +43,17 @@ pub struct ComposeOptions {
     pub band: usize,
 }
 
+/// Rings on either side of the seam that may move by default: half of it leaves a crease where the cuts are far apart, twice as
+/// many smooth away detail.
+const BAND: usize = 6;
+
+impl ComposeOptions {
+    /// Cuts in both surfaces, a band of 6 rings, and the part aligned by the cuts alone.
+    pub fn new(base: Cut, part: Cut) -> Self {
+        Self { base, part, landmarks: Vec::new(), band: BAND }
+    }
+}
+
 /// Two surfaces made one.
 #[derive(Clone, Debug)]
 pub struct Composition {
@@ -74,6 +85,19 @@ pub enum Origin {
 }
 
 /// Makes two surfaces one.
+///
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::morph::composition::{ComposeOptions, Cut, compose};
+///
+/// let (base, part) = (shapes::icosphere(3), shapes::icosphere(4));
+/// let across = |normal: [f64; 3]| Cut::Plane { point: [0.0, 0.0, 0.1].into(), normal: normal.into() };
+/// let options = ComposeOptions::new(across([0.0, 0.0, -1.0]), across([0.0, 0.0, 1.0])); // the lower half below the upper one
+/// let composed = compose(&base, &part, &options, &Run::default())?;
+/// assert!(composed.gap < 0.01);
+/// # Ok::<(), plumbline_shape::morph::MorphError>(())
+/// ```
 ///
 /// # Errors
 /// [`MorphError::Seam`], [`MorphError::NoSuchVertex`], [`MorphError::Landmarks`], [`MorphError::Mesh`], [`MorphError::Numerics`],

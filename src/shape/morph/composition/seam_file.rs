@@ -51,7 +51,7 @@ pub struct SeamFile {
 }
 
 fn default_band() -> u32 {
-    6
+    super::BAND as u32
 }
 
 /// Where a surface is cut.

@@ -254,6 +254,28 @@ impl Trajectory {
     }
 }
 
+/// The shape between two poses of one mesh, with the default options: the first at time 0, the second at 1, beyond them the motion
+/// goes on. For several times make a [`Trajectory`], which is factored once.
+///
+/// ```
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::morph::interpolate;
+///
+/// let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+/// let twice = bar.with_positions(bar.positions().iter().map(|p| p * 2.0).collect())?;
+/// let between = interpolate(&bar, &twice, 0.5)?;
+/// assert!((between[0] - bar.positions()[0] * 1.5).coords.norm() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As for [`Trajectory::new`].
+pub fn interpolate(first: &TriMesh, second: &TriMesh, time: f64) -> Result<Vec<Point3<f64>>, MorphError> {
+    let run = Run::default();
+    let mut trajectory = Trajectory::new(first, second, &TrajectoryOptions::default(), &run)?;
+    Ok(trajectory.at(time, &run)?)
+}
+
 /// Two poses of one mesh have the same triangles.
 ///
 /// # Errors

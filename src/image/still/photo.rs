@@ -1,0 +1,73 @@
+//! A picture read, rendered and written with the defaults: one call each.
+
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use super::{LoadOptions, Photo, SaveOptions, Saved, StillError, StillFormat, encode, load};
+
+impl Photo {
+    /// Reads a picture file: [`load`] with the default limits.
+    ///
+    /// # Errors
+    /// Any of [`StillError`] that is about input.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, StillError> {
+        load(path.as_ref(), LoadOptions::default())
+    }
+
+    /// Width and height of the upright picture, px.
+    pub fn size(&self) -> (u32, u32) {
+        (self.frame.width as u32, self.frame.height as u32)
+    }
+
+    /// Writes the picture in the format of the name's extension: [`encode`] with the default quality. The file appears whole or
+    /// not at all, in place of one that has the name.
+    ///
+    /// # Errors
+    /// Those of [`StillError`] that are about output.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<Saved, StillError> {
+        let path = path.as_ref();
+        let format = StillFormat::of_name(path)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".picture.partial.");
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut out = BufWriter::new(builder.tempfile_in(folder).map_err(StillError::Write)?);
+        let saved = encode(self, format, SaveOptions::default(), &mut out)?;
+        out.flush().map_err(StillError::Write)?;
+        let file = out.into_inner().map_err(|e| StillError::Write(e.into_error()))?;
+        file.as_file().sync_all().map_err(StillError::Write)?;
+        file.persist(path).map_err(|e| StillError::Write(e.error))?;
+        Ok(saved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Frame, Layout, PixelFormat};
+
+    #[test]
+    fn a_saved_picture_reads_back_and_a_name_of_no_format_leaves_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut frame = Frame::new(PixelFormat::opaque(Layout::Gbr, 8), 5, 3);
+        frame.plane8_mut(1).expect("8 bit").row_mut(2)[4] = 200;
+        let photo = Photo {
+            frame,
+            exif: None,
+            tags: super::super::ExifTags::default(),
+            icc: None,
+            format: None,
+            warnings: Vec::new(),
+        };
+        let path = folder.path().join("a.png");
+        for _ in 0..2 {
+            photo.save(&path).expect("a folder that can be written");
+        }
+        let read = Photo::load(&path).expect("what was written");
+        assert_eq!(read.size(), (5, 3));
+        assert_eq!(read.frame.plane8(1).expect("8 bit").row(2)[4], 200);
+        assert!(matches!(photo.save(folder.path().join("a.xyz")), Err(StillError::Extension(_))));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+}
