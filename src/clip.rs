@@ -19,7 +19,7 @@ use crate::video::stabilize::{ClipInfo, FrameSource, Plan, StabilizeError};
 /// use plumbline::prelude::*;
 ///
 /// let clip = Clip::open("media/street-walk.mp4")?.trimmed(0.0, 0.2)?;
-/// assert_eq!((clip.info().width, clip.frames()?.count()), (640, 6));
+/// assert_eq!((clip.info().width, clip.frames()?.count()), (960, 6));
 /// # Ok::<(), plumbline::clip::ClipFileError>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -161,6 +161,47 @@ fn the_readme_is_short_and_has_the_words_that_users_search_for() {
     }
 }
 
+/// The Rust blocks of a document: the lines that a reader sees.
+fn rust_blocks(document: &str) -> Vec<String> {
+    document.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).map(str::to_owned).collect()
+}
+
+/// The documentation of a crate's root as a document: doc comments, and the fences that depend on features.
+fn crate_page(source: &str) -> String {
+    let mut page = String::new();
+    let mut inside = false;
+    for line in source.lines() {
+        let fence = line.contains("doc = \"```\"") || line == "//! ```" || line == "//! ```text";
+        if fence {
+            inside = !inside;
+            page += if !inside || line.ends_with("text") { "```\n" } else { "```rust\n" };
+        } else if let Some(text) = line.strip_prefix("//!").map(|t| t.strip_prefix(' ').unwrap_or(t))
+            && !(inside && text.starts_with("# "))
+        {
+            page += &format!("{text}\n");
+        }
+    }
+    page
+}
+
+#[test]
+fn the_rust_blocks_of_the_readme_are_the_examples_of_the_crate_page_which_run() {
+    let read = |name: &str| fs::read_to_string(root().join(name)).expect("a file");
+    let [readme, page] = [rust_blocks(&read("README.md")), rust_blocks(&crate_page(&read("src/lib.rs")))];
+    assert_eq!(page.len(), 4, "clips, photos, meshes, skeletons");
+    assert_eq!(readme, page, "README.md and src/lib.rs");
+    for block in &page {
+        assert!(block.lines().count() <= 10, "more than ten lines:\n{block}");
+    }
+}
+
+#[test]
+fn rust_blocks_are_taken_without_hidden_lines_and_without_other_blocks() {
+    let source = "//! A\n//!\n//! ```text\n//! E\n//! ```\n#![cfg_attr(a, doc = \"```\")]\n#![cfg_attr(b, doc = \"```ignore\")]\n//! # x\n\
+                  //! a(b);\n//! ```\n//! # T\n//! ```\n//! c\n//!\n//! ```\nuse d;\n";
+    assert_eq!(rust_blocks(&crate_page(source)), ["a(b);\n", "c\n\n"]);
+}
+
 #[test]
 fn commands_are_taken_from_shell_blocks_only() {
     let text = "plumbline no\n```sh\nplumbline run \\\n  --a\n# plumbline no\nmake\n```\n```toml\nplumbline no\n```\n";
