@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let run = Run { progress: Progress::new(|done| eprint!("\r{:3.0} %", 100.0 * done)), ..Run::default() };
 
     // First pass: points are followed through all frames. This costs most of the time and does not depend on KEEP.
-    let clip = Clip::open(input)?;
+    let clip = ClipFile::open(input)?;
     let stabilizer = Stabilizer::new(StabilizerOptions::default().with_keep(keep))?;
     let analysis = stabilizer.analyze(&clip, &run.part(0.0, 0.5))?;
 

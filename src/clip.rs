@@ -1,6 +1,6 @@
 //! Clip files as a source of frames for the stabilizer, and as its result.
 //!
-//! [`Clip`] reads a video file through FFmpeg as often as the stabilizer asks; [`Clip::render`] writes the clip under the maps of
+//! [`ClipFile`] reads a video file through FFmpeg as often as the stabilizer asks; [`ClipFile::render`] writes the clip under the maps of
 //! a plan, with its audio, subtitles, chapters and tags as they were.
 
 use std::path::Path;
@@ -18,12 +18,12 @@ use crate::video::stabilize::{ClipInfo, FrameSource, Plan, StabilizeError};
 /// ```
 /// use plumbline::prelude::*;
 ///
-/// let clip = Clip::open("media/street-walk.mp4")?.trimmed(0.0, 0.2)?;
+/// let clip = ClipFile::open("media/street-walk.mp4")?.trimmed(0.0, 0.2)?;
 /// assert_eq!((clip.info().width, clip.frames()?.count()), (960, 6));
 /// # Ok::<(), plumbline::clip::ClipFileError>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Clip {
+pub struct ClipFile {
     input: Input,
     video: VideoInfo,
     focal_px: Option<f64>,
@@ -47,7 +47,7 @@ pub enum ClipFileError {
     Interrupted(#[from] Stopped),
 }
 
-impl Clip {
+impl ClipFile {
     /// Opens a video file, or the pictures of a pattern such as `frames/%05d.png`.
     ///
     /// # Errors
@@ -126,7 +126,7 @@ impl Clip {
     }
 }
 
-impl FrameSource for Clip {
+impl FrameSource for ClipFile {
     type Error = MediaError;
 
     fn info(&self) -> ClipInfo {

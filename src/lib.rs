@@ -12,7 +12,7 @@
 //!
 //! | module | holds | where to begin |
 //! | --- | --- | --- |
-//! | `clip` | video files for the stabilizer (feature `media`) | `Clip` |
+//! | `clip` | video files for the stabilizer (feature `media`) | `ClipFile` |
 //! | [`video`] | tracking, camera motion, the virtual camera | [`Stabilizer`](video::stabilize::Stabilizer) |
 //! | [`photo`] | rectifying, retargeting, marked lines, calibration | [`rectify`](photo::rectify::rectify()), [`retarget`](photo::retarget::retarget()) |
 //! | [`shape`] | meshes: files, repair, deformation, skeletons, skinning, morphing, drawing | [`deform`](shape::surface::deform), [`skeleton`](shape::character::extraction::skeleton) |
@@ -32,7 +32,7 @@
 //! use plumbline::prelude::*;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let clip = Clip::open("media/street-walk.mp4")?.trimmed(0.0, 1.0)?;
+//! let clip = ClipFile::open("media/street-walk.mp4")?.trimmed(0.0, 1.0)?;
 //! let stabilizer = Stabilizer::new(StabilizerOptions::default().with_keep(0.85))?; // keeps 85 % of the width and height
 //! let analysis = stabilizer.analyze(&clip, &Run::default())?; // expensive, and the same for every plan
 //! let plan = stabilizer.plan(&analysis, &Run::default())?;

@@ -2,7 +2,7 @@
 //!
 //! | job | names |
 //! | --- | --- |
-//! | stabilize a clip | `Clip` (feature `media`) or any [`FrameSource`], [`Stabilizer`], [`Analysis`], [`Plan`], [`WarpField`] |
+//! | stabilize a clip | `ClipFile` (feature `media`) or any [`FrameSource`], [`Stabilizer`], [`Analysis`], [`Plan`], [`WarpField`] |
 //! | rectify, retarget a photo | [`Photo`], [`read_lens`], [`LinesFile`], [`rectify`], [`retarget`], [`PhotoWarp`] |
 //! | deform a mesh | [`read_model`], [`Handles`], [`deform`], [`bind`] for a [`Deformer`] that takes many poses |
 //! | skeletons and skins | [`extract_skeleton`], [`Skeleton`], [`Pose`], [`skin`], [`Skinner`] |
@@ -10,7 +10,7 @@
 //! | all of them | [`Run`]: interrupt, progress, time limit |
 
 #[cfg(feature = "media")]
-pub use crate::clip::{Clip, ClipFileError};
+pub use crate::clip::{ClipFile, ClipFileError};
 #[cfg(feature = "media")]
 pub use crate::media::{Input, Output, VideoReader, VideoWriter};
 

@@ -28,6 +28,7 @@ mod pipeline_laws;
 mod pipeline_run;
 mod plumb_line;
 mod pose;
+mod public_surface;
 mod render;
 mod render_oracle;
 mod render_sharpness;
