@@ -2,12 +2,12 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench media gallery deps deps-build lint unit oracle
+.PHONY: help demo test test-long bench media gallery deps deps-build lint unit oracle
 
 CLIP ?= media/street-walk.mp4
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F'\t' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F'\t' '{ printf "  make %-9s %s\n", $$1, $$2 }'
 
 demo: deps-build ## installs what is missing, builds, stabilizes a clip of media/ and says where the result lies
 	cargo build --release --locked
@@ -16,6 +16,15 @@ demo: deps-build ## installs what is missing, builds, stabilizes a clip of media
 
 test: deps lint unit oracle ## formatting, lints, all tests, documentation, oracles: what CI runs
 	@echo "make test: all passed"
+
+# Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.
+PURE := num image camera photo video shape testkit
+
+test-long: test ## what takes longer: random cases by the thousand, each library and the façade alone
+	PROPTEST_CASES=4096 cargo test --workspace --locked
+	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
+	cargo check --locked --package plumbline --no-default-features
+	cargo check --locked --package plumbline --no-default-features --features media
 
 lint: deps
 	cargo fmt --all --check

@@ -2,8 +2,8 @@
 
     python tests/oracle/modes.py
 
-Every cell's turn is eliminated by numpy's least squares, not by the closed form of `src/surface/modal/hessian.rs`; the
-eigenvalues are scipy's. Prints the constants that `src/surface/modal/tests.rs` compares with, for the bar made there.
+Every cell's turn is eliminated by numpy's least squares, not by the closed form of `src/shape/surface/modal/hessian.rs`; the
+eigenvalues are scipy's. Prints the constants that `src/shape/surface/modal/tests.rs` compares with, for the bar made there.
 """
 import numpy as np
 from scipy.linalg import eigh

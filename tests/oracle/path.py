@@ -3,7 +3,7 @@
     python tests/oracle/path.py
 
 With displacements along x only, a window pinned at the source's scale and a border that may show, the program of
-`src/path/optimal.rs` falls apart into one in x whose only constraints are |P_t| <= (1 - min_crop) * half width.
+`src/video/path/optimal.rs` falls apart into one in x whose only constraints are |P_t| <= (1 - min_crop) * half width.
 scipy.optimize.lsq_linear (BVLS) solves that exactly. Prints the constants that `tests/it/path.rs` compares with.
 """
 import numpy as np
