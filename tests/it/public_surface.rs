@@ -30,6 +30,9 @@ const SHARED_NAMES: [(&str, &str); 15] = [
     ("WriteOptions", "of clips; of meshes"),
 ];
 
+/// How a module of tests begins.
+const TESTS: &str = "\n#[cfg(test)]\nmod ";
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -50,7 +53,9 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 
 /// Declarations that begin with `pub` in a file, each on one line, up to the module of its tests.
 fn public_items(source: &str) -> Vec<String> {
-    let own = source.split("\n#[cfg(test)]\nmod ").next().unwrap_or(source);
+    let inline = |at: &usize| source[at + TESTS.len()..].lines().next().is_some_and(|rest| rest.ends_with('{'));
+    let tests = source.match_indices(TESTS).map(|(at, _)| at).find(inline);
+    let own = &source[..tests.unwrap_or(source.len())];
     let (mut items, mut open): (Vec<String>, Option<String>) = (Vec::new(), None);
     for line in own.lines().map(str::trim) {
         let item = match open.take() {
@@ -127,7 +132,7 @@ fn type_names_are_unique_across_the_crates() {
 
 #[test]
 fn declarations_are_found_whole_and_bodies_are_not() {
-    let source = "pub fn f(\n    a: u8,\n    b: u8,\n) -> u8 {\n    a\n}\npub struct S {\n    pub x: f64,\n    y: f64,\n}\npub(crate) fn g() {}\n\
+    let source = "\n#[cfg(test)]\nmod tests;\npub fn f(\n    a: u8,\n    b: u8,\n) -> u8 {\n    a\n}\npub struct S {\n    pub x: f64,\n    y: f64,\n}\npub(crate) fn g() {}\n\
                   pub use a::{\n    B,\n    C,\n};\npub enum E {\n    A,\n}\nimpl S {\n    pub const N: usize = 3;\n}\n\n#[cfg(test)]\nmod tests {\n    pub fn t() {}\n}\n";
     let expected = [
         "pub fn f( a: u8, b: u8, ) -> u8",
