@@ -7,26 +7,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Crates that the façade re-exports as libraries.
-const LIBRARIES: [&str; 7] = ["num", "image", "camera", "media", "photo", "video", "shape"];
+/// Crates that the façade re-exports as libraries, and the façade.
+const LIBRARIES: [&str; 8] = ["num", "image", "camera", "media", "photo", "video", "shape", FACADE];
+const FACADE: &str = "plumbline";
 
 /// Type names that more than one crate has. Each is a word of two fields and always used with its module; a new one needs a reason
 /// of its own here, or better another name.
 const SHARED_NAMES: [(&str, &str); 15] = [
-    ("Clip", "a movement of a character; a clip's motion as the planner sees it"),
-    ("Component", "of a matrix; of a surface"),
+    ("Clip", "a movement of a character; the motion that a path is planned from"),
+    ("Component", "connected, of the graph of a matrix; of a surface"),
     ("Correspondence", "of points of two pictures; of two surfaces"),
     ("Interpolation", "between pixels; between keys of an animation"),
     ("Method", "of factorization; of deformation"),
     ("Model", "a mesh file's; COLMAP's"),
     ("Plane", "of a frame; a mirror in space"),
-    ("Segment", "a line in a picture; a part of a path"),
-    ("Sight", "of a lens; of a camera path"),
-    ("Stop", "why an iteration ended, linear or nonlinear"),
+    ("Segment", "a straight edge in a picture; frames treated alike"),
+    ("Sight", "what a pixel sees; a point as a camera saw it"),
+    ("Stop", "when an iterative solve is good enough; why a deformation ended"),
     ("Target", "of rectifying; of inverse kinematics"),
     ("TrajectoryOptions", "of points over time; of shapes between two"),
-    ("Turn", "of a picture by its EXIF tag; of a handle"),
-    ("View", "where the viewer looks; a camera that sees a point"),
+    ("Turn", "of a picture by its EXIF tag; of a camera; of a handle"),
+    ("View", "where the viewer looks; one more view of a point"),
     ("WriteOptions", "of clips; of meshes"),
 ];
 
@@ -80,9 +81,13 @@ fn public_items(source: &str) -> Vec<String> {
 
 /// Public items of a crate: `module` lines followed by their items.
 fn surface(krate: &str) -> Vec<(String, Vec<String>)> {
-    let folder = root().join("src").join(krate);
+    let folder = root().join("src").join(if krate == FACADE { "" } else { krate });
     let mut files = Vec::new();
-    sources(&folder, &mut files);
+    if krate == FACADE {
+        files.extend(["clip.rs", "lib.rs", "prelude.rs"].map(|name| folder.join(name)));
+    } else {
+        sources(&folder, &mut files);
+    }
     let of_file = |path: &PathBuf| {
         let name = path.strip_prefix(&folder).expect("below the crate").to_string_lossy().replace('\\', "/");
         (name, public_items(&fs::read_to_string(path).expect("a source file")))
