@@ -24,17 +24,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let lens = read_lens(lens.as_ref(), &ExifFacts::default())?.lens;
 
     // What was straight in the world: marked by hand, or found on perspective views of the picture.
-    let lines: Vec<Line> = match rest.first() {
-        Some(file) => LinesFile::read(file.as_ref(), photo.size())?.in_use().cloned().collect(),
-        None => {
-            let mut luma = Plane::new(0, 0);
-            if !analysis_luma(&photo.frame, 0, &mut luma) {
-                return Err("the picture's memory is shared".into());
-            }
-            let levels = Plane::from_fn(luma.width(), luma.height(), |x, y| f32::from(luma.as_ref().row(y)[x]));
-            let found = detect_lines(levels.as_ref(), Some(&lens), &LineDetectionOptions::default(), &run)?;
-            found.lines.into_iter().map(|detected| detected.line).collect()
+    let lines: Vec<Line> = if let Some(file) = rest.first() {
+        LinesFile::read(file.as_ref(), photo.size())?.in_use().cloned().collect()
+    } else {
+        let mut luma = Plane::new(0, 0);
+        if !analysis_luma(&photo.frame, 0, &mut luma) {
+            return Err("the picture's memory is shared".into());
         }
+        let levels = Plane::from_fn(luma.width(), luma.height(), |x, y| f32::from(luma.as_ref().row(y)[x]));
+        let found = detect_lines(levels.as_ref(), Some(&lens), &LineDetectionOptions::default(), &run)?;
+        found.lines.into_iter().map(|detected| detected.line).collect()
     };
 
     // The warp is solved on a grid over the viewing sphere; no pixel is touched yet.

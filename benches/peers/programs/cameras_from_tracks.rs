@@ -9,6 +9,7 @@ use plumbline::num::run::Run;
 use plumbline::video::motion::sfm::{SfmOptions, TrackTable, reconstruct};
 use serde_json::json;
 
+#[expect(clippy::unnecessary_wraps, reason = "the programs are called through one type")]
 pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::io::read_to_string(std::io::stdin()).expect("readable standard input");
     let mut lines = text.lines();

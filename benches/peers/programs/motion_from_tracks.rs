@@ -7,6 +7,7 @@
 use plumbline::num::time::Timestamp;
 use plumbline::video::motion::{FrameFlags, FrameInput, MotionEstimator, MotionOptions, ReadoutEstimator, TrackPoint};
 
+#[expect(clippy::unnecessary_wraps, reason = "the programs are called through one type")]
 pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::io::read_to_string(std::io::stdin()).expect("readable standard input");
     let mut lines = text.lines();

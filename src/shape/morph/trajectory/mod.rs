@@ -264,7 +264,7 @@ impl Trajectory {
 /// let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
 /// let twice = bar.with_positions(bar.positions().iter().map(|p| p * 2.0).collect())?;
 /// let between = interpolate(&bar, &twice, 0.5)?;
-/// assert!((between[0] - bar.positions()[0] * 1.5).coords.norm() < 1e-9);
+/// assert!((between[0] - bar.positions()[0] * 1.5).norm() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
