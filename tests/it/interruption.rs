@@ -304,13 +304,13 @@ fn motion_and_paths_end_with_their_run() {
     let windows = reconstruct_shot(0..12, read, &SfmOptions::default(), &Windows::default(), &run);
     let step = plumbline::num::math::Similarity2::IDENTITY;
     let jerk =
-        |t: usize| plumbline::num::math::Similarity2 { t: Vec2::new(if t % 2 == 0 { 9.0 } else { -9.0 }, 0.0), ..step };
+        |t: usize| plumbline::num::math::Similarity2 { t: Vec2::new(if t.is_multiple_of(2) { 9.0 } else { -9.0 }, 0.0), ..step };
     let motion: Vec<InterFrame> = (0..60)
         .map(|t| InterFrame { similarity: jerk(t), homography: jerk(t).to_homography(), reliable: true })
         .collect();
     let times_s: Vec<f64> = (0..60).map(|t| f64::from(t) / 30.0).collect();
-    let shots = [0..60];
-    let clip = path::Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots };
+    let shot_of_all = std::slice::from_ref(&(0..60));
+    let clip = path::Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: shot_of_all };
     assert!(matches!(windows, Err(Ended(Stopped::Interrupted))));
     assert_all(&[
         ("structure from motion", stops!(reconstruct(&shot.table(), &SfmOptions::default(), &run))),
@@ -424,8 +424,10 @@ fn an_interrupted_rectifier_keeps_its_last_solve() {
 fn a_call_from_another_thread_ends_when_the_interrupt_is_raised_here() {
     let interrupt = Interrupt::new();
     let run = Run::with_interrupt(&interrupt);
+    let (begun, started) = std::sync::mpsc::channel();
     let work = std::thread::spawn(move || {
         let mesh = shapes::icosphere(3);
+        begun.send(()).expect("the test waits for it");
         // Until it is stopped.
         loop {
             if let Err(stopped) = self_intersections(&mesh, &run) {
@@ -433,7 +435,7 @@ fn a_call_from_another_thread_ends_when_the_interrupt_is_raised_here() {
             }
         }
     });
-    std::thread::sleep(Duration::from_millis(5));
+    started.recv().expect("the thread begins");
     interrupt.stop();
     assert_eq!(work.join().expect("no panic"), Stopped::Interrupted);
 }
