@@ -178,7 +178,7 @@ fn crate_page(source: &str) -> String {
         } else if let Some(text) = line.strip_prefix("//!").map(|t| t.strip_prefix(' ').unwrap_or(t))
             && !(inside && text.starts_with("# "))
         {
-            page += &format!("{text}\n");
+            page.extend([text, "\n"]);
         }
     }
     page
