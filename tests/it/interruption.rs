@@ -303,8 +303,10 @@ fn motion_and_paths_end_with_their_run() {
     let read = |_: std::ops::Range<usize>| Ok::<TrackTable, Ended>(shot.table());
     let windows = reconstruct_shot(0..12, read, &SfmOptions::default(), &Windows::default(), &run);
     let step = plumbline::num::math::Similarity2::IDENTITY;
-    let jerk =
-        |t: usize| plumbline::num::math::Similarity2 { t: Vec2::new(if t.is_multiple_of(2) { 9.0 } else { -9.0 }, 0.0), ..step };
+    let jerk = |t: usize| plumbline::num::math::Similarity2 {
+        t: Vec2::new(if t.is_multiple_of(2) { 9.0 } else { -9.0 }, 0.0),
+        ..step
+    };
     let motion: Vec<InterFrame> = (0..60)
         .map(|t| InterFrame { similarity: jerk(t), homography: jerk(t).to_homography(), reliable: true })
         .collect();
