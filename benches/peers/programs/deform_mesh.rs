@@ -45,7 +45,7 @@ struct Arguments {
 }
 
 pub(super) fn main() -> Result<(), Box<dyn Error>> {
-    let a = Arguments::parse();
+    let a = Arguments::parse_from(super::args());
     let model = read_model(&a.mesh, &ReadLimits::default(), &Run::default())?;
     let (handles, pose) = read_pose(&a.pose)?;
     let method = Method::from_name(&a.method).ok_or("no such method")?;

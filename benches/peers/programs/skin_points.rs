@@ -32,7 +32,7 @@ struct Arguments {
 }
 
 pub(super) fn main() -> Result<(), Box<dyn Error>> {
-    let a = Arguments::parse();
+    let a = Arguments::parse_from(super::args());
     let points = numbers(&a.rest)?.chunks_exact(3).map(|p| Point3::new(p[0], p[1], p[2])).collect();
     let matrices: Vec<Matrix4<f64>> = numbers(&a.matrices)?.chunks_exact(16).map(Matrix4::from_row_slice).collect();
     let mesh = TriMesh::new(points, Vec::new())?;
