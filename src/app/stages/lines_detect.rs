@@ -69,7 +69,7 @@ impl Stage for LinesDetectSettings {
 }
 
 /// Longest side of the picture that is searched, px: views of it have half as many.
-const MOST_PX: usize = 2800;
+const MAX_SIDE_PX: usize = 2800;
 
 fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
     let lens = match Wish::of_lines(settings) {
@@ -77,7 +77,7 @@ fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<Lin
         None => None,
     };
     let mut luma = Plane::new(0, 0);
-    if !analysis_luma(&photo.frame, MOST_PX, &mut luma) {
+    if !analysis_luma(&photo.frame, MAX_SIDE_PX, &mut luma) {
         return Ok(LineSet { lines: Vec::new(), lens, found: true });
     }
     let (width, height) = (luma.width(), luma.height());

@@ -125,8 +125,8 @@ impl Stage for MeshDeformSettings {
     }
 }
 
-/// A handle turns by no more between two solves: from there, the shortest way would soon be the wrong one.
-const MOST_TURN: f64 = 0.8 * PI;
+/// Largest rotation of a handle between two solves: nearer to half a turn, the shortest rotation would soon be the wrong one.
+const MAX_ROTATION: f64 = 0.8 * PI;
 /// Rounds of solves on the way to a pose: they only have to lead the right way round.
 const ON_THE_WAY: usize = 10;
 
@@ -165,7 +165,7 @@ impl PoseSolver<'_, '_> {
     fn pose(&mut self, time: f64, run: &Run) -> Result<(Vec<Point3<f64>>, DeformReport), RunError> {
         let from = self.at.unwrap_or(self.bound.start());
         let turn = self.bound.turn(from, time);
-        let steps = (turn / MOST_TURN).ceil().clamp(1.0, 1000.0) as u32;
+        let steps = (turn / MAX_ROTATION).ceil().clamp(1.0, 1000.0) as u32;
         for step in 1..steps {
             let between = from + (time - from) * f64::from(step) / f64::from(steps);
             self.solve(between, ON_THE_WAY, run)?;
