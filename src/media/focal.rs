@@ -27,9 +27,9 @@ const BELIEVED_MM: std::ops::RangeInclusive<f64> = 5.0..=3000.0;
 const TAGS: [&str; 3] =
     ["com.apple.quicktime.camera.focal_length.35mm_equivalent", "FocalLengthIn35mmFormat", "FocalLengthIn35mmFilm"];
 /// Largest atom that is read whole, bytes: the lists of keys are a few hundred.
-const LARGEST_ATOM: u64 = 1 << 20;
+const MAX_ATOM: u64 = 1 << 20;
 /// Most atoms looked at: a damaged file must not hold us up.
-const MOST_ATOMS: usize = 10_000;
+const MAX_ATOMS: usize = 10_000;
 
 /// Focal length, px, of a lens of `f35_mm` in 35-mm terms, for pictures of `width × height` px.
 pub fn focal_px(f35_mm: f64, width: usize, height: usize) -> f64 {
@@ -49,7 +49,7 @@ fn millimeters(text: &str) -> Option<f64> {
 
 /// The focal length among the keys of the tracks of a QuickTime or MP4 file, mm in 35-mm terms; `None` for any other file.
 pub(super) fn of_tracks(path: &Path) -> Option<f64> {
-    let mut atoms = Atoms { file: File::open(path).ok()?, left: MOST_ATOMS };
+    let mut atoms = Atoms { file: File::open(path).ok()?, left: MAX_ATOMS };
     let end = atoms.file.metadata().ok()?.len();
     let movie = atoms.child(0..end, *b"moov")?;
     let mut at = movie.start;
@@ -108,7 +108,7 @@ impl Atoms {
     }
 
     fn read(&mut self, span: &Span) -> Option<Vec<u8>> {
-        let length = span.end.checked_sub(span.start).filter(|n| *n <= LARGEST_ATOM)?;
+        let length = span.end.checked_sub(span.start).filter(|n| *n <= MAX_ATOM)?;
         let mut bytes = vec![0; length as usize];
         self.file.seek(SeekFrom::Start(span.start)).ok()?;
         self.file.read_exact(&mut bytes).ok()?;

@@ -10,7 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Longest stem, bytes, that goes into the name: the rest of the 255 that file systems take is for the marks.
-const LONGEST_STEM: usize = 160;
+const MAX_STEM: usize = 160;
 
 /// Beginnings that may be swept away between their creation and their lock before the place counts as unusable.
 const ATTEMPTS: usize = 16;
@@ -124,7 +124,7 @@ impl Name {
     /// For what is to become `target`.
     fn of(target: &Path) -> Self {
         let stem = target.file_stem().unwrap_or_default().to_string_lossy();
-        let end = (0..=stem.len().min(LONGEST_STEM)).rev().find(|&i| stem.is_char_boundary(i)).unwrap_or(0);
+        let end = (0..=stem.len().min(MAX_STEM)).rev().find(|&i| stem.is_char_boundary(i)).unwrap_or(0);
         let after = target.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
         Self { before: format!("{}.partial-", &stem[..end]), after }
     }

@@ -23,7 +23,7 @@ use plumbline_num::math::Point2;
 /// Rounds of reweighting: the distances change by less than a thousandth after the second.
 const ROUNDS: usize = 3;
 /// Least slope of `n·u`, 1/px: a guard where a sample looks along `n`, far off the circle.
-const LEAST_SLOPE: f64 = 1e-12;
+const MIN_SLOPE: f64 = 1e-12;
 
 /// What a pixel sees: the direction, and how it turns with the pixel.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +48,7 @@ impl Sight {
     }
 
     fn slope(&self, n: &Vec3) -> f64 {
-        self.turn.tr_mul(n).norm().max(LEAST_SLOPE)
+        self.turn.tr_mul(n).norm().max(MIN_SLOPE)
     }
 }
 

@@ -1,5 +1,5 @@
 //! Follows the points of a clip and prints their tracks as text, the input of `cameras_from_tracks`:
-//! `tracks_of_clip CLIP [MOST_FRAMES]`.
+//! `tracks_of_clip CLIP [MAX_FRAMES]`.
 
 use std::io::Write;
 
@@ -8,7 +8,7 @@ use plumbline::video::track::{FrameTracks, TrackOptions, Tracker};
 
 pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = super::args().skip(1).collect();
-    let [clip, ..] = args.as_slice() else { return Err("usage: tracks_of_clip CLIP [MOST_FRAMES]".into()) };
+    let [clip, ..] = args.as_slice() else { return Err("usage: tracks_of_clip CLIP [MAX_FRAMES]".into()) };
     let most = args.get(1).map_or(Ok(usize::MAX), |n| n.parse())?;
     let mut reader = VideoReader::open(&Input::parse(clip)?, &ReadOptions::default())?;
     let (width, height) = (reader.info().width, reader.info().height);

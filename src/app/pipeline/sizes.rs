@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize, Serializer};
 use super::units::number_or_text;
 
 /// Largest side of a picture that is rendered, px.
-pub const MOST_SIDE: u32 = 16_384;
+pub const MAX_SIDE: u32 = 16_384;
 /// Most that a ratio may be from 1, either way.
-const MOST_RATIO: f64 = 100.0;
+const MAX_RATIO: f64 = 100.0;
 
 /// Width and height, px, 1 to 16384 each. Written `"1600x1200"`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,9 +106,9 @@ impl FromStr for PixelSize {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
-            format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MOST_SIDE} each, such as 1600x1200)")
+            format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MAX_SIDE} each, such as 1600x1200)")
         };
-        let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MOST_SIDE).contains(s));
+        let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MAX_SIDE).contains(s));
         let (w, h) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
         side(w).zip(side(h)).map(|(width, height)| Self { width, height }).ok_or_else(wrong)
     }
@@ -134,7 +134,7 @@ impl FromStr for Ratio {
         let wrong = || format!("`{text}` is no shape (expected WIDTH:HEIGHT between 1:100 and 100:1, such as 16:9)");
         let (w, h) = text.split_once(':').ok_or_else(wrong)?;
         let ratio = positive(w).zip(positive(h)).map(|(across, down)| Self { across, down });
-        ratio.filter(|r| (1.0 / MOST_RATIO..=MOST_RATIO).contains(&r.value())).ok_or_else(wrong)
+        ratio.filter(|r| (1.0 / MAX_RATIO..=MAX_RATIO).contains(&r.value())).ok_or_else(wrong)
     }
 }
 

@@ -137,7 +137,7 @@ impl Stage for SkinTrainSettings {
 }
 
 /// Examples at least: of one alone nothing is learnt about what changes between poses, and none can be left out.
-const FEWEST: usize = 2;
+const MIN_EXAMPLES: usize = 2;
 /// Files that are named where several are wrong.
 const NAMED: usize = 10;
 /// Size of an example, by the root of its area, over that at rest.
@@ -213,10 +213,10 @@ fn files(settings: &SkinTrainSettings) -> Result<(Vec<PathBuf>, Vec<PathBuf>), R
     };
     let (mut kept, held) = (found(&settings.examples)?, found(&settings.held_out)?);
     kept.retain(|file| !held.contains(file));
-    if kept.len() < FEWEST {
+    if kept.len() < MIN_EXAMPLES {
         let count = kept.len();
         let aside = if held.is_empty() { String::new() } else { format!(", {} held out", held.len()) };
-        let message = format!("{count} examples are too few to learn from (at least {FEWEST}{aside})");
+        let message = format!("{count} examples are too few to learn from (at least {MIN_EXAMPLES}{aside})");
         return Err(RunError::Input(format!("{message}; give more poses of the mesh")));
     }
     Ok((kept, held))

@@ -27,7 +27,7 @@ use crate::Vec3;
 use plumbline_num::math::Vec2;
 
 /// Radius to which an unbounded plane is followed: 89.99° off the axis.
-const FARTHEST: f64 = 1e4;
+const MAX_PLANE_RADIUS: f64 = 1e4;
 /// Rays of the plane on which the end of the field is searched, and steps on each.
 const SEARCH: (usize, usize) = (24, 128);
 /// Newton steps at most; three to five are usual.
@@ -160,8 +160,8 @@ impl Base {
     fn farthest(&self) -> f64 {
         match self {
             Self::Radial(Radial::Equidistant) => PI,
-            Self::Sphere { xi, .. } if *xi > 1.0 => (xi * xi - 1.0).sqrt().recip().min(FARTHEST),
-            _ => FARTHEST,
+            Self::Sphere { xi, .. } if *xi > 1.0 => (xi * xi - 1.0).sqrt().recip().min(MAX_PLANE_RADIUS),
+            _ => MAX_PLANE_RADIUS,
         }
     }
 

@@ -19,7 +19,7 @@ use crate::Vec3;
 use plumbline_num::math::Vec2;
 
 /// Radius, focal lengths, to which the polynomial is followed at most: an equidistant lens shows 180° off the axis at π.
-const FARTHEST: f64 = 50.0;
+const MAX_RADIUS: f64 = 50.0;
 
 /// Angle along a ray polynomial, symmetric about the axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,7 +79,7 @@ impl Ocam {
         let b: Vec<f64> = std::iter::once(1.0).chain(coefficients.iter().copied()).collect();
         // P − r P′.
         let slope: Vec<f64> = b.iter().enumerate().map(|(i, b)| (1.0 - i as f64) * b).collect();
-        let farthest = polynomial::positive_up_to(&slope, FARTHEST);
+        let farthest = polynomial::positive_up_to(&slope, MAX_RADIUS);
         let limit = farthest.atan2(polynomial::value(&b, farthest));
         Ok(Self { polynomial: RayPolynomial { b, farthest, limit }, affine, inverse })
     }

@@ -18,7 +18,7 @@ use super::radial::{Radial, RadialModel};
 use super::{LensError, Projection, invert, polynomial};
 
 /// Radius, focal lengths, to which a rectilinear base is followed: 89.99° off the axis.
-const FARTHEST: f64 = 1e4;
+const MAX_PLANE_RADIUS: f64 = 1e4;
 
 /// A classical projection with a polynomial of its radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +50,7 @@ impl RadialPolynomial {
         }
         let slope: [f64; 5] = std::array::from_fn(|i| (i + 1) as f64 * c[i]);
         let edge = match base {
-            Radial::Rectilinear | Radial::Stereographic => FARTHEST,
+            Radial::Rectilinear | Radial::Stereographic => MAX_PLANE_RADIUS,
             _ => base.radius(base.limit()).0,
         };
         let farthest = polynomial::positive_up_to(&slope, edge / unit);

@@ -28,7 +28,7 @@ const DEFAULT_ASPECT: f64 = 1.5;
 /// Names less alike than this are different lenses: one word in three may be missing, as makers' names often are.
 const ALIKE: f64 = 0.6;
 /// Files of a database folder that are read at most.
-const MOST_FILES: usize = 1000;
+const MAX_FILES: usize = 1000;
 
 /// The lens of a picture from a lensfun file, a folder of them, or, without a path, the system's database.
 ///
@@ -72,7 +72,7 @@ fn xml_files(folder: &Path) -> Result<Vec<PathBuf>, ProfileError> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?.flatten().map(|entry| entry.path()).collect();
     files.retain(|path| path.extension().is_some_and(|e| e == "xml"));
     files.sort();
-    files.truncate(MOST_FILES);
+    files.truncate(MAX_FILES);
     Ok(files)
 }
 

@@ -44,7 +44,7 @@ use super::{ExifFacts, Lens};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Larger files are refused: the largest lens files, those of databases, have 0.4 MB.
-const LARGEST_BYTES: u64 = 8 << 20;
+const MAX_BYTES: u64 = 8 << 20;
 
 /// A lens and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,10 +80,10 @@ pub fn read_lens(path: &Path, picture: &ExifFacts) -> Result<Profile, LensFileEr
 fn text_of(path: &Path) -> Result<String, ProfileError> {
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path)?;
-    file.take(LARGEST_BYTES + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > LARGEST_BYTES {
+    file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_BYTES {
         let bytes = std::fs::metadata(path)?.len();
-        return Err(ProfileError::TooLarge { bytes, limit: LARGEST_BYTES });
+        return Err(ProfileError::TooLarge { bytes, limit: MAX_BYTES });
     }
     String::from_utf8(bytes).map_err(|_| ProfileError::NotText)
 }

@@ -15,7 +15,7 @@ use crate::{Ocam, Projection};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Degrees that calibrations have: 3 to 7.
-const LONGEST: usize = 24;
+const MAX_COEFFICIENTS: usize = 24;
 
 pub(super) fn is_calibration(text: &str) -> bool {
     text.lines().any(|l| l.starts_with('#') && l.contains("polynomial coefficients for the DIRECT mapping"))
@@ -37,7 +37,7 @@ pub(super) fn lens(text: &str) -> Result<Profile, ProfileError> {
         ProfileError::value(format!("line {}", row.0), format!("{:?}", row.1), expected)
     };
     let [count, a @ ..] = direct.1.as_slice() else { return Err(wrong(direct, "a count and coefficients")) };
-    if *count != a.len() as f64 || a.len() > LONGEST || a.is_empty() {
+    if *count != a.len() as f64 || a.len() > MAX_COEFFICIENTS || a.is_empty() {
         return Err(wrong(direct, "as many coefficients as the first number says (1 to 24)"));
     }
     let [row, column] = center.1[..] else { return Err(wrong(center, "row and column")) };

@@ -6,14 +6,14 @@ use serde_json::{Map, Value, json};
 use super::ProfileError;
 
 /// Elements and texts in a document; the largest lens database has 60 000.
-const MOST_NODES: u32 = 1_000_000;
+const MAX_NODES: u32 = 1_000_000;
 /// Storage nests three levels.
-const DEEPEST: usize = 32;
+const MAX_NESTING: usize = 32;
 
 /// The document in a text.
 pub(super) fn document(text: &str) -> Result<Document<'_>, ProfileError> {
     // Databases name their DTD; entities are expanded by the parser within bounds of its own.
-    let options = ParsingOptions { allow_dtd: true, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let options = ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|e| ProfileError::syntax("XML", e))
 }
 
@@ -23,7 +23,7 @@ pub(super) fn storage(root: Node<'_, '_>) -> Result<Value, ProfileError> {
 }
 
 fn element(node: Node<'_, '_>, depth: usize) -> Result<Value, ProfileError> {
-    if depth > DEEPEST {
+    if depth > MAX_NESTING {
         return Err(ProfileError::syntax("XML", "elements are nested too deeply"));
     }
     let children: Vec<Node<'_, '_>> = node.children().filter(Node::is_element).collect();

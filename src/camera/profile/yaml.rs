@@ -7,7 +7,7 @@ use yaml_rust2::scanner::TScalarStyle;
 use super::ProfileError;
 
 /// Lens files nest three levels.
-const DEEPEST: usize = 32;
+const MAX_NESTING: usize = 32;
 
 /// The first document of a text. OpenCV's first line, `%YAML:1.0`, is no YAML and is passed over.
 pub(super) fn tree(text: &str) -> Result<Value, ProfileError> {
@@ -21,7 +21,7 @@ pub(super) fn tree(text: &str) -> Result<Value, ProfileError> {
         let value = match event {
             Event::StreamEnd | Event::DocumentEnd => return Err(ProfileError::UnknownFormat),
             Event::Alias(_) => return refused("aliases (*name) are not read: write the value itself"),
-            Event::SequenceStart(..) | Event::MappingStart(..) if open.len() >= DEEPEST => {
+            Event::SequenceStart(..) | Event::MappingStart(..) if open.len() >= MAX_NESTING => {
                 return refused("nested too deeply");
             }
             Event::SequenceStart(..) => {

@@ -78,7 +78,7 @@ impl FaceDetector {
 
     fn detect_luma(&self, luma: &Plane<u8>, scale: (f64, f64)) -> Vec<Face> {
         let (w, h) = (luma.width(), luma.height());
-        if w.min(h) < LEAST_SIDE {
+        if w.min(h) < MIN_SIDE {
             return Vec::new();
         }
         let packed: Vec<u8> = (0..h).flat_map(|y| luma.as_ref().row(y).iter().copied()).collect();
@@ -111,7 +111,7 @@ impl FaceDetector {
 }
 
 /// The cascade's window is 40 px wide: a smaller picture has no room for it.
-const LEAST_SIDE: usize = 40;
+const MIN_SIDE: usize = 40;
 
 #[cfg(test)]
 mod tests {

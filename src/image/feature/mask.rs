@@ -49,7 +49,7 @@ pub enum MaskError {
 }
 
 /// Largest share of the picture that a mask may take, %. Beyond it the few points left say nothing of the camera.
-const MOST_COVERED_PERCENT: f64 = 98.0;
+const MAX_COVERED_PERCENT: f64 = 98.0;
 
 impl Mask {
     /// A mask from a plane of any size that covers the picture: samples of 128 and above are masked.
@@ -69,8 +69,8 @@ impl Mask {
         let plane = grown(&Plane::from_fn(width, height, covers), radius_px)?;
         let masked: usize = (0..height).map(|y| plane.as_ref().row(y).iter().filter(|v| **v > 0).count()).sum();
         let covered_percent = 100.0 * masked as f64 / (width * height).max(1) as f64;
-        if covered_percent > MOST_COVERED_PERCENT {
-            return Err(MaskError::CoversAll { covered_percent, limit_percent: MOST_COVERED_PERCENT });
+        if covered_percent > MAX_COVERED_PERCENT {
+            return Err(MaskError::CoversAll { covered_percent, limit_percent: MAX_COVERED_PERCENT });
         }
         Ok(Self { plane })
     }

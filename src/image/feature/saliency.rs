@@ -39,7 +39,7 @@ const SLOPE: f32 = 10.0;
 const CORNER_LOSS: f32 = 0.5;
 
 /// Largest differences below this are noise of rounding, not contrast.
-const LEAST_CONTRAST: f32 = 1e-3;
+const MIN_CONTRAST: f32 = 1e-3;
 
 /// Saliency of every pixel, in [0, 1].
 pub fn saliency(picture: &LabPicture) -> Plane<f32> {
@@ -61,7 +61,7 @@ pub fn saliency(picture: &LabPicture) -> Plane<f32> {
 /// Divides by the largest value, so that the range is [0, 1]; a picture without contrast becomes 0.
 fn scale_to_one(values: &mut [f32]) {
     let most = values.iter().copied().fold(0.0, f32::max);
-    let scale = if most > LEAST_CONTRAST { 1.0 / most } else { 0.0 };
+    let scale = if most > MIN_CONTRAST { 1.0 / most } else { 0.0 };
     for v in values {
         *v *= scale;
     }
@@ -155,7 +155,7 @@ impl Side {
         let inverse = regular.try_inverse().unwrap_or_else(Matrix3::identity);
         let mut side = Self { mean, inverse, scale: 1.0 };
         let most = picture.pixels().iter().map(|p| side.distance(p)).fold(0.0, f32::max);
-        side.scale = if most > LEAST_CONTRAST { 1.0 / most } else { 0.0 };
+        side.scale = if most > MIN_CONTRAST { 1.0 / most } else { 0.0 };
         side
     }
 

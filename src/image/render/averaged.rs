@@ -34,9 +34,9 @@ const RAMP: f32 = 0.8;
 /// Source pixels between two samples of a mean.
 const APART: f32 = 1.5;
 /// Most samples of a mean along an axis.
-const MOST: f32 = 64.0;
+const MAX_SAMPLES: f32 = 64.0;
 /// Widest lattice cell, px.
-const WIDEST: usize = 32;
+const MAX_CELL_PX: usize = 32;
 
 /// Samples of the pixels in a lattice cell along one axis: how many, and over which part of the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +50,7 @@ impl Spread {
     fn of(m: f32) -> Self {
         let shrinks = m > ONSET && m.is_finite();
         if shrinks {
-            Self { count: (m / APART).ceil().clamp(2.0, MOST) as u32, part: ((m - ONSET) / RAMP).min(1.0) }
+            Self { count: (m / APART).ceil().clamp(2.0, MAX_SAMPLES) as u32, part: ((m - ONSET) / RAMP).min(1.0) }
         } else {
             Self { count: 1, part: 0.0 }
         }
@@ -174,9 +174,9 @@ impl Means<'_> {
         [across, down]: [Spread; 2],
         out: &mut [S],
     ) {
-        let mut sums = [0_u32; WIDEST];
-        let (mut xs, mut ys) = ([0_i32; WIDEST], [0_i32; WIDEST]);
-        let mut samples = [S::default(); WIDEST];
+        let mut sums = [0_u32; MAX_CELL_PX];
+        let (mut xs, mut ys) = ([0_i32; MAX_CELL_PX], [0_i32; MAX_CELL_PX]);
+        let mut samples = [S::default(); MAX_CELL_PX];
         let count = out.len();
         for b in 0..down.count {
             for a in 0..across.count {

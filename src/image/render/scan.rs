@@ -18,8 +18,8 @@ use crate::{ColorDescription, PixelFormat};
 /// Fractional bits while positions are advanced. An error of one unit per step grows to 5e-4 px over a cell of 32 px.
 const FRACTION_BITS: u32 = 16;
 /// Offsets are held within this, px, so that positions fit an `i32` with [`FRACTION_BITS`].
-const FARTHEST: f32 = 16_000.0;
-/// Largest width and height that fit beside [`FARTHEST`].
+const MAX_OFFSET_PX: f32 = 16_000.0;
+/// Largest width and height that fit beside [`MAX_OFFSET_PX`].
 pub(super) const MAX_SIZE: usize = 16_384;
 /// Position of a sample whose source is not defined: outside whatever the size.
 pub(super) const NOWHERE: i32 = -(MAX_SIZE as i32) << PHASE_BITS;
@@ -95,8 +95,8 @@ impl Line {
     /// of the cell behind the left end, samples are `share` of the cell apart.
     #[inline(always)]
     pub(super) fn new(left: f32, slope: f32, phase: f32, share: f32, unit: f32) -> Self {
-        let start = (left + slope * phase).clamp(-FARTHEST, FARTHEST) * unit;
-        let advance = (slope * share).clamp(-FARTHEST, FARTHEST) * unit;
+        let start = (left + slope * phase).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
+        let advance = (slope * share).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
         Self { start: start as i32, advance: advance as i32 }
     }
 

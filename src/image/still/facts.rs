@@ -3,7 +3,7 @@
 use exif::{Exif, In, Reader, Tag, Value};
 
 /// Longest text that is believed, characters.
-const LONGEST: usize = 120;
+const MAX_CHARACTERS: usize = 120;
 
 /// What EXIF says of camera and lens.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,7 +63,7 @@ impl ExifTags {
 fn text(exif: &Exif, tag: Tag) -> Option<String> {
     let Value::Ascii(parts) = &exif.get_field(tag, In::PRIMARY)?.value else { return None };
     let text = String::from_utf8_lossy(parts.first()?);
-    let clean: String = text.chars().filter(|c| !c.is_control() && *c != '\u{fffd}').take(LONGEST).collect();
+    let clean: String = text.chars().filter(|c| !c.is_control() && *c != '\u{fffd}').take(MAX_CHARACTERS).collect();
     let clean = clean.trim();
     (!clean.is_empty()).then(|| clean.to_owned())
 }

@@ -18,7 +18,7 @@ const FULL_CHROMA: u8 = 90;
 /// Bands of a large picture: enough that threads end together, few enough that markers cost nothing.
 const BANDS: usize = 24;
 /// Longest restart interval, blocks.
-const MOST_INTERVAL: usize = 65_535;
+const MAX_INTERVAL: usize = 65_535;
 
 /// Segments that are written before the picture.
 #[derive(Clone, Copy, Debug, Default)]
@@ -112,7 +112,7 @@ pub(super) fn encode(
     let color = frame.format.layout == Layout::Gbr;
     let block = if color && quality < FULL_CHROMA { 16 } else { 8 };
     let (across, down) = (frame.width.div_ceil(block), frame.height.div_ceil(block));
-    let rows = down.div_ceil(BANDS).clamp(1, (MOST_INTERVAL / across).max(1));
+    let rows = down.div_ceil(BANDS).clamp(1, (MAX_INTERVAL / across).max(1));
     let bands: Vec<Band<'_>> = (0..down)
         .step_by(rows)
         .map(|row| Band { planes: &planes, first: row * block, height: (frame.height - row * block).min(rows * block) })

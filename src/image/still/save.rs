@@ -11,7 +11,7 @@ use super::{Photo, StillError, StillFormat, exif, jpeg, reduce, tiff};
 use crate::{Frame, Layout};
 
 /// Longest block that fits into the one segment of a JPEG file that EXIF may have, bytes.
-const MOST_EXIF_IN_JPEG: usize = 65_527;
+const MAX_EXIF_IN_JPEG: usize = 65_527;
 
 /// How pictures are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub fn encode(
         StillFormat::Jpeg => {
             let reduced = reduced(&photo.frame, format, false, &mut saved)?;
             let too_long = |block: &&Vec<u8>| {
-                let long = block.len() > MOST_EXIF_IN_JPEG;
+                let long = block.len() > MAX_EXIF_IN_JPEG;
                 if long {
                     saved
                         .warnings

@@ -5,7 +5,7 @@
 //! `(k·h, l·h)` of a lattice and interpolated bilinearly, which along a scan line of a cell is one addition per pixel.
 //!
 //! The lattice stores the *offset* `src − out`, which is small where the position is large: `f32` then resolves 1e-4 px
-//! even in an 8K frame. The step `h` starts at [`COARSEST`] and is halved until the interpolation errs by less than
+//! even in an 8K frame. The step `h` starts at [`MAX_STEP_PX`] and is halved until the interpolation errs by less than
 //! [`TOLERANCE_PX`]. The error is measured where the next finer lattice has points, at the middles of cells and edges:
 //! for a quadratic field that is where it is largest, and for a kink (the edge of a mesh cell that crosses a lattice
 //! cell) the error elsewhere is at most twice that, hence the factor ½ in the test.
@@ -19,11 +19,11 @@ use plumbline_num::math::{Point2, Vec2};
 /// blur and shift by it are invisible.
 const TOLERANCE_PX: f64 = 0.02;
 /// First step tried, px. A similarity is exact at any step; homographies of shaky video pass here.
-const COARSEST: usize = 32;
+const MAX_STEP_PX: usize = 32;
 /// Last step, px, accepted whatever its error. The offsets of a 1080p frame fill 1 MB there. A change `Δ` of the slope
 /// across a mesh edge errs by `Δ h/4`: second differences of the mesh up to 1 % of its cells stay within the tolerance,
 /// several times what a content-preserving warp leaves between neighboring cells.
-const FINEST: usize = 4;
+const MIN_STEP_PX: usize = 4;
 /// Points whose source lies further outside the source than this need no precision, px: no kernel reaches them.
 const MARGIN_PX: f64 = 4.0;
 
@@ -50,8 +50,8 @@ impl Lattice {
         if let Some(step) = Self::step_known_to_suffice(field) {
             return Self::sample(field, out, step, None);
         }
-        let mut coarse = Self::sample(field, out, COARSEST, None);
-        while coarse.step > FINEST {
+        let mut coarse = Self::sample(field, out, MAX_STEP_PX, None);
+        while coarse.step > MIN_STEP_PX {
             let fine = Self::sample(field, out, coarse.step / 2, Some(&coarse));
             if coarse.error(&fine, &inside) < 0.5 * TOLERANCE_PX {
                 break;
@@ -63,8 +63,8 @@ impl Lattice {
 
     /// The coarsest step whose error is bounded by the tolerance, where a bound is known.
     fn step_known_to_suffice(field: &WarpField) -> Option<usize> {
-        let mut step = COARSEST;
-        while step > FINEST && !(field.interpolation_error(step as f64)? < TOLERANCE_PX) {
+        let mut step = MAX_STEP_PX;
+        while step > MIN_STEP_PX && !(field.interpolation_error(step as f64)? < TOLERANCE_PX) {
             step /= 2;
         }
         field.interpolation_error(step as f64).map(|_| step)

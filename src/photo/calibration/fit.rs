@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::model::{PARAMETERS, Parameters};
-use super::{CalibrationError, CalibrationOptions, LEAST_SAMPLES, LensModel, log_focal};
+use super::{CalibrationError, CalibrationOptions, LensModel, MIN_SAMPLES, log_focal};
 use crate::Line;
 use crate::great_circle::{Sight, best_circle};
 use plumbline_camera::{FieldAxis, FieldOfView, Lens};
@@ -15,7 +15,7 @@ use plumbline_num::run::Run;
 const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
 /// Steps from each start, enough to tell the best, and steps of each round after it.
 const TRIAL_STEPS: usize = 8;
-const STEPS_AT_MOST: usize = 40;
+const MAX_STEPS: usize = 40;
 /// Rounds of reweighting lines.
 const ROUNDS: usize = 8;
 /// Standard deviation of samples in the first round, px: that of marks by hand.
@@ -50,7 +50,7 @@ impl Samples {
             }
         }
         let lines: Vec<_> =
-            lines.iter().map(|l| l.points.clone()).filter(|points| points.len() >= LEAST_SAMPLES).collect();
+            lines.iter().map(|l| l.points.clone()).filter(|points| points.len() >= MIN_SAMPLES).collect();
         let samples = lines.iter().map(Vec::len).sum();
         // Two samples of each line go into its circle; focal length and center must still be overdetermined.
         let needed = 2 * lines.len().max(2) + 4;
@@ -109,10 +109,10 @@ impl Fit {
         problem.x = best?.1;
         for _ in 0..ROUNDS {
             problem.soften(options.mark_sigma)?;
-            problem.run(STEPS_AT_MOST, run)?;
+            problem.run(MAX_STEPS, run)?;
         }
         problem.decide(options.mark_sigma)?;
-        problem.run(STEPS_AT_MOST, run)?;
+        problem.run(MAX_STEPS, run)?;
         problem.finish(options.mark_sigma)
     }
 

@@ -59,7 +59,7 @@ use super::Line;
 use fit::{Fit, Samples};
 
 /// Lines with this many samples or more tell a bend.
-const LEAST_SAMPLES: usize = 3;
+const MIN_SAMPLES: usize = 3;
 
 /// Settings of [`calibrate`].
 #[derive(Clone, Debug, PartialEq)]
@@ -198,7 +198,7 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
     let lens = fit.lens();
     let mut fits = fit.line_fits(samples).into_iter();
     let told = lines.iter().map(|line| {
-        let (distance_px, role) = if line.points.len() < LEAST_SAMPLES {
+        let (distance_px, role) = if line.points.len() < MIN_SAMPLES {
             (None, LineRole::TooShort)
         } else {
             let (rms, max, used) = fits.next().expect("one fit per line of three points or more");

@@ -9,7 +9,7 @@ use plumbline_num::math::Point2;
 /// Distance of points along a line, shares of the photo's diagonal.
 const SPACING: f64 = 0.02;
 /// Least share of a line along which an edge is seen.
-const LEAST_COVERAGE: f64 = 0.6;
+const MIN_COVERAGE: f64 = 0.6;
 /// Cells along a side over which lines are spread.
 const CELLS: f64 = 4.0;
 /// Sine of the steepest pitch at which verticals shall be upright, 20°: looking up a tower they converge, and are meant to.
@@ -40,7 +40,7 @@ pub(super) fn best(
     let diagonal = lens.size.0.hypot(lens.size.1);
     let long_enough = |c: &Course| {
         let least = if c.group == LineGroup::Free && !flat { options.min_free_length } else { options.min_length };
-        c.length_px * c.clarity >= least * diagonal && c.coverage >= LEAST_COVERAGE
+        c.length_px * c.clarity >= least * diagonal && c.coverage >= MIN_COVERAGE
     };
     let courses = arcs.iter().filter_map(|a| course(a, directions, lens, flat));
     let chosen = spread(courses.filter(long_enough).collect(), lens.size, options.max_lines);

@@ -24,9 +24,9 @@ const TOLERANCE: f64 = 0.02;
 /// Cosine of the largest angle between the vertical and the picture's y axis: 40°.
 const UPRIGHT: f64 = 0.766;
 /// Fewest lines of a group.
-const FEWEST: usize = 4;
+const MIN_LINES: usize = 4;
 /// Least support of a group, rad of line: half a view's width.
-const LEAST_SUPPORT: f64 = 0.5;
+const MIN_SUPPORT: f64 = 0.5;
 /// Most horizontal groups.
 const HORIZONTALS: usize = 3;
 /// Sine of the least angle between two groups: 8°.
@@ -96,7 +96,7 @@ fn supported(candidates: impl Iterator<Item = Vec3>, arcs: &[&Arc]) -> Option<Ve
     let (_, v) = best?;
     let v = refined(&v, arcs);
     let meeting = arcs.iter().filter(|a| fit(a, &v) > 0.0).count();
-    (meeting >= FEWEST && support(arcs.iter().copied(), &v) >= LEAST_SUPPORT).then_some(v)
+    (meeting >= MIN_LINES && support(arcs.iter().copied(), &v) >= MIN_SUPPORT).then_some(v)
 }
 
 /// The direction that the lines which meet `v` meet best.

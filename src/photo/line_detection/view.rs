@@ -14,9 +14,9 @@ const HALF_FIELD: f64 = 50.0 * PI / 180.0;
 /// Photos whose corners look this far off the axis are seen in one view. Beyond, its corners are too stretched.
 const SINGLE: f64 = 55.0 * PI / 180.0;
 /// Longest focal length of a view of many, px: bounds the work on panoramas.
-const MOST_FOCAL: f64 = 500.0;
+const MAX_FOCAL: f64 = 500.0;
 /// A view is worth its time where it sees the photo in this share of probed points.
-const LEAST_SEEN: f64 = 0.02;
+const MIN_VISIBLE: f64 = 0.02;
 
 /// A perspective view.
 #[derive(Debug)]
@@ -44,13 +44,13 @@ impl View {
         if lens.projection == Projection::Rectilinear && corner < SINGLE {
             return vec![Self { luma: shrunk, sight: Sight::Photo { lens: lens.clone(), shrunk: scale } }];
         }
-        let focal = (lens.focal.x.max(lens.focal.y) / scale).min(MOST_FOCAL);
+        let focal = (lens.focal.x.max(lens.focal.y) / scale).min(MAX_FOCAL);
         let (half, turns) =
             if corner < SINGLE { (corner, vec![nalgebra::Rotation3::identity()]) } else { (HALF_FIELD, cube()) };
         let side = (2.0 * focal * half.tan()).ceil().max(8.0) as usize;
         let middle = Vec2::repeat(0.5 * side as f64);
         let sights = turns.into_iter().map(|lens_from_view| Sight::Turned { lens_from_view, focal, middle });
-        let worth = sights.filter(|sight| seen(sight, lens, side) >= LEAST_SEEN);
+        let worth = sights.filter(|sight| seen(sight, lens, side) >= MIN_VISIBLE);
         worth.map(|sight| Self { luma: sampled(&shrunk, scale, lens, &sight, side), sight }).collect()
     }
 

@@ -8,13 +8,13 @@ use crate::Orientation;
 use plumbline_num::math::{Point2, Rect};
 
 /// Most lines of a file.
-pub(super) const MOST_MARKS: usize = 10_000;
+pub(super) const MAX_MARKS: usize = 10_000;
 /// Most points of a file.
-const MOST_POINTS: usize = 100_000;
+const MAX_POINTS: usize = 100_000;
 /// Points may lie this far outside the picture, px: marks on the outermost pixel's outer edge, whatever the convention.
 const SLACK: f64 = 0.5;
 /// A line with all points within this distance of its first has no direction, px.
-const LEAST_EXTENT: f64 = 1.0;
+const MIN_EXTENT: f64 = 1.0;
 /// Lines whose ends lie within this distance of each other are the same, px: less than marks by hand repeat.
 const SAME: f64 = 0.5;
 
@@ -42,8 +42,8 @@ pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Res
 
 /// Checks all lines on a picture of `size`, and drops those that repeat an earlier one; what was dropped is told.
 pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<MarkedLine>, Vec<String>), MarksError> {
-    count("lines", marked.len(), MOST_MARKS)?;
-    count("points", marked.iter().map(|m| m.line.points.len()).sum(), MOST_POINTS)?;
+    count("lines", marked.len(), MAX_MARKS)?;
+    count("points", marked.iter().map(|m| m.line.points.len()).sum(), MAX_POINTS)?;
     names("line", marked.iter().map(|m| m.line.name.as_str()))?;
     for (i, m) in marked.iter().enumerate() {
         line(&told("line", i, &m.line.name), &m.line.points, size)?;
@@ -87,7 +87,7 @@ fn line(mark: &str, points: &[Point2], (w, h): (u32, u32)) -> Result<(), MarksEr
             return refused(format!("points[{i}]"), format!("({}, {})", p.x, p.y), expected);
         }
     }
-    if points.iter().all(|p| (p - points[0]).norm() < LEAST_EXTENT) {
+    if points.iter().all(|p| (p - points[0]).norm() < MIN_EXTENT) {
         return Err(MarksError::ZeroLength { mark: mark.to_owned() });
     }
     Ok(())

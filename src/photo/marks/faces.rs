@@ -111,7 +111,7 @@ impl FacesFile {
                 list.into_iter().map(entry).collect()
             }
         };
-        check::count("faces", entries.len(), check::MOST_MARKS)?;
+        check::count("faces", entries.len(), check::MAX_MARKS)?;
         let faces: Result<Vec<_>, _> = entries.into_iter().enumerate().map(|(i, e)| face(i, e, size)).collect();
         let faces = faces?;
         check::names("face", faces.iter().map(|f| f.name.as_str()))?;

@@ -43,7 +43,7 @@ const ROUNDS: usize = 10;
 /// Times the shape of folding cells is raised before the grid is drawn back.
 const FOLD_ROUNDS: usize = 6;
 /// Least share of the picture inside its outline.
-const LEAST_INSIDE: f64 = 0.2;
+const MIN_INSIDE: f64 = 0.2;
 /// Points along the longer side at which the result is tried for pixels from outside.
 const TRIED: usize = 600;
 
@@ -115,7 +115,7 @@ pub fn rectangle(
 ) -> Result<Rectangled, RectangleError> {
     check(options)?;
     let share = input.outline.share();
-    if share < LEAST_INSIDE {
+    if share < MIN_INSIDE {
         return Err(RectangleError::Empty { percent: 100.0 * share });
     }
     let source = start::start(input.outline, input.luma, input.size, options.cells, run)?;

@@ -27,7 +27,7 @@ const MIXED: usize = 2;
 /// A tolerance whose flood takes this share more of the picture has broken into it.
 const LEAK: f64 = 0.02;
 /// Least share of the frame's pixels that have the border's color.
-const LEAST_OF_FRAME: usize = 10;
+const MIN_PER_FRAME: usize = 10;
 /// Blocks within which a line runs along the outline.
 const BESIDE: usize = 2;
 /// Gray levels from black or white within which a border is one of them.
@@ -40,7 +40,7 @@ const NEARLY_ALL: f64 = 0.985;
 /// outline falls between blocks, and lenses are not quite round.
 const ROUND: (f64, f64) = (0.6, 0.005);
 /// Blocks along an outline that can be told from a circle, at least.
-const LEAST_OUTLINE: f64 = 12.0;
+const MIN_OUTLINE: f64 = 12.0;
 
 /// Which blocks of a picture lie inside its outline.
 #[derive(Clone, Debug)]
@@ -108,7 +108,7 @@ impl Outline {
     pub fn is_round(&self) -> bool {
         let outline: Vec<Vec2> = self.along().collect();
         let count = outline.len() as f64;
-        if count < LEAST_OUTLINE {
+        if count < MIN_OUTLINE {
             return false;
         }
         let mean = outline.iter().sum::<Vec2>() / count;
@@ -302,7 +302,7 @@ fn border_color(pixels: &[[u8; 3]], around: &[usize]) -> Option<[u8; 3]> {
     let color = sum.map(|s| (s / count) as u8);
     // Walls and skies have a color along the frame, too.
     let plain = color.iter().all(|c| *c <= NEARLY) || color.iter().all(|c| *c >= 255 - NEARLY);
-    (plain && count * 100 >= around.len() * LEAST_OF_FRAME).then_some(color)
+    (plain && count * 100 >= around.len() * MIN_PER_FRAME).then_some(color)
 }
 
 /// Which sides of the frame touch the outside.

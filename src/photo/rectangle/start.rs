@@ -21,7 +21,7 @@ const REACH: f64 = 3.0;
 /// Rounds of drawing the border inwards.
 const INSET: usize = 200;
 /// Cells of the coarsest grid that is tried.
-const LEAST_CELLS: usize = 64;
+const MIN_CELLS: usize = 64;
 /// Points at which an edge of the border is tried.
 const SAMPLES: usize = 33;
 
@@ -59,7 +59,7 @@ pub(super) fn start(
         (mesh.folded_cells() == 0).then_some(mesh)
     };
     // A coarser grid follows a ragged outline less closely.
-    let mut coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= LEAST_CELLS);
+    let mut coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= MIN_CELLS);
     let mesh = coarser.find_map(|cells| if run.check().is_ok() { laid(cells) } else { None });
     let mut mesh = run.complete(mesh)?.ok_or(RectangleError::Ragged)?;
     let (origin, block) = (Vec2::new(x0 as f64, y0 as f64), outline.block as f64);

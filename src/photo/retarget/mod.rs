@@ -266,7 +266,7 @@ impl Retargeter {
         }
         // Nothing at all would leave cells free to be anything; a mask may say so nevertheless.
         for w in &mut weights {
-            *w = w.max(LEAST_WEIGHT);
+            *w = w.max(MIN_WEIGHT);
         }
         weights
     }
@@ -280,7 +280,7 @@ const TOLERANCE: f64 = 5e-4;
 /// How far the start may stretch beyond where strain sets in. At 1, a most scale of 1 would leave it no room.
 const START: f64 = 1.25;
 /// Least weight of a cell.
-const LEAST_WEIGHT: f64 = 1e-3;
+const MIN_WEIGHT: f64 = 1e-3;
 
 pub(super) fn is_size((width, height): (usize, usize)) -> bool {
     (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height)

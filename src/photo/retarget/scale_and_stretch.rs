@@ -45,7 +45,7 @@ const STRAIN: f64 = 0.1;
 /// `ς`: at 0.1 skies turn into streaks, at 1 they hardly make room for what shrinks both ways.
 const STRETCH: f64 = 0.4;
 /// A cell's Jacobian may not fall below this share of its least area `m_x m_y |cell|`: rounding stays far from a fold.
-const LEAST_DETERMINANT: f64 = 0.02;
+const MIN_DETERMINANT: f64 = 0.02;
 /// An energy below this is rounding: nothing is to be gained.
 const NOTHING: f64 = 1e-12;
 /// Halvings of a step before the mesh is taken for solved.
@@ -375,7 +375,7 @@ impl Scales {
 
     /// True where every cell keeps its orientation with some room and no edge runs backward.
     fn allow(&self, grid: &Grid, mesh: &GridMesh) -> bool {
-        let least = LEAST_DETERMINANT * self.least.0 * self.least.1 * self.cell.0 * self.cell.1;
+        let least = MIN_DETERMINANT * self.least.0 * self.least.1 * self.cell.0 * self.cell.1;
         (0..grid.cell_count()).all(|cell| {
             let quad = mesh.quad(cell);
             quad.least_jacobian() > least && self.edges(&quad).along.iter().all(|a| *a > 0.0)

@@ -15,7 +15,7 @@ use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Pieces shorter than this share of a cell are not worth two conditions: they would weigh a corner of a cell like a whole
 /// crossing.
-const SHORTEST_PIECE: f64 = 1e-3;
+const MIN_PIECE: f64 = 1e-3;
 
 /// The virtual vertices of a line in order, in cells of a grid laid over `[0, width] × [0, height]`; empty where the line
 /// runs outside, or is a point.
@@ -69,7 +69,7 @@ fn clipped(a: Point2, b: Point2, grid: &Grid) -> Option<(Point2, Point2)> {
 fn crossings(a: Point2, b: Point2, grid: &Grid) -> Vec<f64> {
     let (w, h) = grid.cell_size();
     let in_cells = Vec2::new((b.x - a.x) / w, (b.y - a.y) / h);
-    let shortest = SHORTEST_PIECE / in_cells.norm().max(SHORTEST_PIECE);
+    let shortest = MIN_PIECE / in_cells.norm().max(MIN_PIECE);
     let mut cuts = vec![0.0, 1.0];
     for (start, slope) in [(a.x / w, in_cells.x), (a.y / h, in_cells.y)] {
         let (low, high) = (start.min(start + slope), start.max(start + slope));

@@ -40,7 +40,7 @@ const CELLS: usize = 600;
 /// Strips of the profile over which the window slides.
 const STRIPS: usize = 96;
 /// Least weight of a cell, as for still pictures.
-const LEAST_WEIGHT: f64 = 1e-3;
+const MIN_WEIGHT: f64 = 1e-3;
 
 /// How a clip is given another shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ pub struct ClipRetargetOptions {
 }
 
 /// Largest scale of a row or column relative to the larger of the plain resize: more turns backgrounds into streaks.
-const MOST_SCALE: f64 = 2.0;
+const MAX_SCALE: f64 = 2.0;
 
 impl Default for ClipRetargetOptions {
     fn default() -> Self {
@@ -224,11 +224,11 @@ impl Shape {
         let starts = self.window_path(&followed, run)?;
         let grid = self.grid();
         let scale = (self.out.0 / grid.width, self.out.1 / grid.height);
-        let bounds = Bounds { least: options.least_scale, most: MOST_SCALE };
+        let bounds = Bounds { least: options.least_scale, most: MAX_SCALE };
         let solve = |(moment, start): (usize, &f64)| {
             let mut weights = followed.moments[moment].cell_means(&self.window(*start), grid.cols, grid.rows);
             for w in &mut weights {
-                *w = w.max(LEAST_WEIGHT);
+                *w = w.max(MIN_WEIGHT);
             }
             axis_aligned::scales(&grid, &weights, scale, bounds, run)
         };

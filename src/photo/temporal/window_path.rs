@@ -30,7 +30,7 @@ const SMOOTH_S: f64 = 0.6;
 /// Part ε of the price of speed.
 const SPEED: f64 = 0.02;
 /// Fastest move, widths of the picture per second.
-const FASTEST: f64 = 0.4;
+const MAX_SPEED: f64 = 0.4;
 
 /// What each start of the window is worth at a moment, as a share of all that matters.
 pub(super) struct Sight {
@@ -135,7 +135,7 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<
         qp.require_at_most_zero(c(k) - Affine::constant(most));
     }
     for k in 0..n - 1 {
-        let way = FASTEST / share * step(k);
+        let way = MAX_SPEED / share * step(k);
         qp.add_square(SPEED * SMOOTH_S.powi(2) * step(k), speed(k));
         qp.require_at_most_zero(c(k + 1) - c(k) - Affine::constant(way));
         qp.require_at_most_zero(c(k) - c(k + 1) - Affine::constant(way));

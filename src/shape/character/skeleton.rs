@@ -8,7 +8,7 @@ use super::{CharacterError, Limits, Pose};
 use plumbline_num::math::Trs;
 
 /// Most joints of a skeleton: their numbers fit 16 bit, as in glTF.
-const MOST_JOINTS: usize = 1 << 16;
+const MAX_JOINTS: usize = 1 << 16;
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,8 +54,8 @@ impl Skeleton {
         if joints.is_empty() {
             return Err(CharacterError::NoJoints);
         }
-        if joints.len() > MOST_JOINTS {
-            return Err(CharacterError::TooManyJoints { joints: joints.len(), most: MOST_JOINTS });
+        if joints.len() > MAX_JOINTS {
+            return Err(CharacterError::TooManyJoints { joints: joints.len(), most: MAX_JOINTS });
         }
         check_each(&joints)?;
         check_names(&joints)?;

@@ -16,7 +16,7 @@ const RANK: f64 = 1e-10;
 
 /// A whole turn more or less leads around an axis that may lie anywhere: below this `sin(θ/2)` its arc would be more than
 /// twice as wide as the way is long, and the way is straight instead.
-const WIDEST_ARC: f64 = 0.25;
+const MAX_ARC: f64 = 0.25;
 
 /// Mean of weighted points.
 pub(super) fn centroid(points: &[Point3<f64>], weights: &[f64]) -> Point3<f64> {
@@ -97,7 +97,7 @@ impl Screw {
         let angle = self.turn.norm();
         let sine = (0.5 * angle).sin();
         let whole_turns = angle > std::f64::consts::PI * (1.0 + 1e-12);
-        if angle < 1e-12 || whole_turns && sine.abs() < WIDEST_ARC {
+        if angle < 1e-12 || whole_turns && sine.abs() < MAX_ARC {
             return self.way * time;
         }
         let axis = self.turn / angle;

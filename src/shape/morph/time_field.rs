@@ -17,7 +17,7 @@ use plumbline_num::sparse::{Eliminated, Ordering};
 use plumbline_num::spatial::numbered_components;
 
 /// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
-const LEAST: f64 = 1e-6;
+const MIN_WEIGHT: f64 = 1e-6;
 
 /// The harmonic field through painted times; `elsewhere` on pieces on which nothing is painted.
 ///
@@ -42,7 +42,7 @@ pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64, run: 
     let mean = weights.weights().iter().sum::<f64>() / weights.weights().len().max(1) as f64;
     let mut triplets = Vec::with_capacity(3 * weights.edges().len());
     for (i, j, w) in weights.iter() {
-        let w = w.max(LEAST * mean);
+        let w = w.max(MIN_WEIGHT * mean);
         triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
     }
     let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(mesh.vertex_count(), &triplets)?;

@@ -62,7 +62,7 @@ impl DetailPreserving {
     /// As [`super::bind`].
     pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions, run: &Run) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
-        let cotangents = Cotangents::new(mesh, options.cotangents).limited(LARGEST);
+        let cotangents = Cotangents::new(mesh, options.cotangents).limited(MAX_COTANGENT);
         let (weights, inverse_mass) = match options.laplacian {
             LaplacianKind::Cotangent => {
                 let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
@@ -170,10 +170,10 @@ fn degrees(weights: &EdgeWeights) -> Vec<f64> {
 
 /// Half cotangents at most: needles of 1:2000 keep theirs. Squared and over the area they make 10⁶ beside the 1 of others, and
 /// 10¹³ is what the factorization can tell apart.
-const LARGEST: f64 = 1e3;
+const MAX_COTANGENT: f64 = 1e3;
 
 /// A vertex area is at least this fraction of the mean: the corner of slivers only would outweigh all others.
-const LEAST_AREA: f64 = 1e-4;
+const MIN_AREA: f64 = 1e-4;
 
 /// Mean vertex area over that of each vertex: dimensionless, so that soft weights mean the same at any scale.
 fn inverse_areas(mesh: &TriMesh) -> Vec<f64> {
@@ -182,5 +182,5 @@ fn inverse_areas(mesh: &TriMesh) -> Vec<f64> {
     if !(mean > 0.0) {
         return vec![1.0; areas.len()];
     }
-    areas.iter().map(|a| mean / a.max(LEAST_AREA * mean)).collect()
+    areas.iter().map(|a| mean / a.max(MIN_AREA * mean)).collect()
 }

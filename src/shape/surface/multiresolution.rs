@@ -26,7 +26,7 @@ use plumbline_num::energy::Convergence;
 use plumbline_num::run::{Run, Stopped};
 
 /// Vertices of the coarsest level: a solve costs next to nothing, and fingers are still there.
-const COARSEST: usize = 500;
+const MIN_VERTICES: usize = 500;
 /// When a coarse level is done: what prolongation spoils need not be found to more digits.
 const GOOD_ENOUGH: Convergence = Convergence { max_iterations: 100, tolerance: 1e-3 };
 
@@ -141,7 +141,7 @@ impl Coarse {
         options: &DeformOptions,
         run: &Run,
     ) -> Result<Self, Stopped> {
-        let hierarchy = Hierarchy::new(mesh, handles.vertices(), COARSEST, run)?;
+        let hierarchy = Hierarchy::new(mesh, handles.vertices(), MIN_VERTICES, run)?;
         let level = |level: usize| Level::new(method, &hierarchy, level, handles, options, run);
         let levels = match (1..hierarchy.levels()).map(level).collect::<Result<_, _>>() {
             Err(SurfaceError::Interrupted(stopped)) => return Err(stopped),

@@ -9,7 +9,7 @@ const SAMPLES: usize = 900;
 /// Distance between points of an image line, px.
 const SPACING_PX: f64 = 12.0;
 /// Images that are shorter are left out: nobody would mark them.
-const SHORTEST_PX: f64 = 40.0;
+const MIN_PX: f64 = 40.0;
 
 /// How a segment lies in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ fn image(segment: &Segment, lens: &Lens, pose: &CameraPose) -> Option<ImageLine>
     let line = thinned(longer(longest, run));
     let length: f64 = line.windows(2).map(|w| (w[1].p - w[0].p).norm()).sum();
     let plumb = (segment.to - segment.from).xz().norm() == 0.0;
-    (length >= SHORTEST_PX).then(|| ImageLine {
+    (length >= MIN_PX).then(|| ImageLine {
         name: segment.name.clone(),
         kind: if plumb { LineKind::Vertical } else { LineKind::Level },
         rays: line.iter().map(|s| s.ray).collect(),

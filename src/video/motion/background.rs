@@ -40,7 +40,7 @@ const BORDER_VOTE: f64 = 2.0;
 /// Score of a track about whose surroundings nothing is known.
 const UNKNOWN: f64 = 0.5;
 /// No score falls below: were the estimate to lock onto a mover, the still world could not win back without a voice.
-const LEAST: f64 = 0.03;
+const MIN_SCORE: f64 = 0.03;
 /// Spreads of the background at which residual and drift make a track half a mover.
 const RESIDUAL_SPREADS: f64 = 4.0;
 const DRIFT_SPREADS: f64 = 4.0;
@@ -111,7 +111,7 @@ impl Background {
                 let agrees = agreement(r.norm(), RESIDUAL_SPREADS * spread_px)
                     * agreement(track.drift.norm(), DRIFT_SPREADS * drift_spread);
                 let rate = (1.0 / (f64::from(track.age) + 2.0)).max(LEARNING);
-                track.score = (track.score + rate * (agrees - track.score)).max(LEAST);
+                track.score = (track.score + rate * (agrees - track.score)).max(MIN_SCORE);
                 track.age = track.age.saturating_add(1);
             }
         }

@@ -10,7 +10,7 @@ use super::cameras::ClipCameras;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 
 /// Longest gap that is bridged, frames: a third of a second, about as long as a hand keeps its course.
-pub const LONGEST_BRIDGE: usize = 10;
+pub const MAX_BRIDGE: usize = 10;
 
 /// Motion of a clip; what `plumbline.motion` files hold.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,7 +84,7 @@ impl ClipMotion {
         }
     }
 
-    /// Replaces lost motions in runs of at most [`LONGEST_BRIDGE`] frames by the interpolation between the measured motions
+    /// Replaces lost motions in runs of at most [`MAX_BRIDGE`] frames by the interpolation between the measured motions
     /// around them; at a shot's ends the nearest measured motion fades to rest.
     pub fn bridge_gaps(&mut self) {
         let center = Point2::new(f64::from(self.width) / 2.0, f64::from(self.height) / 2.0);
@@ -92,7 +92,7 @@ impl ClipMotion {
             let mut at = shot.start;
             while at < shot.end {
                 let end = (at..shot.end).find(|&k| self.frames[k].quality != MotionQuality::Lost).unwrap_or(shot.end);
-                if (1..=LONGEST_BRIDGE).contains(&(end - at)) {
+                if (1..=MAX_BRIDGE).contains(&(end - at)) {
                     self.bridge(at..end, &shot, center);
                 }
                 at = end + 1;

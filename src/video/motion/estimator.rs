@@ -29,11 +29,11 @@ use super::planar_fit::{self, FrameScale, Pair};
 /// Frames of this many px across have the thresholds below in px; others in proportion.
 const REFERENCE_WIDTH: f64 = 640.0;
 /// Fewest pairs on which a motion is believed: a similarity is determined by 2, but not checked.
-const FEWEST_PAIRS: usize = 8;
+const MIN_PAIRS: usize = 8;
 /// Share of the votes that must agree with a motion: below, more than two motions compete and none can be told the camera's.
-const LEAST_SUPPORT: f64 = 0.25;
+const MIN_SUPPORT: f64 = 0.25;
 /// Spread floor, px at the reference width: the noise of a tracker at its best.
-const LEAST_SPREAD: f64 = 0.04;
+const MIN_SPREAD: f64 = 0.04;
 /// Deviation of shear, stretch and perspective between frames, frame units: 0.005 is 2 px in the corners at 640×360, what a
 /// fast pan or a rolling shutter gives.
 const PRIOR_DEVIATION: f64 = 0.005;
@@ -173,7 +173,7 @@ impl MotionEstimator {
 
     /// The motion of least energy, refined; `None` where nothing can be trusted.
     fn measure(&mut self) -> Option<Fit> {
-        if self.matches.pairs.len() < FEWEST_PAIRS {
+        if self.matches.pairs.len() < MIN_PAIRS {
             return None;
         }
         let data = PlanarData {
@@ -193,7 +193,7 @@ impl MotionEstimator {
         let family = ByHomography { data: &data, start, kappa: self.kappa(self.spreads.1) };
         let fine = ransac::msac(&family, &self.matches.votes, &narrow, Some(start), &mut self.rng, &Run::default())
             .expect("a run that never stops")?;
-        if !(coarse.support >= LEAST_SUPPORT) {
+        if !(coarse.support >= MIN_SUPPORT) {
             return None;
         }
         self.refine(fine.model, narrow.threshold)
@@ -207,7 +207,7 @@ impl MotionEstimator {
 
     /// Reweighted least squares with falling scale, then the choice of the family.
     fn refine(&mut self, start: Homography, threshold: f64) -> Option<Fit> {
-        let floor = LEAST_SPREAD * self.unit_px;
+        let floor = MIN_SPREAD * self.unit_px;
         let mut homography = start;
         let mut c = threshold;
         for _ in 0..4 {
@@ -254,7 +254,7 @@ impl MotionEstimator {
             self.matches.reweigh(|p| Some(similarity.apply(p)), c);
             similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.kept)?;
         }
-        let spread = self.matches.reweigh(|p| Some(similarity.apply(p)), c).max(LEAST_SPREAD * self.unit_px);
+        let spread = self.matches.reweigh(|p| Some(similarity.apply(p)), c).max(MIN_SPREAD * self.unit_px);
         let model = PlanarModel::Similarity;
         let homography = similarity.to_homography();
         Some(Fit { similarity, homography, model, spread_px: spread, similarity_spread_px: spread })

@@ -14,7 +14,7 @@ pub mod sfm;
 mod verdict;
 
 pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
-pub use clip::{ClipMotion, LONGEST_BRIDGE};
+pub use clip::{ClipMotion, MAX_BRIDGE};
 pub use estimator::{MotionEstimator, MotionOptions};
 pub use file::{FORMAT, MotionFileError, VERSION, motion_file_schema};
 pub use frame_motion::{FrameFlags, FrameInput, FrameMotion, MotionQuality, PlanarModel, TrackPoint};

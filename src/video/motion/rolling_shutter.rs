@@ -37,7 +37,7 @@ use super::frame_motion::MotionQuality;
 use super::planar_fit::{self, Pair};
 
 /// Largest readout, frame periods: rows beyond the next frame's first row do not exist; a little slack for its noise.
-const LARGEST: f64 = 1.2;
+const MAX_READOUT: f64 = 1.2;
 /// The histogram reaches twice as far, so that scattered votes do not pile up at the limits.
 const REACH: f64 = 2.4;
 const BINS: usize = 480;
@@ -45,13 +45,13 @@ const BINS: usize = 480;
 /// readouts in one global-shutter clip in a dozen.
 const SIGNIFICANCE: f64 = 5.0;
 /// Least readout reported, frame periods: 0.08 is 3 ms at 30 frames/s, invisible.
-const LEAST: f64 = 0.08;
+const MIN_READOUT: f64 = 0.08;
 /// Motions that a vote looks at: the pair's own and two on either side.
 const WINDOW: usize = 5;
 /// Difference between the readouts from horizontal and vertical motion, frame periods, that is put down to the model.
 const CONTRADICTION: f64 = 0.15;
 /// Fewest votes.
-const FEWEST_VOTES: f64 = 20.0;
+const MIN_VOTES: f64 = 20.0;
 
 /// Collects evidence on a clip's readout, frame pair by frame pair, in constant memory.
 #[derive(Clone, Debug)]
@@ -124,7 +124,7 @@ impl ReadoutEstimator {
                 return None;
             }
         }
-        let clear = frames.abs() > SIGNIFICANCE * error && frames.abs() >= LEAST && frames.abs() <= LARGEST;
+        let clear = frames.abs() > SIGNIFICANCE * error && frames.abs() >= MIN_READOUT && frames.abs() <= MAX_READOUT;
         clear.then_some(Readout { frames, error })
     }
 
@@ -167,7 +167,7 @@ impl Votes {
         let scatter = self.moments(center, REACH).1.sqrt().min(0.5);
         let (frames, variance, effective, count) = self.moments(center, (2.0 * scatter).max(0.1));
         let error = (variance / effective).sqrt().max(1e-3);
-        (count >= FEWEST_VOTES && error.is_finite()).then_some(Readout { frames, error })
+        (count >= MIN_VOTES && error.is_finite()).then_some(Readout { frames, error })
     }
 
     /// The weighted median of the votes; `None` without votes.

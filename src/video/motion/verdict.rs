@@ -38,7 +38,7 @@ pub struct SegmentVerdict {
 }
 
 /// Longest stretch judged as one, frames: two to four seconds, so that one bad moment does not decide for a whole shot.
-const LONGEST_STRETCH: usize = 90;
+const MAX_STRETCH: usize = 90;
 /// Points below which local motion, and below which perspective is not believed, per frame (median).
 const POINTS_FOR_MESH: f64 = 120.0;
 const POINTS_FOR_HOMOGRAPHY: f64 = 40.0;
@@ -50,14 +50,14 @@ const COVERAGE_FOR_HOMOGRAPHY: f64 = 0.2;
 /// the mesh lowers the wobble ratio from 1.11 to 0.95.
 const RESIDUAL_FOR_MESH: f64 = 0.06;
 /// Share of frames with a measured motion below which a stretch is left alone.
-const LEAST_MEASURED: f64 = 0.5;
+const MIN_MEASURED_RATIO: f64 = 0.5;
 
 /// Judges a clip, shot by shot, in stretches of at most 90 frames; neighbors with the same model and reason are one segment.
 pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
     let unit = f64::from(clip.width.max(clip.height)) / 640.0;
     let mut segments: Vec<SegmentVerdict> = Vec::new();
     for shot in &clip.shots {
-        let parts = shot.len().div_ceil(LONGEST_STRETCH).max(1);
+        let parts = shot.len().div_ceil(MAX_STRETCH).max(1);
         for part in 0..parts {
             let frames = shot.start + shot.len() * part / parts..shot.start + shot.len() * (part + 1) / parts;
             let (model, reason) = judge(&clip.frames[frames.clone()], unit);
@@ -75,7 +75,7 @@ fn judge(frames: &[FrameMotion], unit_px: f64) -> (MotionModel, String) {
         || frames.iter().filter(|f| f.quality != MotionQuality::ShotStart && f.quality != MotionQuality::Duplicate);
     let measured: Vec<&FrameMotion> = moving().filter(|f| f.quality == MotionQuality::Measured).collect();
     let share = measured.len() as f64 / moving().count().max(1) as f64;
-    if !(share >= LEAST_MEASURED) || measured.is_empty() {
+    if !(share >= MIN_MEASURED_RATIO) || measured.is_empty() {
         return (
             MotionModel::Untouched,
             format!("motion could be measured in {:.0} % of the frames only", 100.0 * share),

@@ -32,7 +32,7 @@ const STEPS: usize = 60;
 const SETTLED: f64 = 1e-14;
 
 /// Distance from the median, as a share of the spread, at which a place counts no more than another so near.
-const NEAREST: f64 = 1e-9;
+const MIN_DISTANCE_RATIO: f64 = 1e-9;
 
 /// Shape of a path in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -175,7 +175,7 @@ pub(super) fn median(places: &[Vec3]) -> Vec3 {
         return mean;
     }
     (0..STEPS).fold(mean, |at, _| {
-        let weight = |p: &Vec3| 1.0 / (p - at).norm().max(NEAREST * spread);
+        let weight = |p: &Vec3| 1.0 / (p - at).norm().max(MIN_DISTANCE_RATIO * spread);
         let total: f64 = places.iter().map(weight).sum();
         places.iter().map(|p| p * weight(p)).sum::<Vec3>() / total
     })

@@ -8,7 +8,7 @@ use super::{Clip, InterFrame};
 
 /// Gaps of up to this many unreliable steps are bridged by interpolation; camera motion is smooth over a third of a
 /// second, and over more than that a guess is worse than no motion at all.
-const LONGEST_BRIDGE: usize = 10;
+const MAX_BRIDGE: usize = 10;
 
 /// Time constant (s) that divides shake from intended motion: hand tremor and steps lie above 1 Hz, where a Gaussian of
 /// 0.5 s keeps less than 1 %; pans last seconds.
@@ -131,7 +131,7 @@ fn bridged(motion: &[InterFrame], stage: &Stage, rate: &[f64]) -> Vec<Pose> {
         let end = (t..motion.len()).find(|&k| known[k].is_some()).unwrap_or(motion.len());
         let after = (end < motion.len()).then(|| velocity(end)).flatten();
         let before = velocity(t - 1);
-        let short = end - t <= LONGEST_BRIDGE;
+        let short = end - t <= MAX_BRIDGE;
         let (from, to) = if short { (before.or(after), after.or(before)) } else { (None, None) };
         let (from, to) = (from.unwrap_or(zero), to.unwrap_or(zero));
         for k in t..end {

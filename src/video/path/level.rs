@@ -21,7 +21,7 @@ use plumbline_camera::{CameraPose, Vec3};
 const SIGMA: f64 = 0.052;
 
 /// Length below which a direction is none: up axes that cancel, or a view straight up or down.
-const LEAST: f64 = 1e-6;
+const MIN_DIRECTION_LENGTH: f64 = 1e-6;
 
 /// The vertical, world coordinates, that cameras with these axes (`cam_from_world`) hold up; `None` where they tell none.
 pub fn upward(rotations: &[UnitQuaternion<f64>]) -> Option<Vec3> {
@@ -31,14 +31,14 @@ pub fn upward(rotations: &[UnitQuaternion<f64>]) -> Option<Vec3> {
     let spread: Matrix3<f64> =
         rotations.iter().map(|r| axis(r, Vec3::x())).map(|x| x * x.transpose()).sum::<Matrix3<f64>>() / n;
     let prior = Matrix3::identity() * (SIGMA * SIGMA);
-    mean.try_normalize(LEAST)?;
+    mean.try_normalize(MIN_DIRECTION_LENGTH)?;
     (SIGMA * SIGMA * (spread + prior).try_inverse()? * mean).try_normalize(f64::MIN_POSITIVE)
 }
 
 /// How far, rad, a camera is turned about its optical axis against `up`; 0 where it looks straight along it.
 pub fn roll(pose: &CameraPose, up: &Vec3) -> f64 {
     let seen = pose.rotation * up;
-    if seen.xy().norm() > LEAST { seen.x.atan2(-seen.y) } else { 0.0 }
+    if seen.xy().norm() > MIN_DIRECTION_LENGTH { seen.x.atan2(-seen.y) } else { 0.0 }
 }
 
 /// The camera at the same place, looking the same way, with `up` upright in its picture.

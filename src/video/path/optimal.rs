@@ -49,7 +49,7 @@ const CROP_PRICE: f64 = 4.0;
 const ZOOM_SPEED: f64 = 0.01;
 
 /// Weakest shake (stage units, RMS) that is told from none; keeps the weights finite on passages that stand still.
-const LEAST_SHAKE: f64 = 2e-4;
+const MIN_SHAKE: f64 = 2e-4;
 
 /// How the size of the window may change within one program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,7 +162,7 @@ impl Program<'_> {
     pub(super) fn solve(&self, frames: Range<usize>, head: &Cameras, run: &Run) -> Result<Cameras, QpError> {
         let n = frames.len();
         let mut qp = QuadraticProgram::new(n * self.stride());
-        let strength = |i: usize| self.strength[frames.start + i].max(LEAST_SHAKE * LEAST_SHAKE);
+        let strength = |i: usize| self.strength[frames.start + i].max(MIN_SHAKE * MIN_SHAKE);
         // All weights and the price in units that make them about 1, which the solver's tolerances want.
         let unit = (0..n).map(strength).sum::<f64>() / n as f64;
         for i in 0..n {

@@ -27,14 +27,14 @@ use plumbline_camera::{CameraPose, Vec3};
 const AROUND: f64 = 0.4;
 
 /// Part of the points around the middle that are seen longest.
-const LONGEST: f64 = 0.25;
+const MAX_SEEN_FRACTION: f64 = 0.25;
 
 /// Radius, in extents of the path, beyond which a circle is a line.
 const STRAIGHT: f64 = 50.0;
 
 /// Least angle, rad, between the view and the circle's axis, and least distance from the point of interest in radii, at which
 /// a camera can look there upright.
-const LEAST: f64 = 1e-6;
+const MIN_ANGLE: f64 = 1e-6;
 
 /// Newton's steps for the fit, which it takes to the last digit.
 const STEPS: usize = 50;
@@ -47,7 +47,7 @@ pub(super) fn orbit(ride: &Ride, sights: &[Sight]) -> Option<Vec<CameraPose>> {
         ride.centers.iter().map(|c| Vector2::new(e1.dot(&(c - mean)), e2.dot(&(c - mean)))).collect();
     let (middle, radius) = circle(&flat)?;
     let angles = unwrapped(flat.iter().map(|p| (p.y - middle.y).atan2(p.x - middle.x)));
-    let look = |center: &Vec3| looking_at(&(interest - center), &axis, LEAST * radius);
+    let look = |center: &Vec3| looking_at(&(interest - center), &axis, MIN_ANGLE * radius);
     let offsets = ride.centers.iter().zip(&ride.rotations).map(|(c, r)| Some(r * look(c)?.inverse()));
     let offset = about_mean(&offsets.collect::<Option<Vec<_>>>()?).0;
     let pose = |angle: f64| {
@@ -62,7 +62,7 @@ pub(super) fn orbit(ride: &Ride, sights: &[Sight]) -> Option<Vec<CameraPose>> {
 fn interest(sights: &[Sight]) -> Option<Vec3> {
     let mut around: Vec<&Sight> = sights.iter().filter(|s| s.off_center <= AROUND).collect();
     around.sort_by_key(|s| std::cmp::Reverse(s.frames));
-    let least = around.get((LONGEST * around.len() as f64) as usize)?.frames;
+    let least = around.get((MAX_SEEN_FRACTION * around.len() as f64) as usize)?.frames;
     let longest: Vec<Vec3> = around.iter().take_while(|s| s.frames >= least).map(|s| s.place.coords).collect();
     Some(median(&longest))
 }
@@ -70,7 +70,7 @@ fn interest(sights: &[Sight]) -> Option<Vec3> {
 /// The rotation of a camera that looks along `view` and holds `up` upright.
 fn looking_at(view: &Vec3, up: &Vec3, nearest: f64) -> Option<UnitQuaternion<f64>> {
     let z = view.try_normalize(nearest)?;
-    let x = z.cross(up).try_normalize(LEAST)?;
+    let x = z.cross(up).try_normalize(MIN_ANGLE)?;
     let y = z.cross(&x);
     let rows = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rows)))

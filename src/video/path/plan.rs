@@ -18,10 +18,10 @@ const WINDOW_S: f64 = 16.0;
 const WINDOW_FRAMES: (f64, f64) = (240.0, 960.0);
 
 /// Longest time constant (s) of the smooth path from which the solver starts: beyond, pans lead it far outside the frame.
-const LONGEST_REFERENCE_S: f64 = 0.5;
+const MAX_REFERENCE_S: f64 = 0.5;
 
 /// Time constant (s) at which a program that stalls is given up.
-const SHORTEST_S: f64 = 0.05;
+const MIN_S: f64 = 0.05;
 
 /// RMS shake (units of half the diagonal) below which a shot stands still: 0.1 px at 1080p.
 const STEADY: f64 = 1e-4;
@@ -31,7 +31,7 @@ const STEADY: f64 = 1e-4;
 const ROOM: f64 = 2e-3;
 
 /// Below this share of reliable steps the motion of a shot is guesswork.
-const LEAST_RELIABLE: f64 = 0.3;
+const MIN_RELIABLE: f64 = 0.3;
 
 /// Share of the output that counts as its middle.
 const MIDDLE: f64 = 1e-3;
@@ -140,7 +140,7 @@ pub(super) fn shot_path(
     }
     let steps = shot.len() - 1;
     let reliable = clip.motion[shot.start + 1..shot.end].iter().filter(|m| m.reliable).count();
-    if (reliable as f64) < LEAST_RELIABLE * steps as f64 {
+    if (reliable as f64) < MIN_RELIABLE * steps as f64 {
         return Err(format!("motion could be followed in only {reliable} of {steps} frames"));
     }
     let chain = Chain::of_shot(clip, stage, shot.clone());
@@ -178,7 +178,7 @@ fn kind_path(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> 
 /// The path that balances shake, acceleration and crop.
 fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
-    let about = ideal::gaussian(chain, options.smoothness_s.min(LONGEST_REFERENCE_S));
+    let about = ideal::gaussian(chain, options.smoothness_s.min(MAX_REFERENCE_S));
     let mut program = Program {
         chain,
         stage,
@@ -267,7 +267,7 @@ fn in_windows(program: &Program<'_>, run: &Run) -> Result<Vec<Pose>, QpError> {
     let mut program = *program;
     loop {
         match window_by_window(&program, run) {
-            Err(QpError::Stalled { .. }) if program.smoothness_s > SHORTEST_S => program.smoothness_s /= 2.0,
+            Err(QpError::Stalled { .. }) if program.smoothness_s > MIN_S => program.smoothness_s /= 2.0,
             done => return done,
         }
     }

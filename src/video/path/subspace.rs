@@ -24,7 +24,7 @@ const RANK: usize = 9;
 /// Tracks that must span the window, per mode.
 const SPANNING_PER_MODE: usize = 3;
 /// Least variance that noise is taken to have, px²: tracks are not more accurate than a twentieth of a pixel.
-const LEAST_NOISE: f64 = 0.0025;
+const MIN_NOISE: f64 = 0.0025;
 
 /// The modes of one window, and what they give at its moment.
 pub(super) struct Subspace {
@@ -59,7 +59,7 @@ impl Subspace {
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
         let variances: Vec<f64> = order[..rank].iter().map(|&i| eigen.eigenvalues[i].max(0.0)).collect();
         let left = (total - variances.iter().sum::<f64>()) / (frames - rank) as f64;
-        let noise = left.max(LEAST_NOISE);
+        let noise = left.max(MIN_NOISE);
         let modes = DMatrix::from_fn(frames, rank, |t, k| eigen.eigenvectors[(t, order[k])]);
         let doubt = DVector::from_iterator(rank, variances.iter().map(|v| noise / v.max(noise * f64::EPSILON)));
         let kernel = DVector::from_column_slice(kernel);

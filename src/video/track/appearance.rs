@@ -13,7 +13,7 @@ use plumbline_image::PaddedPlane;
 const SIDE: usize = 11;
 
 /// Least correlation. Slipped tracks fall to 0.4 and below; perspective and light on long ones stay above 0.7.
-const LEAST: f32 = 0.55;
+const MIN_CORRELATION: f32 = 0.55;
 
 /// The patch of first sight, gray levels.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl Appearance {
 
     /// True where `now` shows the same.
     pub(super) fn agrees(&self, now: &Self) -> bool {
-        self.correlation(now) >= LEAST
+        self.correlation(now) >= MIN_CORRELATION
     }
 
     fn correlation(&self, other: &Self) -> f32 {

@@ -1,6 +1,6 @@
 //! The motion of the whole picture, roughly: where the tracker starts to look.
 //!
-//! At a level of at most [`LONGEST`] px the shift `s` that minimizes
+//! At a level of at most [`MAX_SIDE_PX`] px the shift `s` that minimizes
 //!
 //! ```text
 //! mean over the overlap of |J(x + s) − I(x)|,      |s| ≤ a quarter of the side
@@ -14,7 +14,7 @@ use plumbline_image::{PaddedPlane, Pyramid};
 
 /// Longest side of the level that is searched, px. Larger ones cost the fourth power, smaller ones are too blunt for the
 /// level above to start from.
-const LONGEST: usize = 96;
+const MAX_SIDE_PX: usize = 96;
 
 /// A shift must beat standing still by this factor of the mean difference, so that noise or one large moving object
 /// on a still picture does not send every point astray.
@@ -22,7 +22,7 @@ const GAIN: f32 = 0.85;
 
 /// Displacement of the picture from `prev` to `next`, px of level 0; zero where no shift is clearly better.
 pub(super) fn shift(prev: &Pyramid, next: &Pyramid) -> [f32; 2] {
-    let fits = |level: &PaddedPlane| level.width().max(level.height()) <= LONGEST;
+    let fits = |level: &PaddedPlane| level.width().max(level.height()) <= MAX_SIDE_PX;
     let Some(l) = prev.levels().iter().position(fits) else { return [0.0; 2] };
     let (a, b) = (&prev.levels()[l], &next.levels()[l]);
     let (reach_x, reach_y) = (a.width() as isize / 4, a.height() as isize / 4);

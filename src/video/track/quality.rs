@@ -10,7 +10,7 @@ const BINS: usize = 32;
 
 /// Least spread between the darkest and the brightest thousandth of a picture that shows something, gray levels at half
 /// size, where noise of 3 gray levels spreads over about 7. Larger values call dim scenes black.
-const LEAST_SPREAD: usize = 8;
+const MIN_SPREAD: usize = 8;
 
 /// Share of the running median under which sharpness counts as blur. Exposure and content move it by a tenth or two; a
 /// smear of 12 px takes half of it, one of 8 px four tenths.
@@ -52,7 +52,7 @@ impl PictureStats {
         }
         // Half size, since sensor noise would hide blur at full size; an eighth, which shake seldom reaches.
         let sharpness = least_ratio(tensor(level(1)), tensor(level(3)));
-        Self { sharpness, black: spread(&counts) < LEAST_SPREAD, histogram: shares }
+        Self { sharpness, black: spread(&counts) < MIN_SPREAD, histogram: shares }
     }
 
     /// True where the gray levels changed as much as between two scenes.

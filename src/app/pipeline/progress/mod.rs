@@ -130,7 +130,7 @@ struct State {
 
 impl<'a> TaskProgress<'a> {
     /// Events closer together than this are not told.
-    const LEAST_GAP: Duration = Duration::from_millis(100);
+    const MIN_INTERVAL: Duration = Duration::from_millis(100);
 
     /// For a task of `passes` passes.
     pub fn new(sink: &'a dyn Progress, task: &'a str, passes: usize) -> Self {
@@ -153,7 +153,7 @@ impl<'a> TaskProgress<'a> {
         let now = Instant::now();
         let Ok(mut state) = self.state.lock() else { return };
         let complete = state.tick.total == Some(done);
-        if !complete && state.told.is_some_and(|t| now - t < Self::LEAST_GAP) {
+        if !complete && state.told.is_some_and(|t| now - t < Self::MIN_INTERVAL) {
             return;
         }
         state.told = Some(now);

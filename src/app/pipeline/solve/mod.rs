@@ -19,10 +19,10 @@ use plumbline_num::sparse::{
 };
 
 /// Largest file that is read, bytes: a matrix of some ten million entries.
-const LARGEST_FILE: u64 = 1 << 30;
+const MAX_FILE: u64 = 1 << 30;
 
 /// Most values of all right-hand sides together: a gibibyte.
-const LARGEST_SIDES: usize = 1 << 27;
+const MAX_SIDES: usize = 1 << 27;
 
 /// The orderings that are compared, by name.
 pub const ORDERINGS: [(&str, Ordering); 4] = [
@@ -107,8 +107,8 @@ fn said(path: &Path, error: &SparseError) -> RunError {
 fn read(path: &Path) -> Result<GeneralMatrix, RunError> {
     let cannot = |why: &dyn std::fmt::Display| RunError::Input(format!("{}: cannot be read: {why}", path.display()));
     let size = std::fs::metadata(path).map_err(|e| cannot(&e))?.len();
-    if size > LARGEST_FILE {
-        return Err(cannot(&format!("the file has {size} bytes (at most {LARGEST_FILE})")));
+    if size > MAX_FILE {
+        return Err(cannot(&format!("the file has {size} bytes (at most {MAX_FILE})")));
     }
     let text = std::fs::read_to_string(path).map_err(|e| cannot(&e))?;
     read_matrix_market(&text).map_err(|e| said(path, &e))
@@ -121,10 +121,9 @@ fn dense(b: &GeneralMatrix, a: &GeneralMatrix, path: &Path) -> Result<Vec<f64>, 
         return Err(RunError::Usage(format!("{}: has {given} rows (expected {expected})", path.display())));
     }
     let size = b.rows().saturating_mul(b.columns());
-    if size > LARGEST_SIDES {
+    if size > MAX_SIDES {
         let columns = b.columns();
-        let text =
-            format!("{}: has {columns} right-hand sides, {size} values (at most {LARGEST_SIDES})", path.display());
+        let text = format!("{}: has {columns} right-hand sides, {size} values (at most {MAX_SIDES})", path.display());
         return Err(RunError::Usage(text));
     }
     let mut values = vec![0.0; size];

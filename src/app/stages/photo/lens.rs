@@ -16,7 +16,7 @@ use plumbline_photo::rectangle::Outline;
 const CLAIMED: f64 = 0.1;
 const GIVEN: f64 = 0.01;
 /// Least lines of three points or more from which a lens is found.
-const LEAST_LINES: usize = 3;
+const MIN_LINES: usize = 3;
 
 /// What the user says of the lens.
 #[derive(Clone, Copy, Debug)]
@@ -147,7 +147,7 @@ fn automatic(
     let exif = facts.lens();
     let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
     let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
-    if marked.iter().filter(|l| l.points.len() > 2).count() >= LEAST_LINES {
+    if marked.iter().filter(|l| l.points.len() > 2).count() >= MIN_LINES {
         return from_lines(marked, size, claim, run);
     }
     if let Some(fov) = given {

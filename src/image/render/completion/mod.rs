@@ -31,7 +31,7 @@ use search::Search;
 /// Longest side of the small copy, px.
 const WORKING_SIDE: usize = 384;
 /// Longest side of the coarsest level, px. Smaller, textures become gray and are mistaken for plain walls.
-const COARSEST_SIDE: usize = 100;
+const MIN_SIDE: usize = 100;
 /// Rounds of search and vote on the coarsest level, and on the others.
 const ROUNDS: (usize, usize) = (16, 5);
 
@@ -48,7 +48,7 @@ pub fn complete(frame: &mut Frame, shown: &Plane<u8>, run: &Run) -> Result<(), R
         return Ok(());
     }
     let mut levels = vec![fine];
-    while let Some(next) = levels.last().filter(|l| l.width.max(l.height) > COARSEST_SIDE).and_then(Level::halved) {
+    while let Some(next) = levels.last().filter(|l| l.width.max(l.height) > MIN_SIDE).and_then(Level::halved) {
         levels.push(next);
     }
     let (mut done, all) = (0, ROUNDS.0 + ROUNDS.1 * (levels.len() - 1));

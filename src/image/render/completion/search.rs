@@ -9,7 +9,7 @@ use plumbline_num::run::{Run, Stopped};
 /// Half a patch, px: patches have 7×7 px.
 pub(super) const RADIUS: usize = 3;
 /// Largest depth in a hole that counts, px.
-const MOST_DEPTH: u32 = 100;
+const MAX_DEPTH: u32 = 100;
 /// Sweeps in a round.
 const SWEEPS: usize = 2;
 
@@ -151,7 +151,7 @@ impl Search {
 /// How many steps each pixel lies from what is known.
 fn depths(level: &Level) -> Vec<u32> {
     let (w, h) = (level.width, level.height);
-    let mut depth: Vec<u32> = level.known.iter().map(|known| if *known { 0 } else { MOST_DEPTH }).collect();
+    let mut depth: Vec<u32> = level.known.iter().map(|known| if *known { 0 } else { MAX_DEPTH }).collect();
     let mut open: std::collections::VecDeque<usize> = (0..w * h).filter(|&k| level.known[k]).collect();
     while let Some(k) = open.pop_front() {
         let (x, y) = (k % w, k / w);

@@ -26,7 +26,7 @@ const COARSE_STEPS: [usize; 2] = [2, 2];
 /// Radius of the window of a block's displacement, blocks. Smaller follows noise, larger misses parallax.
 const WINDOW: usize = 3;
 /// Longest step, samples: beyond it the linearisation means nothing.
-const LONGEST_STEP: f32 = 3.0;
+const MAX_STEP: f32 = 3.0;
 /// Coarse samples of a block that both must cover: half of them.
 const ENOUGH_COARSE: f32 = 8.0;
 
@@ -72,7 +72,7 @@ impl Aligned {
         let shown = |(corners, &slot): (&Option<Corners>, &usize)| corners.filter(|_| luma.overlaps[slot]);
         let overlapping: Vec<_> = corners.iter().zip(&part.slots).map(shown).collect();
         let layer = luma.patch.render(renderer, &source, strip, (&part.blocks, &overlapping));
-        add(&mut shift, &compared.apart(&overlap(strip, luma, &part, &layer), LONGEST_STEP));
+        add(&mut shift, &compared.apart(&overlap(strip, luma, &part, &layer), MAX_STEP));
         let corners = compared.corners(&shift);
         let luma_of = luma.patch.render(renderer, &source, strip, (&part.blocks, &corners));
         let coarse = compared.coarse(&corners).into_iter().map(Sums::centered).collect();
@@ -91,7 +91,7 @@ impl Comparison<'_> {
             if !(blocks.iter().map(|b| b.count).sum::<f32>() > 4.0 * ENOUGH / (SIDE * SIDE) as f32) {
                 return None;
             }
-            let longest = LONGEST_STEP * SIDE as f32;
+            let longest = MAX_STEP * SIDE as f32;
             let moves =
                 if step < COARSE_STEPS[0] { self.together(&blocks, longest) } else { self.apart(&blocks, longest) };
             add(&mut shift, &moves);

@@ -11,7 +11,7 @@ use plumbline_num::math::PointMap;
 /// many thin layers, larger skips good near ones.
 const HALF: f64 = 12.0;
 /// Probes that a neighbor must add: fewer are not worth its rendering.
-const LEAST_GAIN: usize = 2;
+const MIN_GAIN: usize = 2;
 /// Samples this near to the edge of a neighbor do not count, px: kernels mix them with its border.
 pub(super) const RIM_PX: f32 = 2.0;
 
@@ -64,7 +64,7 @@ impl<'a> Choice<'a> {
     pub(super) fn next(&mut self) -> Option<Neighbor<'a>> {
         let gain =
             |c: &Candidate<'_>| c.covers.iter().zip(&self.left).filter(|(covers, left)| **covers && **left).count();
-        let gains = self.candidates.iter().map(gain).enumerate().filter(|(_, gain)| *gain >= LEAST_GAIN);
+        let gains = self.candidates.iter().map(gain).enumerate().filter(|(_, gain)| *gain >= MIN_GAIN);
         let scores = gains.map(|(k, gain)| (k, gain as f64 * self.candidates[k].worth));
         let (best, _) = scores.max_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(self.candidates.swap_remove(best).neighbor)

@@ -53,11 +53,11 @@ pub use window::FillOptions;
 use window::Window;
 
 /// Most neighbors composed into a frame. Each shows as a patch of its own; past this many they are specks.
-const MOST_LAYERS: usize = 6;
+const MAX_LAYERS: usize = 6;
 /// Neighbors tried for that: some disagree and are left out.
-const MOST_TRIED: usize = 8;
+const MAX_TRIALS: usize = 8;
 /// Most neighbors shown behind the others where none is trusted.
-const MOST_COARSE: usize = 2;
+const MAX_COARSE: usize = 2;
 
 /// What filling a frame did, in shares of its samples, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -146,9 +146,9 @@ impl<'a> Composition<'a> {
     /// Adds neighbors that continue the texture; gives all that were aligned.
     fn trusted(&mut self, run: &Run) -> Result<Vec<(Neighbor<'a>, Aligned)>, RenderError> {
         let mut tried = Vec::new();
-        for _ in 0..MOST_TRIED {
+        for _ in 0..MAX_TRIALS {
             run.check()?;
-            let Some(neighbor) = self.choice.next().filter(|_| self.used.len() < MOST_LAYERS) else { break };
+            let Some(neighbor) = self.choice.next().filter(|_| self.used.len() < MAX_LAYERS) else { break };
             let part = self.canvas.part(self.strip);
             let Some(aligned) = Aligned::new(self.renderer, self.strip, &self.canvas, part, &neighbor)? else {
                 continue;
@@ -165,7 +165,7 @@ impl<'a> Composition<'a> {
 
     /// Adds, behind all others, neighbors that agree at a quarter of the size.
     fn coarse(&mut self, tried: &[(Neighbor<'a>, Aligned)], run: &Run) -> Result<(), RenderError> {
-        for (neighbor, aligned) in tried.iter().take(MOST_COARSE) {
+        for (neighbor, aligned) in tried.iter().take(MAX_COARSE) {
             run.check()?;
             if !self.canvas.left_probes(self.strip).contains(&true) {
                 break;

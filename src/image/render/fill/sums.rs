@@ -11,7 +11,7 @@ pub(super) const TRUST: [f32; 2] = [0.35, 0.7];
 /// Radius of the window of a block's trust, blocks: one alone is too noisy to be judged.
 const TRUST_WINDOW: usize = 1;
 /// Share of the overlap that must be trusted, or the neighbor is of another scene.
-const LEAST_TRUST: f32 = 0.3;
+const MIN_CONFIDENCE: f32 = 0.3;
 /// Standard deviation of noise, as a share of the range, below which texture proves nothing.
 const NOISE: f32 = 2.5 / 255.0;
 /// Difference from the usual tone, as a share of the range, that counts as missed: something else stands there.
@@ -175,7 +175,7 @@ pub(super) fn trust(strip: &Strip, part: &Part, mut blocks: Vec<Sums>, range: f3
     let windows = windows(strip, part, &blocks, TRUST_WINDOW);
     let of = |window: &Sums| ((TRUST[1] - window.disagreement(range)) / (TRUST[1] - TRUST[0])).clamp(0.0, 1.0);
     let values: Vec<f32> = windows.iter().zip(&known).map(|(w, &known)| if known { of(w) } else { 0.0 }).collect();
-    let enough = values.iter().sum::<f32>() >= LEAST_TRUST * tones.len() as f32;
+    let enough = values.iter().sum::<f32>() >= MIN_CONFIDENCE * tones.len() as f32;
     enough.then(|| Membrane::new(strip, &part.blocks, values, &known))
 }
 

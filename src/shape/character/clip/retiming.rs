@@ -6,7 +6,7 @@ use super::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Tra
 use plumbline_num::options::OptionError;
 
 /// Most keys that a curve is sampled to.
-const MOST_KEYS: f64 = 1e6;
+const MAX_KEYS: f64 = 1e6;
 
 impl Clip {
     /// Every time `t` becomes `start + t / speed`; a negative speed runs it backwards. Smooth turns pass through their keys
@@ -25,7 +25,7 @@ impl Clip {
     /// [`ClipError::Option`] where the span is empty or the rate not above 0.
     pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, ClipError> {
         OptionError::check(to > from && (to - from).is_finite(), "end", to, "later than the start, s")?;
-        let few = rate > 0.0 && (to - from) * rate < MOST_KEYS;
+        let few = rate > 0.0 && (to - from) * rate < MAX_KEYS;
         OptionError::check(few, "rate", rate, "above 0 per second, at most 10⁶ keys")?;
         let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
         let times: Vec<f64> =

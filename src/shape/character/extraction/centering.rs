@@ -26,7 +26,7 @@ pub(super) const AGREE: f64 = 0.5;
 /// Over how many radii the curve is smoothed in each pass.
 const SMOOTH: f64 = 0.2;
 /// A step is at most this share of the distance to the surface.
-const LONGEST: f64 = 0.5;
+const MAX_STEP: f64 = 0.5;
 /// How fast steps become shorter from pass to pass. At 0 and at 1 the curve is farther from the middle on all of eleven models:
 /// centeredness of a horse .67 and .71, here .73.
 const FADING: f64 = 0.5;
@@ -232,7 +232,7 @@ impl Foot {
             return self.nearest - self.place - away * depth;
         }
         let Some(across) = tree.first_hit(&self.place, &away) else { return Vector3::zeros() };
-        away * (0.5 * (across - self.radius)).clamp(0.0, LONGEST * self.radius)
+        away * (0.5 * (across - self.radius)).clamp(0.0, MAX_STEP * self.radius)
     }
 }
 

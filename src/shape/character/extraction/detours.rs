@@ -27,7 +27,7 @@ const PIECE: f64 = 0.5;
 /// And how many at most.
 const PIECES: usize = 16;
 /// The distance to the surface counts as at least this.
-const LEAST_RADIUS: f64 = 1e-3;
+const MIN_RADIUS: f64 = 1e-3;
 
 /// Cuts detours of all branches; `radii` are the distances of the nodes to the surface.
 pub(super) fn cut(web: &mut Web, tree: &AabbTree, radii: &[f64], run: &Run) -> Result<(), Stopped> {
@@ -52,7 +52,7 @@ fn bridge(web: &mut Web, row: &[u32]) {
 /// Positions in a branch of the nodes by which the way along it is cheapest.
 fn shortest(web: &Web, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
     let places: Vec<Point3<f64>> = branch.iter().map(|v| web.nodes[*v as usize]).collect();
-    let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(LEAST_RADIUS)).collect();
+    let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(MIN_RADIUS)).collect();
     let mut length = vec![0.0; places.len()];
     let mut cost = vec![0.0; places.len()];
     let mut before: Vec<usize> = (0..places.len()).map(|j| j.saturating_sub(1)).collect();
@@ -99,7 +99,7 @@ fn line_cost(
     if !left_out.iter().all(is_covered) {
         return f64::INFINITY;
     }
-    let over = |(_, r): &(Point3<f64>, f64)| 1.0 / r.max(LEAST_RADIUS);
+    let over = |(_, r): &(Point3<f64>, f64)| 1.0 / r.max(MIN_RADIUS);
     let mean = |pair: &[(Point3<f64>, f64)]| 0.5 * (over(&pair[0]) + over(&pair[1]));
     way.norm() / pieces as f64 * balls.windows(2).map(mean).sum::<f64>()
 }

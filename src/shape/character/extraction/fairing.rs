@@ -20,7 +20,7 @@ use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 /// Mass of a node that is held.
 const HELD: f64 = 1e6;
 /// Edges count as at least this long.
-const SHORTEST: f64 = 1e-3;
+const MIN_LENGTH: f64 = 1e-3;
 
 /// The factored system of one curve.
 pub(super) struct Fairing {
@@ -61,7 +61,7 @@ impl Fairing {
         }
         for (a, b) in edges() {
             let r = 0.5 * (radii[a as usize] + radii[b as usize]);
-            let weight = (share * r / web.length(a, b).max(SHORTEST)).powi(2);
+            let weight = (share * r / web.length(a, b).max(MIN_LENGTH)).powi(2);
             add(slot(a), slot(a), weight);
             add(slot(b), slot(b), weight);
             add(slot(a), slot(b), -weight);

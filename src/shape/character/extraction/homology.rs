@@ -29,7 +29,7 @@ use super::complex::{Collapse, Complex, NONE};
 type Form = Vec<(u32, i32)>;
 
 /// Above this genus linking numbers would cost more than everything else, and no character has as many handles.
-const MOST_HANDLES: usize = 24;
+const MAX_HANDLES: usize = 24;
 /// How far loops are pushed off the surface, as a share of the mean length of edges.
 const PUSH: f64 = 1e-3;
 
@@ -68,7 +68,7 @@ impl Classes {
         if surface.genus == 0 {
             return Some(Self::trivial());
         }
-        if surface.genus > MOST_HANDLES {
+        if surface.genus > MAX_HANDLES {
             return None;
         }
         let (forms, loops) = surface.forms_and_loops();

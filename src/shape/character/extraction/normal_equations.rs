@@ -18,7 +18,7 @@ use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
 /// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
 /// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
-const STEEPEST: f64 = 1e3;
+const MAX_COTANGENT: f64 = 1e3;
 
 /// The normal equations of one connectivity.
 pub(super) struct NormalEquations {
@@ -155,7 +155,7 @@ fn half_cotangent(o: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
     let (u, v) = (a - o, b - o);
     let cross = u.cross(&v).norm();
     let dot = u.dot(&v);
-    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-STEEPEST, STEEPEST)
+    0.5 * (dot / cross.max(f64::MIN_POSITIVE)).clamp(-MAX_COTANGENT, MAX_COTANGENT)
 }
 
 #[cfg(test)]

@@ -17,20 +17,20 @@ use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::{Run, Stopped};
 
 /// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
-const MOST_BALLS: usize = 12000;
+const MAX_BALLS: usize = 12000;
 /// Vertices that are contracted at most. At 4000 a horse of 48 000 loses an ear.
-const MOST_VERTICES: usize = 6000;
+const MAX_VERTICES: usize = 6000;
 /// Edges shorter than this share of the radius of the shape go before: about 25 stay around a limb. At 0.2 and at 0.3 ears
 /// and toes of some models are lost.
 const FINE: f64 = 0.25;
 /// A size that all edges are longer than: the shortest go first, as many as must.
-const SHORTEST: f64 = 1e-12;
+const MIN_LENGTH: f64 = 1e-12;
 /// Radius by which vertices are spread, at least: bumps of scans have balls as small as they are.
-const LEAST_SIZE: f64 = 0.01;
+const MIN_SIZE: f64 = 0.01;
 /// Vertices that are contracted at least: coarser surfaces are divided.
-const LEAST_VERTICES: usize = 1500;
+const MIN_VERTICES: usize = 1500;
 /// Triangles below which a part is a point.
-const LEAST_TRIANGLES: usize = 4;
+const MIN_TRIANGLES: usize = 4;
 /// Edges shorter than this collapse in the contraction.
 const SHORT: f64 = 0.03;
 /// Edges shorter than this share of the radius of the shape about them collapse in the contraction.
@@ -41,11 +41,11 @@ const STANDS_OUT: f64 = 0.25;
 const TIP: f64 = 0.15;
 /// And those that get a branch if they have none, in radii of the shape there, and at least: fingers of large bodies.
 const TIP_OF_RADIUS: f64 = 2.0;
-const LEAST_TIP: f64 = 0.04;
+const MIN_TIP: f64 = 0.04;
 /// Likewise those of slim limbs on which no other tip is, with lengths in radii of the shape on the way: ears, horns, fingers that turn
 /// back. Lips stand out by 2.1. And what counts as a radius at least.
 const SLIM_TIP: f64 = 2.2;
-const LEAST_RADIUS: f64 = 0.02;
+const MIN_RADIUS: f64 = 0.02;
 /// How far inside the surface a branch to a tip ends at least.
 const INSIDE: f64 = 0.01;
 /// Growth of the contraction per round.
@@ -53,7 +53,7 @@ const GROWTH: f64 = 1.2;
 /// Distance of nodes.
 const SPACING: f64 = 0.04;
 /// Radius of a medial ball at most: twice that of the sphere of equal area.
-const WIDEST: f64 = 2.0;
+const MAX_BALL_RADIUS: f64 = 2.0;
 /// Passes of centering before branches are judged, and after.
 const PASSES: [usize; 2] = [3, 6];
 /// Junctions nearer than this share of the radius are one.
@@ -78,7 +78,7 @@ pub(super) fn extract(
     observer: &mut Observer<'_>,
     run: &Run,
 ) -> Result<Found, ExtractionError> {
-    let Some(frame) = Frame::of(&part.mesh).filter(|_| part.mesh.triangle_count() >= LEAST_TRIANGLES) else {
+    let Some(frame) = Frame::of(&part.mesh).filter(|_| part.mesh.triangle_count() >= MIN_TRIANGLES) else {
         return Ok(point(part));
     };
     let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
@@ -114,12 +114,12 @@ pub(super) fn extract(
             .for_each(|(v, _)| pinned[v] = true);
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
-    if complex.alive_count() > MOST_BALLS {
-        reduction::reduce(&mut complex, MOST_BALLS, &pinned, &|_| SHORTEST, run)?;
+    if complex.alive_count() > MAX_BALLS {
+        reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_LENGTH, run)?;
     }
     let balls = balls_of(&complex, &normals, run)?;
     let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
-    reduction::reduce(&mut complex, MOST_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(LEAST_SIZE), run)?;
+    reduction::reduce(&mut complex, MAX_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(MIN_SIZE), run)?;
     run.check()?;
     let tips = Tips::of(&complex, &balls, &options.keep);
     for v in &tips.kept {
@@ -178,10 +178,10 @@ impl Tips {
             return Self { kept: vertices(far), ..Self::default() };
         }
         let radius = |v: u32| balls[v as usize].radius;
-        far.retain(|t| t.stands_out >= TIP.min(LEAST_TIP.max(TIP_OF_RADIUS * radius(t.vertex))));
+        far.retain(|t| t.stands_out >= TIP.min(MIN_TIP.max(TIP_OF_RADIUS * radius(t.vertex))));
         let (held, less) = far.into_iter().partition(|t| t.stands_out >= TIP);
         let (held, mut shown) = (vertices(held), vertices(less));
-        let mut slim = heights.tops(&|v| radius(v).max(LEAST_RADIUS), &[&held[..], &shown].concat());
+        let mut slim = heights.tops(&|v| radius(v).max(MIN_RADIUS), &[&held[..], &shown].concat());
         slim.retain(|t| t.stands_out >= SLIM_TIP);
         shown.extend(vertices(slim));
         Self { kept: Vec::new(), held, shown }
@@ -335,7 +335,7 @@ fn inside_out(surface: &TriMesh) -> TriMesh {
 /// The surface with each triangle cut into four, until there are vertices enough. Vertices keep their numbers.
 fn divided(surface: &TriMesh) -> TriMesh {
     let mut mesh = surface.clone();
-    while mesh.vertex_count() < LEAST_VERTICES {
+    while mesh.vertex_count() < MIN_VERTICES {
         let mut positions = mesh.positions().to_vec();
         let mut middle = std::collections::HashMap::new();
         let mut triangles = Vec::with_capacity(4 * mesh.triangle_count());
@@ -359,7 +359,7 @@ fn balls_of(complex: &Complex, normals: &[Vector3<f64>], run: &Run) -> Result<Ve
     let points: Vec<_> = alive.iter().map(|v| complex.positions[*v as usize]).collect();
     let normals: Vec<_> = alive.iter().map(|v| normals[*v as usize]).collect();
     let mut all = vec![Ball { center: Point3::origin(), radius: 0.0 }; complex.positions.len()];
-    for (v, ball) in alive.iter().zip(balls(&points, &normals, WIDEST, run)?) {
+    for (v, ball) in alive.iter().zip(balls(&points, &normals, MAX_BALL_RADIUS, run)?) {
         all[*v as usize] = ball;
     }
     Ok(all)

@@ -25,7 +25,7 @@ const EVEN: f64 = 0.1;
 /// Nodes that are tried for the nearest one in sight.
 const TRIED: usize = 40;
 /// How far a node goes from the middle, in radii.
-const FARTHEST: f64 = 0.7;
+const MAX_OFFSET: f64 = 0.7;
 /// How much nearer than the hidden one the node in sight shall be.
 const MARGIN: f64 = 0.05;
 
@@ -49,7 +49,7 @@ pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>], run: 
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
         for v in free {
             let off = web.nodes[v] + steps[v] - middle[v];
-            let most = FARTHEST * radii[v];
+            let most = MAX_OFFSET * radii[v];
             web.nodes[v] = middle[v] + off * (most / off.norm().max(most));
         }
     }

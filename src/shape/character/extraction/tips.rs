@@ -21,7 +21,7 @@ const STEP: f64 = 0.25;
 /// Cosine of the angle that an end turns at most, 45°: it goes on, it does not seek.
 const STRAIGHT: f64 = 0.7;
 /// How far it goes, in radii at the end that was.
-const FARTHEST: f64 = 4.0;
+const MAX_EXTRAPOLATION: f64 = 4.0;
 /// The direction of a branch is that over this many radii before its end.
 const LOOK_BACK: f64 = 1.0;
 /// How far the direction turns to the way taken, per step.
@@ -85,7 +85,7 @@ pub(super) fn extend(web: &mut Web, tree: &AabbTree) {
     for end in web.free_ends() {
         let Some(first) = direction(web, tree, end) else { continue };
         let start = web.nodes[end as usize];
-        let farthest = FARTHEST * radius(tree, &start);
+        let farthest = MAX_EXTRAPOLATION * radius(tree, &start);
         let (mut at, mut direction, mut last) = (start, first, end);
         for _ in 0..STEPS {
             let Some((next, turned)) = step(tree, &at, &direction) else { break };

@@ -20,9 +20,9 @@ const STEP: f64 = 0.01;
 /// Samples of the path.
 const SAMPLES: usize = 128;
 /// A bone keeps at least this share of its length in the template.
-const SHORTEST: f64 = 0.4;
+const MIN_LENGTH_RATIO: f64 = 0.4;
 /// A path of more bones has no bends of its own: it is a tail or a rope.
-const MOST_BONES: usize = 16;
+const MAX_BONES: usize = 16;
 
 /// Points in a row, by share of their length.
 #[derive(Clone, Debug)]
@@ -63,7 +63,7 @@ impl Path {
 pub(super) fn bent(path: &Path, shares: &[f64]) -> Vec<f64> {
     let bones = shares.len() - 1;
     let squared = path.length().powi(2);
-    if !(2..=MOST_BONES).contains(&bones) || !(squared > 0.0) {
+    if !(2..=MAX_BONES).contains(&bones) || !(squared > 0.0) {
         return shares.to_vec();
     }
     let samples: Vec<Vector3<f64>> = (0..SAMPLES).map(|j| path.at(share_of(j))).collect();
@@ -78,7 +78,7 @@ pub(super) fn bent(path: &Path, shares: &[f64]) -> Vec<f64> {
             let cost = |(a, from): (usize, i32)| {
                 let (from, before) = (share(i, from), least[a]);
                 let bone = to - from;
-                let possible = before.is_finite() && bone >= SHORTEST * wanted && bone > 0.0 && to <= 1.0;
+                let possible = before.is_finite() && bone >= MIN_LENGTH_RATIO * wanted && bone > 0.0 && to <= 1.0;
                 let strain = STIFFNESS * (bone - wanted).powi(2) / wanted.max(STEP);
                 let cost = if possible {
                     before + strain + deviation(path, &samples, from, to) / squared

@@ -8,11 +8,11 @@ use crate::character::Skeleton;
 use plumbline_num::spatial::ShortestPaths;
 
 /// What adds less than this share of all length is no end of its own.
-const LEAST: f64 = 1e-6;
+const MIN_LENGTH_FRACTION: f64 = 1e-6;
 /// Ends of a curve that are tried at most: those of a hand each on four limbs, and as many beside them.
-const MOST_OF_CURVE: usize = 40;
+const MAX_CURVE_ENDS: usize = 40;
 /// Ends of a template that are matched at most; what else it has goes with what it hangs on.
-const MOST_OF_TEMPLATE: usize = 64;
+const MAX_TEMPLATE_ENDS: usize = 64;
 
 /// What a root at the end of a limb counts, with an image or without: many rigs hang on one on the ground, outside of any surface, while that
 /// of an arm is its shoulder.
@@ -44,7 +44,7 @@ impl Ends {
 
 /// The ends of a template.
 pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
-    let mut ends = far_first(bones, bones.ends(), MOST_OF_TEMPLATE);
+    let mut ends = far_first(bones, bones.ends(), MAX_TEMPLATE_ENDS);
     for ((need, trust), node) in ends.need.iter_mut().zip(&mut ends.trust).zip(&ends.nodes) {
         if template.joints()[*node as usize].parent.is_none() {
             (*need, *trust) = (*need * ROOT, ROOT);
@@ -57,7 +57,7 @@ pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
 pub(super) fn of_curve(branches: &Graph) -> Ends {
     let ends = branches.ends();
     if ends.len() >= 2 {
-        return far_first(branches, ends, MOST_OF_CURVE);
+        return far_first(branches, ends, MAX_CURVE_ENDS);
     }
     let all = (0..branches.points.len() as u32).collect();
     far_first(branches, all, 4)
@@ -75,7 +75,7 @@ fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
     let Some(&start) = candidates.first() else { return ends };
     let mut added = graph.paths(start).length;
     while let Some((at, reach)) = farthest(&candidates, &added).filter(|_| ends.nodes.len() < most) {
-        if reach <= LEAST {
+        if reach <= MIN_LENGTH_FRACTION {
             break;
         }
         let node = candidates.remove(at);

@@ -27,7 +27,7 @@ const APART: f64 = 0.3;
 /// What a unit less costs: more than a bone's share of the first term.
 const TOO_NEAR: f64 = 4.0;
 /// Limbs shorter than this share of their length cost no more.
-const LEAST_RATIO: f64 = 0.05;
+const MIN_RATIO: f64 = 0.05;
 
 /// A limb with its way on the curve.
 #[derive(Clone, Debug)]
@@ -148,7 +148,7 @@ impl Layout {
     /// Variance of the logarithm of how limbs are stretched, weighted by their lengths.
     fn distortion(&self) -> f64 {
         let total: f64 = self.limbs.iter().map(|l| l.length).sum();
-        let log = |l: &Limb| (l.path.length() / l.length).max(LEAST_RATIO).ln();
+        let log = |l: &Limb| (l.path.length() / l.length).max(MIN_RATIO).ln();
         let mean = self.limbs.iter().map(|l| l.length * log(l)).sum::<f64>() / total;
         self.limbs.iter().map(|l| l.length * (log(l) - mean).powi(2)).sum::<f64>() / total
     }

@@ -21,7 +21,7 @@ use plumbline_num::run::{Run, Stopped};
 pub(super) type Images = Vec<Option<usize>>;
 
 /// Partial matchings that are kept: all pairs of forty ends where the beam begins, ...
-const WIDEST: usize = 1600;
+const BEAM_WIDTH: usize = 1600;
 /// ... and those that mirrors and swaps of fingers leave alike later on.
 const WIDTH: usize = 400;
 /// Matchings that are laid out to the last joint.
@@ -88,7 +88,7 @@ pub(super) fn candidates(
             }
         }
         next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        next.truncate(if k < 2 { WIDEST } else { WIDTH });
+        next.truncate(if k < 2 { BEAM_WIDTH } else { WIDTH });
         beam = next;
     }
     Ok(beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(LAID_OUT).collect())

@@ -16,7 +16,7 @@ use crate::mesh::{Model, ReadLimits, read_model};
 use plumbline_num::run::Run;
 
 /// Most movements that are looked for.
-const MOST_CLIPS: usize = 1000;
+const MAX_CLIPS: usize = 1000;
 
 /// Reads a surface with its skeleton and movements; they are not bound to each other yet.
 ///
@@ -66,7 +66,7 @@ fn inside(path: &Path, name: &str) -> Option<PathBuf> {
 /// The file, and those of the same base with the next numbers.
 fn files((first, base): (PathBuf, Option<String>)) -> Vec<PathBuf> {
     let Some(base) = base.filter(|base| Path::new(base).components().count() == 1) else { return vec![first] };
-    let numbered = (1..MOST_CLIPS).map(|k| first.with_file_name(format!("{base}{k}.anim")));
+    let numbered = (1..MAX_CLIPS).map(|k| first.with_file_name(format!("{base}{k}.anim")));
     let beside: Vec<PathBuf> = numbered.take_while(|file| file.is_file()).collect();
     std::iter::once(first).chain(beside).collect()
 }

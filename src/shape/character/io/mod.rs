@@ -24,7 +24,7 @@ pub use skel::{parse_anim, parse_skel, skel_text};
 pub use tgf::{parse_tgf, tgf_text};
 
 /// Largest skeleton or movement as text: 100 joints for an hour.
-const LARGEST_TEXT: u64 = 1 << 30;
+const MAX_TEXT: u64 = 1 << 30;
 
 /// A skeleton with the movements that its file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,11 +86,11 @@ fn text_of(path: &Path) -> Result<String, RigFileError> {
     use std::io::Read as _;
     let file = std::fs::File::open(path)?;
     let bytes = file.metadata()?.len();
-    if bytes > LARGEST_TEXT {
-        return Err(RigFileError::TooLarge { bytes, most: LARGEST_TEXT });
+    if bytes > MAX_TEXT {
+        return Err(RigFileError::TooLarge { bytes, most: MAX_TEXT });
     }
     let mut raw = Vec::new();
-    file.take(LARGEST_TEXT).read_to_end(&mut raw)?;
+    file.take(MAX_TEXT).read_to_end(&mut raw)?;
     Ok(String::from_utf8_lossy(&raw).trim_start_matches('\u{feff}').to_owned())
 }
 

@@ -22,8 +22,8 @@ use plumbline_num::math::Trs;
 /// What roots hang on.
 const ROOT: &str = "root";
 /// Most joints of a file, most poses.
-const MOST_JOINTS: usize = 1 << 16;
-const MOST_POSES: usize = 1 << 20;
+const MAX_JOINTS: usize = 1 << 16;
+const MAX_POSES: usize = 1 << 20;
 
 /// Reads a skeleton.
 ///
@@ -31,7 +31,7 @@ const MOST_POSES: usize = 1 << 20;
 /// [`RigFileError::Malformed`], and what the joints are refused for.
 pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     let mut words = Words::new("skel", text);
-    let count = words.count("the number of joints", MOST_JOINTS)?;
+    let count = words.count("the number of joints", MAX_JOINTS)?;
     let (mut at, mut names, mut parents) = (Vec::new(), Vec::new(), Vec::new());
     for k in 0..count {
         at.push(Vector3::from(words.triple(&format!("the place of joint {k}"))?));
@@ -75,7 +75,7 @@ pub fn skel_text(skeleton: &Skeleton) -> String {
 /// [`RigFileError::Malformed`], and what the movement is refused for.
 pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, RigFileError> {
     let mut words = Words::new("anim", text);
-    let poses = words.count("the number of poses", MOST_POSES)?;
+    let poses = words.count("the number of poses", MAX_POSES)?;
     let joints = words.count("the number of joints, no more than the skeleton has", skeleton.joint_count())?;
     let mut times = Vec::new();
     let mut turns: Vec<Vec<UnitQuaternion<f64>>> = vec![Vec::new(); joints];

@@ -32,10 +32,10 @@ impl SurfaceOfGradients {
     /// Factors the matrix. `hold` is `μ`, above 0.
     pub(super) fn new(mesh: &TriMesh, hold: f64, run: &Run) -> Result<Self, CharacterError> {
         run.check()?;
-        let cotangents = Cotangents::new(mesh, CotangentRule::Raw).limited(LARGEST);
+        let cotangents = Cotangents::new(mesh, CotangentRule::Raw).limited(MAX_COTANGENT);
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
         let shares = shares(&barycentric_areas(mesh), &pieces(&edges));
-        let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(LEAST)).collect();
+        let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(MIN_WEIGHT)).collect();
         let mut matrix = edges.laplacian()?;
         let starts = matrix.pattern().column_starts().to_vec();
         for (start, hold) in starts.iter().zip(&hold) {
@@ -104,10 +104,10 @@ impl SurfaceOfGradients {
 }
 
 /// The least hold of a vertex, for those of no area: far below any cotangent that counts, far above nothing.
-const LEAST: f64 = 1e-9;
+const MIN_WEIGHT: f64 = 1e-9;
 
 /// Half cotangents at most: needles of 1:2000 keep theirs.
-const LARGEST: f64 = 1e3;
+const MAX_COTANGENT: f64 = 1e3;
 
 /// Lowest vertex of each vertex's piece.
 fn pieces(edges: &EdgeWeights) -> Vec<u32> {

@@ -36,7 +36,7 @@ const SIGMA: f64 = 0.1;
 /// Bins per unit of weight.
 const BINS: f64 = 160.0;
 /// Exponents beyond this are left out: e⁻³⁰ of a term.
-const FARTHEST: f64 = 30.0;
+const MAX_EXPONENT: f64 = 30.0;
 
 /// Triangles whose weights for two joints are alike: sums of area, and of area times weights and middle.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,7 +77,7 @@ pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights, run: &Run) -> 
 #[inline]
 fn likeness(a: [f64; 2], b: [f64; 2]) -> f64 {
     let across = (a[0] * b[1] - a[1] * b[0]) / SIGMA;
-    if across * across > FARTHEST { 0.0 } else { a[0] * a[1] * b[0] * b[1] * (-across * across).exp() }
+    if across * across > MAX_EXPONENT { 0.0 } else { a[0] * a[1] * b[0] * b[1] * (-across * across).exp() }
 }
 
 /// Pairs of joints of a row, the lower number first, and their weights.

@@ -51,9 +51,9 @@ const OFF: f64 = 2.0;
 /// Weights below this are left out of rows.
 const COLD: f64 = 1e-6;
 /// Half cotangents at most: squared, they make 10⁶ beside 1.
-const LARGEST: f64 = 1e3;
+const MAX_COTANGENT: f64 = 1e3;
 /// Vertex areas at least, in parts of the mean.
-const LEAST_AREA: f64 = 1e-4;
+const MIN_AREA: f64 = 1e-4;
 
 /// A row for each welded vertex; empty where its piece has no anchor.
 pub(super) fn rows(
@@ -109,10 +109,10 @@ impl System {
         let mut number = vec![u32::MAX; anchors.len()];
         free.iter().zip(0..).for_each(|(&v, u)| number[v] = u);
         run.check()?;
-        let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
+        let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(MAX_COTANGENT);
         let areas = barycentric_areas(mesh);
         let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-        let areas: Vec<f64> = areas.iter().map(|a| a.max(LEAST_AREA * mean)).collect();
+        let areas: Vec<f64> = areas.iter().map(|a| a.max(MIN_AREA * mean)).collect();
         let inverse: Vec<f64> = areas.iter().map(|a| 1.0 / a).collect();
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).squared(&inverse);
         let mut triplets = Vec::new();

@@ -14,7 +14,7 @@ use super::bone_distance::nearest;
 use plumbline_num::run::{Run, Stopped};
 
 /// Joints of a row.
-const NEAREST: usize = 4;
+const MAX_JOINTS: usize = 4;
 
 /// A row for each vertex.
 pub(super) fn rows(positions: &[Point3<f64>], bones: &[Bone], run: &Run) -> Result<Vec<Row>, Stopped> {
@@ -32,7 +32,7 @@ fn row(p: &Point3<f64>, bones: &[Bone]) -> Row {
         }
     }
     joints.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-    joints.truncate(NEAREST);
+    joints.truncate(MAX_JOINTS);
     let least = joints[0].1;
     if !(least > 0.0) {
         return vec![(joints[0].0, 1.0)];

@@ -30,11 +30,11 @@ use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError};
 /// Bones whose distances differ by less than this fraction are equally near.
 const EQUALLY_NEAR: f64 = 1e-4;
 /// Distances below this fraction of the diagonal are taken as this: a vertex on a bone is as hot as the bone.
-const NEAREST: f64 = 1e-4;
+const MIN_DISTANCE: f64 = 1e-4;
 /// Temperatures below this are rounding and far away.
 const COLD: f64 = 1e-6;
 /// Half cotangents at most: beyond, needles would let the factor lose the heat of others.
-const LARGEST: f64 = 1e3;
+const MAX_COTANGENT: f64 = 1e3;
 
 /// The nearest visible bones of a vertex.
 #[derive(Clone, Debug, Default)]
@@ -98,11 +98,11 @@ fn factored(
 ) -> Result<(CompactFactor, Vec<f64>), SparseError> {
     let mesh = welded.mesh();
     run.check()?;
-    let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(LARGEST);
+    let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(MAX_COTANGENT);
     let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
     let areas = barycentric_areas(mesh);
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-    let least = (NEAREST * mesh.diagonal()).powi(2);
+    let least = (MIN_DISTANCE * mesh.diagonal()).powi(2);
     let flow = unknown.iter().map(|&v| {
         // Corners of slivers have hardly an area, but must not lose the heat of their neighbors.
         let area = areas[v].max(1e-6 * mean);

@@ -109,7 +109,7 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
         (!model.groups().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "groups"),
         (!model.materials().all.is_empty() && matches!(format, F::Ply | F::Off | F::Stl), "materials"),
         (moving.is_some() && !matches!(format, F::Gltf | F::Glb), "nodes, skins, morph targets and animations"),
-        (most > gltf::MOST_INFLUENCES && triangles, "influences beyond eight a vertex"),
+        (most > gltf::MAX_INFLUENCES && triangles, "influences beyond eight a vertex"),
         (model.assets().is_some() && !matches!(format, F::Gltf | F::Glb), "materials but for their names, textures"),
         (!small && format == F::Stl, "digits beyond 32-bit coordinates (STL as text keeps them)"),
         (!small && matches!(format, F::Gltf | F::Glb), "digits beyond 32-bit coordinates"),

@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{Point2, Point3, Vector3};
 
 /// Most corners of a polygon that is cut ear by ear, which takes the square of their number; larger ones become fans.
-const MOST_EARS: usize = 2048;
+const MAX_EARS: usize = 2048;
 
 /// Polygons, one after the other in one list of corners.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +95,7 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     let flat = flattened(outline);
     let turn = |a: usize, b: usize, c: usize| (flat[b] - flat[a]).perp(&(flat[c] - flat[a]));
     let convex = (0..n).all(|k| turn(k, (k + 1) % n, (k + 2) % n) >= 0.0);
-    if convex || n > MOST_EARS {
+    if convex || n > MAX_EARS {
         return (2..n).map(|k| [0, k - 1, k]).collect();
     }
     let (mut left, mut triangles): (Vec<usize>, Vec<_>) = ((0..n).collect(), Vec::with_capacity(n - 2));

@@ -42,11 +42,11 @@ impl Default for DiskOptions {
 }
 
 /// Least weight of an edge: far below those of good triangles (1), far above what would let vertices of bad ones fall together.
-const LEAST: f64 = 0.02;
+const MIN_WEIGHT: f64 = 0.02;
 /// Rounds of relaxation.
 const SWEEPS: usize = 60;
 /// The smallest part of a straight step that is tried.
-const SHORTEST: f64 = 1.0 / 64.0;
+const MIN_STEP: f64 = 1.0 / 64.0;
 /// Landmarks this near on the disk have met.
 const MET: f64 = 1e-12;
 
@@ -213,7 +213,7 @@ impl<'m> Disk<'m> {
     fn step(&mut self, v: usize, to: &Vector2<f64>) -> bool {
         let from = self.at[v];
         let mut share = 1.0;
-        while share >= SHORTEST {
+        while share >= MIN_STEP {
             let place = if share < 1.0 { from + (to - from) * share } else { *to };
             if self.sees_its_ring(v, &place) {
                 self.at[v] = place;
@@ -276,7 +276,7 @@ fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64], run: &Run) -> Result<Ve
     let weights = EdgeWeights::cotangent(n, &Cotangents::new(mesh, CotangentRule::Clamped));
     let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
     for (i, j, w) in weights.iter() {
-        let w = w.max(LEAST);
+        let w = w.max(MIN_WEIGHT);
         for (a, b) in [(i, j), (j, i)] {
             let Some(row) = unknown[a] else { continue };
             triplets.push((row, row, w));

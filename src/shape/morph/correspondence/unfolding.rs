@@ -21,7 +21,7 @@ use plumbline_num::run::Run;
 const ROUNDS: usize = 30;
 /// Rounds after which a fold that stays draws in another ring, and how many rings at most: wider patches of thin parts reach around them.
 const PATIENCE: u32 = 4;
-const MOST_RINGS: u32 = 5;
+const MAX_RINGS: u32 = 5;
 
 /// Takes folds out of `places`, one per vertex of `mesh`; those of `held` stay.
 pub(super) fn unfold(
@@ -126,7 +126,7 @@ impl Folds {
     fn region(&self, mesh: &TriMesh, around: &Neighborhood, held: &[bool]) -> Vec<u32> {
         // How many more rings each vertex draws in.
         let mut reach: Vec<Option<u32>> = vec![None; mesh.vertex_count()];
-        let mut levels: Vec<Vec<u32>> = vec![Vec::new(); MOST_RINGS as usize + 1];
+        let mut levels: Vec<Vec<u32>> = vec![Vec::new(); MAX_RINGS as usize + 1];
         for (t, age) in self.age.iter().enumerate().filter(|(_, a)| **a > 0) {
             for &v in &mesh.triangles()[t] {
                 reach[v as usize] = reach[v as usize].max(Some(rings(*age)));
@@ -166,7 +166,7 @@ impl Folds {
 }
 
 fn rings(age: u32) -> u32 {
-    (age.saturating_sub(1) / PATIENCE).min(MOST_RINGS)
+    (age.saturating_sub(1) / PATIENCE).min(MAX_RINGS)
 }
 
 #[cfg(test)]

@@ -219,14 +219,14 @@ impl Kernel for LocalStep<'_> {
 pub(super) type Inertia = [Lanes; 6];
 
 /// A moment of inertia about an axis is at least this fraction of the largest: a cell that is a line, or nothing, has none.
-const LEAST_INERTIA: f64 = 1e-9;
+const MIN_INERTIA: f64 = 1e-9;
 
 fn inverse_inertia(c: &Covariances) -> Inertia {
     let mut inverse = [Lanes::ZERO; 6];
     for lane in 0..LANES {
         let c = Matrix3::from_fn(|i, j| 0.5 * (c[i][j].0[lane] + c[j][i].0[lane]));
         let inertia = Matrix3::identity() * c.trace() - c;
-        let floor = (LEAST_INERTIA * inertia.amax()).max(f64::MIN_POSITIVE);
+        let floor = (MIN_INERTIA * inertia.amax()).max(f64::MIN_POSITIVE);
         let eigen = inertia.symmetric_eigen();
         let inverted = eigen.eigenvalues.map(|m| 1.0 / m.max(floor));
         let m = eigen.eigenvectors * Matrix3::from_diagonal(&inverted) * eigen.eigenvectors.transpose();

@@ -15,12 +15,12 @@ const EVENNESS: f64 = 0.1;
 /// Weight of the planes along the boundary, over squared edges: a corner of a sheet costs more than evenness ever gains.
 const FENCE: f64 = 100.0;
 /// Cosine that normals may turn by at most in one collapse.
-const LEAST_TURN_COSINE: f64 = 0.3;
+const MIN_ROTATION_COSINE: f64 = 0.3;
 /// Twice the area over the sum of squared edges (√3/6 ≈ 0.29 for equal sides) under which a triangle is a sliver. Slivers are
 /// refused unless one as thin was there before.
 const SLIVER: f64 = 0.03;
 /// Most neighbors of a vertex that has taken others in: dense rows cost in every factor.
-const MOST_NEIGHBORS: usize = 14;
+const MAX_NEIGHBORS: usize = 14;
 /// End of a list of corners.
 const NONE: u32 = u32::MAX;
 
@@ -204,7 +204,7 @@ impl<'a> Collapser<'a> {
         let neighbors = at_v + self.ring.len() - 2 - common;
         common == shared as usize
             && left > 0
-            && neighbors <= MOST_NEIGHBORS
+            && neighbors <= MAX_NEIGHBORS
             && self.opposite(u).all(|pair| self.sound(u, v, pair, stamp))
     }
 
@@ -221,7 +221,7 @@ impl<'a> Collapser<'a> {
         let [a, b] = pair.map(|w| self.positions[w as usize]);
         let (before, old) = shape(&self.positions[u], &a, &b);
         let (after, new) = shape(&self.positions[v], &a, &b);
-        let turn = after.dot(&before) - LEAST_TURN_COSINE * after.norm() * before.norm();
+        let turn = after.dot(&before) - MIN_ROTATION_COSINE * after.norm() * before.norm();
         (turn > 0.0 || old == 0.0) && new >= SLIVER.min(old)
     }
 

@@ -34,7 +34,7 @@ pub use start::modal_start;
 /// σ over the mean of `H` against that of `M`. It should lie below the lowest mode, for speed, and above rounding.
 const SHIFT: f64 = 1e-9;
 /// Least area of a vertex's cell, over the mean: vertices of triangles without area have one of none.
-const LEAST_MASS: f64 = 1e-6;
+const MIN_MASS: f64 = 1e-6;
 
 /// How modes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -130,6 +130,6 @@ fn referenced(mesh: &TriMesh) -> (TriMesh, Vec<u32>) {
 fn masses(mesh: &TriMesh) -> Vec<f64> {
     let areas = barycentric_areas(mesh);
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-    let least = if mean > 0.0 { LEAST_MASS * mean } else { 1.0 };
+    let least = if mean > 0.0 { MIN_MASS * mean } else { 1.0 };
     areas.iter().flat_map(|&a| [a.max(least); 3]).collect()
 }

@@ -17,7 +17,7 @@ use plumbline_num::run::Run;
 use plumbline_num::sparse::SparseError;
 
 /// Clusters of the coarsest level: a system of this size costs next to nothing.
-const COARSEST: usize = 60;
+const MIN_CLUSTERS: usize = 60;
 /// A coarse level is left when a step gains less than this share of the energy: what it cannot do finer levels must.
 const COARSE_TOLERANCE: f64 = 1e-2;
 /// Steps on a coarse level at most.
@@ -91,7 +91,7 @@ impl Solver {
         let grounds = ground(&mut shell, &rest, &anchors, still);
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
-        let levels = clusters::levels(&shell, fabric.rigid, COARSEST);
+        let levels = clusters::levels(&shell, fabric.rigid, MIN_CLUSTERS);
         let globals = levels.iter().map(|_| None).collect();
         Self {
             rest,

@@ -20,13 +20,13 @@ use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline_num::time::{Timebase, Timestamp};
 
 /// Largest side of a picture, px: more is a damaged file.
-const LARGEST_SIDE: u32 = 1 << 16;
+const MAX_SIDE: u32 = 1 << 16;
 /// Longest readout, s, either way: a tenth of a second is three times the slowest phone.
-const LONGEST_READOUT_S: f64 = 0.1;
+const MAX_READOUT_S: f64 = 0.1;
 /// Largest entry of a map, px: beyond, sums lose the pixel.
-const LARGEST_ENTRY: f64 = 1e9;
+const MAX_ENTRY: f64 = 1e9;
 /// Least scale from one frame to the next, and the inverse of the largest: less is a collapsed picture.
-const LEAST_SCALE: f64 = 1e-3;
+const MIN_SCALE: f64 = 1e-3;
 
 /// Geometry and time of the video that was measured.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -186,7 +186,7 @@ impl Document {
             return Err(value("pixel_centre", self.pixel_centre, "0.5, or 0"));
         }
         if let Some(r) = self.readout_s
-            && !(r.abs() <= LONGEST_READOUT_S)
+            && !(r.abs() <= MAX_READOUT_S)
         {
             return Err(value("readout_s", r, "-0.1 to 0.1 s"));
         }
@@ -279,7 +279,7 @@ impl Document {
             let linear = Similarity2 { a, b, t: Vec2::zeros() };
             let center = Point2::new(shift, shift);
             let moved = Similarity2 { t: Vec2::new(tx, ty) + center.coords - linear.apply(center).coords, ..linear };
-            if !(moved.t.amax() <= LARGEST_ENTRY && (LEAST_SCALE..1.0 / LEAST_SCALE).contains(&moved.scale())) {
+            if !(moved.t.amax() <= MAX_ENTRY && (MIN_SCALE..1.0 / MIN_SCALE).contains(&moved.scale())) {
                 return Err(value(
                     format!("planar_similarity[{}]", k - 1),
                     format!("{:?}", [a, b, tx, ty]),
@@ -301,14 +301,14 @@ impl Document {
 impl Source {
     fn check(&self) -> Result<(), MotionFileError> {
         for (field, side) in [("source.width", self.width), ("source.height", self.height)] {
-            if !(1..=LARGEST_SIDE).contains(&side) {
+            if !(1..=MAX_SIDE).contains(&side) {
                 return Err(value(field, side, "1 to 65536 px"));
             }
         }
         if !matches!(self.rotation, 0 | 90 | 180 | 270) {
             return Err(value("source.rotation", self.rotation, "0, 90, 180 or 270 degrees"));
         }
-        if self.pixel_aspect.iter().any(|v| !(1..=LARGEST_SIDE).contains(v)) {
+        if self.pixel_aspect.iter().any(|v| !(1..=MAX_SIDE).contains(v)) {
             return Err(value("source.pixel_aspect", format!("{:?}", self.pixel_aspect), "two numbers of 1 to 65536"));
         }
         if self.time_base.iter().any(|v| *v < 1) {
@@ -343,8 +343,8 @@ fn shifted(r: &[[f64; 3]; 3], shift: f64) -> Option<Homography> {
     let there = Matrix3::new(1.0, 0.0, shift, 0.0, 1.0, shift, 0.0, 0.0, 1.0);
     let back = Matrix3::new(1.0, 0.0, -shift, 0.0, 1.0, -shift, 0.0, 0.0, 1.0);
     let h = if shift == 0.0 { Homography::new(m) } else { Homography::new(there * m * back) };
-    let bounded = h.matrix().iter().all(|v| v.abs() <= LARGEST_ENTRY) && h.matrix()[(2, 2)] == 1.0;
-    (bounded && h.matrix().determinant() >= LEAST_SCALE * LEAST_SCALE).then_some(h)
+    let bounded = h.matrix().iter().all(|v| v.abs() <= MAX_ENTRY) && h.matrix()[(2, 2)] == 1.0;
+    (bounded && h.matrix().determinant() >= MIN_SCALE * MIN_SCALE).then_some(h)
 }
 
 /// The similarity nearest to `h` on a frame, in least squares over its corners, edges and center.

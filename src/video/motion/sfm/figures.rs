@@ -11,11 +11,11 @@ use plumbline_num::run::{Run, Stopped};
 /// Columns and rows of the cells in which coverage is counted.
 const CELLS: (usize, usize) = (8, 6);
 /// Sightings that a camera must explain.
-const LEAST_RIGHT: usize = 40;
+const MIN_CORRECT: usize = 40;
 /// Share of the known points in view that it must explain.
-const LEAST_RIGHT_SHARE: f64 = 0.5;
+const MIN_CORRECT_RATIO: f64 = 0.5;
 /// Share of the cells that must hold one of those.
-const LEAST_CELLS: f64 = 0.35;
+const MIN_CELLS: f64 = 0.35;
 
 /// How good a reconstruction is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -112,9 +112,9 @@ struct Explained {
 
 impl Explained {
     fn is_enough(&self) -> bool {
-        self.right >= LEAST_RIGHT
-            && self.right as f64 >= LEAST_RIGHT_SHARE * self.known as f64
-            && f64::from(self.cells.count_ones()) >= LEAST_CELLS * (CELLS.0 * CELLS.1) as f64
+        self.right >= MIN_CORRECT
+            && self.right as f64 >= MIN_CORRECT_RATIO * self.known as f64
+            && f64::from(self.cells.count_ones()) >= MIN_CELLS * (CELLS.0 * CELLS.1) as f64
     }
 }
 

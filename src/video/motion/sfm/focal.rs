@@ -40,10 +40,10 @@ use plumbline_num::run::{Run, Stopped};
 const STEPS: usize = 30;
 
 /// Fewest correspondences of a pair that is asked.
-const LEAST_CORRESPONDENCES: usize = 16;
+const MIN_CORRESPONDENCES: usize = 16;
 
 /// Largest change of `ln f` in one step: beyond it the poses no longer follow.
-const LARGEST_STEP: f64 = 0.15;
+const MAX_STEP: f64 = 0.15;
 
 /// Pull, in standard deviations, at which a pair has half its voice.
 const PAIR_SCALE: f64 = 3.0;
@@ -104,7 +104,7 @@ pub fn estimate_focal(
 fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -> Option<FocalEstimate> {
     let unit = options.sweep.get(options.sweep.len() / 2).copied()?;
     let usable: Vec<&[Correspondence]> =
-        pairs.iter().map(Vec::as_slice).filter(|p| p.len() >= LEAST_CORRESPONDENCES).collect();
+        pairs.iter().map(Vec::as_slice).filter(|p| p.len() >= MIN_CORRESPONDENCES).collect();
     let found: Vec<_> = usable.iter().filter_map(|p| fundamental(p, unit, options, run).map(|s| (*p, s))).collect();
     let matrices: Vec<Matrix3<f64>> = found.iter().map(|(_, s)| s.model).collect();
     let by_view_graph = view_graph_focal(&matrices, options.range)?;
@@ -327,7 +327,7 @@ impl<'a> Joint<'a> {
         let (pull, information) = votes.iter().flatten().fold((0.0, 0.0), |(g, h), v| (g + v.pull, h + v.information));
         let wanted = -pull / (information * (1.0 + damping)).max(f64::MIN_POSITIVE);
         let (low, high) = (options.range.0.ln(), options.range.1.ln());
-        let ln_focal = (self.ln_focal + wanted.clamp(-LARGEST_STEP, LARGEST_STEP)).clamp(low, high);
+        let ln_focal = (self.ln_focal + wanted.clamp(-MAX_STEP, MAX_STEP)).clamp(low, high);
         let change = ln_focal - self.ln_focal;
         let poses = self.poses.iter().zip(&votes).map(|(pose, vote)| {
             vote.as_ref().map_or(*pose, |v| pose.moved(&-(v.inverse * (v.by_pose + v.coupling * change))))
@@ -356,7 +356,7 @@ impl<'a> Joint<'a> {
             if !(information > 0.0) {
                 return None;
             }
-            change = (change - pull / information).clamp(-LARGEST_STEP, LARGEST_STEP);
+            change = (change - pull / information).clamp(-MAX_STEP, MAX_STEP);
         }
         let sigma_ln = (variance / information).sqrt().max(spread.sqrt() / information);
         let focal = (self.ln_focal + change).exp().clamp(options.range.0, options.range.1);

@@ -17,11 +17,11 @@ use crate::motion::FrameCamera;
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Similarity3, Vec3, align};
 
 /// Frames that must know both cameras.
-const LEAST_SHARED: usize = 10;
+const MIN_SHARED: usize = 10;
 /// Points that must be known to both.
-const LEAST_POINTS: usize = 20;
+const MIN_POINTS: usize = 20;
 /// Difference of the joined cameras, px at 640 px across, that is not drawn together: as much as a sighting may be wrong.
-const MOST_PX: f64 = 3.0;
+const MAX_PX: f64 = 3.0;
 /// Share of the shared frames on either side in which one of the two counts alone: the ends of a window know least.
 const ALONE: f64 = 0.25;
 
@@ -42,7 +42,7 @@ pub(super) fn fit(first: &Segment, second: &Segment) -> Option<Fit> {
     let shared: Vec<(FrameCamera, FrameCamera)> =
         overlap(first, second).filter_map(|f| Some((first.camera(f)?, second.camera(f)?))).collect();
     let pairs: Vec<(CameraPose, CameraPose)> = shared.iter().map(|(a, b)| (b.pose, a.pose)).collect();
-    if pairs.len() < LEAST_SHARED {
+    if pairs.len() < MIN_SHARED {
         return None;
     }
     let (mut similarity, _) = align(&pairs)?;
@@ -84,7 +84,7 @@ fn scale_and_depth(points: &[(Point3, Point3)], pairs: &[(CameraPose, CameraPose
     let depths =
         points.iter().map(|(b, a)| (second.apply(b).z, first.apply(a).z)).filter(|(b, a)| *b > 0.0 && *a > 0.0);
     let mut ratios: Vec<(f64, f64)> = depths.map(|(b, a)| (a / b, a)).collect();
-    if ratios.len() < LEAST_POINTS {
+    if ratios.len() < MIN_POINTS {
         return None;
     }
     let middle = ratios.len() / 2;
@@ -94,7 +94,7 @@ fn scale_and_depth(points: &[(Point3, Point3)], pairs: &[(CameraPose, CameraPose
 
 /// Whether the difference is small enough not to be seen in a picture `unit_px` times 640 px across.
 pub(super) fn is_seamless(fit: &Fit, unit_px: f64) -> bool {
-    fit.residual_px <= MOST_PX * unit_px
+    fit.residual_px <= MAX_PX * unit_px
 }
 
 /// One segment of two.

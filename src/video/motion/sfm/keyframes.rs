@@ -16,15 +16,15 @@ const PARALLAX: f64 = 0.015;
 /// Share of the last keyframe's points below which one starts.
 const SURVIVORS: f64 = 0.6;
 /// Most frames between keyframes.
-const LONGEST: usize = 20;
+const MAX_GAP: usize = 20;
 /// Frames with fewer points are no keyframes.
-const FEWEST: usize = 20;
+const MIN_POINTS: usize = 20;
 /// Rounds of reweighting: a mover on a third of the points is forgotten within four.
 const ROUNDS: usize = 6;
 
 /// Indices of the keyframes of a shot, ascending; the first and the last usable frame are among them.
 pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
-    let usable = |f: &usize| table.in_frame(*f).len() >= FEWEST;
+    let usable = |f: &usize| table.in_frame(*f).len() >= MIN_POINTS;
     let Some(first) = (0..table.frames()).find(usable) else { return Vec::new() };
     let mut keys = vec![first];
     let mut last_usable = first;
@@ -36,7 +36,7 @@ pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
         if alive < 0.5 * SURVIVORS && last_usable > key {
             keys.push(last_usable);
         }
-        if alive < SURVIVORS || frame - key >= LONGEST || parallax(&shared, camera) > PARALLAX * f64::from(table.width)
+        if alive < SURVIVORS || frame - key >= MAX_GAP || parallax(&shared, camera) > PARALLAX * f64::from(table.width)
         {
             keys.push(frame);
         }

@@ -25,9 +25,9 @@ const LOCAL: usize = 5;
 /// Growth of the map after which all of it is adjusted.
 const GROWTH: f64 = 1.34;
 /// Points that a registration rests on, at least.
-pub(super) const LEAST_INLIERS: usize = 20;
+pub(super) const MIN_INLIERS: usize = 20;
 /// Share of them among the known points that a frame sees, at least.
-const LEAST_SUPPORT: f64 = 0.4;
+const MIN_SUPPORT: f64 = 0.4;
 /// Share from which on the pose near the predicted one is taken without a search: no other one has as much.
 const CLEAR_SUPPORT: f64 = 0.8;
 /// Reprojection error of a wrong sighting, px at 640 px across.
@@ -35,9 +35,9 @@ pub(super) const WRONG_PX: f64 = 3.0;
 /// Standard deviation of a sighting in x and in y, px at 640 px across.
 const SIGMA_PX: f64 = 0.5;
 /// Share of wrong sightings from which on a point is not taken to be still.
-const MOST_WRONG: f64 = 0.3;
+const MAX_OUTLIER_RATIO: f64 = 0.3;
 /// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
-const FARTHEST: f64 = 1e-3;
+const MIN_INVERSE_DEPTH: f64 = 1e-3;
 
 /// Share of the cost by which a step must lower it to be followed by another while the map grows: what is left is found again.
 const GROWING: f64 = 1e-3;
@@ -124,7 +124,7 @@ impl<'a> Mapper<'a> {
         self.scene.poses[first] = Some(CameraPose::identity());
         self.scene.poses[second] = Some(second_from_first);
         self.triangulate_new()?;
-        Ok(self.adjust_all(false, GROWING)?.is_some() && self.known_points() >= LEAST_INLIERS)
+        Ok(self.adjust_all(false, GROWING)?.is_some() && self.known_points() >= MIN_INLIERS)
     }
 
     /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
@@ -190,7 +190,7 @@ impl<'a> Mapper<'a> {
     /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
     pub(super) fn register(&mut self, frame: usize) -> Result<bool, Stopped> {
         let sightings = self.sightings(frame);
-        if sightings.len() < LEAST_INLIERS {
+        if sightings.len() < MIN_INLIERS {
             return Ok(false);
         }
         let unit = self.unit_px();
@@ -205,8 +205,8 @@ impl<'a> Mapper<'a> {
         if found.is_none() {
             found = absolute_pose(&sightings, &weights, &options, predicted, &mut rng, self.run)?;
         }
-        let Some(found) = found.filter(|s| s.support >= LEAST_SUPPORT) else { return Ok(false) };
-        if found.support * (sightings.len() as f64) < LEAST_INLIERS as f64 {
+        let Some(found) = found.filter(|s| s.support >= MIN_SUPPORT) else { return Ok(false) };
+        if found.support * (sightings.len() as f64) < MIN_INLIERS as f64 {
             return Ok(false);
         }
         self.scene.poses[frame] = Some(found.model);
@@ -229,7 +229,7 @@ impl<'a> Mapper<'a> {
     fn farthest_inverse_depth(&self) -> f64 {
         let mut depths: Vec<f64> =
             self.scene.points.iter().flatten().map(|p| p.inverse_depth).filter(|w| *w > 0.0).collect();
-        median(&mut depths).map_or(1.0, |depth| FARTHEST * depth)
+        median(&mut depths).map_or(1.0, |depth| MIN_INVERSE_DEPTH * depth)
     }
 
     /// Where the camera would be at `frame` had it moved on, or between its neighbors.
@@ -360,7 +360,7 @@ impl<'a> Mapper<'a> {
         let misses = residuals(&self.scene, &self.observations);
         for of_point in misses.chunk_by(|a, b| a.point == b.point) {
             let wrong = of_point.iter().filter(|m| !(m.px <= WRONG_PX * unit)).count();
-            if wrong as f64 > MOST_WRONG * of_point.len() as f64 {
+            if wrong as f64 > MAX_OUTLIER_RATIO * of_point.len() as f64 {
                 let point = of_point[0].point as usize;
                 self.scene.points[point] = None;
                 self.banned[point] = true;

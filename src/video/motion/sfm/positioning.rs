@@ -30,7 +30,7 @@ const ROUNDS: usize = 60;
 /// Length of the residual, `sin` of an angle at most, from which on it counts linearly: that of the paper.
 const HUBER: f64 = 0.1;
 /// Least `d`, relative to that of a typical point: one seen from behind is let go.
-const LEAST: f64 = 1e-3;
+const MIN_DISTANCE: f64 = 1e-3;
 /// The last steps, in radians of residual.
 const LAST: DampingOptions = DampingOptions { lambda: 1e-4, tolerance: 1e-7, floor: 0.0, max_iterations: 25 };
 
@@ -128,10 +128,10 @@ impl Places {
     }
 }
 
-/// The best `d` for `y`, not below [`LEAST`].
+/// The best `d` for `y`, not below [`MIN_DISTANCE`].
 fn scale(y: &Vec3, direction: &Vec3) -> f64 {
     let best = direction.dot(y) / y.norm_squared();
-    if best > LEAST { best } else { LEAST }
+    if best > MIN_DISTANCE { best } else { MIN_DISTANCE }
 }
 
 /// The last search, every `d` at its best.

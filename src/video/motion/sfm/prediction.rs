@@ -30,17 +30,17 @@ use plumbline_num::run::{Run, Stopped};
 /// Pairs of frames that are asked, spread over the shot.
 const PAIRS: usize = 24;
 /// Frames between the two of a pair, at most: a smooth path looks about as far ahead.
-const LONGEST: usize = 40;
+const MAX_GAP: usize = 40;
 /// Share of the tracks of the first frame that the second one must still see.
 const SURVIVORS: f64 = 0.4;
 /// Neighbors on either side that a frame of a pair has, to tell how it moves during the readout.
 const AROUND: usize = 2;
 /// Frames up to the first one of the pair that a held-out track must have been seen in.
-const LEAST_KNOWN: usize = 8;
+const MIN_KNOWN: usize = 8;
 /// Inverse depth, in the unit of the scene, below which a point serves as if it were that far.
-const FARTHEST: f64 = 1e-6;
+const MIN_INVERSE_DEPTH: f64 = 1e-6;
 /// Tracks that fit, and tracks that judge, each at least.
-const LEAST_TRACKS: usize = 12;
+const MIN_TRACKS: usize = 12;
 
 /// How far held-out sightings are from where they were foretold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,7 +57,7 @@ pub(super) struct Prediction {
 pub(super) fn predict(table: &TrackTable, scene: &Scene, run: &Run) -> Result<Prediction, Stopped> {
     let frames = table.frames();
     let last = frames.saturating_sub(AROUND + 1);
-    let start = |k: usize| LEAST_KNOWN + k * last.saturating_sub(LEAST_KNOWN) / PAIRS;
+    let start = |k: usize| MIN_KNOWN + k * last.saturating_sub(MIN_KNOWN) / PAIRS;
     let mut starts: Vec<usize> = (0..PAIRS).map(start).filter(|s| s + 2 <= last).collect();
     starts.dedup();
     let judged: Vec<Sums> =
@@ -94,12 +94,12 @@ impl<'a> Pair<'a> {
     fn from(table: &'a TrackTable, scene: &Scene, first: usize) -> Option<Self> {
         let seen = table.in_frame(first).len() as f64;
         let enough = |shared: &Vec<Match>| shared.len() as f64 >= SURVIVORS * seen;
-        let last = (first + LONGEST).min(table.frames().checked_sub(AROUND + 1)?);
+        let last = (first + MAX_GAP).min(table.frames().checked_sub(AROUND + 1)?);
         let (second, shared) =
             (first + 2..=last).rev().map(|t| (t, table.shared(first, t))).find(|(_, shared)| enough(shared))?;
         let (fit, held_out): (Vec<_>, Vec<_>) = shared.into_iter().partition(|m| m.point % 2 == 0);
         let pose = |f: usize| scene.poses[f].map(|p| (f, p));
-        (fit.len() >= LEAST_TRACKS && held_out.len() >= LEAST_TRACKS)
+        (fit.len() >= MIN_TRACKS && held_out.len() >= MIN_TRACKS)
             .then(|| Some(Self { table, first: pose(first)?, second: pose(second)?, fit, held_out }))?
     }
 
@@ -135,7 +135,7 @@ impl<'a> Pair<'a> {
             let point = scene.points[m.point as usize]?;
             let anchor = scene.poses[point.anchor as usize]?;
             let row = Row::of(scene, self.second.0, m.second)?;
-            let depth = 1.0 / point.inverse_depth.max(FARTHEST);
+            let depth = 1.0 / point.inverse_depth.max(MIN_INVERSE_DEPTH);
             // Where the camera, had it stood still during the readout, would have to see the point.
             let moved = self.second.1.inverse() * row.pose * anchor.inverse();
             Some(Sighting { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
@@ -154,10 +154,7 @@ impl<'a> Pair<'a> {
             Some(View { view_from_anchor: row.pose * from_anchor, ray: row.seen })
         };
         let views: Vec<View> = before.filter_map(view).collect();
-        (views.len() >= LEAST_KNOWN)
-            .then(|| triangulate(anchor.seen, &views))
-            .flatten()
-            .map(|t| t.inverse_depth.max(0.0))
+        (views.len() >= MIN_KNOWN).then(|| triangulate(anchor.seen, &views)).flatten().map(|t| t.inverse_depth.max(0.0))
     }
 }
 

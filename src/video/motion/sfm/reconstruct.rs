@@ -10,11 +10,11 @@
 use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures};
 use super::keyframes::keyframes;
-use super::mapper::{GROWN, LEAST_INLIERS, Last, LensPrior, Mapper};
+use super::mapper::{GROWN, Last, LensPrior, MIN_INLIERS, Mapper};
 use super::rescue::{agrees, averaged, place_all};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
-use super::verdict::{LEAST_ANGLE, SfmVerdict, foretells, judged};
+use super::verdict::{MIN_ANGLE, SfmVerdict, foretells, judged};
 use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
@@ -36,11 +36,11 @@ const TURNED_SIGMA: f64 = 0.3;
 const CLEAR_GAIN: f64 = 0.97;
 /// Readouts that are believed, frame periods: one below bends less than tracks are accurate; none is longer than a frame, a
 /// little allowed for noise.
-const LEAST_READOUT: f64 = 0.05;
-/// See [`LEAST_READOUT`].
-const MOST_READOUT: f64 = 1.2;
+const MIN_READOUT: f64 = 0.05;
+/// See [`MIN_READOUT`].
+const MAX_READOUT: f64 = 1.2;
 /// Points per frame (median) below which nothing is tried.
-const FEWEST_POINTS: usize = 40;
+const MIN_POINTS: usize = 40;
 /// Sightings per frame by which wrong points are told from right ones and a readout is found.
 const FEW_SIGHTINGS: usize = 160;
 /// Sightings per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
@@ -48,7 +48,7 @@ const FEW_SIGHTINGS: usize = 160;
 const ENOUGH_SIGHTINGS: usize = 400;
 /// Residuals of turns over those with depths made up, RMS, up to which a camera is taken to have turned only: a depth and a
 /// translation too many take up a third of the noise of short tracks.
-const MOST_TURNING_LOSS: f64 = 1.5;
+const MAX_ROTATION_LOSS: f64 = 1.5;
 /// Seeds tried before a map is given up.
 const SEEDS: usize = 3;
 
@@ -84,7 +84,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Resul
     let guess = Intrinsics::centered(focal, table.width, table.height);
     let few =
         median(&mut (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect::<Vec<_>>()).unwrap_or(0.0);
-    if few < FEWEST_POINTS as f64 || table.frames() < 3 {
+    if few < MIN_POINTS as f64 || table.frames() < 3 {
         return Ok(nothing(table, guess, SfmVerdict::TooFewPoints, format!("{few:.0} points in most frames")));
     }
     run.step(0.0)?;
@@ -141,8 +141,8 @@ impl Kind {
 
 fn is_seed(edge: &Edge) -> bool {
     edge.view.verdict == TwoViewVerdict::General
-        && edge.view.median_angle >= LEAST_ANGLE
-        && edge.inliers() >= 2 * LEAST_INLIERS
+        && edge.view.median_angle >= MIN_ANGLE
+        && edge.inliers() >= 2 * MIN_INLIERS
 }
 
 /// A map of a scene with depth; where the depth foretells nothing and turns explain the tracks about as well, those.
@@ -160,7 +160,7 @@ fn with_depth(
     }
     let turning = rotation_only(table, options, keys, edges, guess, run)?;
     let nothing_else = found.figures.points == 0;
-    let as_well = nothing_else || turning.figures.rms_px <= MOST_TURNING_LOSS * found.figures.rms_px;
+    let as_well = nothing_else || turning.figures.rms_px <= MAX_ROTATION_LOSS * found.figures.rms_px;
     Ok(if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found })
 }
 
@@ -321,7 +321,7 @@ fn settled<'a>(
         let mut moving = sample.clone();
         let found = mapper.finish(&mut moving, Last { rolling: true, ..rough })?;
         rolling = found.is_some_and(|r| r.cost < CLEAR_GAIN * still.cost)
-            && (LEAST_READOUT..MOST_READOUT).contains(&moving.scene.readout);
+            && (MIN_READOUT..MAX_READOUT).contains(&moving.scene.readout);
         if rolling {
             sample = moving;
         }

@@ -14,10 +14,10 @@ use plumbline_camera::{CameraPose, Point3, align};
 use plumbline_num::run::{Run, Stopped};
 
 /// Keyframes that must see a point for it to say where they stand: two say nothing that their baseline has not used up.
-const LEAST_VIEWS: usize = 3;
+const MIN_VIEWS: usize = 3;
 /// Angle, rad, RMS over the keyframes, by which a map may differ from averaged rotations: those of single pairs are good to
 /// half a degree, and add up over a shot.
-const MOST_APART: f64 = 0.1;
+const MAX_DISTANCE: f64 = 0.1;
 
 /// The rotations on which most pairs of the keyframes agree.
 pub(super) fn averaged(keys: &[usize], edges: &[Edge], run: &Run) -> Result<AveragedRotations, Stopped> {
@@ -42,7 +42,7 @@ pub(super) fn agrees(mapper: &Mapper<'_>, keys: &[usize], averaged: &AveragedRot
     let pairs: Vec<_> = keys.iter().zip(&averaged.rotations).filter_map(pair).collect();
     let Some((similarity, _)) = align(&pairs) else { return true };
     let apart = |(a, b): &(CameraPose, CameraPose)| similarity.camera(a).rotation.angle_to(&b.rotation).powi(2);
-    (pairs.iter().map(apart).sum::<f64>() / pairs.len() as f64).sqrt() <= MOST_APART
+    (pairs.iter().map(apart).sum::<f64>() / pairs.len() as f64).sqrt() <= MAX_DISTANCE
 }
 
 /// Places the cameras of the empty `mapper` at once; false where the pairs do not connect them.
@@ -63,7 +63,7 @@ pub(super) fn place_all(
         };
         table.of_point(point).filter_map(bearing).collect()
     };
-    let points: Vec<Vec<Bearing>> = (0..table.points()).map(seen).filter(|p| p.len() >= LEAST_VIEWS).collect();
+    let points: Vec<Vec<Bearing>> = (0..table.points()).map(seen).filter(|p| p.len() >= MIN_VIEWS).collect();
     if turned.len() < 2 || points.is_empty() {
         return Ok(false);
     }

@@ -32,7 +32,7 @@ const ABSOLUTE_ROUNDS: usize = 60;
 const REDESCENDING_ROUNDS: usize = 30;
 
 /// Residual, rad, below which `1/‖ω‖` stops growing: a thousandth of a degree, below any measured rotation's error.
-const SMALLEST_RESIDUAL: f64 = 2e-5;
+const MIN_RESIDUAL: f64 = 2e-5;
 
 /// Scale of Geman's and McClure's weight in standard deviations, estimated from the median residual.
 const SCALE: f64 = 3.0;
@@ -82,11 +82,11 @@ pub fn average_rotations(cameras: usize, edges: &[RotationEdge], run: &Run) -> R
     let trusted = |(e, c): (&RotationEdge, &Confirmation)| RotationEdge { weight: e.weight * c.trust(), ..*e };
     let taking_part: Vec<RotationEdge> = edges.iter().zip(&confirmed).filter(|(e, _)| usable(e)).map(trusted).collect();
     let mut solver = Solver::new(&mut tree, taking_part);
-    solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(SMALLEST_RESIDUAL), run)?;
+    solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(MIN_RESIDUAL), run)?;
     solver.rounds(
         REDESCENDING_ROUNDS,
         |sigma, r| {
-            let scale = SCALE * sigma.max(SMALLEST_RESIDUAL);
+            let scale = SCALE * sigma.max(MIN_RESIDUAL);
             let weight = scale * scale / (scale * scale + r * r);
             weight * weight
         },

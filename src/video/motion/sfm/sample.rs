@@ -7,8 +7,8 @@
 //!
 //! - a point is taken where in most of its frames its cell of the picture still wants sightings, points that many frames see
 //!   before others;
-//! - a track longer than [`LONGEST`] cut into pieces, each a point of its own. Cuts of different tracks fall in different frames,
-//!   so that two frames `d` apart share the part `1 − d/LONGEST` of the points that both see.
+//! - a track longer than [`MAX_FRAMES`] cut into pieces, each a point of its own. Cuts of different tracks fall in different frames,
+//!   so that two frames `d` apart share the part `1 − d/MAX_FRAMES` of the points that both see.
 //!
 //! Afterwards all points are placed among the cameras found.
 
@@ -18,7 +18,7 @@ use super::{Observation, Scene, ScenePoint, TrackTable};
 const CELLS: (usize, usize) = (8, 5);
 /// Frames that a piece spans at most. Pieces of 32 to 96 frames and whole tracks give cameras that are equally good on tracked
 /// clips: trackers drift, and what a long track says about far frames it says with that drift.
-const LONGEST: usize = 48;
+const MAX_FRAMES: usize = 48;
 
 /// Sightings below which a track is taken only by frames that have not half of what they want: its own place uses up most of
 /// what it says, and its depth, which little holds, jumps about between steps.
@@ -47,13 +47,13 @@ impl Sample {
         let Some(place) = scene.points[point] else { return };
         let seen: Vec<&Observation> = sightings(table, scene, point).collect();
         let (Some(first), Some(last)) = (seen.first(), seen.last()) else { return };
-        if ((last.frame - first.frame) as usize) < LONGEST {
+        if ((last.frame - first.frame) as usize) < MAX_FRAMES {
             self.push(place, &seen);
             return;
         }
         // Multiples of the golden section spread evenly whatever their number.
-        let shift = (point as f64 * 0.618_033_988_749_895).fract() * LONGEST as f64;
-        let piece = |o: &&Observation| (o.frame as usize + shift as usize) / LONGEST;
+        let shift = (point as f64 * 0.618_033_988_749_895).fract() * MAX_FRAMES as f64;
+        let piece = |o: &&Observation| (o.frame as usize + shift as usize) / MAX_FRAMES;
         for part in seen.chunk_by(|a, b| piece(a) == piece(b)).filter(|part| part.len() > 2) {
             if let Some(place) = anchored_at(&place, part[0].frame, scene) {
                 self.push(place, part);
@@ -88,7 +88,7 @@ fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
     let length = |p: usize| sightings(table, scene, p).count();
     let known = (0..table.points()).filter(|&p| scene.points[p].is_some());
     let mut order: Vec<(usize, usize)> = known.map(|p| (length(p), p)).filter(|(length, _)| *length > 1).collect();
-    order.sort_unstable_by_key(|&(length, p)| (std::cmp::Reverse(length.min(LONGEST)), scattered(p)));
+    order.sort_unstable_by_key(|&(length, p)| (std::cmp::Reverse(length.min(MAX_FRAMES)), scattered(p)));
     let mut held = Held::new(table.frames(), per_frame);
     let mut taken = Vec::new();
     for (length, point) in order {
@@ -204,7 +204,7 @@ mod tests {
         let sample = Sample::of(&table, &scene, 400);
         let mut cuts = Vec::new();
         for piece in sample.observations.chunk_by(|a, b| a.point == b.point) {
-            assert!(((piece[piece.len() - 1].frame - piece[0].frame) as usize) < LONGEST);
+            assert!(((piece[piece.len() - 1].frame - piece[0].frame) as usize) < MAX_FRAMES);
             cuts.push(piece[0].frame);
             for o in piece {
                 let seen = sample.scene.project(o.frame, o.point).expect("in front");

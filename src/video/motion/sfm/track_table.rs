@@ -4,7 +4,7 @@ use super::Observation;
 use plumbline_num::math::Point2;
 
 /// Tracks seen in fewer frames say nothing that their two ends have not used up for the point's place.
-const SHORTEST: usize = 3;
+const MIN_FRAMES: usize = 3;
 
 /// Where every point of a shot was seen, in every frame.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ impl TrackTable {
         for run in ids.chunk_by(|a, b| a == b) {
             lengths.push((run[0], run.len()));
         }
-        let ids: Vec<u32> = lengths.iter().filter(|(_, n)| *n >= SHORTEST).map(|&(id, _)| id).collect();
+        let ids: Vec<u32> = lengths.iter().filter(|(_, n)| *n >= MIN_FRAMES).map(|&(id, _)| id).collect();
         let mut table = Self {
             width,
             height,

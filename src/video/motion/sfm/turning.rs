@@ -7,7 +7,7 @@
 //! moves in the picture besides is noise, and a translation would only make a story of it.
 
 use super::keyframes::rotation_between;
-use super::mapper::{LEAST_INLIERS, Mapper};
+use super::mapper::{MIN_INLIERS, Mapper};
 use super::rotation_averaging::{RotationEdge, average_rotations};
 use super::view_graph::Edge;
 use super::{Match, ScenePoint, TrackTable};
@@ -72,14 +72,14 @@ fn turned_from_known(
     let neighbor = (0..frame).rev().find(|&f| poses[f].is_some());
     key.into_iter().chain(neighbor).find_map(|from| {
         let shared = table.shared(from, frame);
-        (shared.len() >= LEAST_INLIERS).then(|| Some(turn_between(&shared, camera)? * poses[from]?)).flatten()
+        (shared.len() >= MIN_INLIERS).then(|| Some(turn_between(&shared, camera)? * poses[from]?)).flatten()
     })
 }
 
 fn turn_between(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
     let ray = |p| camera.ray(p).map(|r: Vec3| r.normalize());
     let rays: Vec<(Vec3, Vec3)> = matches.iter().filter_map(|m| Some((ray(m.first)?, ray(m.second)?))).collect();
-    (rays.len() >= LEAST_INLIERS)
+    (rays.len() >= MIN_INLIERS)
         .then(|| CameraPose { rotation: rotation_between(&rays).into(), translation: Vec3::zeros() })
 }
 

@@ -35,12 +35,12 @@ use plumbline_num::run::{Run, Stopped};
 const FINAL_STEPS: usize = 20;
 
 /// A winning model must explain this share of the pairs.
-const LEAST_SUPPORT: f64 = 0.3;
+const MIN_SUPPORT: f64 = 0.3;
 
 /// Share of the pairs that a turn must miss by more than three times the noise before a translation is believed. Noise alone
 /// gives 1 in 10 000, and 1 in 300 where it is taken for a fifth less than it is; a baseline seen by fewer pairs is too
 /// short to be of use.
-const LEAST_PARALLAX_SHARE: f64 = 0.03;
+const MIN_PARALLAX_RATIO: f64 = 0.03;
 
 /// Settings of [`two_view`]; lengths in normalized image coordinates (px divided by the assumed focal length).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,7 +128,7 @@ pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions, run: &Run) -
     let flat = scores.homography.min(scores.turn);
     let verdict = if !epipolar.min(flat).is_finite() {
         TwoViewVerdict::Degenerate
-    } else if epipolar < flat && fits.parallax_share(pairs, options, noise) >= LEAST_PARALLAX_SHARE {
+    } else if epipolar < flat && fits.parallax_share(pairs, options, noise) >= MIN_PARALLAX_RATIO {
         TwoViewVerdict::General
     } else if scores.homography < scores.turn {
         TwoViewVerdict::Planar
@@ -252,7 +252,7 @@ impl Fits {
         let inliers: Vec<bool> = pairs.iter().map(|p| self.explains(verdict, &scores, p) < limit).collect();
         let count = inliers.iter().filter(|i| **i).count();
         let poses = self.poses(verdict, pairs, &inliers, options);
-        if count < options.least_pairs || (count as f64) < LEAST_SUPPORT * pairs.len() as f64 || poses.is_empty() {
+        if count < options.least_pairs || (count as f64) < MIN_SUPPORT * pairs.len() as f64 || poses.is_empty() {
             return TwoView { noise, scores, ..TwoView::degenerate(pairs.len()) };
         }
         let turn = self.turn.map(|(t, _)| t);

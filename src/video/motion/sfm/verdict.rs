@@ -8,29 +8,29 @@ use super::figures::SfmFigures;
 
 /// Triangulation angle, rad, median over points, from which on two frames carry a map: 3 px at usual focal lengths. Whether
 /// the map is worth anything is seen when it is whole.
-pub(super) const LEAST_ANGLE: f64 = 0.006;
+pub(super) const MIN_ANGLE: f64 = 0.006;
 /// Misses of sightings foretold by depth, as a share of those of homographies, at most. Measured: scenes with depth 0.34 to
 /// 0.64 (0.77 where the camera walks down a street, towards what it sees); made-up depths of cameras that turn or stand still,
 /// 1.4 to 1.6; planes, on which a depth is one parameter too many, 2.
-const MOST_FORETOLD: f64 = 0.9;
+const MAX_PREDICTED_FRACTION: f64 = 0.9;
 /// Sightings that must have been foretold for the test to count.
-const LEAST_FORETOLD: usize = 100;
+const MIN_PREDICTED: usize = 100;
 /// Parallax, in RMS residuals, median over points, from which on depth is believed where too little was foretold: a tenth of
 /// its depth is then known of a point seen twice.
-const LEAST_PARALLAX: f64 = 10.0;
+const MIN_PARALLAX: f64 = 10.0;
 /// The same, from which on depths that foretell no better than homographies are those of a plane: made-up ones reached 9, planes
 /// 300.
 const PLANE_PARALLAX: f64 = 30.0;
 /// Share of frames that must have a camera.
-const LEAST_REGISTERED: f64 = 0.7;
+const MIN_REGISTERED: f64 = 0.7;
 /// RMS reprojection, px at 640 px across, beyond which cameras are not believed.
-const MOST_RMS_PX: f64 = 1.5;
+const MAX_RMS_PX: f64 = 1.5;
 /// Uncertainty of `ln f` beyond which the focal length is not believed.
-const MOST_SIGMA_LN_FOCAL: f64 = 0.3;
+const MAX_SIGMA_LN_FOCAL: f64 = 0.3;
 /// Radial term beyond which a lens is not believed: fisheyes have 0.3.
-const MOST_K1: f64 = 0.5;
+const MAX_K1: f64 = 0.5;
 /// Share of the cells that must hold points, mean over frames.
-const LEAST_COVERAGE: f64 = 0.35;
+const MIN_COVERAGE: f64 = 0.35;
 
 /// What a shot's tracks allow to say about its cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -60,19 +60,19 @@ impl SfmVerdict {
 
 /// Whether the depths of a map are more than made up.
 pub(super) fn foretells(f: &SfmFigures) -> bool {
-    if f.foretold < LEAST_FORETOLD {
-        return f.angle > 0.0 && f.angle * f.focal >= LEAST_PARALLAX * f.rms_px;
+    if f.foretold < MIN_PREDICTED {
+        return f.angle > 0.0 && f.angle * f.focal >= MIN_PARALLAX * f.rms_px;
     }
-    f.foretold_px <= MOST_FORETOLD * f.flat_px
+    f.foretold_px <= MAX_PREDICTED_FRACTION * f.flat_px
 }
 
 /// Whether a camera moved before a plane: homographies foretell as well, under angles that nobody makes up.
 fn is_plane(f: &SfmFigures) -> bool {
-    f.foretold >= LEAST_FORETOLD && !foretells(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
+    f.foretold >= MIN_PREDICTED && !foretells(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
 }
 
 fn no_depth(f: &SfmFigures) -> String {
-    if f.foretold < LEAST_FORETOLD {
+    if f.foretold < MIN_PREDICTED {
         return format!("points are seen under {:.2} degrees only, to {:.2} px", f.angle.to_degrees(), f.rms_px);
     }
     format!("depth foretells points to {:.2} px, homographies to {:.2} px", f.foretold_px, f.flat_px)
@@ -83,17 +83,17 @@ pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px
     let f = figures;
     let registered = f.registered as f64 / f.frames.max(1) as f64;
     let failed = |why: String| (SfmVerdict::Failed, why);
-    if !(registered >= LEAST_REGISTERED) {
+    if !(registered >= MIN_REGISTERED) {
         failed(format!("cameras for {} of {} frames only", f.registered, f.frames))
-    } else if !(f.rms_px <= MOST_RMS_PX * unit_px) {
+    } else if !(f.rms_px <= MAX_RMS_PX * unit_px) {
         failed(format!("points lie {:.1} px beside where the cameras see them", f.rms_px))
-    } else if !(f.coverage >= LEAST_COVERAGE) {
+    } else if !(f.coverage >= MIN_COVERAGE) {
         failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
     } else if verdict == SfmVerdict::ThreeD && !foretells(f) && !is_plane(f) {
         failed(no_depth(f))
-    } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MOST_SIGMA_LN_FOCAL) {
+    } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MAX_SIGMA_LN_FOCAL) {
         failed("the focal length cannot be told".to_owned())
-    } else if !(k1.abs() <= MOST_K1) {
+    } else if !(k1.abs() <= MAX_K1) {
         failed(format!("no lens bends as much as the tracks would need, k1 {k1:.2}"))
     } else {
         let angle = f.angle.to_degrees();

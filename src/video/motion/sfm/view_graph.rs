@@ -13,7 +13,7 @@ use plumbline_num::run::{Run, Stopped};
 /// Steps between the keyframes of a pair: near ones share most points, far ones see most depth.
 const STRIDES: [usize; 5] = [1, 2, 3, 5, 8];
 /// Fewest points that a pair must share.
-const LEAST_SHARED: usize = 40;
+const MIN_SHARED: usize = 40;
 /// Most pairs that are asked for the focal length.
 const FOCAL_PAIRS: usize = 16;
 
@@ -57,7 +57,7 @@ pub(super) fn view_graph(
     let options = TwoViewOptions { focal_doubt: doubt, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
-        if matches.len() < LEAST_SHARED {
+        if matches.len() < MIN_SHARED {
             return Ok(None);
         }
         let mut rays = Vec::with_capacity(matches.len());

@@ -15,7 +15,7 @@ use super::{Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, reconst
 use plumbline_num::run::{Run, Stopped};
 
 /// Fewest frames that keep cameras of their own: a shorter stretch is over before its own path has been smoothed.
-pub(super) const SHORTEST: usize = 25;
+pub(super) const MIN_WINDOW_FRAMES: usize = 25;
 /// Frames without a camera between two stretches of one.
 const BRIDGED: usize = 8;
 /// How often a stretch is parted again.
@@ -107,8 +107,8 @@ fn push(segments: &mut Vec<Segment>, mut next: Segment, unit_px: f64) {
         }
         let seam = seam(&last, &next, &shared);
         let (start, end) = (last.frames.start, next.frames.end);
-        last.clip(start..seam, SHORTEST);
-        next.clip(seam..end, SHORTEST);
+        last.clip(start..seam, MIN_WINDOW_FRAMES);
+        next.clip(seam..end, MIN_WINDOW_FRAMES);
         if !last.frames.is_empty() {
             segments.push(last);
             break;
@@ -146,7 +146,7 @@ fn solved<E: From<Stopped>>(
         let known = first.start..last.end;
         let mut segment = Segment::new(frames.clone(), &table, found);
         segment.forget(&explained);
-        segment.clip(known.clone(), SHORTEST);
+        segment.clip(known.clone(), MIN_WINDOW_FRAMES);
         (whole, stretches) = (Some(segment), vec![known]);
     } else if depth == 0 || stretches.is_empty() || stretches[0] == frames {
         return Ok(vec![without_cameras(frames, found)]);
@@ -176,7 +176,7 @@ fn rest<E: From<Stopped>>(
     if frames.is_empty() {
         return Ok(Vec::new());
     }
-    if frames.len() < SHORTEST || depth == 0 {
+    if frames.len() < MIN_WINDOW_FRAMES || depth == 0 {
         let reason = format!("no camera explains these {} frames", frames.len());
         return Ok(vec![Segment::unknown(frames, SfmVerdict::Failed, reason)]);
     }
@@ -197,7 +197,7 @@ fn runs(explained: &[bool]) -> Vec<Range<usize>> {
             _ => runs.push(frame..frame + 1),
         }
     }
-    runs.retain(|r| r.len() >= SHORTEST);
+    runs.retain(|r| r.len() >= MIN_WINDOW_FRAMES);
     runs
 }
 

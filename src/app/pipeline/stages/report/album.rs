@@ -15,7 +15,7 @@ use plumbline_video::path::VirtualPath;
 const MOMENTS: usize = 6;
 
 /// Longest side of a picture, px.
-const MOST_PX: usize = 640;
+const MAX_PX: usize = 640;
 
 /// Pictures of a few moments.
 pub(in crate::pipeline::stages) struct Album {
@@ -43,7 +43,7 @@ impl Album {
         let path: &VirtualPath = context.values.get(context.required(report, "path")?)?;
         let windows = Windows::of(motion, path, Shown::of(video));
         let view = View {
-            most_px: MOST_PX,
+            most_px: MAX_PX,
             rotation_deg: video.rotation_deg,
             mirrored: video.mirrored,
             pixel_aspect: video.sample_aspect.map_or(1.0, Ratio::value),

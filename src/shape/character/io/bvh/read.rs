@@ -10,9 +10,9 @@ use crate::character::{Clip, Joint, Skeleton};
 use plumbline_num::math::Trs;
 
 /// Most frames of a movement.
-const MOST_FRAMES: usize = 1 << 22;
+const MAX_FRAMES: usize = 1 << 22;
 /// Most joints one below the other.
-const DEEPEST: usize = 1 << 12;
+const MAX_DEPTH: usize = 1 << 12;
 
 /// What a number of a frame moves.
 #[derive(Clone, Copy)]
@@ -51,8 +51,8 @@ pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
 fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Channels>) -> Result<(), RigFileError> {
     let mut open: Vec<u32> = vec![begin(words, None, joints)?];
     while let Some(&joint) = open.last() {
-        if open.len() > DEEPEST {
-            return Err(words.fault(format!("more than {DEEPEST} joints one below the other")));
+        if open.len() > MAX_DEPTH {
+            return Err(words.fault(format!("more than {MAX_DEPTH} joints one below the other")));
         }
         match words.word("a part of the joint, or }")? {
             "OFFSET" => joints[joint as usize].rest.translation = words.triple("the offset")?.into(),
@@ -128,7 +128,7 @@ fn unique(joints: &mut [Joint]) {
 
 fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> Result<Option<Clip>, RigFileError> {
     words.expect("Frames:")?;
-    let frames = words.count("the number of frames", MOST_FRAMES)?;
+    let frames = words.count("the number of frames", MAX_FRAMES)?;
     words.expect("Frame")?;
     words.expect("Time:")?;
     let step = words.number("the time between frames")?;

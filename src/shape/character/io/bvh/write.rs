@@ -14,7 +14,7 @@ const RATE: f64 = 30.0;
 /// Keys this close to an even grid, of its step, stand on it.
 const EVEN: f64 = 1e-4;
 /// Most frames.
-const MOST: f64 = 1e6;
+const MAX_FRAMES: f64 = 1e6;
 
 /// A skeleton, and a movement (at rest without one), with one frame per key where keys are evenly spaced and 30 per second
 /// otherwise. Names keep single spaces. Second, what is lost, in words.
@@ -28,7 +28,7 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
     let Some(root) = root.filter(|_| others == 0) else {
         return Err(unwritable(format!("it has {} roots, and one is allowed", others + 1)));
     };
-    let frames = Frames::of(clip).ok_or_else(|| unwritable(format!("more than {MOST} frames")))?;
+    let frames = Frames::of(clip).ok_or_else(|| unwritable(format!("more than {MAX_FRAMES} frames")))?;
     let mut poses = Vec::with_capacity(frames.count);
     for k in 0..frames.count {
         poses.push(match clip {
@@ -73,7 +73,7 @@ impl Frames {
         let even = steps >= 1.0 && times.iter().enumerate().all(even);
         let step = if even { step } else { 1.0 / RATE };
         let count = ((last - first) / step + EVEN).floor() + 1.0;
-        (count <= MOST).then_some(Self { start: first, step, count: count as usize })
+        (count <= MAX_FRAMES).then_some(Self { start: first, step, count: count as usize })
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::super::super::SkinWeights;
-use super::super::reduced::{MOST_KEYS, Map, Sheet};
+use super::super::reduced::{MAX_KEYS, Map, Sheet};
 use super::super::training::Regressor;
 use super::bytes::{Reader, Writer};
 use super::{ModelFileError, NONE};
@@ -11,13 +11,13 @@ use super::{ModelFileError, NONE};
 /// Bytes of a regressor's numbers.
 const MAP: usize = 36 * 8;
 /// Most joints, as in skeletons.
-const MOST_JOINTS: usize = 1 << 16;
+const MAX_JOINTS: usize = 1 << 16;
 
 /// Names of joints, and the joints they hang on.
 pub(super) fn read_joints(r: &mut Reader<'_>) -> Result<(Vec<String>, Vec<Option<u32>>), ModelFileError> {
     let count = r.count(8, &|| "the joints".to_owned())?;
-    if count == 0 || count > MOST_JOINTS {
-        let expected = format!("1 to {MOST_JOINTS}");
+    if count == 0 || count > MAX_JOINTS {
+        let expected = format!("1 to {MAX_JOINTS}");
         let place = "the number of joints".to_owned();
         return Err(ModelFileError::Value { place, value: count.to_string(), expected });
     }
@@ -124,7 +124,7 @@ pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) 
 fn read_sheet(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Sheet, ModelFileError> {
     let place = &|| format!("sheet {sheet}");
     let (bone, joint) = (r.index(joints, place)?, r.index(joints, place)?);
-    let keys = r.index(MOST_KEYS + 1, &|| format!("the number of key triangles of sheet {sheet}"))? as usize;
+    let keys = r.index(MAX_KEYS + 1, &|| format!("the number of key triangles of sheet {sheet}"))? as usize;
     let shapes = r.index(9 * keys + 1, &|| format!("the number of shapes of sheet {sheet}"))? as usize;
     let keys = (0..keys).map(|_| r.matrix(place)).collect::<Result<Vec<_>, _>>()?;
     r.fits((shapes * 9 * keys.len()) as u64, 8, place)?;

@@ -30,9 +30,9 @@ use plumbline_num::run::{Run, Stopped};
 use table::Table;
 
 /// Shapes for each joint at most: each costs three numbers for the vertices about it, and with more of them the solve is cheaper.
-pub(super) const MOST_SHAPES: usize = 32;
+pub(super) const MAX_SHAPES: usize = 32;
 /// Key triangles of a sheet at most: nine numbers each tell more than a turn of three can mean.
-pub(super) const MOST_KEYS: usize = 8;
+pub(super) const MAX_KEYS: usize = 8;
 
 /// What triangles that go with one joint and are explained by one do.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,7 +107,7 @@ impl RegressionModel {
     /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
     pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize, run: &Run) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
-        OptionError::check(most <= MOST_SHAPES, "prototypes", most as f64, "0 to 32")?;
+        OptionError::check(most <= MAX_SHAPES, "prototypes", most as f64, "0 to 32")?;
         if let Some(sample) = samples.iter().find(|s| s.len() != joints) {
             return Err(CharacterError::Matrices { joints, matrices: sample.len() });
         }

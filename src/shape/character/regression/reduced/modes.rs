@@ -11,11 +11,11 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
 use super::super::JointTurns;
 use super::super::training::Regressor;
-use super::{MOST_KEYS, Map, Sheet, array};
+use super::{MAX_KEYS, Map, Sheet, array};
 use plumbline_num::run::{Run, Stopped};
 
 /// Samples of a turn at most: what is learnt from is thinned beyond.
-const MOST_SAMPLES: usize = 96;
+const MAX_SAMPLES: usize = 96;
 /// Parts of the turns learnt from that are sampled too: between rest and a pose, and a little beyond it.
 const PARTS: [f64; 4] = [0.35, 0.7, 1.0, 1.2];
 /// What samples off the turns learnt from count beside those.
@@ -23,7 +23,7 @@ const ASIDE: f64 = 0.3;
 /// What of the coordinates keys may leave unexplained, of their size.
 const UNEXPLAINED: f64 = 1e-3;
 /// Singular values of what keys say that count, of the largest.
-const LEAST: f64 = 1e-5;
+const MIN_SINGULAR_RATIO: f64 = 1e-5;
 /// Shapes below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -152,9 +152,10 @@ impl Sampled {
             let columns: Vec<usize> = keys.iter().flat_map(|&c| 9 * c..9 * c + 9).collect();
             let said = self.said.select_columns(&columns);
             let svd = said.clone().svd(true, true);
-            let reading = svd.solve(wanted, LEAST * svd.singular_values.max()).expect("both factors were asked for");
+            let reading =
+                svd.solve(wanted, MIN_SINGULAR_RATIO * svd.singular_values.max()).expect("both factors were asked for");
             let missed = (said * &reading - wanted).norm();
-            if keys.len() == MOST_KEYS.min(self.triangles.len()) || missed <= UNEXPLAINED * wanted.norm() {
+            if keys.len() == MAX_KEYS.min(self.triangles.len()) || missed <= UNEXPLAINED * wanted.norm() {
                 return (keys, reading.transpose());
             }
             for direction in left.columns(9 * next, 9).into_owned().svd(true, false).u.expect("asked for").column_iter()
@@ -175,7 +176,7 @@ fn samples(turns: &[JointTurns], joint: u32) -> Vec<Sample> {
     let between = (0..seen.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
     let between = between.map(|(a, b)| (nalgebra::center(&seen[a].into(), &seen[b].into()).coords, ASIDE));
     let all: Vec<Sample> = parts.chain(between).collect();
-    let step = all.len().div_ceil(MOST_SAMPLES).max(1);
+    let step = all.len().div_ceil(MAX_SAMPLES).max(1);
     // No turn at all says nothing: an axis, so that there is a sample.
     let none = (Vector3::x() * furthest.max(f64::MIN_POSITIVE), ASIDE);
     all.into_iter().step_by(step).chain([none]).collect()

@@ -28,7 +28,7 @@ use input::Input;
 use plumbline_num::document::gltf::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use plumbline_num::run::Run;
 
-pub(super) use write::{MOST_INFLUENCES, write};
+pub(super) use write::{MAX_INFLUENCES, write};
 
 /// Required extensions under which the geometry can be read all the same.
 const HARMLESS: [&str; 5] = ["KHR_mesh_quantization", "KHR_texture_", "KHR_materials_", "EXT_texture_", "KHR_lights_"];

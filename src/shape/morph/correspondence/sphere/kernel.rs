@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 /// Below this, rounding decides what is seen.
-const LEAST: f64 = 1e-13;
+const MIN_VOLUME: f64 = 1e-13;
 
 /// The unit vector with the greatest least `n_k · x` over the sides' normals; `None` where no place sees all sides.
 ///
@@ -17,7 +17,7 @@ pub(super) fn deepest(polygon: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let mut consider = |x: Option<Vector3<f64>>| {
         let Some(x) = x else { return };
         let depth = least(&x);
-        if depth > LEAST && best.is_none_or(|b| depth > b.0) {
+        if depth > MIN_VOLUME && best.is_none_or(|b| depth > b.0) {
             best = Some((depth, x));
         }
     };

@@ -53,7 +53,7 @@ impl Default for SphereOptions {
 
 /// Rounds of relaxation of all vertices whenever their number has grown by a quarter: at least, and at most while each gains [`GAIN`].
 const SWEEPS: usize = 60;
-const MOST_SWEEPS: usize = 300;
+const MAX_SWEEPS: usize = 300;
 const GAIN: f64 = 1e-3;
 
 /// Rounds around a vertex that came back, at most while each gains [`ROOM`]: what is crowded grows by about half in each.
@@ -61,8 +61,8 @@ const AROUND: usize = 60;
 const ROOM: f64 = 0.05;
 
 /// The smallest part of a step towards a landmark that is tried, and of one to where less is stretched.
-const SHORTEST: f64 = 1.0 / 64.0;
-const SHORTEST_SETTLING: f64 = 1e-6;
+const MIN_STEP: f64 = 1.0 / 64.0;
+const MIN_SETTLING: f64 = 1e-6;
 
 /// The unit vector of every vertex of a closed surface of genus 0: no triangle turned over, none on another.
 ///
@@ -220,7 +220,7 @@ impl<'m> Ball<'m> {
     /// Relaxes all until little is gained.
     fn spread(&mut self, run: &Run) -> Result<(), Stopped> {
         let mut last = f64::INFINITY;
-        for sweep in 0..MOST_SWEEPS {
+        for sweep in 0..MAX_SWEEPS {
             run.check()?;
             let energy = self.relax(&[]);
             if sweep >= SWEEPS && !(energy < (1.0 - GAIN) * last) {
@@ -257,7 +257,7 @@ impl<'m> Ball<'m> {
             return 0.0;
         };
         let mut share = 1.0;
-        while share >= SHORTEST_SETTLING {
+        while share >= MIN_SETTLING {
             if let Some(place) = (x + step * share).try_normalize(1e-12)
                 && stretch::energy(&sides, wish, &place).is_some_and(|e| e.0 < before)
                 && self.sees_its_ring(v, &place)
@@ -274,7 +274,7 @@ impl<'m> Ball<'m> {
     fn step(&mut self, v: u32, to: &Vector3<f64>) -> bool {
         let from = self.at[v as usize];
         let mut share = 1.0;
-        while share >= SHORTEST {
+        while share >= MIN_STEP {
             if let Some(place) = (from + (to - from) * share).try_normalize(1e-12)
                 && self.sees_its_ring(v, &place)
             {

@@ -16,7 +16,7 @@
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 /// Of the squares of its edges, what a triangle's area is at least: slivers must not be crowded either.
-const LEAST_AREA: f64 = 0.01;
+const MIN_AREA: f64 = 0.01;
 
 /// A triangle at a vertex: its two other corners on the sphere, and `|s_i|² + |s_j|² − |s_k|²` of its edges opposite the vertex and those two.
 pub(super) struct Side {
@@ -28,7 +28,7 @@ impl Side {
     /// A triangle with these corners on the surface, the vertex first.
     pub(super) fn new(corners: [Vector3<f64>; 2], [v, p, q]: [Vector3<f64>; 3]) -> Self {
         let [a, b, c] = [(q - p).norm_squared(), (v - q).norm_squared(), (p - v).norm_squared()];
-        let area = 0.5 * (p - v).cross(&(q - v)).norm() + LEAST_AREA * (a + b + c);
+        let area = 0.5 * (p - v).cross(&(q - v)).norm() + MIN_AREA * (a + b + c);
         Self { corners, weights: [b + c - a, c + a - b, a + b - c].map(|w| 0.5 * area * w) }
     }
 
@@ -123,7 +123,7 @@ mod tests {
             let area: f64 = 3.0 * 0.5 * 0.01 * 0.01 * (std::f64::consts::TAU / 3.0).sin() * size * size;
             let edges: f64 = 3.0 * (2.0 + 3.0) * 0.01 * 0.01 * size * size;
             let (cost, gradient) = energy(&sides(size), None, &Vector3::z()).unwrap();
-            let expected = (area + LEAST_AREA * edges) * 2.0 * size * size;
+            let expected = (area + MIN_AREA * edges) * 2.0 * size * size;
             assert!((cost / expected - 1.0).abs() < 1e-3, "{cost:e} {expected:e}");
             assert!(gradient.xy().norm() < 1e-9 * cost / 0.01);
         }

@@ -14,7 +14,7 @@ use plumbline_num::optim::levenberg_marquardt::{DampedProblem, minimize};
 use plumbline_num::run::Run;
 
 /// Points that a pose needs; three determine it up to four ways.
-const LEAST_POINTS: usize = 4;
+const MIN_POINTS: usize = 4;
 
 /// A pose found by [`resect`].
 #[derive(Clone, Debug, PartialEq)]
@@ -46,8 +46,8 @@ pub fn resect(
         return Err(BundleError::NotFinite { what: format!("start of the pose of frame {frame}") });
     }
     let sights: Vec<_> = observations.iter().enumerate().filter_map(|(i, o)| sight(scene, frame, i, o)).collect();
-    if sights.len() < LEAST_POINTS {
-        return Err(BundleError::TooFewObservations { found: sights.len(), least: LEAST_POINTS });
+    if sights.len() < MIN_POINTS {
+        return Err(BundleError::TooFewObservations { found: sights.len(), least: MIN_POINTS });
     }
     let known = |f: usize| scene.poses.get(f).is_some_and(Option::is_some);
     let around = neighbors(frame as usize, known).filter_map(|n| Some((n, scene.poses[n]?)));

@@ -23,7 +23,7 @@ use plumbline_num::math::{Point2, Vec2};
 
 /// Share of its distance that a point must lie in front of the camera's plane. Nearer to the plane than this, 84° off the
 /// axis, no lens of this model sees anything, and the projection is too steep to be followed by linear steps.
-const LEAST_FRONT: f64 = 0.1;
+const MIN_FRONT: f64 = 0.1;
 
 /// A pose as the loops over observations want it.
 #[derive(Clone, Copy, Debug)]
@@ -196,7 +196,7 @@ impl Eye<'_> {
 
 /// `(Y_x, Y_y)/Y_z`, where `Y` is in front.
 fn normalized(y: &Vec3) -> Option<Vec2> {
-    (y.z > LEAST_FRONT * y.norm()).then(|| y.xy() / y.z)
+    (y.z > MIN_FRONT * y.norm()).then(|| y.xy() / y.z)
 }
 
 fn stacked(turn: &Matrix2x3<f64>, shift: &Matrix2x3<f64>) -> PoseJacobian {

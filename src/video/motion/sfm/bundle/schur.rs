@@ -22,7 +22,7 @@ const BATCH: usize = 16;
 const SLACK: f64 = 1.2;
 /// Least diagonal entry that damping takes hold of, relative to the largest of its kind: what hardly anything observes would
 /// otherwise run as far as it likes at any damping.
-const LEAST_DIAGONAL: f64 = 1e-9;
+const MIN_DIAGONAL: f64 = 1e-9;
 
 /// Damping under which variances are read: far below what observations say, enough to hold what they say nothing of.
 const NEARLY_NONE: f64 = 1e-9;
@@ -222,7 +222,7 @@ impl Part {
 impl Floors {
     fn of(layout: &Layout, normal: &Normal) -> Self {
         // Where nothing at all is observed of a kind, any positive number holds it.
-        let floor = |largest: f64| if largest > 0.0 { LEAST_DIAGONAL * largest } else { 1.0 };
+        let floor = |largest: f64| if largest > 0.0 { MIN_DIAGONAL * largest } else { 1.0 };
         let pose = |kind: usize| {
             let all = (0..layout.free).flat_map(|slot| (0..3).map(move |k| POSE * slot + kind + k));
             floor(all.map(|k| normal.a.diagonal(k)).fold(0.0, f64::max))

@@ -9,7 +9,7 @@ use crate::mesh::model::articulation::{Articulation, Channel, Instance, Interpol
 use plumbline_num::document::gltf::ARRAY_BUFFER;
 
 /// Influences of a vertex that are written: two sets of four.
-pub(in crate::mesh::io) const MOST_INFLUENCES: usize = 8;
+pub(in crate::mesh::io) const MAX_INFLUENCES: usize = 8;
 
 impl File<'_> {
     /// `JOINTS_n` and `WEIGHTS_n` of the vertices of a part.
@@ -180,7 +180,7 @@ impl File<'_> {
 fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
     let mut row: Vec<(u32, f64)> = articulation.influences.row(vertex).collect();
     row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    row.truncate(MOST_INFLUENCES);
+    row.truncate(MAX_INFLUENCES);
     if row.is_empty() {
         return vec![(0, 1.0)];
     }

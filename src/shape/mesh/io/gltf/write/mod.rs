@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use serde_json::{Map, Value, json};
 
 use crate::mesh::{Model, NO_VALUE};
-pub(in crate::mesh::io) use articulation::MOST_INFLUENCES;
+pub(in crate::mesh::io) use articulation::MAX_INFLUENCES;
 use parts::{Part, origin, parts};
 use plumbline_num::document::gltf::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GltfBuffer};
 
