@@ -5,6 +5,7 @@
 //! their own, joined by bounded channels, and no frame is copied on the way. `FFmpeg` does the work; `av` is the one
 //! folder that touches its C interface.
 
+mod atomic_file;
 mod av;
 mod chapters;
 mod clock;
@@ -27,11 +28,11 @@ mod read_options;
 mod reader;
 mod sequence;
 mod surface;
-mod unfinished;
 mod unpack;
 mod write_options;
 mod writer;
 
+pub use atomic_file::AtomicFile;
 pub use encoders::{EncoderInfo, check_encoder, encoders};
 pub use error::{Fault, MediaError};
 pub use focal::focal_px;
@@ -42,6 +43,5 @@ pub use probe::{ChapterInfo, MediaInfo, StreamInfo, StreamKind, VideoSummary, pr
 pub use read_options::{Deinterlace, ReadOptions, ReadReport};
 pub use reader::VideoReader;
 pub use surface::FramePool;
-pub use unfinished::Unfinished;
-pub use write_options::{Codec, Companions, EncoderWish, WriteOptions, WriteReport};
+pub use write_options::{Codec, EncoderWish, PassthroughStreams, WriteOptions, WriteReport};
 pub use writer::VideoWriter;

@@ -1,14 +1,14 @@
 //! Where a result goes, and how it gets there in one piece.
 //!
-//! A file is written beside its target ([`Unfinished`]), synced and renamed last. Whatever happens before that, nothing stands
+//! A file is written beside its target ([`AtomicFile`]), synced and renamed last. Whatever happens before that, nothing stands
 //! under the final name and the input is untouched.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::atomic_file::{AtomicFile, folder_of};
 use super::av::OutputFormat;
 use super::sequence::{Pattern, muxer_pattern};
-use super::unfinished::{Unfinished, folder_of};
 use super::{Input, MediaError};
 
 /// A target to write.
@@ -85,7 +85,7 @@ impl Output {
     /// # Errors
     /// [`MediaError::UnknownContainer`], [`MediaError::NotStreamable`], [`MediaError::Unwritable`],
     /// [`MediaError::DiskFull`].
-    pub fn rehearse(&self) -> Result<(), MediaError> {
+    pub fn preflight(&self) -> Result<(), MediaError> {
         self.format()?;
         self.begin().map(drop)
     }
@@ -156,18 +156,18 @@ fn files_of_sequence(path: &Path) -> Vec<PathBuf> {
 #[derive(Debug)]
 pub(super) enum Partial {
     Stdout,
-    File { partial: Unfinished, target: PathBuf },
-    Folder { partial: Unfinished, target: PathBuf },
+    File { partial: AtomicFile, target: PathBuf },
+    Folder { partial: AtomicFile, target: PathBuf },
 }
 
 impl Partial {
     fn file(target: &Path) -> Result<Self, MediaError> {
-        let partial = Unfinished::beside(target).map_err(|e| MediaError::writing_io(target, &e))?;
+        let partial = AtomicFile::beside(target).map_err(|e| MediaError::writing_io(target, &e))?;
         Ok(Self::File { partial, target: target.to_owned() })
     }
 
     fn folder(target: &Path) -> Result<Self, MediaError> {
-        let partial = Unfinished::sequence_in(folder_of(target));
+        let partial = AtomicFile::sequence_in(folder_of(target));
         let partial = partial.map_err(|e| MediaError::writing_io(target, &e))?;
         Ok(Self::Folder { partial, target: target.to_owned() })
     }

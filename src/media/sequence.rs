@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::MediaError;
-use super::unfinished::{Name, Unfinished};
+use super::atomic_file::{AtomicFile, Name};
 
 /// A pattern, the first number that exists for it, and all its files.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub(super) struct Sequence {
     first: u64,
     files: Vec<PathBuf>,
     /// Holds the links, if any.
-    _links: Option<Arc<Unfinished>>,
+    _links: Option<Arc<AtomicFile>>,
 }
 
 /// A file name with one number in it: the text before, the text after and the least number of digits.
@@ -90,7 +90,7 @@ impl Sequence {
         };
         let place = std::env::temp_dir();
         let fail = |source| MediaError::Spool { place: place.clone(), source };
-        let links = Unfinished::folder(&place, &Name::beginning("plumbline-pictures-")).map_err(fail)?;
+        let links = AtomicFile::folder(&place, &Name::beginning("plumbline-pictures-")).map_err(fail)?;
         for (number, file) in files.iter().enumerate() {
             let target = std::path::absolute(file).map_err(fail)?;
             link(&target, &links.path().join(format!("{number:08}.{extension}"))).map_err(fail)?;

@@ -114,7 +114,7 @@ impl JsonSchema for EncoderWish {
 
 /// Where everything beside the pictures comes from: audio, subtitles, data, chapters and tags.
 #[derive(Clone, Debug, Default)]
-pub enum Companions {
+pub enum PassthroughStreams {
     /// The clip that the pictures come from.
     #[default]
     OfSource,
@@ -143,7 +143,7 @@ pub struct WriteOptions {
     /// Replace an existing target.
     pub overwrite: bool,
     /// Where everything beside the pictures comes from.
-    pub companions: Companions,
+    pub companions: PassthroughStreams,
     /// Make an error of everything that would be lost: depth, chroma, alpha, streams.
     pub strict: bool,
 }

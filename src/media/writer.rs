@@ -14,7 +14,7 @@ use super::error::reason;
 use super::info::{VideoInfo, describe};
 use super::output::Partial;
 use super::surface::Surface;
-use super::{Companions, Input, MediaError, Output, WriteOptions, WriteReport, av};
+use super::{Input, MediaError, Output, PassthroughStreams, WriteOptions, WriteReport, av};
 use plumbline_image::Frame;
 
 /// A file being written.
@@ -56,7 +56,7 @@ impl VideoWriter {
         let picture = source.demux()?;
         let start_us = source.span_us(&picture).0.unwrap_or(0);
         let mut copier = donor(source, options).map(Copier::open).transpose()?;
-        let own = matches!(options.companions, Companions::OfSource);
+        let own = matches!(options.companions, PassthroughStreams::OfSource);
         let template = Template { encoder: &encoder, picture: &picture, video, own };
         let video_stream =
             template.add_streams(&mut muxer, copier.as_mut(), format, &mut warnings).map_err(|e| e.at(output))?;
@@ -198,9 +198,9 @@ impl Warnings {
 /// The clip that everything beside the pictures comes from.
 fn donor<'i>(source: &'i Input, options: &'i WriteOptions) -> Option<&'i Input> {
     let donor = match &options.companions {
-        Companions::OfSource => source,
-        Companions::Of(other) => other,
-        Companions::None => return None,
+        PassthroughStreams::OfSource => source,
+        PassthroughStreams::Of(other) => other,
+        PassthroughStreams::None => return None,
     };
     (!donor.is_sequence()).then_some(donor)
 }

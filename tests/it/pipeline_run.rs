@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 use plumbline::app::pipeline::execute::{Report, execute};
 use plumbline::app::pipeline::progress::{Event, Progress, Silent};
 use plumbline::app::pipeline::{
-    Backend, Exit, InputSummary, Job, Pass, Probed, RunError, SegmentSummary, Shake, ShakeSummary, Source, Summary,
-    Values, read,
+    ArtifactStore, Exit, InputSummary, Job, Pass, Probed, RunError, SegmentSummary, Shake, ShakeSummary, Source,
+    StageRunner, Summary, read,
 };
 
 use crate::pipeline::GOOD;
@@ -22,12 +22,18 @@ struct Pretender {
     most_at_once: AtomicUsize,
 }
 
-impl Backend for Pretender {
+impl StageRunner for Pretender {
     fn probe(&self, input: &str) -> Result<Probed, RunError> {
         Err(RunError::Input(format!("cannot open `{input}`")))
     }
 
-    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
+    fn run_pass(
+        &self,
+        job: &Job<'_>,
+        pass: &Pass,
+        values: &mut ArtifactStore,
+        summary: &mut Summary,
+    ) -> Result<(), RunError> {
         let now = self.at_once.fetch_add(1, Ordering::SeqCst) + 1;
         self.most_at_once.fetch_max(now, Ordering::SeqCst);
         #[expect(clippy::disallowed_methods, reason = "work that takes time, so that items overlap")]

@@ -10,7 +10,7 @@ use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline compose`.
 #[derive(Debug, Args)]
@@ -41,7 +41,7 @@ impl Offer for Compose {
 }
 
 impl ComposeArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 

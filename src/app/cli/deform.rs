@@ -13,7 +13,7 @@ use crate::pipeline::kinds::{
     ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings,
 };
 use crate::pipeline::surfaces::ViewWish;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline deform`.
 #[derive(Debug, Args)]
@@ -68,7 +68,7 @@ impl Offer for Deform {
 }
 
 impl DeformArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 

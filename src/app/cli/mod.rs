@@ -38,7 +38,7 @@ use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 
-use crate::pipeline::{Backend, Exit, Pipeline, PipelineFile};
+use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner};
 use failure::Failure;
 pub use rectify::RectifyArgs;
 pub use retarget::RetargetArgs;
@@ -122,7 +122,7 @@ impl PipelineArgs {
 }
 
 /// Runs the program on the process's own arguments.
-pub fn main(backend: &dyn Backend) -> ExitCode {
+pub fn main(backend: &dyn StageRunner) -> ExitCode {
     let cli = Cli::parse();
     start_log();
     let exit = dispatch(cli.command, backend).unwrap_or_else(|failure| {
@@ -161,7 +161,7 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
     }
 }
 
-fn dispatch(command: Command, backend: &dyn Backend) -> Result<Exit, Failure> {
+fn dispatch(command: Command, backend: &dyn StageRunner) -> Result<Exit, Failure> {
     match command {
         Command::Stabilize(args) => args.run(backend),
         Command::Rectify(args) => args.run(backend),

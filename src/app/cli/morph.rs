@@ -10,7 +10,7 @@ use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
 use plumbline_shape::mesh::MeshFormat;
 
 /// Options of `plumbline morph`.
@@ -56,7 +56,7 @@ impl Offer for Morph {
 }
 
 impl MorphArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline(), self.job.print_pipeline, backend)
     }
 

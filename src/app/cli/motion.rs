@@ -10,7 +10,7 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::MotionExportSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline motion`.
 #[derive(Debug, Args)]
@@ -36,7 +36,7 @@ pub(super) struct MotionArgs {
 }
 
 impl MotionArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline(), self.clip.job.print_pipeline, backend)
     }
 

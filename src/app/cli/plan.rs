@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::{PipelineArgs, tell};
-use crate::pipeline::{Backend, Exit, Plan};
+use crate::pipeline::{Exit, Plan, StageRunner};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -13,7 +13,7 @@ pub(super) struct PlanArgs {
 }
 
 impl PlanArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         let pipeline = self.pipeline.read()?;
         // A plan can be read before the clips exist: then the figures stay symbolic.
         let instances = pipeline.instances().unwrap_or_default();

@@ -13,7 +13,7 @@ use crate::pipeline::kinds::{
     ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
 };
 use crate::pipeline::surfaces::ViewWish;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Frames of a folder where no number is given.
 const FRAMES: u32 = 24;
@@ -76,7 +76,7 @@ impl Offer for Posing {
 }
 
 impl PoseArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 

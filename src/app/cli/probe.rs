@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::tell;
-use crate::pipeline::{Backend, Exit};
+use crate::pipeline::{Exit, StageRunner};
 
 #[derive(Debug, Args)]
 pub(super) struct ProbeArgs {
@@ -16,7 +16,7 @@ pub(super) struct ProbeArgs {
 }
 
 impl ProbeArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         let probed = backend.probe(&self.input)?;
         let text = if self.json { format!("{:#}", probed.json) } else { probed.text };
         tell(&format!("{}\n", text.trim_end()));

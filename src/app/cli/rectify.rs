@@ -12,7 +12,7 @@ use crate::pipeline::kinds::{
     PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
 };
 use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]
@@ -77,7 +77,7 @@ impl Offer for Render {
 }
 
 impl RectifyArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.photo.job.print_pipeline, backend)
     }
 

@@ -11,7 +11,7 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings};
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline render`.
 #[derive(Debug, Args)]
@@ -58,7 +58,7 @@ impl Offer for Render {
 }
 
 impl RenderArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 

@@ -12,7 +12,7 @@ use crate::pipeline::kinds::{
     ClipFaces, ImageRenderSettings, ImportanceSettings, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
     RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
 };
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline retarget`.
 #[derive(Debug, Args)]
@@ -55,7 +55,7 @@ impl Offer for Render {
 }
 
 impl RetargetArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.photo.job.print_pipeline, backend)
     }
 

@@ -12,7 +12,7 @@ use super::{PipelineArgs, tell};
 use crate::pipeline::execute::{Report, execute};
 use crate::pipeline::options::ProgressMode;
 use crate::pipeline::progress::for_mode;
-use crate::pipeline::{Backend, Exit, Pipeline, PipelineFile, check, print};
+use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner, check, print};
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
@@ -36,7 +36,7 @@ pub(super) struct RunArgs {
 }
 
 impl RunArgs {
-    pub(super) fn run(mut self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(mut self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         let jobs = self.jobs.map(|n| format!("batch.jobs={n}"));
         let threads = self.threads.map(|n| format!("run.threads={n}"));
         let overwrite = self.overwrite.then(|| "run.overwrite=true".to_owned());
@@ -52,7 +52,7 @@ impl RunArgs {
 }
 
 /// Checks and runs the pipeline that a command's options mean, or prints it.
-pub(super) fn run_or_print(file: PipelineFile, print_only: bool, backend: &dyn Backend) -> Result<Exit, Failure> {
+pub(super) fn run_or_print(file: PipelineFile, print_only: bool, backend: &dyn StageRunner) -> Result<Exit, Failure> {
     if print_only {
         tell(&print(&file));
         return Ok(Exit::Done);
@@ -61,7 +61,7 @@ pub(super) fn run_or_print(file: PipelineFile, print_only: bool, backend: &dyn B
 }
 
 /// Runs a checked pipeline, tells summaries and failures, and gives the exit status.
-fn run_pipeline(pipeline: &Pipeline, backend: &dyn Backend) -> Result<Exit, Failure> {
+fn run_pipeline(pipeline: &Pipeline, backend: &dyn StageRunner) -> Result<Exit, Failure> {
     let instances = pipeline.instances()?;
     let interrupt = Interrupt::install()?;
     let progress = for_mode(pipeline.run.progress, std::io::stderr().is_terminal());

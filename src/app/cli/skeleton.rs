@@ -11,7 +11,7 @@ use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, SkeletonExtractSettings};
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Formats of skeletons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -67,7 +67,7 @@ impl Offer for Extract {
 }
 
 impl SkeletonArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
     }
 

@@ -10,7 +10,7 @@ use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kinds::{MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings};
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline skin`.
 #[derive(Debug, Args)]
@@ -91,7 +91,7 @@ impl Offer for Train {
 }
 
 impl SkinArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline(), self.job().print_pipeline, backend)
     }
 

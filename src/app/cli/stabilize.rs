@@ -17,7 +17,7 @@ use crate::pipeline::kinds::{
 };
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Backend, Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
 
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]
@@ -110,7 +110,7 @@ impl Offer for Encode {
 pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 impl StabilizeArgs {
-    pub(super) fn run(self, backend: &dyn Backend) -> Result<Exit, Failure> {
+    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
         run_or_print(self.pipeline()?, self.clip.job.print_pipeline, backend)
     }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use super::batch::Instance;
 use super::check::Pipeline;
-use super::job::{Backend, Job, Values};
+use super::job::{ArtifactStore, Job, StageRunner};
 use super::options::{BatchSettings, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
 use super::run_error::{Exit, RunError};
@@ -63,7 +63,7 @@ impl Report {
 pub fn execute(
     pipeline: &Pipeline,
     instances: &[Instance],
-    backend: &dyn Backend,
+    backend: &dyn StageRunner,
     progress: &dyn Progress,
     cancel: &Arc<AtomicBool>,
 ) -> Report {
@@ -105,7 +105,7 @@ fn photos_in_memory() -> usize {
 struct Executor<'a> {
     run: &'a RunSettings,
     batch: &'a BatchSettings,
-    backend: &'a dyn Backend,
+    backend: &'a dyn StageRunner,
     progress: &'a dyn Progress,
     cancel: &'a Arc<AtomicBool>,
     threads: usize,
@@ -169,7 +169,7 @@ impl Executor<'_> {
     fn try_item(&self, instance: &Instance) -> Result<Summary, RunError> {
         let started = Instant::now();
         self.check_targets(instance)?;
-        self.backend.rehearse(instance)?;
+        self.backend.preflight(instance)?;
         let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
         let job = Job {
             instance,
@@ -178,7 +178,7 @@ impl Executor<'_> {
             progress: &progress,
             cancel: self.cancel,
         };
-        let (mut values, mut summary) = (Values::default(), Summary::default());
+        let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         for pass in &instance.plan.passes {
             job.check_cancel()?;
             // What fails once the user has stopped the run was stopped, whatever it says of itself.

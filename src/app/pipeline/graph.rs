@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::kind::{Settings, StageKind};
-use super::memory::Held;
+use super::memory::MemoryCost;
 use super::port::{Port, PortType};
 use super::syntax::Entry;
 
@@ -35,10 +35,10 @@ pub struct Stage {
 
 impl Stage {
     /// What it holds while it runs; twice the frames where it joins two pictures into one.
-    pub fn held(&self) -> Vec<Held> {
+    pub fn held(&self) -> Vec<MemoryCost> {
         let joins = self.edges.iter().any(|e| e.port.name == "beside");
         let times = if joins { 2.0 } else { 1.0 };
-        self.settings.held().into_iter().map(|h| Held { frames: times * h.frames, ..h }).collect()
+        self.settings.held().into_iter().map(|h| MemoryCost { frames: times * h.frames, ..h }).collect()
     }
 }
 

@@ -51,9 +51,9 @@ impl Job<'_> {
 
 /// Results that one pass hands to later ones, by stage and output port.
 #[derive(Default)]
-pub struct Values(HashMap<(usize, &'static str), Box<dyn Any + Send>>);
+pub struct ArtifactStore(HashMap<(usize, &'static str), Box<dyn Any + Send>>);
 
-impl Values {
+impl ArtifactStore {
     /// Keeps the result of a stage's output port.
     pub fn put<T: Any + Send>(&mut self, stage: usize, port: &'static str, value: T) {
         self.0.insert((stage, port), Box::new(value));
@@ -91,7 +91,7 @@ pub struct Probed {
 }
 
 /// Bodies of the stages: what really reads, computes and writes.
-pub trait Backend: Sync {
+pub trait StageRunner: Sync {
     /// Looks into a file.
     ///
     /// # Errors
@@ -102,7 +102,7 @@ pub trait Backend: Sync {
     ///
     /// # Errors
     /// [`RunError::Output`] or [`RunError::Usage`] where a file cannot be written.
-    fn rehearse(&self, _instance: &Instance) -> Result<(), RunError> {
+    fn preflight(&self, _instance: &Instance) -> Result<(), RunError> {
         Ok(())
     }
 
@@ -111,5 +111,11 @@ pub trait Backend: Sync {
     ///
     /// # Errors
     /// Whatever went wrong; no file may be left under its final name unless it is whole.
-    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError>;
+    fn run_pass(
+        &self,
+        job: &Job<'_>,
+        pass: &Pass,
+        values: &mut ArtifactStore,
+        summary: &mut Summary,
+    ) -> Result<(), RunError>;
 }

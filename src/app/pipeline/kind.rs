@@ -12,7 +12,7 @@ use schemars::{JsonSchema, Schema};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::memory::Held;
+use super::memory::MemoryCost;
 use super::port::Port;
 use super::port_value::{Inputs, Outputs, inputs_fit, outputs_fit};
 use super::run_error::RunError;
@@ -20,7 +20,7 @@ use crate::stages::context::Context;
 
 /// How a stage's result depends on time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OverTime {
+pub enum TemporalScope {
     /// One frame in, one frame out.
     Map,
     /// A frame needs this many frames around it.
@@ -81,12 +81,12 @@ pub trait Stage:
     const MAP: Option<MapStep> = None;
 
     /// How the result depends on time.
-    fn over_time(&self) -> OverTime {
-        OverTime::Map
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Map
     }
 
     /// What it holds while it runs.
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         Vec::new()
     }
 
@@ -128,9 +128,9 @@ pub trait Stage:
 /// A stage of a kind known at run time; [`dyn Settings::get`] gives back the typed struct.
 pub trait Settings: Any + Debug + Send + Sync {
     /// See [`Stage::over_time`].
-    fn over_time(&self) -> OverTime;
+    fn over_time(&self) -> TemporalScope;
     /// See [`Stage::held`].
-    fn held(&self) -> Vec<Held>;
+    fn held(&self) -> Vec<MemoryCost>;
     /// See [`Stage::conflicts`].
     fn conflicts(&self) -> Vec<Conflict>;
     /// See [`Stage::reads`].
@@ -154,11 +154,11 @@ pub trait Settings: Any + Debug + Send + Sync {
 }
 
 impl<S: Stage> Settings for S {
-    fn over_time(&self) -> OverTime {
+    fn over_time(&self) -> TemporalScope {
         Stage::over_time(self)
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         Stage::held(self)
     }
 

@@ -22,7 +22,7 @@ pub struct ClipShape {
 
 /// One thing that a stage keeps while it runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Held {
+pub struct MemoryCost {
     /// What it is.
     pub what: &'static str,
     /// Whole decoded frames.
@@ -37,7 +37,7 @@ pub struct Held {
     pub on_disk: bool,
 }
 
-impl Held {
+impl MemoryCost {
     /// Bytes for a clip of this shape; a clip of unknown length counts as 0 frames.
     pub fn evaluate(&self, clip: &ClipShape) -> u64 {
         let px = f64::from(clip.width) * f64::from(clip.height);
@@ -48,7 +48,7 @@ impl Held {
     }
 }
 
-impl fmt::Display for Held {
+impl fmt::Display for MemoryCost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut terms = Vec::new();
         if self.frames > 0.0 {
@@ -94,8 +94,14 @@ mod tests {
 
     #[test]
     fn terms_add_up_and_print() {
-        let held =
-            Held { what: "x", frames: 2.0, bytes_per_px: 0.5, bytes: 1000, bytes_per_clip_frame: 8.0, on_disk: false };
+        let held = MemoryCost {
+            what: "x",
+            frames: 2.0,
+            bytes_per_px: 0.5,
+            bytes: 1000,
+            bytes_per_clip_frame: 8.0,
+            on_disk: false,
+        };
         let clip = ClipShape { width: 100, height: 10, frame_bytes: 1500, frames: Some(7) };
         assert_eq!(held.evaluate(&clip), 3000 + 500 + 1000 + 56);
         assert_eq!(held.to_string(), "2 frames + 0.50 B × W×H + 1000 B + 8 B per frame of the clip");

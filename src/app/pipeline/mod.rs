@@ -48,7 +48,7 @@ pub use batch::Instance;
 pub use check::{Pipeline, check, read};
 pub use file::{PipelineFile, StageEntry};
 pub use graph::Graph;
-pub use job::{Backend, Job, Probed, Values};
+pub use job::{ArtifactStore, Job, Probed, StageRunner};
 pub use plan::{Pass, Plan};
 pub use print::print;
 pub use problem::{Problem, Problems};

@@ -14,8 +14,8 @@
 use std::collections::BTreeSet;
 
 use super::graph::{Graph, Stage};
-use super::kind::OverTime;
-use super::memory::{ClipShape, Held, human_bytes};
+use super::kind::TemporalScope;
+use super::memory::{ClipShape, MemoryCost, human_bytes};
 use super::port::PortType;
 
 /// One streaming run over the clip.
@@ -81,11 +81,11 @@ fn of_clip(stage: &Stage) -> bool {
 
 fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
     let time = match stage.settings.over_time() {
-        OverTime::Map => "frame by frame".to_owned(),
-        OverTime::Window(n) => format!("looks {n} frames around"),
-        OverTime::Reduce => "needs the whole clip".to_owned(),
-        OverTime::Once if of_clip(stage) => "before the first frame".to_owned(),
-        OverTime::Once => "once".to_owned(),
+        TemporalScope::Map => "frame by frame".to_owned(),
+        TemporalScope::Window(n) => format!("looks {n} frames around"),
+        TemporalScope::Reduce => "needs the whole clip".to_owned(),
+        TemporalScope::Once if of_clip(stage) => "before the first frame".to_owned(),
+        TemporalScope::Once => "once".to_owned(),
     };
     let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
     lines.extend(stage.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
@@ -105,7 +105,7 @@ impl Pass {
     }
 }
 
-fn held_text(held: &Held, clip: Option<&ClipShape>) -> String {
+fn held_text(held: &MemoryCost, clip: Option<&ClipShape>) -> String {
     let place = if held.on_disk { " in a temporary file" } else { "" };
     let amount = clip.map_or_else(|| held.to_string(), |clip| human_bytes(held.evaluate(clip)));
     format!("{}: {amount}{place}", held.what)
@@ -116,7 +116,7 @@ fn levels(graph: &Graph) -> Vec<usize> {
     let streamed = streamed(graph);
     for (s, stage) in graph.stages.iter().enumerate() {
         let after = |e: &super::graph::Edge| {
-            let reduce = graph.stages[e.from].settings.over_time() == OverTime::Reduce && streamed[e.from];
+            let reduce = graph.stages[e.from].settings.over_time() == TemporalScope::Reduce && streamed[e.from];
             level[e.from] + usize::from(reduce)
         };
         level[s] = stage.edges.iter().map(after).max().unwrap_or(0);
@@ -129,7 +129,7 @@ fn streamed(graph: &Graph) -> Vec<bool> {
     let mut streamed = vec![true; graph.stages.len()];
     for (s, stage) in graph.stages.iter().enumerate() {
         let source = stage.edges.is_empty();
-        let once = stage.settings.over_time() == OverTime::Once;
+        let once = stage.settings.over_time() == TemporalScope::Once;
         streamed[s] = !once && (source || stage.edges.iter().any(|e| streamed[e.from]));
     }
     streamed

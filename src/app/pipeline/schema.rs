@@ -85,7 +85,7 @@ pub fn schema() -> Json {
             "version": {"const": VERSION, "description": "Version of the format"},
             "name": {"type": "string", "description": "Names the run in messages"},
             "vars": {
-                "description": "Values that stages refer to as ${vars.NAME}",
+                "description": "ArtifactStore that stages refer to as ${vars.NAME}",
                 "type": "object",
                 "propertyNames": {"pattern": NAME_PATTERN},
                 "additionalProperties": {"type": ["string", "number", "boolean", "array"]}

@@ -11,7 +11,7 @@ use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, of_file, tell, write_report};
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_shape::morph::paint::Paint;
@@ -60,8 +60,8 @@ impl Stage for BlendSettings {
     type Input = (Posed, Posed);
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

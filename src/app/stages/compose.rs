@@ -7,7 +7,7 @@ use serde_json::json;
 use super::context::Context;
 use super::morphing::{morph_error, of_file, pose_of, tell, write_report};
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
@@ -37,8 +37,8 @@ impl Stage for ComposeSettings {
     type Input = (Posed, Posed);
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

@@ -5,7 +5,7 @@ use std::time::SystemTime;
 use super::video_decode::DecodeSettings;
 use crate::pipeline::graph::{Edge, Stage};
 use crate::pipeline::items::pictures;
-use crate::pipeline::job::{Job, Values};
+use crate::pipeline::job::{ArtifactStore, Job};
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{InputSummary, Summary};
@@ -16,7 +16,7 @@ use plumbline_media::{Fault, FieldOrder, Input, MediaError, ReadOptions, ReadRep
 pub struct Context<'c, 'j> {
     pub(crate) job: &'c Job<'j>,
     pub(crate) pass: &'c Pass,
-    pub(crate) values: &'c mut Values,
+    pub(crate) values: &'c mut ArtifactStore,
     pub(crate) summary: &'c mut Summary,
     /// The number of the stage at work.
     pub(crate) at: usize,

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::context::Context;
 use crate::pipeline::run_error::RunError;
-use plumbline_media::Unfinished;
+use plumbline_media::AtomicFile;
 
 /// Starts the file that is to become `path`; dropped, it is removed.
-pub(crate) fn begin(path: &Path) -> Result<Unfinished, RunError> {
-    Unfinished::beside(path).map_err(|e| cannot(path, &e))
+pub(crate) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
 }
 
 pub(crate) fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::photo::with_pixels;
 use super::values::PhotoMap;
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_image::canvas::{Canvas, Rgb};
@@ -35,12 +35,12 @@ impl Stage for ImageGridSettings {
     type Input = (Arc<Photo>, Arc<PhotoMap>);
     type Output = (Arc<Photo>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "the picture with the grid", bytes_per_px: 6.0, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "the picture with the grid", bytes_per_px: 6.0, ..MemoryCost::default() }]
     }
 
     fn run(&self, (photo, map): Self::Input, _context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use super::photo::{heif, still_error};
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::InputSummary;
@@ -42,13 +42,13 @@ impl Stage for ImageLoadSettings {
     type Input = ();
     type Output = (Arc<Photo>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Packed as it is decoded, then in planes; 16 bit with alpha is the worst case at 16 bytes.
-        vec![Held { what: "the picture, packed and in planes", frames: 2.0, ..Held::default() }]
+        vec![MemoryCost { what: "the picture, packed and in planes", frames: 2.0, ..MemoryCost::default() }]
     }
 
     fn reads(&self) -> Vec<&str> {

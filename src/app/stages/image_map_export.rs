@@ -20,8 +20,8 @@ use super::context::Context;
 use super::files::{begin, cannot};
 use super::numpy::write_npy;
 use super::values::PhotoMap;
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -69,12 +69,12 @@ impl Stage for MapExportSettings {
     type Input = (Arc<Photo>, Arc<PhotoMap>);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "the map at every pixel", bytes_per_px: 24.0, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "the map at every pixel", bytes_per_px: 24.0, ..MemoryCost::default() }]
     }
 
     fn writes(&self) -> Vec<String> {

@@ -11,8 +11,8 @@ use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha}
 use super::photo::with_pixels;
 use super::values::PhotoMap;
 use super::video_render;
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::PixelSize;
@@ -64,12 +64,12 @@ impl Stage for ImageRenderSettings {
     type Input = (Arc<Photo>, Vec<Arc<PhotoMap>>);
     type Output = (Arc<Photo>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "the result", frames: 1.0, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "the result", frames: 1.0, ..MemoryCost::default() }]
     }
 
     fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {

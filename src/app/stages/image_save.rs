@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::files::{begin, cannot};
 use super::photo::still_error;
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -46,12 +46,12 @@ impl Stage for ImageSaveSettings {
     type Input = (Arc<Photo>,);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "packed samples", frames: 1.0, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]
     }
 
     fn writes(&self) -> Vec<String> {

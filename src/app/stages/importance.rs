@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use super::photo::painted_mask;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_image::feature::{Face, Importance, ImportanceOptions};
@@ -34,8 +34,8 @@ impl Stage for ImportanceSettings {
     type Input = (Arc<Photo>, Option<Arc<[Face]>>);
     type Output = (Arc<Importance>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::photo::lens::{self, Wish};
 use super::values::LineSet;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_camera::FieldAxis;
@@ -56,8 +56,8 @@ impl Stage for LinesDetectSettings {
     type Input = (Arc<Photo>, Option<LineSet>);
     type Output = (LineSet,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn run(&self, (photo, marked): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use super::values::LineSet;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -37,8 +37,8 @@ impl Stage for LinesSaveSettings {
     type Input = (Arc<Photo>, LineSet);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn writes(&self) -> Vec<String> {

@@ -13,7 +13,7 @@ use super::mesh::handles::Bound;
 use super::mesh::solvable::Solvable;
 use super::mesh::{report, surface_error};
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::surfaces::MethodName;
@@ -81,8 +81,8 @@ impl Stage for MeshDeformSettings {
     type Input = (Posed,);
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

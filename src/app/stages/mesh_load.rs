@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::mesh::mesh_error;
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::SurfaceSummary;
@@ -42,8 +42,8 @@ impl Stage for MeshLoadSettings {
     type Input = ();
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

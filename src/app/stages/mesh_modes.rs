@@ -16,7 +16,7 @@ use super::mesh::solvable::Solvable;
 use super::mesh::surface_error;
 use super::npz::{Array, write_npz};
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -57,8 +57,8 @@ impl Stage for MeshModesSettings {
     type Input = (Posed,);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn writes(&self) -> Vec<String> {

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::numpy::read_npy;
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::PixelSize;
@@ -100,16 +100,16 @@ impl Stage for MeshRenderSettings {
     type Input = (Posed,);
     type Output = (Arc<Photo>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Nine samples per pixel, each with a triangle and a depth; of translucent surfaces two layers of them, and depth and
         // opacity of twelve.
         let samples = if self.drawn_opacity() < 1.0 { 2 * 9 * 8 + 12 * 8 } else { 9 * 8 };
         let bytes = u64::from(self.size.width) * u64::from(self.size.height) * (samples + 6 + 16);
-        vec![Held { what: "samples of the picture", bytes, ..Held::default() }]
+        vec![MemoryCost { what: "samples of the picture", bytes, ..MemoryCost::default() }]
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

@@ -10,7 +10,7 @@ use super::files::begin;
 use super::mesh::animated::animated;
 use super::mesh::mesh_error;
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -63,8 +63,8 @@ impl Stage for MeshSaveSettings {
     type Input = (Posed,);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn writes(&self) -> Vec<String> {

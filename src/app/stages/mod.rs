@@ -96,7 +96,7 @@ pub use video_stmap::StMapSettings;
 
 use crate::pipeline::batch::Instance;
 use crate::pipeline::graph::Graph;
-use crate::pipeline::job::{Backend, Job, Probed, Values};
+use crate::pipeline::job::{ArtifactStore, Job, Probed, StageRunner};
 use crate::pipeline::kind::StageKind;
 use crate::pipeline::kinds::{
     LensUndistortSettings, MotionImportSettings, MotionSettings, SmoothSettings, TrackSettings, WarpSettings,
@@ -158,18 +158,24 @@ pub fn find(name: &str) -> Option<&'static StageKind> {
 }
 
 /// The stages that this program has.
-pub struct Bodies;
+pub struct BuiltinStages;
 
-impl Backend for Bodies {
+impl StageRunner for BuiltinStages {
     fn probe(&self, input: &str) -> Result<Probed, RunError> {
         probe::probe(input)
     }
 
-    fn rehearse(&self, instance: &Instance) -> Result<(), RunError> {
+    fn preflight(&self, instance: &Instance) -> Result<(), RunError> {
         instance.graph.stages.iter().try_for_each(|stage| stage.settings.preflight())
     }
 
-    fn run_pass(&self, job: &Job<'_>, pass: &Pass, values: &mut Values, summary: &mut Summary) -> Result<(), RunError> {
+    fn run_pass(
+        &self,
+        job: &Job<'_>,
+        pass: &Pass,
+        values: &mut ArtifactStore,
+        summary: &mut Summary,
+    ) -> Result<(), RunError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
         let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
         pool.install(|| {
@@ -200,7 +206,7 @@ fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError
 }
 
 /// Drops the results that no stage of `stages` after position `done` takes.
-fn let_go(graph: &Graph, stages: &[usize], done: usize, values: &mut Values) {
+fn let_go(graph: &Graph, stages: &[usize], done: usize, values: &mut ArtifactStore) {
     for &from in &stages[..=done] {
         let later = stages[done + 1..].iter().any(|&s| graph.stages[s].edges.iter().any(|e| e.from == from));
         if !later {
@@ -228,7 +234,7 @@ mod tests {
         let progress = TaskProgress::new(&Silent, "alone", 1);
         let cancel = Arc::new(AtomicBool::new(false));
         let job = Job { instance: &instance, threads: 1, overwrite: false, progress: &progress, cancel: &cancel };
-        let (mut values, mut summary) = (Values::default(), Summary::default());
+        let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         let pass = &instance.plan.passes[0];
         run_stage(&mut Context { job: &job, pass, values: &mut values, summary: &mut summary, at: 0 }, 0)
     }

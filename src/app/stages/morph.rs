@@ -9,7 +9,7 @@ use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, tell, write_report};
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, OverTime, Stage};
+use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_shape::morph::correspondence::{CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions};
@@ -91,8 +91,8 @@ impl Stage for MorphSettings {
     type Input = (Posed, Posed);
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::photo::{rectangle, rects};
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
@@ -37,12 +37,12 @@ impl Stage for PhotoRectangleSettings {
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>);
     type Output = (Arc<PhotoMap>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "grid and factor", bytes: 32 << 20, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "grid and factor", bytes: 32 << 20, ..MemoryCost::default() }]
     }
 
     fn run(&self, (photo, lines, faces): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {

@@ -10,8 +10,8 @@ use super::context::Context;
 use super::photo::lens::{self, Wish};
 use super::photo::{rectangle, rects, target, tell_lines, view};
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{MapStep, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
@@ -75,12 +75,12 @@ impl Stage for PhotoRectifySettings {
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>, Option<Arc<Importance>>);
     type Output = (Arc<PhotoMap>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "grid and factor", bytes: 64 << 20, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "grid and factor", bytes: 64 << 20, ..MemoryCost::default() }]
     }
 
     fn run(

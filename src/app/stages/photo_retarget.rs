@@ -9,8 +9,8 @@ use serde_json::{Map, json};
 use super::context::Context;
 use super::photo::tell_lines;
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{MapStep, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
@@ -41,12 +41,12 @@ impl Stage for PhotoRetargetSettings {
     type Input = (Arc<Photo>, Option<Arc<Importance>>, Vec<LineSet>, Option<Arc<[Face]>>);
     type Output = (Arc<PhotoMap>,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "grid and factor", bytes: 16 << 20, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "grid and factor", bytes: 16 << 20, ..MemoryCost::default() }]
     }
 
     fn run(

@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::mesh::binding;
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, OverTime, Stage};
+use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::between;
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
-use plumbline_shape::character::pose_file::WantedPose;
+use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
 use plumbline_shape::character::skinning::{Skinner, SkinningMethod};
 use plumbline_shape::character::weights::WeightMethod;
@@ -123,8 +123,8 @@ impl Stage for PoseSettings {
     type Input = (Posed, Option<Arc<Rig>>);
     type Output = (Posed,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
@@ -229,7 +229,7 @@ fn poses(
         let refused = |e: plumbline_shape::character::pose_file::PoseFileError| {
             RunError::Input(format!("{}: {e}", path.display()))
         };
-        let wanted = WantedPose::read(path, character).map_err(refused)?;
+        let wanted = TargetPose::read(path, character).map_err(refused)?;
         let found = wanted.solve(character, settings.iterations as usize, &context.job.run()).map_err(refused)?;
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {

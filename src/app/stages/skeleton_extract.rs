@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use super::files::{begin, cannot};
 use super::values::Posed;
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
@@ -75,8 +75,8 @@ impl Stage for SkeletonExtractSettings {
     type Input = (Posed,);
     type Output = (Arc<Rig>, Written);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {

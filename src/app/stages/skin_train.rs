@@ -14,13 +14,13 @@ use super::mesh::{binding, mesh_error};
 use super::pose::PoseSettings;
 use super::values::Posed;
 use crate::pipeline::items::{MESH_EXTENSIONS, expand, is_glob};
-use crate::pipeline::kind::{OverTime, Stage};
+use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
-use plumbline_shape::character::pose_file::WantedPose;
+use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{
     Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
 };
@@ -79,8 +79,8 @@ impl Stage for SkinTrainSettings {
     type Input = (Posed, Option<Arc<Rig>>);
     type Output = (Written,);
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
     fn reads(&self) -> Vec<&str> {
@@ -339,7 +339,7 @@ impl Poses {
             RunError::Input(format!("{}: no pose file is called `{stem}`, as the mesh is", file.display()))
         })?;
         let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", pose.display()));
-        let wanted = WantedPose::read(pose, character).map_err(|e| of_file(&e))?;
+        let wanted = TargetPose::read(pose, character).map_err(|e| of_file(&e))?;
         let steps = PoseSettings::default().iterations as usize;
         let found = wanted.solve(character, steps, run).map_err(|e| of_file(&e))?;
         let globals = subject.skeleton.globals(&found.pose).map_err(|e| of_file(&e))?;

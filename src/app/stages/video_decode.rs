@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -41,9 +41,9 @@ impl Stage for DecodeSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // A decoder keeps up to 16 reference frames and one per thread in flight; 4 wait in the queue to the next stage.
-        vec![Held { what: "decoder and queue", frames: 22.0, ..Held::default() }]
+        vec![MemoryCost { what: "decoder and queue", frames: 22.0, ..MemoryCost::default() }]
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -70,12 +70,12 @@ impl Stage for EncodeSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Measured with x264 at 640×360 and 1920×1080 as peak memory over bytes of a frame: 58 frames at `veryfast` (10 ahead),
         // 116 at `medium` (40 ahead, and references at four half-pixel positions); the same for joined pictures of twice the size.
         let quick = matches!(self.preset.as_deref(), Some("ultrafast" | "superfast" | "veryfast"));
         let frames = if quick { 60.0 } else { 120.0 };
-        vec![Held { what: "encoder's lookahead", frames, ..Held::default() }]
+        vec![MemoryCost { what: "encoder's lookahead", frames, ..MemoryCost::default() }]
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

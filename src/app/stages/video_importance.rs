@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -41,15 +41,15 @@ impl Stage for VideoImportanceSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Reduce
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Reduce
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // 1300 bytes per moment; the detector's model and pyramid.
         vec![
-            Held { what: "importance", bytes_per_clip_frame: 1300.0 / 5.0, ..Held::default() },
-            Held { what: "a small picture and the search for faces", bytes: 24 << 20, ..Held::default() },
+            MemoryCost { what: "importance", bytes_per_clip_frame: 1300.0 / 5.0, ..MemoryCost::default() },
+            MemoryCost { what: "a small picture and the search for faces", bytes: 24 << 20, ..MemoryCost::default() },
         ]
     }
 

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -75,17 +75,17 @@ impl Stage for RenderSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
+    fn over_time(&self) -> TemporalScope {
         match self.border {
-            Border::Fill => OverTime::Window(Self::FILL_WINDOW),
-            _ => OverTime::Map,
+            Border::Fill => TemporalScope::Window(Self::FILL_WINDOW),
+            _ => TemporalScope::Map,
         }
     }
 
-    fn held(&self) -> Vec<Held> {
-        let mut held = vec![Held { what: "frames at work", frames: 4.0, ..Held::default() }];
+    fn held(&self) -> Vec<MemoryCost> {
+        let mut held = vec![MemoryCost { what: "frames at work", frames: 4.0, ..MemoryCost::default() }];
         if self.border == Border::Fill {
-            held.push(Held { what: "neighboring frames", bytes: self.fill_memory.0, ..Held::default() });
+            held.push(MemoryCost { what: "neighboring frames", bytes: self.fill_memory.0, ..MemoryCost::default() });
         }
         held
     }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -34,10 +34,15 @@ impl Stage for ReportSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // A dozen pictures of at most 640 px, twice while the page is put together; a dozen plots with two curves each, as
         // numbers and as text.
-        vec![Held { what: "pictures and plots", bytes: 4 << 20, bytes_per_clip_frame: 480.0, ..Held::default() }]
+        vec![MemoryCost {
+            what: "pictures and plots",
+            bytes: 4 << 20,
+            bytes_per_clip_frame: 480.0,
+            ..MemoryCost::default()
+        }]
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::kind::{MapStep, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -44,9 +44,9 @@ impl Stage for VideoRetargetSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Places of sixty rows and columns per moment, twice while they are evened out.
-        vec![Held { what: "rows and columns", bytes_per_clip_frame: 200.0, ..Held::default() }]
+        vec![MemoryCost { what: "rows and columns", bytes_per_clip_frame: 200.0, ..MemoryCost::default() }]
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -40,9 +40,9 @@ impl Stage for StMapSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Two floats per pixel, and the library's blocks of them, for as many frames as threads; eight of them as a bound.
-        vec![Held { what: "maps being written", bytes_per_px: 8.0 * 16.0, ..Held::default() }]
+        vec![MemoryCost { what: "maps being written", bytes_per_px: 8.0 * 16.0, ..MemoryCost::default() }]
     }
 
     fn fills(&self) -> Vec<&str> {

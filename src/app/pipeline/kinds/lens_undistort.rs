@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::kind::{MapStep, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -59,12 +59,12 @@ impl Stage for LensUndistortSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
-        vec![Held { what: "grid of the map", bytes: 16 << 20, ..Held::default() }]
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "grid of the map", bytes: 16 << 20, ..MemoryCost::default() }]
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {

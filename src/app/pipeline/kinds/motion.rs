@@ -1,7 +1,7 @@
 //! `video.motion`: how the camera moved.
 
 use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -16,9 +16,9 @@ impl Stage for MotionSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // A homography, a similarity and the verdicts of one frame.
-        vec![Held { what: "motion", bytes_per_clip_frame: 192.0, ..Held::default() }]
+        vec![MemoryCost { what: "motion", bytes_per_clip_frame: 192.0, ..MemoryCost::default() }]
     }
 
     // Found while the points are tracked: `video.track` hands it on.

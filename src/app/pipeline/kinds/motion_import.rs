@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RollingShutter;
-use crate::pipeline::kind::{OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -38,15 +38,15 @@ impl Stage for MotionImportSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Once
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // As video.motion and video.track: the file is read point by point.
         vec![
-            Held { what: "motion", bytes_per_clip_frame: 192.0, ..Held::default() },
-            Held { what: "tracks", bytes_per_clip_frame: 8_000.0, on_disk: true, ..Held::default() },
+            MemoryCost { what: "motion", bytes_per_clip_frame: 192.0, ..MemoryCost::default() },
+            MemoryCost { what: "tracks", bytes_per_clip_frame: 8_000.0, on_disk: true, ..MemoryCost::default() },
         ]
     }
 

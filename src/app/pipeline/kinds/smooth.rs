@@ -1,7 +1,7 @@
 //! `video.smooth`: plans the virtual camera.
 
-use crate::pipeline::kind::{Conflict, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -21,8 +21,8 @@ impl Stage for SmoothSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Reduce
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Reduce
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
@@ -31,9 +31,9 @@ impl Stage for SmoothSettings {
         self.leaves_no_room().then_some(Conflict { key: "zoom", message, help }).into_iter().collect()
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // One homography and one crop per frame, and the optimizer's rows of the same order.
-        vec![Held { what: "path", bytes_per_clip_frame: 80.0, ..Held::default() }]
+        vec![MemoryCost { what: "path", bytes_per_clip_frame: 80.0, ..MemoryCost::default() }]
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {

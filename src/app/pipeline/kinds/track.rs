@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::Held;
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -23,15 +23,15 @@ impl Stage for TrackSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Two frames' luma pyramids (1 + 1/4 + 1/16 + … = 4/3 each); tracks go to a temporary file at 8 bytes per point.
         vec![
-            Held { what: "two luma pyramids", bytes_per_px: 8.0 / 3.0, ..Held::default() },
-            Held {
+            MemoryCost { what: "two luma pyramids", bytes_per_px: 8.0 / 3.0, ..MemoryCost::default() },
+            MemoryCost {
                 what: "tracks",
                 bytes_per_clip_frame: f64::from(self.points) * 8.0,
                 on_disk: true,
-                ..Held::default()
+                ..MemoryCost::default()
             },
         ]
     }

@@ -1,7 +1,7 @@
 //! `video.warp`: a map per frame; no pixel is touched.
 
-use crate::pipeline::kind::{MapStep, OverTime, Stage};
-use crate::pipeline::memory::Held;
+use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
@@ -24,14 +24,14 @@ impl Stage for WarpSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn over_time(&self) -> OverTime {
-        OverTime::Window(FADE)
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Window(FADE)
     }
 
-    fn held(&self) -> Vec<Held> {
+    fn held(&self) -> Vec<MemoryCost> {
         // Two unknowns per vertex; a nested-dissection factor of a grid of this size has about 60 entries per unknown.
         let unknowns = 2 * u64::from(self.columns + 1) * u64::from(self.rows + 1);
-        vec![Held { what: "mesh and its factor", bytes: unknowns * (60 * 8 + 4 * 8), ..Held::default() }]
+        vec![MemoryCost { what: "mesh and its factor", bytes: unknowns * (60 * 8 + 4 * 8), ..MemoryCost::default() }]
     }
 
     // Only describes a stream: the stage at its end pulls frames through it.

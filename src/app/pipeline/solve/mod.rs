@@ -10,7 +10,7 @@ use serde_json::{Value as Json, json};
 
 use super::run_error::RunError;
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
-use plumbline_media::Unfinished;
+use plumbline_media::AtomicFile;
 use plumbline_num::run::Run;
 pub use plumbline_num::sparse::Method;
 use plumbline_num::sparse::{
@@ -267,7 +267,7 @@ fn draw(path: &Path, structures: &Structures<'_>) -> Result<(), RunError> {
 /// Writes under a temporary name, then gives the file its own.
 fn write(path: &Path, fill: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<(), RunError> {
     let cannot = |e: std::io::Error| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
-    let unfinished = Unfinished::beside(path).map_err(cannot)?;
+    let unfinished = AtomicFile::beside(path).map_err(cannot)?;
     let mut file = std::fs::File::options().write(true).open(unfinished.path()).map_err(cannot)?;
     fill(&mut file).map_err(cannot)?;
     unfinished.publish(path).map_err(cannot)

@@ -23,7 +23,7 @@ use crate::pipeline::job::Job;
 use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings, ReportSettings};
 use crate::pipeline::run_error::RunError;
 use plumbline_image::Frame;
-use plumbline_media::{Companions, Input, ReadReport, VideoInfo, VideoReader};
+use plumbline_media::{Input, PassthroughStreams, ReadReport, VideoInfo, VideoReader};
 
 /// Writes the files of all encode stages that take the same pictures as `stage`, and fills the album of their reports, if
 /// `stage` is the first of them.
@@ -119,10 +119,10 @@ fn sinks(
         let no_encode = || RunError::Internal(format!("`{}` writes no file", context.stage(stage).name));
         let settings = context.stage(stage).settings.get::<EncodeSettings>().ok_or_else(no_encode)?;
         let companions = match context.edge(stage, "audio").map(|e| e.from) {
-            None => Companions::None,
-            Some(from) if from == source => Companions::OfSource,
+            None => PassthroughStreams::None,
+            Some(from) if from == source => PassthroughStreams::OfSource,
             Some(from) => match others.iter().find(|(at, _)| *at == from) {
-                Some((_, other)) => Companions::Of(other.clone()),
+                Some((_, other)) => PassthroughStreams::Of(other.clone()),
                 None => return Err(RunError::Internal(format!("`{}` is not open", context.stage(from).name))),
             },
         };

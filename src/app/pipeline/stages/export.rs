@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use super::context::Context;
 use crate::pipeline::kinds::MotionExportSettings;
 use crate::pipeline::run_error::RunError;
-use plumbline_media::Unfinished;
+use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};
 use plumbline_video::stabilize::{StabilizeError, Tracks};
 
 /// Refuses files that cannot be written.
-pub(super) fn rehearse(settings: &MotionExportSettings) -> Result<(), RunError> {
+pub(super) fn preflight(settings: &MotionExportSettings) -> Result<(), RunError> {
     let files = [&settings.path, &settings.gltf, &settings.csv].into_iter().flatten().map(PathBuf::from);
     let files = files.chain(settings.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
     files.into_iter().try_for_each(|path| begin(&path).map(drop))
@@ -55,7 +55,7 @@ type Fault = Box<dyn std::error::Error>;
 /// Files that are whole but have no names yet.
 #[derive(Default)]
 struct Written {
-    files: Vec<(Unfinished, PathBuf)>,
+    files: Vec<(AtomicFile, PathBuf)>,
     /// Files of an earlier run that would be taken for these.
     stale: Vec<PathBuf>,
     /// What the user is told of.
@@ -113,8 +113,8 @@ impl Written {
 }
 
 /// Starts the unfinished file beside `path`; dropped, it is removed.
-fn begin(path: &Path) -> Result<Unfinished, RunError> {
-    Unfinished::beside(path).map_err(|e| cannot(path, &e))
+fn begin(path: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
 }
 
 fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {

@@ -63,7 +63,7 @@ pub(crate) fn motion_export(context: &mut Context<'_, '_>, stage: usize, setting
 }
 
 pub(crate) fn preflight_motion_export(settings: &MotionExportSettings) -> Done {
-    export::rehearse(settings)
+    export::preflight(settings)
 }
 
 pub(crate) fn smooth(context: &mut Context<'_, '_>, stage: usize, settings: &SmoothSettings) -> Done {
@@ -75,7 +75,7 @@ pub(crate) fn stmap(context: &mut Context<'_, '_>, stage: usize, settings: &StMa
 }
 
 pub(crate) fn preflight_stmap(settings: &StMapSettings) -> Done {
-    stmap::rehearse(settings)
+    stmap::preflight(settings)
 }
 
 pub(crate) fn encode(context: &mut Context<'_, '_>, stage: usize) -> Done {
@@ -84,7 +84,7 @@ pub(crate) fn encode(context: &mut Context<'_, '_>, stage: usize) -> Done {
 
 pub(crate) fn preflight_encode(settings: &EncodeSettings) -> Done {
     let output = Output::parse(&settings.path);
-    output.rehearse().map_err(media_error)?;
+    output.preflight().map_err(media_error)?;
     if output.is_sequence() {
         return Ok(());
     }

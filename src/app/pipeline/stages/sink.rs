@@ -10,7 +10,9 @@ use crate::pipeline::job::Job;
 use crate::pipeline::kinds::EncodeSettings;
 use crate::pipeline::run_error::RunError;
 use plumbline_image::Frame;
-use plumbline_media::{Companions, FramePool, Input, Output, VideoInfo, VideoWriter, WriteOptions, WriteReport};
+use plumbline_media::{
+    FramePool, Input, Output, PassthroughStreams, VideoInfo, VideoWriter, WriteOptions, WriteReport,
+};
 
 /// A file being written.
 pub(super) struct Sink {
@@ -36,7 +38,7 @@ impl Sink {
         job: &Job<'_>,
         source: &Input,
         video: &VideoInfo,
-        companions: Companions,
+        companions: PassthroughStreams,
         beside: bool,
     ) -> Result<Self, RunError> {
         let output = Output::parse(&settings.path);
@@ -106,6 +108,6 @@ fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
         threads: job.threads,
         overwrite: job.overwrite,
         strict: settings.strict,
-        companions: Companions::None,
+        companions: PassthroughStreams::None,
     }
 }

@@ -21,14 +21,14 @@ use crate::pipeline::kinds::StMapSettings;
 use crate::pipeline::run_error::RunError;
 use plumbline_image::warp::Lattice;
 use plumbline_image::write_exr;
-use plumbline_media::Unfinished;
+use plumbline_media::AtomicFile;
 use plumbline_num::math::Point2;
 
 /// Most maps that are written at once.
 const AT_ONCE: usize = 8;
 
 /// Refuses a folder that cannot be written.
-pub(super) fn rehearse(settings: &StMapSettings) -> Result<(), RunError> {
+pub(super) fn preflight(settings: &StMapSettings) -> Result<(), RunError> {
     begin(Path::new(&settings.path)).map(drop)
 }
 
@@ -90,8 +90,8 @@ fn channels(lattice: &Lattice, source: (usize, usize)) -> (Vec<f32>, Vec<f32>) {
 }
 
 /// Starts the folder whose files will go to `folder`.
-fn begin(folder: &Path) -> Result<Unfinished, RunError> {
-    Unfinished::sequence_in(folder).map_err(|e| cannot(folder, &e))
+fn begin(folder: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::sequence_in(folder).map_err(|e| cannot(folder, &e))
 }
 
 fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {

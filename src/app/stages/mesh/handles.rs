@@ -13,7 +13,7 @@ use plumbline_shape::surface::handle_file::MeshHandles;
 use plumbline_shape::surface::{HandlePose, Handles, Hold};
 
 /// A held vertex of the mesh that is deformed.
-struct Held {
+struct MemoryCost {
     vertex: u32,
     /// Handle, and which of its vertices this is; `None`: held still because it is outside the region.
     of: Option<(usize, usize)>,
@@ -24,7 +24,7 @@ pub(crate) struct Bound<'a> {
     mesh: &'a TriMesh,
     rest: &'a [Point3<f64>],
     handles: &'a MeshHandles,
-    held: Vec<Held>,
+    held: Vec<MemoryCost>,
     /// What the user should know.
     pub(crate) warnings: Vec<String>,
 }
@@ -49,7 +49,7 @@ impl<'a> Bound<'a> {
         }
         for (vertex, (of, outside)) in owner.iter().zip(outside).enumerate() {
             if of.is_some() || outside {
-                bound.held.push(Held { vertex: vertex as u32, of: *of });
+                bound.held.push(MemoryCost { vertex: vertex as u32, of: *of });
             }
         }
         Ok(bound)
@@ -109,7 +109,7 @@ impl<'a> Bound<'a> {
 
     /// The set of held vertices.
     pub(crate) fn set(&self) -> Result<Handles, RunError> {
-        let hold = |held: &Held| {
+        let hold = |held: &MemoryCost| {
             let weight = held.of.and_then(|(h, _)| self.handles.handles[h].weight);
             (held.vertex, weight.map_or(Hold::Exact, Hold::Soft))
         };
@@ -121,13 +121,13 @@ impl<'a> Bound<'a> {
         let all = &self.handles.handles;
         let wanted: Vec<_> = all.iter().map(|h| h.track.positions(&h.vertices, self.rest, time)).collect();
         let turned: Vec<Option<UnitQuaternion<f64>>> = all.iter().map(|h| h.track.rotation(time)).collect();
-        let place = |held: &Held| match held.of {
+        let place = |held: &MemoryCost| match held.of {
             Some((h, k)) => wanted[h][k],
             None => self.mesh.positions()[held.vertex as usize],
         };
         let pose = HandlePose::new(self.held.iter().map(place).collect());
         // Rotations are known of all vertices or of none: handles that move freely do not tell theirs.
-        let turn = |held: &Held| held.of.map_or(Some(UnitQuaternion::identity()), |(h, _)| turned[h]);
+        let turn = |held: &MemoryCost| held.of.map_or(Some(UnitQuaternion::identity()), |(h, _)| turned[h]);
         match self.held.iter().map(turn).collect() {
             Some(rotations) => pose.with_rotations(rotations),
             None => pose,

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{PoseFileError, WantedPose, pose_of};
+use super::{PoseFileError, TargetPose, pose_of};
 use crate::character::Character;
 use crate::character::ik::{Goal, Target};
 
@@ -114,7 +114,7 @@ fn one() -> f64 {
 }
 
 impl Document {
-    pub(super) fn of(self, character: &Character) -> Result<WantedPose, PoseFileError> {
+    pub(super) fn of(self, character: &Character) -> Result<TargetPose, PoseFileError> {
         let skeleton = &character.skeleton;
         let (mut start, mut weights) = match &self.from {
             Some(from) => pose_of(character, &from.clip, from.time)?,
@@ -137,7 +137,7 @@ impl Document {
         let target = |(k, entry): (usize, &TargetEntry)| entry.of(&format!("target {k}"), character);
         let targets = self.targets.iter().enumerate().map(target).collect::<Result<_, _>>()?;
         let locked = self.locked.iter().map(|name| skeleton.named(name)).collect::<Result<_, _>>()?;
-        Ok(WantedPose { start, targets, locked, weights })
+        Ok(TargetPose { start, targets, locked, weights })
     }
 }
 

@@ -37,7 +37,7 @@ const KIND: Kind = Kind { name: "a pose file", format: "plumbline.pose", max_byt
 
 /// What a file wants of a character.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WantedPose {
+pub struct TargetPose {
     /// Where turns and targets begin.
     pub start: Pose,
     /// What is sought.
@@ -48,7 +48,7 @@ pub struct WantedPose {
     pub weights: Vec<f64>,
 }
 
-impl WantedPose {
+impl TargetPose {
     /// Reads a file for a character.
     ///
     /// # Errors

@@ -29,8 +29,8 @@ fn character() -> Character {
     Character { clips: vec![clip], targets: vec![smile], ..plain }
 }
 
-fn parse(body: &str) -> Result<WantedPose, PoseFileError> {
-    WantedPose::parse(&format!(r#"{{"format": "plumbline.pose", "version": 1{body}}}"#), &character())
+fn parse(body: &str) -> Result<TargetPose, PoseFileError> {
+    TargetPose::parse(&format!(r#"{{"format": "plumbline.pose", "version": 1{body}}}"#), &character())
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn faults_are_told_with_what_is_known() {
     assert!(told(r#", "targets": [{"joint": "foot", "pole": [0, 0, 1]}]"#).contains("a pole needs `root`"));
     assert!(told(r#", "joints": {"hip": {"rotation": [0, 0, 0, 0]}}"#).contains("has no length"));
     assert!(told(r#", "joints": {"hip": {"rotation": [1, 0, 0, 0], "turn_deg": [0, 0, 0]}}"#).contains("has both"));
-    let other = |text: &str| WantedPose::parse(text, &character()).expect_err("to be refused").to_string();
+    let other = |text: &str| TargetPose::parse(text, &character()).expect_err("to be refused").to_string();
     assert!(
         other(r#"{"format": "plumbline.skeleton", "version": 1}"#).contains("where \"plumbline.pose\" is expected")
     );

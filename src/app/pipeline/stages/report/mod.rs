@@ -18,15 +18,15 @@ use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
 use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, Segment, Shake, page};
 pub(super) use album::Album;
 use in_plane::{Windows, curves};
-use plumbline_media::Unfinished;
+use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
 use plumbline_video::stabilize::PathDeviations;
 use shown::Shown;
 
 /// Starts the unfinished page beside `path`; dropped, it is removed.
-pub(super) fn begin(path: &Path) -> Result<Unfinished, RunError> {
-    Unfinished::beside(path).map_err(|e| cannot(path, &e))
+pub(super) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
 }
 
 /// Writes the page.

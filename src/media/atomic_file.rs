@@ -20,14 +20,14 @@ const RANDOM: usize = 8;
 
 /// An unfinished file or folder; dropped, it is removed.
 #[derive(Debug)]
-pub struct Unfinished {
+pub struct AtomicFile {
     path: PathBuf,
     /// Holds the lock; `None` for a folder where folders cannot be opened.
     claim: Option<File>,
     published: bool,
 }
 
-impl Unfinished {
+impl AtomicFile {
     /// Begins the file that is to become `target`, in its folder. Leftovers of the same target are removed.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl Unfinished {
     }
 }
 
-impl Drop for Unfinished {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         if !self.published {
             remove(&self.path);
@@ -197,7 +197,7 @@ mod tests {
     fn leftovers_without_an_owner_are_swept_and_nothing_else() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let at = |name: &str| folder.path().join(name);
-        let live = Unfinished::beside(&at("out.mp4")).expect("begun");
+        let live = AtomicFile::beside(&at("out.mp4")).expect("begun");
         let live_name = live.path().file_name().and_then(|n| n.to_str()).expect("UTF-8").to_owned();
         let dead = ["out.partial-1-abcd1234.mp4", "out.partial-4000000-ABCDEFGH.mp4"];
         let others = [
@@ -214,7 +214,7 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink(at("out.mp4"), at("out.partial-2-abcd1234.mp4")).expect("link");
         let before = names(folder.path());
-        drop(Unfinished::beside(&at("out.mp4")).expect("begun"));
+        drop(AtomicFile::beside(&at("out.mp4")).expect("begun"));
         let expected: Vec<_> = before.into_iter().filter(|n| !dead.contains(&n.as_str())).collect();
         assert_eq!(names(folder.path()), expected);
         assert!(expected.contains(&live_name), "a live one stays");
@@ -226,11 +226,11 @@ mod tests {
     fn a_folder_is_swept_like_a_file() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let name = Name::beginning("sequence.partial-");
-        let live = Unfinished::folder(folder.path(), &name).expect("begun");
+        let live = AtomicFile::folder(folder.path(), &name).expect("begun");
         let dead = folder.path().join("sequence.partial-7-aaaaaaaa");
         std::fs::create_dir(&dead).expect("folder");
         std::fs::write(dead.join("00001.png"), b"x").expect("write");
-        drop(Unfinished::folder(folder.path(), &name).expect("begun"));
+        drop(AtomicFile::folder(folder.path(), &name).expect("begun"));
         assert!(!dead.exists() && live.path().exists());
     }
 
@@ -239,7 +239,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("temporary folder");
         for stem in ["x".repeat(240), "ä".repeat(120), String::new()] {
             let target = folder.path().join(format!("{stem}.mp4"));
-            let file = Unfinished::beside(&target).expect("begun");
+            let file = AtomicFile::beside(&target).expect("begun");
             let name = file.path().file_name().and_then(|n| n.to_str()).expect("UTF-8").to_owned();
             assert!(Name::of(&target).matches(&name), "{name}");
             file.publish(&target).expect("published");
