@@ -34,8 +34,8 @@ lint: deps
 unit: deps
 	cargo test --workspace --locked
 
-oracle: deps .venv/ready
-	.venv/bin/python tests/oracle/run.py
+oracle: deps .venv/ready .venv/node_modules/gltf-validator
+	NODE_PATH=$(CURDIR)/.venv/node_modules .venv/bin/python tests/oracle/run.py
 
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
 	cargo bench --workspace --locked
@@ -64,4 +64,9 @@ deps-build:
 	rm -rf .venv
 	python3 -m venv .venv
 	.venv/bin/pip install --quiet --disable-pip-version-check --require-virtualenv -r $<
+	@touch $@
+
+# The Khronos validator, for the oracle test of glTF files.
+.venv/node_modules/gltf-validator: .venv/ready
+	npm install --prefix .venv --no-save --no-package-lock --no-audit --no-fund gltf-validator@2.0.0-dev.3.10
 	@touch $@

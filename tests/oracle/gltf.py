@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Files that this project writes against the Khronos glTF validator.
 
-Needs node and the npm package `gltf-validator`, in a folder that NODE_PATH names (`npm install --prefix DIR gltf-validator`, then
-NODE_PATH=DIR/node_modules). Checked are the character of media/, converted and posed, and with PLUMBLINE_MEDIA real ones.
+Needs node and the npm package `gltf-validator` in a folder that NODE_PATH names; `make oracle` installs it. Checked
+are the character of media/, converted and posed, and with PLUMBLINE_MEDIA real ones.
 """
 import json
 import os
@@ -27,7 +27,7 @@ def node(*arguments):
 
 def main():
     if shutil.which("node") is None or node("-e", "require('gltf-validator')").returncode != 0:
-        print("skipped: node or its package gltf-validator is not here (see the head of this file)")
+        print("skipped: node or its package gltf-validator is missing (`make oracle` installs it)")
         return SKIPPED
     program = os.environ.get("PLUMBLINE_BIN", "target/debug/plumbline")
     characters = [pathlib.Path("media/humanoid.glb")]
