@@ -77,7 +77,7 @@ fn odd_sizes_keep_their_size() {
 }
 
 #[test]
-fn a_size_that_changes_on_the_way_is_refused_with_its_place() {
+fn a_change_of_frame_size_is_refused_with_its_frame() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     let coded = "-c:v libx264 -preset ultrafast -pix_fmt yuv420p";
@@ -94,7 +94,7 @@ fn a_size_that_changes_on_the_way_is_refused_with_its_place() {
 }
 
 #[test]
-fn damage_is_concealed_counted_and_told() {
+fn damage_is_concealed_counted_and_reported() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     let clip = make(folder, "a.ts", &format!("{} -c:v libx264 -g 10 -preset ultrafast -pix_fmt yuv420p", shaky(1.6)));
@@ -142,7 +142,7 @@ fn targets_that_cannot_or_must_not_be_written_are_refused_before_any_work() {
 }
 
 #[test]
-fn a_full_disk_is_told_and_leaves_nothing() {
+fn a_full_disk_is_reported_and_leaves_nothing() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder, "a.mp4");

@@ -52,7 +52,7 @@ fn stage_kinds_are_described_from_the_registry() {
 }
 
 #[test]
-fn a_bad_command_line_exits_2_tells_what_is_allowed_and_prints_no_result() {
+fn a_bad_command_line_exits_2_names_what_is_allowed_and_prints_no_result() {
     let cases: [(&str, &[&str], &str); 13] = [
         ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>"),
         ("two targets", &["stabilize", "a.mp4", "-o", "b.mp4", "--out-dir", "d"], "cannot be used with"),
@@ -99,7 +99,7 @@ fn the_output_may_not_be_the_input() {
 }
 
 #[test]
-fn check_tells_faults_to_people_and_programs() {
+fn check_reports_faults_to_people_and_programs() {
     let good = plumbline(&["check", "stabilize"]);
     assert_eq!(
         (good.status.code(), out(&good).as_str()),

@@ -68,7 +68,7 @@ fn an_encoder_that_is_not_there_is_refused_before_any_work_and_auto_does_without
 }
 
 #[test]
-fn fields_without_a_flag_are_told_and_taken_apart_on_request() {
+fn fields_without_a_flag_are_detected_and_separated_on_request() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     let coded = "-c:v ffv1 -pix_fmt yuv420p";

@@ -330,7 +330,7 @@ fn alternation_never_raises_the_energy_and_finds_a_rigid_motion() {
 }
 
 #[test]
-fn running_out_of_rounds_is_told() {
+fn running_out_of_iterations_is_reported() {
     let (e, directed) = arap();
     let ends = FixedSet::new([0, COLS - 1]);
     let mut factored = e.factor(&ends, &Run::default()).expect("regular");
@@ -404,7 +404,7 @@ fn robust_terms_ignore_outliers_and_never_raise_their_energy() {
 }
 
 #[test]
-fn both_coordinates_of_a_plane_term_share_one_robust_weight() {
+fn both_coordinates_of_a_plane_term_have_one_robust_weight() {
     let mut e = LeastSquares::<1>::new(2);
     let terms: Vec<Term> =
         [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)].map(|(x, y)| e.add2(1.0, e.point(0) - Vec2::new(x, y))).to_vec();

@@ -57,7 +57,7 @@ fn a_run_with_motion_from_a_file_is_planned_in_one_pass() {
 }
 
 #[test]
-fn motion_of_another_clip_or_none_is_refused_with_its_place_and_nothing_is_written() {
+fn motion_of_another_clip_or_none_is_refused_with_its_line_and_nothing_is_written() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     make(folder, "clip.mp4", &shaky(0.4));
@@ -265,7 +265,7 @@ fn maps_for_compositors_show_what_was_rendered() {
 }
 
 #[test]
-fn maps_of_a_clip_that_stays_as_it_is_hold_the_pixels_own_places() {
+fn maps_of_an_unchanged_clip_are_the_identity() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     make(folder, "clip.mkv", "-f lavfi -i color=gray:size=64x48:rate=25:duration=0.2 -c:v ffv1");
@@ -278,7 +278,7 @@ fn maps_of_a_clip_that_stays_as_it_is_hold_the_pixels_own_places() {
 }
 
 #[test]
-fn the_focal_length_that_a_container_tells_is_told() {
+fn the_focal_length_of_a_container_is_reported() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     let tag = "-movflags use_metadata_tags -metadata com.apple.quicktime.camera.focal_length.35mm_equivalent=26";

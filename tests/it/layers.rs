@@ -307,7 +307,7 @@ fn crates_use_only_what_the_table_allows() {
 }
 
 #[test]
-fn members_share_the_lints_and_have_no_hidden_targets() {
+fn members_inherit_the_lints_and_have_no_hidden_targets() {
     for member in members() {
         let manifest = manifest(&member);
         assert!(manifest.contains("\n[lints]\nworkspace = true\n"), "{member}: lints.workspace = true is missing");

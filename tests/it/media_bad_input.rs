@@ -195,7 +195,7 @@ fn odd_sizes_stay_exact_or_are_refused() {
 }
 
 #[test]
-fn losses_are_told_and_with_strict_refused() {
+fn losses_are_reported_and_with_strict_refused() {
     let Some(folder) = workshop() else { return };
     let deep = make(folder.path(), "deep.mkv", &format!("{} -pix_fmt yuv420p12le -c:v ffv1", pattern(3)));
     let target = folder.path().join("out.mp4");

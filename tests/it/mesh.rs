@@ -19,7 +19,7 @@ fn json(output: &std::process::Output) -> Value {
 }
 
 #[test]
-fn info_tells_what_is_in_files_and_what_repair_would_do() {
+fn info_reports_the_contents_of_files_and_what_repair_would_do() {
     let folder = tempfile::tempdir().expect("a folder");
     let told = |name: &str| out(&succeed(folder.path(), &["mesh", "info", &media(name)]));
     assert!(told("mesh-one-triangle.obj").contains("3 vertices, 1 triangles, 3 edges"));
@@ -42,7 +42,7 @@ fn info_tells_what_is_in_files_and_what_repair_would_do() {
 }
 
 #[test]
-fn bad_files_are_refused_by_place_and_do_not_stop_the_others() {
+fn bad_files_are_refused_with_their_line_and_do_not_stop_the_others() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, message) in [
         ("mesh-nan.ply", "vertex 7 (numbered from 0) has a coordinate that is not finite"),
@@ -93,7 +93,7 @@ fn targets_are_checked_before_anything_is_written() {
 }
 
 #[test]
-fn repair_writes_a_manifold_and_tells_what_it_did() {
+fn repair_writes_a_manifold_and_reports_its_changes() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let told = out(&succeed(folder, &["mesh", "repair", &media("mesh-hourglass.stl"), "-o", "fixed.glb"]));

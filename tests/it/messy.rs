@@ -75,7 +75,7 @@ fn bent(mesh: &TriMesh) -> Vec<Point3<f64>> {
 }
 
 #[test]
-fn four_kinds_of_mess_are_repaired_told_of_and_deformed() {
+fn four_kinds_of_defects_are_repaired_reported_and_deformed() {
     let cases = [("flipped", flipped()), ("needles", needles()), ("specks", specks()), ("fifty", fifty())];
     for (name, mesh) in cases {
         for weld in [Weld::Exact, Weld::Within(1e-6)] {

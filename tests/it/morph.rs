@@ -42,7 +42,7 @@ fn json(folder: &Path, name: &str) -> Json {
 }
 
 #[test]
-fn a_turn_is_made_by_turning_all_the_way_also_by_270_degrees() {
+fn a_rotation_by_270_degrees_is_interpolated_along_its_whole_angle() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let mesh = shapes::cactus(10);

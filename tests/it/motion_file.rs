@@ -189,7 +189,7 @@ fn a_value_that_cannot_be_is_refused_with_its_line() {
 }
 
 #[test]
-fn a_block_that_stands_twice_is_refused() {
+fn a_repeated_block_is_refused() {
     let twice = written(&sample_clip()).replacen("\"readout_s\"", "\"readout_s\": 0.01,\n\"readout_s\"", 1);
     let error = ClipMotion::from_json(twice.as_bytes()).expect_err("which one").to_string();
     assert!(error.contains("the block \"readout_s\" stands there twice"), "{error}");

@@ -113,7 +113,7 @@ fn every_kind() -> Vec<PathOptions> {
 }
 
 #[test]
-fn the_crop_window_lies_inside_every_frame() {
+fn the_crop_window_is_inside_every_frame() {
     for strength in [0.5, 4.0] {
         let views = walk(200, strength, 1);
         for options in every_kind() {
@@ -269,7 +269,7 @@ fn on_a_line_the_viewer_moves_evenly_and_on_a_parabola_evenly_faster() {
 }
 
 #[test]
-fn under_a_locked_horizon_the_picture_does_not_turn_while_the_frame_allows_it() {
+fn under_a_locked_horizon_the_picture_does_not_rotate_while_the_frame_allows_it() {
     let views: Vec<View> =
         walk(200, 1.0, 14).iter().enumerate().map(|(t, v)| View { x: v.x - 25.0 * t as f64 / FPS, ..*v }).collect();
     for kind in KINDS {
@@ -306,7 +306,7 @@ fn a_horizon_that_the_frame_cannot_level_is_leveled_as_far_as_it_goes() {
 }
 
 #[test]
-fn no_window_is_smaller_than_allowed_however_the_camera_turns_and_zooms() {
+fn no_window_is_smaller_than_allowed_however_the_camera_rotates_and_zooms() {
     let drifting = |strength: f64, turn: f64, zoom: f64| -> Vec<View> {
         let share = |t: usize| t as f64 / 150.0 - 0.5;
         let moved =

@@ -48,7 +48,7 @@ fn a_wide_clip_becomes_tall_with_its_sound_and_its_times() {
 }
 
 #[test]
-fn a_turned_clip_gets_the_shape_that_is_shown() {
+fn a_clip_with_a_rotation_flag_gets_the_shape_that_is_shown() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);

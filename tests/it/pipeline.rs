@@ -53,7 +53,7 @@ path   = "out.mp4"
 "#;
 
 #[test]
-fn every_fault_is_told_at_once_with_its_place_and_a_way_out() {
+fn every_fault_is_reported_at_once_with_its_line_and_a_remedy() {
     let several = r#"
 version = 1
 vers = 2

@@ -152,7 +152,7 @@ fn ranges() -> Vec<(&'static str, String, Option<f64>, Option<f64>)> {
 }
 
 #[test]
-fn a_range_that_the_schema_states_is_enforced_and_nan_lies_in_none() {
+fn a_range_that_the_schema_states_is_enforced_and_nan_is_in_none() {
     let ranges = ranges();
     assert!(ranges.len() >= 6, "{ranges:?}");
     for (kind, key, least, most) in ranges {

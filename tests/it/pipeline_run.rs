@@ -88,10 +88,10 @@ impl Folder {
     }
 
     fn run(&self, batch: &str, backend: &Pretender) -> Report {
-        self.run_told(batch, &[], backend, &Silent)
+        self.run_reporting(batch, &[], backend, &Silent)
     }
 
-    fn run_told(&self, batch: &str, set: &[&str], backend: &Pretender, progress: &dyn Progress) -> Report {
+    fn run_reporting(&self, batch: &str, set: &[&str], backend: &Pretender, progress: &dyn Progress) -> Report {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let pipeline = read(self.source(batch), &set).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         let instances = pipeline.instances().unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
@@ -197,7 +197,7 @@ fn an_existing_file_is_replaced_only_when_allowed() {
     assert_eq!(report.exit(), Exit::Output);
     assert!(outcome(&report)[0].contains("--overwrite"), "{:?}", outcome(&report));
     assert!(backend.asked.lock().expect("not poisoned").is_empty(), "refused before any work");
-    let allowed = folder.run_told("foreach = \"*.mp4\"", &["run.overwrite=true"], &backend, &Silent);
+    let allowed = folder.run_reporting("foreach = \"*.mp4\"", &["run.overwrite=true"], &backend, &Silent);
     assert_eq!(allowed.exit(), Exit::Done);
 }
 
@@ -250,10 +250,10 @@ impl Progress for Notes {
 }
 
 #[test]
-fn events_tell_the_run_in_order() {
+fn events_report_the_run_in_order() {
     let folder = Folder::with(&["a.mp4", "broken.mp4"]);
     let notes = Notes::default();
-    folder.run_told("foreach = \"*.mp4\"", &[], &Pretender::default(), &notes);
+    folder.run_reporting("foreach = \"*.mp4\"", &[], &Pretender::default(), &notes);
     let expected =
         ["run starts", "task starts", "frames", "frames", "task done", "task starts", "task failed", "run ends"];
     assert_eq!(*notes.0.lock().expect("not poisoned"), expected);

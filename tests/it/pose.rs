@@ -57,7 +57,7 @@ fn a_movement_is_written_frame_by_frame_as_the_skin_has_it() {
 }
 
 #[test]
-fn a_rig_that_is_kept_stands_as_the_baked_surface_does() {
+fn a_rig_that_is_kept_poses_like_the_baked_surface() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     fs::write(folder.join("p.json"), REACHING).expect("writable");

@@ -32,7 +32,7 @@ fn well_formed(page: &str) {
 }
 
 #[test]
-fn a_page_tells_the_run_and_needs_nothing_else() {
+fn a_page_describes_the_run_and_needs_nothing_else() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);
@@ -63,7 +63,7 @@ fn a_page_tells_the_run_and_needs_nothing_else() {
 }
 
 #[test]
-fn cameras_in_space_are_told_with_their_figures() {
+fn cameras_in_space_are_reported_with_their_figures() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);

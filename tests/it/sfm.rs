@@ -62,7 +62,7 @@ fn the_resolution_changes_nothing_but_the_focal_length() {
 }
 
 #[test]
-fn a_rolling_shutter_is_found_without_being_told_of() {
+fn a_rolling_shutter_is_found_without_prior_knowledge() {
     let shot = Shot::new(&ShotOptions { seed: 24, frames: 40, readout: 0.6, noise_px: 0.1, ..ShotOptions::default() });
     let found = solved(shot.frames());
     assert!((found.scene.readout - 0.6).abs() < 0.06, "{}", found.scene.readout);
@@ -70,7 +70,7 @@ fn a_rolling_shutter_is_found_without_being_told_of() {
 }
 
 #[test]
-fn a_turning_camera_gets_rotations_and_no_invented_translation() {
+fn a_rotating_camera_gets_rotations_and_no_invented_translation() {
     for seed in [25, 26] {
         let shot = noisy(seed, Course::Rotation);
         let found = solved(shot.frames());
@@ -161,7 +161,7 @@ fn every_third_frame_alone_is_enough() {
 }
 
 #[test]
-fn of_two_halves_that_share_no_track_one_is_solved_and_the_verdict_says_so() {
+fn of_two_halves_without_common_tracks_one_is_solved_and_the_verdict_says_so() {
     let shot = noisy(32, Course::Walk);
     let mut frames = shot.frames();
     frames[25..].iter_mut().flatten().for_each(|p| p.0 += 1_000_000);
@@ -223,7 +223,7 @@ fn windows_give_the_cameras_of_one_solve_and_no_jump_where_they_meet() {
 }
 
 #[test]
-fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_own() {
+fn an_unannounced_cut_splits_the_shot_into_segments_with_cameras_of_their_own() {
     let longer = ShotOptions { seed: 36, course: Course::Side, frames: 55, noise_px: 0.2, ..ShotOptions::default() };
     let (first, second) = (noisy(35, Course::Walk), Shot::new(&longer));
     let mut frames = first.frames();
@@ -241,7 +241,7 @@ fn a_cut_that_nobody_told_of_parts_the_shot_into_segments_with_cameras_of_their_
 }
 
 #[test]
-fn a_source_that_cannot_be_read_is_told() {
+fn a_source_that_cannot_be_read_is_reported() {
     let read = |_: Range<usize>| Err(Gone);
     assert_eq!(reconstruct_shot(0..50, read, &ROLLING, &Windows::default(), &Run::default()), Err(Gone));
 }

@@ -227,7 +227,7 @@ fn weights_of_a_file_bind_a_mesh_that_is_posed() {
 }
 
 #[test]
-fn real_poses_that_were_held_out_are_met_better_than_by_the_best_linear_blend() {
+fn held_out_real_poses_are_fitted_better_than_by_the_best_linear_blend() {
     let Some(poses) = real_media("mesh/seq") else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

@@ -55,7 +55,7 @@ fn a_system_is_solved_reported_and_drawn() {
 }
 
 #[test]
-fn what_cannot_be_solved_is_told_by_whose_fault_it_is_and_leaves_no_file() {
+fn failures_to_solve_are_reported_by_their_cause_and_leave_no_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let tall = "%%MatrixMarket matrix coordinate real general\n3 2 3\n1 1 1\n2 2 1\n3 1 1\n";
     let wide = "%%MatrixMarket matrix coordinate real general\n2 3 3\n1 1 1\n2 2 1\n2 3 1\n";

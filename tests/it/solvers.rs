@@ -435,7 +435,7 @@ fn least_squares_leave_a_residual_that_no_column_sees() {
 }
 
 #[test]
-fn a_floating_part_is_named_among_held_ones() {
+fn an_unconstrained_component_is_named_among_constrained_ones() {
     let mut entries: Vec<_> = chain(12).entries().collect();
     entries.push((0, 0, 1.0));
     entries.extend(chain(5).entries().map(|(i, j, v)| (i + 12, j + 12, v)));

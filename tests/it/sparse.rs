@@ -168,7 +168,7 @@ fn weak_but_regular_systems_are_accepted() {
 }
 
 #[test]
-fn negative_matrices_and_nan_are_told_apart() {
+fn negative_matrices_and_nan_are_distinguished() {
     let refuse = |triplets: &[(usize, usize, f64)]| {
         let a = SparseMatrix::from_triplets(3, triplets).expect("in range");
         let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Natural).expect("valid");

@@ -220,7 +220,7 @@ fn every_choice_that_help_offers_runs() {
 }
 
 #[test]
-fn probe_tells_programs_what_is_in_a_clip() {
+fn probe_reports_the_contents_of_a_clip_to_programs() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);

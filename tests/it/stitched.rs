@@ -174,7 +174,7 @@ fn an_uncropped_picture_is_transparent_or_filled_where_it_shows_nothing() {
 }
 
 #[test]
-fn a_clip_that_tells_no_focal_length_is_refused_with_what_to_give() {
+fn a_clip_without_focal_length_is_refused_with_what_to_give() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let clip = Path::new(env!("CARGO_MANIFEST_DIR")).join("media/street-walk.mp4");
     let run = plumbline_in(folder.path(), &["rectify", &clip.to_string_lossy(), "-o", "a.mp4"]);

@@ -107,7 +107,7 @@ fn handles_that_move_as_one_body_move_everything_as_one_body() {
 }
 
 #[test]
-fn frames_go_from_rest_to_the_last_key_and_the_long_way_round() {
+fn frames_go_from_rest_to_the_last_key_by_the_longer_rotation() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     save(folder, "bar.ply", bar());
@@ -131,7 +131,7 @@ fn frames_go_from_rest_to_the_last_key_and_the_long_way_round() {
 }
 
 #[test]
-fn what_lies_beyond_the_region_of_interest_stays() {
+fn vertices_outside_the_region_of_interest_stay() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     save(folder, "plane.obj", shapes::plane(20));
@@ -173,7 +173,7 @@ fn the_model_that_was_read_is_written_back_in_another_pose() {
 }
 
 #[test]
-fn meshes_chosen_to_hurt_are_finished_and_told_of() {
+fn hostile_meshes_are_finished_and_reported() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let far =
@@ -312,7 +312,7 @@ fn a_skeleton_is_seen_through_the_mesh_around_it() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_file_and_leaves_nothing() {
+fn faults_are_reported_with_their_file_and_leave_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     save(folder, "bar.obj", bar());

@@ -102,7 +102,7 @@ fn points_follow_the_true_homography_to_a_twentieth_of_a_pixel() {
 }
 
 #[test]
-fn a_turn_of_five_degrees_is_followed() {
+fn a_rotation_of_five_degrees_is_followed() {
     let turned = Similarity2::about(Point2::new(320.0, 180.0), 0.087, 1.03, Vec2::new(4.0, -6.0)).to_homography();
     let tracks = run(&mut tracker(), &[seen(&Homography::identity(), 2), seen(&turned, 2)]);
     let misses = misses(&tracks[0], &tracks[1], &turned);
@@ -206,7 +206,7 @@ fn a_cut_begins_new_tracks_and_a_quick_pan_does_not() {
 }
 
 #[test]
-fn a_blurred_frame_is_told_from_its_neighbors() {
+fn a_blurred_frame_is_distinguished_from_its_neighbors() {
     let smeared = |i: usize| {
         let parts: Vec<_> = (0..9).map(|k| seen(&(translated(1.5 * f64::from(k), 0.0) * hand_held(i)), 1)).collect();
         Plane::from_fn(W, H, |x, y| (parts.iter().map(|p| u32::from(p.as_ref().row(y)[x])).sum::<u32>() / 9) as u8)
