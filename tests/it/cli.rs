@@ -46,7 +46,7 @@ fn help_says_what_there_is() {
 #[test]
 fn stage_kinds_are_described_from_the_registry() {
     insta::assert_snapshot!("stages", out(&plumbline(&["stages"])));
-    for kind in plumbline::app::pipeline::kinds::KINDS {
+    for kind in plumbline::app::stages::KINDS {
         insta::assert_snapshot!(format!("stages_{}", kind.name), out(&plumbline(&["stages", kind.name])));
     }
 }

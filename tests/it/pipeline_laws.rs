@@ -1,15 +1,15 @@
 //! Laws that hold for every pipeline: printing and reading, schemas and checks, noise.
 
 use plumbline::app::pipeline::file::{Input, PipelineFile, StageEntry};
-use plumbline::app::pipeline::kinds::{
-    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, KINDS, MotionSettings, RenderSettings,
-    RollingShutter, SmoothSettings, TrackSettings, WarpSettings,
-};
 use plumbline::app::pipeline::reference::escape;
 use plumbline::app::pipeline::shipped::shipped;
 use plumbline::app::pipeline::syntax::{Entry, Value};
 use plumbline::app::pipeline::units::{BitRate, ByteSize, ClipTime};
 use plumbline::app::pipeline::{check, print, read, schema};
+use plumbline::app::stages::{
+    Border, Codec, DecodeSettings, EncodeSettings, Interpolation, KINDS, MotionSettings, RenderSettings,
+    RollingShutter, SmoothSettings, TrackSettings, WarpSettings,
+};
 use proptest::prelude::*;
 use serde_json::Value as Json;
 

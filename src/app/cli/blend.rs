@@ -9,8 +9,8 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{BlendSettings, MeshLoadSettings, MeshSaveSettings};
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{BlendSettings, MeshLoadSettings, MeshSaveSettings};
 
 /// Options of `plumbline blend`.
 #[derive(Debug, Args)]

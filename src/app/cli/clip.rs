@@ -8,7 +8,7 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{DecodeSettings, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings};
+use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings};
 
 /// Options that `stabilize` and `motion` share.
 #[derive(Debug, Args)]

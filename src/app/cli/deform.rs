@@ -9,11 +9,9 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{
-    ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings,
-};
 use crate::pipeline::surfaces::ViewWish;
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings};
 
 /// Options of `plumbline deform`.
 #[derive(Debug, Args)]

@@ -9,8 +9,8 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{MeshLoadSettings, MeshModesSettings};
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{MeshLoadSettings, MeshModesSettings};
 
 /// Options of `plumbline modes`.
 #[derive(Debug, Args)]

@@ -9,8 +9,8 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
+use crate::stages::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
 use plumbline_shape::mesh::MeshFormat;
 
 /// Options of `plumbline morph`.

@@ -8,9 +8,9 @@ use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::MotionExportSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::MotionExportSettings;
 
 /// Options of `plumbline motion`.
 #[derive(Debug, Args)]

@@ -336,7 +336,7 @@ mod tests {
 
     #[test]
     fn every_word_of_the_schema_is_read_as_its_choice() {
-        use crate::pipeline::kinds::ModelChoice;
+        use crate::stages::ModelChoice;
         for (word, help) in crate::pipeline::words_of::<ModelChoice>() {
             assert!(!help.is_empty(), "{word}");
             let choice: ModelChoice = serde_json::from_value(Json::String(word.clone())).expect("a choice");

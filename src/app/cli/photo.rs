@@ -8,13 +8,13 @@ use super::failure::Failure;
 use super::job::{JobArgs, batch, only_input};
 use super::options::{Given, Offer, Setting};
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{
+use crate::pipeline::reference::escape;
+use crate::pipeline::{PipelineFile, StageEntry};
+use crate::stages::{
     FacesDetectSettings, FacesLoadSettings, ImageGridSettings, ImageLoadSettings, ImageRenderSettings,
     ImageSaveSettings, LinesDetectSettings, LinesLoadSettings, LinesSaveSettings, MapExportSettings,
     PhotoReportSettings,
 };
-use crate::pipeline::reference::escape;
-use crate::pipeline::{PipelineFile, StageEntry};
 
 /// Extensions that results keep; of other inputs they are PNG.
 const KEPT_FORMATS: [&str; 8] = ["jpg", "jpeg", "jpe", "jfif", "png", "tif", "tiff", "webp"];

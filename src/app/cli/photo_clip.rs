@@ -11,12 +11,12 @@ use super::photo::PhotoArgs;
 use super::stabilize::KEPT_CONTAINERS;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
-use crate::pipeline::kinds::{
-    Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
-};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
+use crate::stages::{
+    Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
+};
 
 /// Options that only clips have.
 #[derive(Debug, Args)]

@@ -9,11 +9,11 @@ use super::job::{JobArgs, WeightsArg};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{
-    ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
-};
 use crate::pipeline::surfaces::ViewWish;
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{
+    ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
+};
 
 /// Frames of a folder where no number is given.
 const FRAMES: u32 = 24;

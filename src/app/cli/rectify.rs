@@ -7,12 +7,12 @@ use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
-use crate::pipeline::kinds::{
+use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{
     Border, ImageRenderSettings, ImportanceSettings, LensUndistortSettings, LinesDetectSettings, PhotoBorder,
     PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
 };
-use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]

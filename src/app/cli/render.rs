@@ -9,9 +9,9 @@ use super::job::{JobArgs, batch, only_input};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings};
 
 /// Options of `plumbline render`.
 #[derive(Debug, Args)]

@@ -8,11 +8,11 @@ use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
-use crate::pipeline::kinds::{
+use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{
     ClipFaces, ImageRenderSettings, ImportanceSettings, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
     RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
 };
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
 
 /// Options of `plumbline retarget`.
 #[derive(Debug, Args)]

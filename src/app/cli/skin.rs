@@ -9,8 +9,8 @@ use super::job::{JobArgs, WeightsArg};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::kinds::{MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings};
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::stages::{MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings};
 
 /// Options of `plumbline skin`.
 #[derive(Debug, Args)]

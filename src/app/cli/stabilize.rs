@@ -11,13 +11,13 @@ use super::options::{Given, Offer, Setting, choice};
 use super::run::run_or_print;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
-use crate::pipeline::kinds::{
-    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, PathMethod, RenderSettings,
-    ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
-};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
+use crate::stages::{
+    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, PathMethod, RenderSettings,
+    ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
+};
 
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]

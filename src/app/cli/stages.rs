@@ -4,7 +4,8 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::tell;
-use crate::pipeline::{Exit, describe, kinds, suggest};
+use crate::pipeline::{Exit, describe, suggest};
+use crate::stages;
 
 #[derive(Debug, Args)]
 pub(super) struct StagesArgs {
@@ -19,8 +20,8 @@ impl StagesArgs {
             tell(&describe::list());
             return Ok(Exit::Done);
         };
-        let kind = kinds::find(&name).ok_or_else(|| {
-            let hint = suggest::did_you_mean(&name, kinds::KINDS.iter().map(|k| k.name)).unwrap_or_default();
+        let kind = stages::find(&name).ok_or_else(|| {
+            let hint = suggest::did_you_mean(&name, stages::KINDS.iter().map(|k| k.name)).unwrap_or_default();
             Failure::usage(format!("there is no stage kind `{name}`; {hint}"))
         })?;
         tell(&describe::describe(kind));

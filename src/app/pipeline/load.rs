@@ -1,10 +1,10 @@
 //! Sorts the syntax tree of a file into a [`PipelineFile`], going on after every fault.
 
 use super::file::{Input, Name, PipelineFile, StageEntry, VERSION};
-use super::kinds;
 use super::problem::Problem;
 use super::suggest::did_you_mean;
 use super::syntax::{Entry, Node, Sources, Value};
+use crate::stages;
 
 const TABLES: [&str; 6] = ["version", "name", "vars", "run", "batch", "stage"];
 
@@ -128,12 +128,12 @@ fn stage(entry: Entry, problems: &mut Vec<Problem>) -> Option<StageEntry> {
 
 fn kind(stage: &Name, entry: &Entry, problems: &mut Vec<Problem>) -> Option<&'static super::kind::StageKind> {
     let name = text(entry, problems)?;
-    let found = kinds::find(&name);
+    let found = stages::find(&name);
     if found.is_none() {
         problems.push(
             Problem::new("unknown-kind", format!("stage `{}` uses the unknown kind `{name}`", stage.text))
                 .label(entry.node.span, "no such kind")
-                .suggest(did_you_mean(&name, kinds::KINDS.iter().map(|k| k.name))),
+                .suggest(did_you_mean(&name, stages::KINDS.iter().map(|k| k.name))),
         );
     }
     found

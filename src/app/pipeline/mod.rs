@@ -5,7 +5,7 @@
 //! [`Plan`] cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
 //! [`PipelineFile`] that a file is read into.
 //!
-//! What stages compute stands in the other modules; [`crate::stages`] joins them to the graph.
+//! [`crate::stages`] holds the kinds of stages.
 
 pub mod batch;
 mod check;
@@ -18,7 +18,6 @@ pub mod graph;
 pub mod items;
 pub mod job;
 pub mod kind;
-pub mod kinds;
 mod load;
 pub mod memory;
 pub mod options;
@@ -36,7 +35,6 @@ pub(crate) mod settings;
 pub mod shipped;
 pub mod sizes;
 pub mod solve;
-pub mod stages;
 pub mod suggest;
 pub(crate) mod summary;
 pub mod surfaces;

@@ -9,6 +9,7 @@
 //! in this file.
 
 mod blend;
+mod clip;
 mod compose;
 pub(crate) mod context;
 mod faces_detect;
@@ -20,6 +21,7 @@ mod image_map_export;
 mod image_render;
 mod image_save;
 mod importance;
+mod lens_undistort;
 mod lines_detect;
 mod lines_load;
 mod lines_save;
@@ -48,11 +50,16 @@ pub(crate) mod values;
 mod video_decode;
 mod video_encode;
 mod video_importance;
+mod video_motion;
 mod video_motion_export;
+mod video_motion_import;
 mod video_render;
 mod video_report;
 mod video_retarget;
+mod video_smooth;
 mod video_stmap;
+mod video_track;
+mod video_warp;
 
 use std::sync::Arc;
 
@@ -66,6 +73,7 @@ pub use image_map_export::MapExportSettings;
 pub use image_render::{ImageRenderSettings, PhotoBorder};
 pub use image_save::ImageSaveSettings;
 pub use importance::ImportanceSettings;
+pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use lines_save::LinesSaveSettings;
@@ -88,19 +96,21 @@ pub use skin_weights::SkinWeightsSettings;
 pub use video_decode::DecodeSettings;
 pub use video_encode::EncodeSettings;
 pub use video_importance::{ClipFaces, VideoImportanceSettings};
+pub use video_motion::{MotionSettings, RollingShutter};
 pub use video_motion_export::MotionExportSettings;
+pub use video_motion_import::MotionImportSettings;
 pub use video_render::{Border, Interpolation, RenderSettings};
 pub use video_report::ReportSettings;
 pub use video_retarget::VideoRetargetSettings;
+pub use video_smooth::{InSpace, PathMethod, SmoothSettings, Zoom};
 pub use video_stmap::StMapSettings;
+pub use video_track::TrackSettings;
+pub use video_warp::{ModelChoice, WarpSettings};
 
 use crate::pipeline::batch::Instance;
 use crate::pipeline::graph::Graph;
 use crate::pipeline::job::{ArtifactStore, Job, Probed, StageRunner};
 use crate::pipeline::kind::StageKind;
-use crate::pipeline::kinds::{
-    LensUndistortSettings, MotionImportSettings, MotionSettings, SmoothSettings, TrackSettings, WarpSettings,
-};
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;

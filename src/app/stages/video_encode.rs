@@ -3,15 +3,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::clip::encoding;
+use super::context::{Context, media_error};
 use crate::pipeline::kind::{Conflict, Stage};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
 use crate::pipeline::units::BitRate;
-use crate::stages::context::Context;
-use plumbline_media::{Codec, EncoderWish};
+use plumbline_media::{Codec, EncoderWish, Output, check_encoder};
 
 /// Settings of `video.encode`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -87,10 +87,16 @@ impl Stage for EncodeSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::encode(context, stage).map(|()| HandedOn)
+        encoding::run(context, stage)?;
+        Ok(HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        stages::preflight_encode(self)
+        let output = Output::parse(&self.path);
+        output.preflight().map_err(media_error)?;
+        if output.is_sequence() {
+            return Ok(());
+        }
+        check_encoder(self.codec, &self.encoder).map_err(media_error)
     }
 }

@@ -1,15 +1,25 @@
-//! `video.importance`: how much each place of a clip matters.
+//! `video.importance`: importance maps of a clip, computed at a few frames per second as for still images, while the clip is
+//! tracked or in a pass of its own.
+
+use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::clip::stream::for_each_frame;
+use super::context::Context;
+use super::photo::painted_mask;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
+use crate::stages::TrackSettings;
+use plumbline_image::Frame;
+use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
+use plumbline_media::{Ratio, VideoInfo};
+use plumbline_num::run::Run;
+use plumbline_photo::temporal::ClipImportance;
 
 /// Whether faces are looked for in a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -58,6 +68,120 @@ impl Stage for VideoImportanceSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::video_importance(context, stage).map(|()| HandedOn)
+        judge(context, stage).map(|()| HandedOn)
     }
+}
+
+/// Moments judged per second. Importance is evened out over a second: more would tell nothing new.
+const PER_SECOND: f64 = 6.0;
+/// Moments from one search for faces to the next.
+const FACES_EVERY: usize = 3;
+/// The longer side of the picture in which faces are searched, px: those that matter to a cut are a tenth of the picture high.
+const FACES_SIDE: usize = 480;
+/// The longer side of the picture that is judged, px. The result is kept in 48 cells across.
+const JUDGED_SIDE: usize = 240;
+
+/// How much the places of a clip matter.
+pub(super) struct Watched {
+    pub(super) importance: ClipImportance,
+    pub(super) video: VideoInfo,
+}
+
+/// A clip being judged.
+pub(super) struct Watching {
+    stage: usize,
+    video: VideoInfo,
+    importance: ClipImportance,
+    mask: Option<(String, Frame)>,
+    detector: Option<FaceDetector>,
+    faces: Vec<Face>,
+    /// Frames from one moment to the next, seen so far, and since faces were looked for last, in moments.
+    stride: usize,
+    seen: usize,
+    moments: usize,
+}
+
+impl Watching {
+    pub(super) fn new(stage: usize, settings: &VideoImportanceSettings, video: &VideoInfo) -> Result<Self, RunError> {
+        let mask = |path: &String| Ok::<_, RunError>((path.clone(), painted_mask(Path::new(path))?));
+        let options = FaceOptions { max_side: FACES_SIDE, ..FaceOptions::default() };
+        let rate = video.frame_rate.map_or(25.0, Ratio::value);
+        Ok(Self {
+            stage,
+            video: video.clone(),
+            importance: ClipImportance::new((video.width, video.height)),
+            mask: settings.mask.as_ref().map(mask).transpose()?,
+            detector: (settings.faces == ClipFaces::Auto).then(|| FaceDetector::new(options)),
+            faces: Vec::new(),
+            stride: ((rate / PER_SECOND).round() as usize).max(1),
+            seen: 0,
+            moments: 0,
+        })
+    }
+
+    /// Looks at the next frame; `cut`: it is the first of a shot.
+    pub(super) fn look(&mut self, frame: &Frame, cut: bool) -> Result<(), RunError> {
+        let index = self.seen;
+        self.seen += 1;
+        if !(cut || index.is_multiple_of(self.stride)) {
+            return Ok(());
+        }
+        if let Some(detector) = self.detector.as_ref().filter(|_| cut || self.moments.is_multiple_of(FACES_EVERY)) {
+            self.faces = detector.detect(frame, &Run::default())?;
+        }
+        self.moments = if cut { 1 } else { self.moments + 1 };
+        let options = ImportanceOptions { max_side: JUDGED_SIDE, ..ImportanceOptions::default() };
+        let mask = self.mask.as_ref().map(|(_, mask)| mask);
+        let judged = Importance::of_frame(frame, &self.faces, mask, &options, &Run::default());
+        let judged = judged.map_err(|e| match &self.mask {
+            Some((name, _)) => RunError::Input(format!("{name}: {e}")),
+            None => RunError::Input(e.to_string()),
+        })?;
+        self.importance.push(index, &judged);
+        Ok(())
+    }
+
+    /// Hands the result on.
+    pub(super) fn finish(self, context: &mut Context<'_, '_>) {
+        let Self { stage, importance, video, .. } = self;
+        context.values.put(stage, "importance", Watched { importance, video });
+    }
+}
+
+/// The `video.importance` stages of this pass that look at the pictures of decode stage `decode`.
+pub(super) fn watchers(context: &Context<'_, '_>, decode: usize, video: &VideoInfo) -> Result<Vec<Watching>, RunError> {
+    let settings = |s: usize| context.stage(s).settings.clone();
+    let mut found = Vec::new();
+    for &stage in &context.pass.stages {
+        if let Some(wish) = settings(stage).get::<VideoImportanceSettings>()
+            && context.edge(stage, "frames").is_some_and(|e| e.from == decode)
+        {
+            found.push(Watching::new(stage, wish, video)?);
+        }
+    }
+    Ok(found)
+}
+
+/// Judges a clip that no stage of this pass tracks; where one does, it looks as it tracks.
+fn judge(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+    let decode = context.required(stage, "frames")?.from;
+    let tracks = |s: &usize| {
+        context.stage(*s).settings.get::<TrackSettings>().is_some()
+            && context.edge(*s, "frames").is_some_and(|e| e.from == decode)
+    };
+    if context.pass.stages.iter().any(tracks) {
+        return Ok(());
+    }
+    let (_, reader) = context.open(decode)?;
+    let video = reader.info().clone();
+    let mut watching = watchers(context, decode, &video)?;
+    watching.retain(|w| w.stage == stage);
+    context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
+    let report =
+        for_each_frame(context.job, reader, |frame| watching.iter_mut().try_for_each(|w| w.look(&frame, false)))?;
+    context.report_damage(&report);
+    for watcher in watching {
+        watcher.finish(context);
+    }
+    Ok(())
 }

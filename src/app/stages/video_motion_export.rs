@@ -1,14 +1,21 @@
 //! `video.motion_export`: writes motion, cameras and points for other programs and later runs.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::context::Context;
 use crate::pipeline::kind::{Conflict, Stage};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
+use plumbline_media::AtomicFile;
+use plumbline_video::motion::ClipMotion;
+use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};
+use plumbline_video::stabilize::{StabilizeError, Tracks};
 
 /// Settings of `video.motion_export`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -55,10 +62,115 @@ impl Stage for MotionExportSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::motion_export(context, stage, self).map(|()| HandedOn)
+        export(context, stage, self).map(|()| HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        stages::preflight_motion_export(self)
+        preflight(self)
     }
+}
+
+/// Refuses files that cannot be written.
+fn preflight(settings: &MotionExportSettings) -> Result<(), RunError> {
+    let files = [&settings.path, &settings.gltf, &settings.csv].into_iter().flatten().map(PathBuf::from);
+    let files = files.chain(settings.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
+    files.into_iter().try_for_each(|path| begin(&path).map(drop))
+}
+
+/// Writes what the settings ask for.
+fn export(context: &mut Context<'_, '_>, stage: usize, settings: &MotionExportSettings) -> Result<(), RunError> {
+    let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+    let tracks: &Tracks = context.values.get(context.required(stage, "tracks")?)?;
+    let mut written = Written::default();
+    if let Some(path) = &settings.path {
+        written.file(Path::new(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
+    }
+    if let Some(folder) = &settings.colmap {
+        written.models(Path::new(folder), motion, tracks)?;
+    }
+    if let Some(path) = &settings.gltf {
+        let path = Path::new(path);
+        written.file(path, |out| Ok(write_gltf(motion, Container::of(path), out)?))?;
+    }
+    if let Some(path) = &settings.csv {
+        written.file(Path::new(path), |out| Ok(write_csv(motion, out)?))?;
+    }
+    let warnings = std::mem::take(&mut written.warnings);
+    let told = written.publish()?;
+    context.summary.outputs.extend(told);
+    for warning in warnings {
+        context.warn(warning);
+    }
+    Ok(())
+}
+
+type Fault = Box<dyn std::error::Error>;
+
+/// Files that are whole but have no names yet.
+#[derive(Default)]
+struct Written {
+    files: Vec<(AtomicFile, PathBuf)>,
+    /// Files of an earlier run that would be taken for these.
+    stale: Vec<PathBuf>,
+    /// What the user is told of.
+    told: Vec<PathBuf>,
+    warnings: Vec<String>,
+}
+
+impl Written {
+    fn file(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>) -> Result<(), RunError> {
+        self.told.push(path.to_owned());
+        self.untold(path, write)
+    }
+
+    fn untold(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>) -> Result<(), RunError> {
+        let unfinished = begin(path)?;
+        let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
+        let mut out = BufWriter::new(file);
+        write(&mut out).and_then(|()| Ok(out.flush()?)).map_err(|e| cannot(path, &e))?;
+        self.files.push((unfinished, path.to_owned()));
+        Ok(())
+    }
+
+    /// The models of the shots: in `folder` itself where there is one, else each in a folder of its own.
+    fn models(&mut self, folder: &Path, motion: &ClipMotion, tracks: &Tracks) -> Result<(), RunError> {
+        let models = colmap::models_of(motion, &tracks.store).map_err(StabilizeError::from)?;
+        if models.is_empty() {
+            let nothing = "nothing was written there: no shot has cameras in space to trust";
+            self.warnings.push(format!("{}: {nothing}", folder.display()));
+            return Ok(());
+        }
+        for (k, (_, model)) in models.iter().enumerate() {
+            let folder = if models.len() == 1 { folder.to_owned() } else { folder.join(k.to_string()) };
+            std::fs::create_dir_all(&folder).map_err(|e| cannot(&folder, &e))?;
+            for (name, write) in colmap::FILES {
+                self.untold(&folder.join(name), |out| Ok(write(model, out)?))?;
+            }
+        }
+        if models.len() > 1 {
+            // A model in the folder itself would be read in place of those in its folders.
+            self.stale.extend(colmap::FILES.iter().map(|(name, _)| folder.join(name)).filter(|f| f.exists()));
+        }
+        self.told.push(folder.to_owned());
+        Ok(())
+    }
+
+    fn publish(self) -> Result<Vec<PathBuf>, RunError> {
+        for (unfinished, path) in self.files {
+            unfinished.publish(&path).map_err(|e| cannot(&path, &e))?;
+        }
+        for path in self.stale {
+            std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
+        }
+        Ok(self.told)
+    }
+}
+
+/// Starts the unfinished file beside `path`; dropped, it is removed.
+fn begin(path: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
+}
+
+fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
+    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
 }

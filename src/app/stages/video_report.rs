@@ -1,15 +1,34 @@
-//! `video.report`: tells what was done.
+//! `video.report`: gathers what the other stages found and did, and writes it as a page.
+//!
+//! The pictures are taken while the result is encoded ([`Album`]); all else is there when the last file is whole.
 
+mod album;
+mod in_plane;
+mod in_space;
+mod shown;
+
+use std::io::Write;
+use std::path::Path;
+
+use in_plane::{Windows, curves};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use shown::Shown;
 
+use super::clip::encoding;
+use super::context::Context;
 use crate::pipeline::kind::{Conflict, Stage};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
+use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
+use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, Segment, Shake, page};
+pub(super) use album::Album;
+use plumbline_media::AtomicFile;
+use plumbline_video::motion::ClipMotion;
+use plumbline_video::path::VirtualPath;
+use plumbline_video::stabilize::PathDeviations;
 
 /// Settings of `video.report`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,10 +75,121 @@ impl Stage for ReportSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::report(context, stage, self).map(|()| HandedOn)
+        write_page(context, stage, self).map(|()| HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        stages::preflight_report(self)
+        begin(Path::new(&self.path)).map(drop)
+    }
+}
+
+/// Starts the unfinished page beside `path`; dropped, it is removed.
+pub(super) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
+}
+
+/// Writes the page.
+fn write_page(context: &mut Context<'_, '_>, stage: usize, settings: &ReportSettings) -> Result<(), RunError> {
+    encoding::run(context, stage)?;
+    context.job.check_cancel()?;
+    let path = Path::new(&settings.path);
+    let text = page(&gathered(context, stage)?);
+    let unfinished = begin(path)?;
+    let written = std::fs::File::options().write(true).open(unfinished.path());
+    written.and_then(|mut file| file.write_all(text.as_bytes())).map_err(|e| cannot(path, &e))?;
+    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+    context.summary.outputs.push(path.to_owned());
+    Ok(())
+}
+
+fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
+    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
+}
+
+/// Everything that the page tells.
+fn gathered(context: &Context<'_, '_>, stage: usize) -> Result<Report, RunError> {
+    let pictures = context.required(stage, "frames")?.from;
+    let album: Option<&Option<Album>> = context.values.at(pictures, Album::PORT);
+    let no_album = || RunError::Internal("no pictures were taken for the report".to_owned());
+    let album = album.and_then(Option::as_ref).ok_or_else(no_album)?;
+    let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+    let path: &VirtualPath = context.values.get(context.required(stage, "path")?)?;
+    let summary = &*context.summary;
+    let shown = album.shown();
+    let windows = Windows::of(motion, path, shown);
+    let shots = motion.shots.clone();
+    Ok(Report {
+        clip: clip(summary, motion),
+        outcome: outcome(summary),
+        shake: summary.shake.map(change),
+        crop: summary.crop.map(|mean| Crop { mean, least: summary.least_crop }),
+        readout_s: summary.readout_s,
+        times_s: times_s(motion),
+        shots,
+        segments: summary.segments.iter().map(segment).collect(),
+        path: plots(motion, path, &windows, shown),
+        path_note: in_plane::NOTE.to_owned(),
+        crop_over_time: Some(crop_chart(path)),
+        cameras: motion.cameras.as_ref().map(|cameras| in_space::told(cameras, path, shown)),
+        moments: album.moments(&windows, path),
+        warnings: summary.warnings.clone(),
+    })
+}
+
+fn clip(summary: &Summary, motion: &ClipMotion) -> Clip {
+    let name = summary.input.as_ref().map_or_else(String::new, |i| i.name.clone());
+    let fps = summary.input.as_ref().and_then(|i| i.fps);
+    Clip { name, size: (motion.width, motion.height), rotation: motion.rotation, fps }
+}
+
+fn outcome(summary: &Summary) -> Outcome {
+    Outcome {
+        files: summary.outputs.iter().map(|p| p.display().to_string()).collect(),
+        size: summary.size,
+        frames: summary.frames,
+        encoder: summary.encoder.clone(),
+    }
+}
+
+fn times_s(motion: &ClipMotion) -> Vec<f64> {
+    let seconds: Vec<f64> = motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect();
+    let first = seconds.first().copied().unwrap_or(0.0);
+    seconds.into_iter().map(|s| s - first).collect()
+}
+
+fn segment(s: &SegmentSummary) -> Segment {
+    Segment {
+        frames: s.frames.start as usize..s.frames.end as usize,
+        mode: s.mode.clone(),
+        reason: s.reason.clone(),
+        crop: s.crop,
+        shake: s.shake.map(change),
+    }
+}
+
+fn change(ShakeSummary { before, after }: ShakeSummary) -> Change<Shake> {
+    let shake = |s: summary::Shake| Shake { px: s.px, deg: s.deg };
+    Change { before: shake(before), after: shake(after) }
+}
+
+/// Shake and the path in the picture.
+fn plots(motion: &ClipMotion, path: &VirtualPath, windows: &Windows, shown: Shown) -> Vec<Chart> {
+    let [before, after] = PathDeviations::of(motion, &path.out_from_src).distances_px();
+    let shake = Chart {
+        title: "Shake".to_owned(),
+        unit: "px from its course".to_owned(),
+        least_span: 1.0,
+        curves: curves(before, after),
+    };
+    std::iter::once(shake).chain(in_plane::charts(motion, windows, shown)).collect()
+}
+
+fn crop_chart(path: &VirtualPath) -> Chart {
+    let values = path.crop.iter().map(|c| 100.0 * c.min(1.0)).collect();
+    Chart {
+        title: "Picture kept".to_owned(),
+        unit: "% of width and height".to_owned(),
+        least_span: 4.0,
+        curves: Curves::One(Curve { name: "result".to_owned(), values }),
     }
 }

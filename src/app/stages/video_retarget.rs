@@ -3,15 +3,24 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::context::Context;
+use super::lens_undistort::{Undistorted, even_size};
+use super::video_importance::Watched;
+use crate::pipeline::graph::Graph;
 use crate::pipeline::kind::{MapStep, Stage};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::TargetSize;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
-use plumbline_photo::temporal::ClipRetargetOptions;
+use crate::pipeline::sizes::{Ratio, TargetSize};
+use crate::pipeline::summary::WindowSummary;
+use crate::stages::LensUndistortSettings;
+use plumbline_media::VideoInfo;
+use plumbline_num::math::{Homography, PointMap, Similarity2};
+use plumbline_photo::retarget::RetargetError;
+use plumbline_photo::temporal::{ClipData, ClipGrids, ClipRetargetOptions, retarget_clip};
+use plumbline_video::motion::ClipMotion;
+use plumbline_video::path::VirtualPath;
 
 /// Settings of `video.retarget`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,6 +59,64 @@ impl Stage for VideoRetargetSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::video_retarget(context, stage, self).map(|()| HandedOn)
+        retarget(context, stage, self).map(|()| HandedOn)
+    }
+}
+
+/// Finds the grids.
+fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetargetSettings) -> Result<(), RunError> {
+    let watched: &Watched = context.values.get(context.required(stage, "importance")?)?;
+    let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+    let path: Option<&VirtualPath> = context.edge(stage, "path").map(|edge| context.values.get(edge)).transpose()?;
+    let lens = lens_behind(context.job.graph(), stage).and_then(|at| context.values.at::<Undistorted>(at, "warp"));
+    let size = (motion.width as usize, motion.height as usize);
+    let judged = lens.map(|lens| (lens as &dyn PointMap, lens.source));
+    let times_s: Vec<f64> = motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect();
+    let steps: Vec<Similarity2> = motion.frames.iter().map(|f| f.similarity).collect();
+    let shown: &[Homography] = path.map_or(&[], |p| &p.out_from_src);
+    let clip =
+        ClipData { size, times_s: &times_s, shots: &motion.shots, motion: &steps, shown_from_src: shown, judged };
+    let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
+    let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
+    let out = coded_size(wanted, size, &watched.video);
+    let grids: Result<ClipGrids, RetargetError> =
+        retarget_clip(&clip, &watched.importance, out, &options, &context.job.run());
+    let grids = grids.map_err(|e| match e {
+        RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
+        other => RunError::Input(other.to_string()),
+    })?;
+    context.summary.window =
+        grids.window().map(|w| WindowSummary { kept: [w.share.0, w.share.1], range_px: [w.range_px.0, w.range_px.1] });
+    context.values.put(stage, "warp", grids);
+    Ok(())
+}
+
+/// The `lens.undistort` stage whose map the motion was carried through.
+fn lens_behind(graph: &Graph, stage: usize) -> Option<usize> {
+    let mut waiting: Vec<usize> = graph.stages[stage].edges.iter().map(|e| e.from).collect();
+    while let Some(at) = waiting.pop() {
+        if graph.stages[at].settings.get::<LensUndistortSettings>().is_some() {
+            return Some(at);
+        }
+        waiting.extend(graph.stages[at].edges.iter().map(|e| e.from));
+    }
+    None
+}
+
+/// The size of the coded picture that a player shows as asked: turned where the clip is, in its pixels, with even sides.
+fn coded_size(wish: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usize, usize) {
+    let turned = (video.rotation_deg / 90.0).round().rem_euclid(2.0) == 1.0;
+    match wish {
+        TargetSize::Pixels(_) => {
+            let (width, height) = wish.pixels(size);
+            if turned { (height, width) } else { (width, height) }
+        }
+        TargetSize::Shape(Ratio { across, down }) => {
+            let (across, down) = if turned { (down, across) } else { (across, down) };
+            let pixel = video.sample_aspect.map_or(1.0, plumbline_media::Ratio::value);
+            let ratio = Ratio { across: across / pixel, down }.value();
+            let (width, height) = (size.0 as f64, size.1 as f64);
+            even_size((width.min(height * ratio), height.min(width / ratio)), video)
+        }
     }
 }

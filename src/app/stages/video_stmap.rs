@@ -1,15 +1,33 @@
-//! `video.stmap`: writes the map of each frame for compositors.
+//! `video.stmap`: the map of each frame as a picture, sampled where the renderer would sample it.
+//!
+//! The pixel at column `i`, row `j` of the output holds the place `(x, y)` of the source from which its center
+//! `(i + ½, j + ½)` comes:
+//!
+//! ```text
+//! R = x / W,      G = 1 − y / H,
+//! ```
+//!
+//! both −1 where the map is not defined. A map without any warp is therefore `R = (i + ½)/W`, `G = 1 − (j + ½)/H`.
 
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::clip::chain::Chain;
+use super::clip::stream::for_each_frame;
+use super::context::Context;
 use crate::pipeline::kind::Stage;
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
+use plumbline_image::warp::Lattice;
+use plumbline_image::write_exr;
+use plumbline_media::AtomicFile;
+use plumbline_num::math::Point2;
 
 /// Settings of `video.stmap`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,10 +68,107 @@ impl Stage for StMapSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::stmap(context, stage, self).map(|()| HandedOn)
+        write_maps(context, stage, self).map(|()| HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        stages::preflight_stmap(self)
+        begin(Path::new(&self.path)).map(drop)
+    }
+}
+
+/// Most maps that are written at once.
+const AT_ONCE: usize = 8;
+
+/// Writes the maps of all frames.
+fn write_maps(context: &mut Context<'_, '_>, stage: usize, settings: &StMapSettings) -> Result<(), RunError> {
+    let source = context.required(stage, "frames")?.from;
+    let folder = PathBuf::from(&settings.path);
+    let (input, reader) = context.open(source)?;
+    let chain = Chain::of(context, stage, settings.keep_inside)?;
+    chain.check(input.name(), reader.info())?;
+    context.job.progress.begin(context.pass.index, "maps", chain.frames().or(reader.info().frames_estimate));
+    let size = (reader.info().width, reader.info().height);
+    let models = chain.models(&context.job.run())?;
+    let mut maps = chain.maps(models.as_ref(), reader.info())?;
+    let unfinished = begin(&folder)?;
+    let (mut waiting, mut written) = (Vec::new(), 0);
+    let report = for_each_frame(context.job, reader, |frame| {
+        waiting.push(maps.next(&frame)?);
+        if waiting.len() == context.job.threads.min(AT_ONCE) {
+            write_all(&mut waiting, &mut written, unfinished.path(), size)?;
+        }
+        Ok(())
+    })?;
+    write_all(&mut waiting, &mut written, unfinished.path(), size)?;
+    chain.check_length(input.name(), report.frames)?;
+    unfinished.publish_into(&folder).map_err(|e| cannot(&folder, &e))?;
+    context.summary.outputs.push(folder);
+    Ok(())
+}
+
+/// Writes the maps that wait, the first of which is number `written`.
+fn write_all(
+    waiting: &mut Vec<Lattice>,
+    written: &mut usize,
+    folder: &Path,
+    source: (usize, usize),
+) -> Result<(), RunError> {
+    let write = |(k, lattice): (usize, &Lattice)| {
+        let path = folder.join(format!("frame_{:06}.exr", *written + k));
+        let (red, green) = channels(lattice, source);
+        let file = File::create(&path).map_err(|e| cannot(&path, &e))?;
+        write_exr(lattice.size(), [("R", red), ("G", green)], file).map_err(|e| cannot(&path, &e))
+    };
+    waiting.par_iter().enumerate().try_for_each(write)?;
+    *written += waiting.len();
+    waiting.clear();
+    Ok(())
+}
+
+/// `R` and `G` of every pixel, row by row, for a source of so many px.
+fn channels(lattice: &Lattice, source: (usize, usize)) -> (Vec<f32>, Vec<f32>) {
+    let (width, height) = lattice.size();
+    let place = |i: usize, j: usize| lattice.src_from_out(Point2::new(i as f64 + 0.5, j as f64 + 0.5));
+    let value = |(i, j)| {
+        let shown = place(i, j).map(|p| ((p.x / source.0 as f64) as f32, (1.0 - p.y / source.1 as f64) as f32));
+        shown.unwrap_or((-1.0, -1.0))
+    };
+    (0..height).flat_map(|j| (0..width).map(move |i| (i, j))).map(value).unzip()
+}
+
+/// Starts the folder whose files will go to `folder`.
+fn begin(folder: &Path) -> Result<AtomicFile, RunError> {
+    AtomicFile::sequence_in(folder).map_err(|e| cannot(folder, &e))
+}
+
+fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
+    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_image::warp::WarpField;
+    use plumbline_num::math::{Homography, Similarity2, Vec2};
+
+    #[test]
+    fn a_map_that_moves_nothing_holds_the_pixels_own_places() {
+        let field = WarpField::from_forward_homography(&Homography::identity()).expect("regular");
+        let (red, green) = channels(&Lattice::new(&field, 50, 30), (50, 30));
+        for j in 0..30 {
+            for i in 0..50 {
+                let expected = ((i as f64 + 0.5) / 50.0, 1.0 - (j as f64 + 0.5) / 30.0);
+                assert_eq!((red[50 * j + i], green[50 * j + i]), (expected.0 as f32, expected.1 as f32));
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_moved_to_the_right_comes_from_the_left_and_up_is_more() {
+        let moved = Similarity2 { t: Vec2::new(5.0, 3.0), ..Similarity2::IDENTITY }.to_homography();
+        let field = WarpField::from_forward_homography(&moved).expect("regular");
+        let (red, green) = channels(&Lattice::new(&field, 50, 30), (50, 30));
+        assert!((red[50 * 10 + 20] - 15.5 / 50.0).abs() < 1e-6);
+        assert!((green[50 * 10 + 20] - (1.0 - 7.5 / 30.0)).abs() < 1e-6);
     }
 }

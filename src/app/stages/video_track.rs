@@ -1,19 +1,59 @@
-//! `video.track` with the `video.motion` that takes its points: one streaming pass over the clip.
+//! `video.track`: follows points through the frames. Motion stages that take the points are computed in the same pass.
 
+use std::path::Path;
+
+use super::clip::stream::for_each_frame;
+use super::clip::summary::shot_segment;
 use super::context::Context;
-use super::importance::watchers;
-use super::stream::for_each_frame;
-use super::summary::shot_segment;
-use super::undistort::Undistorted;
-use crate::pipeline::kind::Settings;
-use crate::pipeline::kinds::{MotionSettings, SmoothSettings, TrackSettings, VideoRetargetSettings, WarpSettings};
+use super::lens_undistort::Undistorted;
+use super::video_importance::watchers;
+use crate::pipeline::kind::{Settings, Stage};
+use crate::pipeline::memory::MemoryCost;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
+use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpSettings};
 use plumbline_media::{Input, Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;
+pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
 use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, complete_motion};
 
+impl Stage for TrackSettings {
+    const KIND: &'static str = "video.track";
+    const SUMMARY: &'static str =
+        "follows points through the frames, and recognizes cuts, blurred and duplicate frames";
+    const INPUTS: &'static [Port] = &[
+        Port::one("frames", PortType::Frames, "the clip to analyze"),
+        Port::optional("lens", PortType::Warp, "a map of the whole clip that the points are carried through"),
+    ];
+    const OUTPUTS: &'static [Port] = &[Port::one("tracks", PortType::Tracks, "the points of every frame")];
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn held(&self) -> Vec<MemoryCost> {
+        // Two frames' luma pyramids (1 + 1/4 + 1/16 + … = 4/3 each); tracks go to a temporary file at 8 bytes per point.
+        vec![
+            MemoryCost { what: "two luma pyramids", bytes_per_px: 8.0 / 3.0, ..MemoryCost::default() },
+            MemoryCost {
+                what: "tracks",
+                bytes_per_clip_frame: f64::from(self.points) * 8.0,
+                on_disk: true,
+                ..MemoryCost::default()
+            },
+        ]
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        self.mask.as_deref().and_then(Path::to_str).into_iter().collect()
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        analyze(context, stage, self).map(|()| HandedOn)
+    }
+}
+
 /// Tracks the clip, and measures its motion where a later stage takes it.
-pub(super) fn run(context: &mut Context<'_, '_>, stage: usize, settings: &TrackSettings) -> Result<(), RunError> {
+fn analyze(context: &mut Context<'_, '_>, stage: usize, settings: &TrackSettings) -> Result<(), RunError> {
     let decode = context.required(stage, "frames")?.from;
     let (input, reader) = context.open(decode)?;
     let video = reader.info().clone();

@@ -6,11 +6,11 @@
 //!
 //! composed per frame as geometry and sampled on one lattice, so that pixels are interpolated once whatever was asked for.
 
-use super::context::{Context, changed};
 use super::sampling::render_inputs;
-use super::undistort::Undistorted;
-use crate::pipeline::kinds::{LensUndistortSettings, VideoRetargetSettings};
 use crate::pipeline::run_error::RunError;
+use crate::stages::context::{Context, changed};
+use crate::stages::lens_undistort::Undistorted;
+use crate::stages::{LensUndistortSettings, VideoRetargetSettings};
 use plumbline_image::Frame;
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_media::VideoInfo;
@@ -19,15 +19,15 @@ use plumbline_photo::temporal::ClipGrids;
 use plumbline_video::stabilize::{FrameMaps, FrameModels, PlanSummary, RenderInputs, select_models};
 
 /// What a render stage applies to each frame.
-pub(super) struct Chain<'v> {
+pub(crate) struct Chain<'v> {
     lens: Option<&'v Undistorted>,
-    pub(super) steady: Option<RenderInputs<'v>>,
+    pub(crate) steady: Option<RenderInputs<'v>>,
     shape: Option<&'v ClipGrids>,
 }
 
 impl<'v> Chain<'v> {
     /// What earlier passes and stages handed on to the render stage `render`; `covered`: the source must cover the output.
-    pub(super) fn of(context: &'v Context<'_, '_>, render: usize, covered: bool) -> Result<Self, RunError> {
+    pub(crate) fn of(context: &'v Context<'_, '_>, render: usize, covered: bool) -> Result<Self, RunError> {
         let mut chain = Self { lens: None, steady: None, shape: None };
         for edge in context.stage(render).edges.iter().filter(|e| e.port.name == "warps") {
             let settings = &context.stage(edge.from).settings;
@@ -43,7 +43,7 @@ impl<'v> Chain<'v> {
     }
 
     /// Refuses a clip that is not the one analyzed.
-    pub(super) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
+    pub(crate) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
         let before = match (self.lens, &self.steady) {
             (Some(lens), _) => lens.source,
             (None, Some(inputs)) => (inputs.tracks.width, inputs.tracks.height),
@@ -57,12 +57,12 @@ impl<'v> Chain<'v> {
     }
 
     /// Frames that the analysis saw, where there was one.
-    pub(super) fn frames(&self) -> Option<u64> {
+    pub(crate) fn frames(&self) -> Option<u64> {
         self.steady.as_ref().map(|inputs| inputs.tracks.store.frames() as u64)
     }
 
     /// Refuses a clip of another length than the one analyzed.
-    pub(super) fn check_length(&self, name: &str, frames: u64) -> Result<(), RunError> {
+    pub(crate) fn check_length(&self, name: &str, frames: u64) -> Result<(), RunError> {
         match self.frames() {
             Some(before) if before != frames => Err(changed(name, &format!("{before} frames, then {frames}"))),
             _ => Ok(()),
@@ -70,7 +70,7 @@ impl<'v> Chain<'v> {
     }
 
     /// The video that becomes of `video`.
-    pub(super) fn shown(&self, video: &VideoInfo) -> VideoInfo {
+    pub(crate) fn shown(&self, video: &VideoInfo) -> VideoInfo {
         let mut shown = video.clone();
         let own = (video.width, video.height);
         let undistorted = self.lens.map_or(own, Undistorted::size);
@@ -79,23 +79,23 @@ impl<'v> Chain<'v> {
     }
 
     /// Some map may shrink the picture so far that it must be averaged.
-    pub(super) fn shrinks(&self) -> bool {
+    pub(crate) fn shrinks(&self) -> bool {
         self.lens.is_some() || self.shape.is_some()
     }
 
     /// The motion models of the frames, where they are stabilized.
-    pub(super) fn models(&self, run: &Run) -> Result<Option<FrameModels>, RunError> {
+    pub(crate) fn models(&self, run: &Run) -> Result<Option<FrameModels>, RunError> {
         Ok(self.steady.as_ref().map(|inputs| select_models(inputs, run)).transpose()?)
     }
 
     /// The figures of the path and the models that the frames follow, where they are stabilized.
-    pub(super) fn plan(&self, models: Option<&FrameModels>) -> Option<PlanSummary> {
+    pub(crate) fn plan(&self, models: Option<&FrameModels>) -> Option<PlanSummary> {
         let (inputs, models) = self.steady.as_ref().zip(models)?;
         Some(PlanSummary::of(inputs.motion, inputs.path, models))
     }
 
     /// Maps of successive frames of `video`.
-    pub(super) fn maps(&self, models: Option<&'v FrameModels>, video: &VideoInfo) -> Result<ChainMaps<'v>, RunError> {
+    pub(crate) fn maps(&self, models: Option<&'v FrameModels>, video: &VideoInfo) -> Result<ChainMaps<'v>, RunError> {
         let steady = self.steady.as_ref().zip(models);
         let shown = self.shown(video);
         Ok(ChainMaps {
@@ -110,7 +110,7 @@ impl<'v> Chain<'v> {
 }
 
 /// The composed maps of successive frames.
-pub(super) struct ChainMaps<'v> {
+pub(crate) struct ChainMaps<'v> {
     lens: Option<&'v Undistorted>,
     steady: Option<FrameMaps<'v>>,
     shape: Option<&'v ClipGrids>,
@@ -123,7 +123,7 @@ pub(super) struct ChainMaps<'v> {
 
 impl ChainMaps<'_> {
     /// The map of the next frame, sampled for rendering.
-    pub(super) fn next(&mut self, frame: &Frame) -> Result<Lattice, RunError> {
+    pub(crate) fn next(&mut self, frame: &Frame) -> Result<Lattice, RunError> {
         if let Some(constant) = &self.constant {
             return Ok(constant.clone());
         }

@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::context::media_error;
 use super::sampling::Sampled;
-use crate::pipeline::kinds::RenderSettings;
 use crate::pipeline::run_error::RunError;
+use crate::stages::RenderSettings;
+use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_image::render::{FillOptions, Filler, Renderer};
 use plumbline_image::warp::{Lattice, Map, WarpField};
@@ -16,7 +16,7 @@ use plumbline_num::run::Run;
 use plumbline_video::motion::ClipMotion;
 
 /// The window of neighbors and the lattices of the frames that wait in it.
-pub(super) struct Filling<'v> {
+pub(crate) struct Filling<'v> {
     filler: Filler,
     waiting: VecDeque<Lattice>,
     motion: &'v ClipMotion,
@@ -24,7 +24,7 @@ pub(super) struct Filling<'v> {
 
 impl<'v> Filling<'v> {
     /// An empty window; neighbors are found by `motion`.
-    pub(super) fn new(settings: &RenderSettings, motion: &'v ClipMotion) -> Self {
+    pub(crate) fn new(settings: &RenderSettings, motion: &'v ClipMotion) -> Self {
         let options = FillOptions {
             memory_bytes: settings.fill_memory.0.try_into().unwrap_or(usize::MAX),
             reach_frames: RenderSettings::FILL_WINDOW as usize / 2,
@@ -33,13 +33,13 @@ impl<'v> Filling<'v> {
     }
 
     /// Takes the next frame of the source.
-    pub(super) fn push(&mut self, frame: Frame, lattice: Lattice) {
+    pub(crate) fn push(&mut self, frame: Frame, lattice: Lattice) {
         self.filler.push(Arc::new(frame));
         self.waiting.push_back(lattice);
     }
 
     /// Renders and fills the next frame whose neighbors are all there; `ended`: none will come any more.
-    pub(super) fn pop(
+    pub(crate) fn pop(
         &mut self,
         ended: bool,
         renderer: &Renderer,

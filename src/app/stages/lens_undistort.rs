@@ -6,18 +6,84 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use super::analysis::focal_px_of;
 use super::context::Context;
-use super::photo::clip_lens;
-use crate::pipeline::kinds::LensUndistortSettings;
+use super::photo::lens::clip_lens;
+use super::photo::{target, view};
+use super::video_track::focal_px_of;
+use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
+use crate::pipeline::memory::MemoryCost;
+use crate::pipeline::port::{Port, PortType};
+use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::CropWish;
+use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
+use plumbline_camera::FieldAxis;
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_photo::PhotoWarp;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, rectify};
 use plumbline_video::stabilize::PointCarrier;
+
+/// Settings of `lens.undistort`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LensUndistortSettings {
+    /// The lens: auto (the focal length that the clip tells, or fov), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our JSON), or a model such as equidistant
+    #[schemars(extend("format" = "lens"))]
+    pub lens: String,
+    /// Field of view, degrees, for a lens named by its model
+    #[schemars(range(min = 1.0, max = 360.0))]
+    pub fov: Option<f64>,
+    /// Along which way the field of view is measured
+    pub fov_axis: FieldAxis,
+    /// How directions become the picture: perspective, stereographic, panini, panini:D, mercator, cylindrical, equirectangular or optimized
+    pub to: ProjectionWish,
+    /// Where the viewer looks: yaw, pitch and roll in degrees
+    pub view: ViewAngles,
+    /// What is cut away: auto keeps the clip's shape, none keeps a curved border, or a shape such as 16:9
+    pub crop: CropWish,
+    /// Size of the result, such as 1920x1080; that of the clip if left out
+    pub size: Option<PixelSize>,
+}
+
+impl Default for LensUndistortSettings {
+    fn default() -> Self {
+        Self {
+            lens: String::new(),
+            fov: None,
+            fov_axis: FieldAxis::default(),
+            to: ProjectionWish::Perspective,
+            view: ViewAngles::default(),
+            crop: CropWish::default(),
+            size: None,
+        }
+    }
+}
+
+impl Stage for LensUndistortSettings {
+    const KIND: &'static str = "lens.undistort";
+    const SUMMARY: &'static str = "finds the one map that takes a lens out of every frame";
+    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip, for the size of its pictures")];
+    const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
+    const REQUIRED: &'static [&'static str] = &["lens"];
+    const MAP: Option<MapStep> = Some(MapStep::Lens);
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn over_time(&self) -> TemporalScope {
+        TemporalScope::Once
+    }
+
+    fn held(&self) -> Vec<MemoryCost> {
+        vec![MemoryCost { what: "grid of the map", bytes: 16 << 20, ..MemoryCost::default() }]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        undistort(context, stage, self).map(|()| HandedOn)
+    }
+}
 
 /// The map of a clip's lens.
 #[derive(Clone)]
@@ -28,11 +94,7 @@ pub(super) struct Undistorted {
 }
 
 /// Finds the map.
-pub(super) fn run(
-    context: &mut Context<'_, '_>,
-    stage: usize,
-    settings: &LensUndistortSettings,
-) -> Result<(), RunError> {
+fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndistortSettings) -> Result<(), RunError> {
     let decode = context.required(stage, "frames")?.from;
     let (input, reader) = context.open(decode)?;
     let video = reader.info().clone();
@@ -57,8 +119,8 @@ pub(super) fn run(
 fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOptions {
     let own = OutputSize::Exact(video.width, video.height);
     RectifyOptions {
-        target: super::photo::target(settings.to),
-        view: super::photo::view(settings.view),
+        target: target(settings.to),
+        view: view(settings.view),
         crop: match settings.crop {
             CropWish::Auto | CropWish::Rectangle => Crop::Rectangle,
             CropWish::None => Crop::None,

@@ -2,11 +2,11 @@
 
 use super::in_plane::{Window, Windows};
 use super::shown::Shown;
-use crate::pipeline::kinds::ReportSettings;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages::context::Context;
-use crate::pipeline::stages::sampling::Sampled;
 use crate::report::{Change, Moment, Picture, View};
+use crate::stages::ReportSettings;
+use crate::stages::clip::sampling::Sampled;
+use crate::stages::context::Context;
 use plumbline_media::{Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
@@ -18,7 +18,7 @@ const MOMENTS: usize = 6;
 const MAX_PX: usize = 640;
 
 /// Pictures of a few moments.
-pub(in crate::pipeline::stages) struct Album {
+pub(crate) struct Album {
     view: View,
     /// Frames to keep, in order.
     wanted: Vec<usize>,
@@ -29,10 +29,10 @@ pub(in crate::pipeline::stages) struct Album {
 
 impl Album {
     /// The name under which the album of a stage's pictures is kept.
-    pub(in crate::pipeline::stages) const PORT: &'static str = "album";
+    pub(crate) const PORT: &'static str = "album";
 
     /// An empty album, if a report is among the stages `takers` of the pictures of `video`.
-    pub(in crate::pipeline::stages) fn wanted(
+    pub(crate) fn wanted(
         context: &Context<'_, '_>,
         takers: &[usize],
         video: &VideoInfo,
@@ -58,7 +58,7 @@ impl Album {
     }
 
     /// Keeps the next frame if it is wanted.
-    pub(in crate::pipeline::stages) fn look(&mut self, sampled: &Sampled) {
+    pub(crate) fn look(&mut self, sampled: &Sampled) {
         let frame = self.seen;
         self.seen += 1;
         if self.wanted.binary_search(&frame).is_err() {

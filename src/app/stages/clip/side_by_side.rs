@@ -13,7 +13,7 @@ use plumbline_media::VideoInfo;
 
 /// Where the two pictures lie in the joined one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct SideBySide {
+pub(crate) struct SideBySide {
     /// Width and height that one picture takes, px.
     slot: (usize, usize),
     /// The slots follow each other down the coded picture, not across it.
@@ -24,7 +24,7 @@ pub(super) struct SideBySide {
 
 impl SideBySide {
     /// The arrangement for pictures of this video.
-    pub(super) fn of(video: &VideoInfo) -> Self {
+    pub(crate) fn of(video: &VideoInfo) -> Self {
         Self::arranged((video.width, video.height), video.format, video.rotation_deg, video.mirrored)
     }
 
@@ -45,7 +45,7 @@ impl SideBySide {
     }
 
     /// The video that joined frames make of `video`.
-    pub(super) fn video(&self, video: &VideoInfo) -> VideoInfo {
+    pub(crate) fn video(&self, video: &VideoInfo) -> VideoInfo {
         let (across, down) = self.times();
         let mut joined = video.clone();
         (joined.width, joined.height) = (across * self.slot.0, down * self.slot.1);
@@ -58,7 +58,7 @@ impl SideBySide {
     }
 
     /// Copies both pictures into `joined`, which takes over time and color of the result; false where it is shared memory.
-    pub(super) fn join(&self, original: &Frame, result: &Frame, joined: &mut Frame) -> bool {
+    pub(crate) fn join(&self, original: &Frame, result: &Frame, joined: &mut Frame) -> bool {
         joined.copy_properties(result);
         let second = if self.stacked { (0, self.slot.1) } else { (self.slot.0, 0) };
         let (at_original, at_result) = if self.original_first { ((0, 0), second) } else { (second, (0, 0)) };
@@ -68,7 +68,7 @@ impl SideBySide {
 
 /// Copies `from` to the place `at` of `to` and repeats its last column and row up to the end of `slot`, all in luma px.
 /// False where the memory of `to` is shared. `at` must lie on a chroma sample, and the slot inside `to`.
-pub(super) fn paste(from: &Frame, to: &mut Frame, at: (usize, usize), slot: (usize, usize)) -> bool {
+pub(crate) fn paste(from: &Frame, to: &mut Frame, at: (usize, usize), slot: (usize, usize)) -> bool {
     let bytes = from.format.bytes_per_sample();
     for i in 0..from.format.planes() {
         let (width, height) = from.format.plane_size(i, from.width, from.height);

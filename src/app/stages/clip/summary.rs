@@ -8,7 +8,7 @@ use plumbline_video::motion::ShotCameras;
 use plumbline_video::stabilize::{PlanSegment, PlanSummary, model_name, verdict_name};
 
 /// Reports a file. Frames and size are those of the first.
-pub(super) fn report_file(summary: &mut Summary, output: &Output, size: (usize, usize), written: WriteReport) {
+pub(crate) fn report_file(summary: &mut Summary, output: &Output, size: (usize, usize), written: WriteReport) {
     summary.outputs.push(PathBuf::from(output.path()));
     summary.encoder.get_or_insert(written.encoder);
     if summary.size.is_none() {
@@ -23,7 +23,7 @@ pub(super) fn report_file(summary: &mut Summary, output: &Output, size: (usize, 
 }
 
 /// Reports the path and the models that a render stage followed.
-pub(super) fn report_plan(summary: &mut Summary, plan: PlanSummary) {
+pub(crate) fn report_plan(summary: &mut Summary, plan: PlanSummary) {
     let segment = |s: PlanSegment| SegmentSummary {
         frames: s.frames.start as u64..s.frames.end as u64,
         mode: model_name(s.model).to_owned(),
@@ -38,7 +38,7 @@ pub(super) fn report_plan(summary: &mut Summary, plan: PlanSummary) {
 }
 
 /// The cameras of a shot.
-pub(super) fn shot_segment(shot: &ShotCameras) -> SegmentSummary {
+pub(crate) fn shot_segment(shot: &ShotCameras) -> SegmentSummary {
     let frames = shot.frames.start as u64..shot.frames.end as u64;
     SegmentSummary {
         frames,

@@ -2,17 +2,17 @@
 
 use crossbeam::channel::{self, Receiver, Sender};
 
-use super::context::media_error;
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_media::{MediaError, ReadReport, VideoReader};
 
 /// Frames that wait between two threads. Two keep both busy; more only cost memory.
-pub(super) const QUEUE: usize = 2;
+pub(crate) const QUEUE: usize = 2;
 
 /// Decodes until the end, or until nobody listens any more.
-pub(super) fn decode(mut reader: VideoReader, frames: &Sender<Frame>) -> Result<ReadReport, MediaError> {
+pub(crate) fn decode(mut reader: VideoReader, frames: &Sender<Frame>) -> Result<ReadReport, MediaError> {
     while let Some(frame) = reader.next_frame()? {
         if frames.send(frame).is_err() {
             break;
@@ -22,7 +22,7 @@ pub(super) fn decode(mut reader: VideoReader, frames: &Sender<Frame>) -> Result<
 }
 
 /// Calls `body` with every frame of `reader`, in order, while the next ones are decoded; tells progress.
-pub(super) fn for_each_frame(
+pub(crate) fn for_each_frame(
     job: &Job<'_>,
     reader: VideoReader,
     mut body: impl FnMut(Frame) -> Result<(), RunError>,
@@ -39,7 +39,7 @@ pub(super) fn for_each_frame(
 }
 
 /// Passes something on; a closed queue means that its reader failed and will say why.
-pub(super) fn hand_on<T>(queue: &Sender<T>, item: T) -> Result<(), RunError> {
+pub(crate) fn hand_on<T>(queue: &Sender<T>, item: T) -> Result<(), RunError> {
     queue.send(item).map_err(|_| RunError::Interrupted)
 }
 

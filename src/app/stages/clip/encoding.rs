@@ -13,21 +13,21 @@
 use crossbeam::channel::{self, Receiver};
 
 use super::chain::Chain;
-use super::context::{Context, media_error};
-use super::report::Album;
 use super::sampling::{Sampled, Sampler};
 use super::sink::{Branch, Sink, distribute};
 use super::stream::{QUEUE, decode};
 use super::summary::{report_file, report_plan};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{self, EncodeSettings, RenderSettings, ReportSettings};
 use crate::pipeline::run_error::RunError;
+use crate::stages::context::{Context, media_error};
+use crate::stages::video_report::Album;
+use crate::stages::{Border, EncodeSettings, RenderSettings, ReportSettings};
 use plumbline_image::Frame;
 use plumbline_media::{Input, PassthroughStreams, ReadReport, VideoInfo, VideoReader};
 
 /// Writes the files of all encode stages that take the same pictures as `stage`, and fills the album of their reports, if
 /// `stage` is the first of them.
-pub(super) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+pub(crate) fn run(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
     let pictures = context.required(stage, "frames")?.from;
     let stages = takers_of(context, pictures);
     if stages.first() != Some(&stage) {
@@ -74,7 +74,7 @@ fn rendered(
     let source = context.required(render, "frames")?.from;
     let (input, reader) = context.open(source)?;
     let others = other_inputs(context, stages, source)?;
-    let chain = Chain::of(context, render, settings.border == kinds::Border::Crop)?;
+    let chain = Chain::of(context, render, settings.border == Border::Crop)?;
     chain.check(input.name(), reader.info())?;
     context.job.progress.begin(context.pass.index, "render", chain.frames().or(reader.info().frames_estimate));
 

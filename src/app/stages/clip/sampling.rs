@@ -5,21 +5,21 @@ use std::sync::Arc;
 use crossbeam::channel::{self, Receiver};
 
 use super::chain::{Chain, ChainMaps};
-use super::context::{Context, media_error};
 use super::filling::Filling;
 use super::stream::{QUEUE, hand_on};
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::{self, RenderSettings, WarpSettings};
 use crate::pipeline::run_error::RunError;
+use crate::stages::context::{Context, media_error};
+use crate::stages::{Border, Interpolation, RenderSettings, WarpSettings};
 use plumbline_image::Frame;
-use plumbline_image::render::{Border, Interpolation, RenderOptions, Renderer};
+use plumbline_image::render::{self, RenderOptions, Renderer};
 use plumbline_image::warp::Lattice;
 use plumbline_media::{FramePool, VideoInfo};
 use plumbline_num::run::Run;
 use plumbline_video::stabilize::{FrameModels, RenderInputs};
 
 /// What earlier passes handed on to the warp stage `stage`; `covered`: the source must cover the output.
-pub(super) fn render_inputs<'v>(
+pub(crate) fn render_inputs<'v>(
     context: &'v Context<'_, '_>,
     stage: usize,
     covered: bool,
@@ -35,39 +35,39 @@ pub(super) fn render_inputs<'v>(
 }
 
 /// A frame of the source and what was made of it.
-pub(super) struct Sampled {
+pub(crate) struct Sampled {
     /// The source's frame, where the result is another.
     source: Option<Arc<Frame>>,
     /// The frame to show.
-    pub(super) result: Frame,
+    pub(crate) result: Frame,
 }
 
 impl Sampled {
     /// `result`, made of `source`.
-    pub(super) fn new(source: Arc<Frame>, result: Frame) -> Self {
+    pub(crate) fn new(source: Arc<Frame>, result: Frame) -> Self {
         Self { source: Some(source), result }
     }
 
     /// A frame that stays as it is.
-    pub(super) fn untouched(frame: Frame) -> Self {
+    pub(crate) fn untouched(frame: Frame) -> Self {
         Self { source: None, result: frame }
     }
 
     /// The frame of the source.
-    pub(super) fn original(&self) -> &Frame {
+    pub(crate) fn original(&self) -> &Frame {
         self.source.as_deref().unwrap_or(&self.result)
     }
 }
 
 /// Map and render of one stream.
-pub(super) struct Sampler<'v> {
+pub(crate) struct Sampler<'v> {
     maps: ChainMaps<'v>,
     drawer: Drawer,
     filling: Option<Filling<'v>>,
 }
 
 impl<'v> Sampler<'v> {
-    pub(super) fn new(
+    pub(crate) fn new(
         chain: &Chain<'v>,
         models: Option<&'v FrameModels>,
         settings: &RenderSettings,
@@ -80,12 +80,12 @@ impl<'v> Sampler<'v> {
                 pool: FramePool::new(&chain.shown(video)).map_err(media_error)?,
                 averages: chain.shrinks(),
             },
-            filling: (settings.border == kinds::Border::Fill).then(|| filling(chain, settings)).transpose()?,
+            filling: (settings.border == Border::Fill).then(|| filling(chain, settings)).transpose()?,
         })
     }
 
     /// Hands every frame to `sink` in order: mapped on a thread of its own, rendered here.
-    pub(super) fn run(
+    pub(crate) fn run(
         self,
         job: &Job<'_>,
         frames: Receiver<Frame>,
@@ -177,14 +177,14 @@ fn filling<'v>(chain: &Chain<'v>, settings: &RenderSettings) -> Result<Filling<'
 fn options(settings: &RenderSettings) -> RenderOptions {
     RenderOptions {
         interpolation: match settings.interpolation {
-            kinds::Interpolation::Bicubic => Interpolation::Bicubic,
-            kinds::Interpolation::Lanczos3 => Interpolation::Lanczos3,
+            Interpolation::Bicubic => render::Interpolation::Bicubic,
+            Interpolation::Lanczos3 => render::Interpolation::Lanczos3,
         },
         border: match settings.border {
-            kinds::Border::Mirror | kinds::Border::Fill => Border::Mirror,
+            Border::Mirror | Border::Fill => render::Border::Mirror,
             // Nothing outside is shown, but kernels reach over the edge: black would darken the outermost pixels.
-            kinds::Border::Replicate | kinds::Border::Crop => Border::Replicate,
-            kinds::Border::Black => Border::Black,
+            Border::Replicate | Border::Crop => render::Border::Replicate,
+            Border::Black => render::Border::Black,
         },
     }
 }

@@ -1,14 +1,15 @@
 //! `video.smooth`: plans the virtual camera.
 
+use super::context::Context;
 use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::stages;
-use crate::stages::context::Context;
+use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::path::Zoom;
 pub use plumbline_video::stabilize::{InSpace, PathMethod, SmoothingOptions as SmoothSettings};
+use plumbline_video::stabilize::{Tracks, plan_path};
 
 impl Stage for SmoothSettings {
     const KIND: &'static str = "video.smooth";
@@ -37,6 +38,10 @@ impl Stage for SmoothSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        stages::smooth(context, stage, self).map(|()| HandedOn)
+        let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+        let tracks: Option<&Tracks> = context.edge(stage, "tracks").map(|edge| context.values.get(edge)).transpose()?;
+        let path = plan_path(motion, tracks, self, &context.job.run())?;
+        context.values.put(stage, "path", path);
+        Ok(HandedOn)
     }
 }

@@ -2,29 +2,29 @@
 
 use crossbeam::channel::{Receiver, Sender};
 
-use super::context::media_error;
 use super::sampling::Sampled;
 use super::side_by_side::{SideBySide, paste};
 use super::stream::hand_on;
 use crate::pipeline::job::Job;
-use crate::pipeline::kinds::EncodeSettings;
 use crate::pipeline::run_error::RunError;
+use crate::stages::EncodeSettings;
+use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_media::{
     FramePool, Input, Output, PassthroughStreams, VideoInfo, VideoWriter, WriteOptions, WriteReport,
 };
 
 /// A file being written.
-pub(super) struct Sink {
-    pub(super) output: Output,
+pub(crate) struct Sink {
+    pub(crate) output: Output,
     /// Width and height of its pictures, px.
-    pub(super) size: (usize, usize),
+    pub(crate) size: (usize, usize),
     beside: Option<SideBySide>,
     writer: VideoWriter,
 }
 
 /// The way to a sink's encoder.
-pub(super) struct Branch {
+pub(crate) struct Branch {
     beside: Option<SideBySide>,
     pool: FramePool,
     queue: Sender<Frame>,
@@ -33,7 +33,7 @@ pub(super) struct Branch {
 impl Sink {
     /// Starts the file that `settings` ask for, with `companions` beside the pictures; `beside`: with the original at the
     /// result's side.
-    pub(super) fn create(
+    pub(crate) fn create(
         settings: &EncodeSettings,
         job: &Job<'_>,
         source: &Input,
@@ -50,12 +50,12 @@ impl Sink {
     }
 
     /// The way to this sink through `queue`.
-    pub(super) fn branch(&self, queue: Sender<Frame>) -> Branch {
+    pub(crate) fn branch(&self, queue: Sender<Frame>) -> Branch {
         Branch { beside: self.beside, pool: self.writer.frame_pool(), queue }
     }
 
     /// Encodes what comes; the file stays unfinished.
-    pub(super) fn encode(mut self, job: &Job<'_>, frames: &Receiver<Frame>) -> Result<Self, RunError> {
+    pub(crate) fn encode(mut self, job: &Job<'_>, frames: &Receiver<Frame>) -> Result<Self, RunError> {
         for frame in frames {
             job.check_cancel()?;
             self.writer.write(frame).map_err(media_error)?;
@@ -64,7 +64,7 @@ impl Sink {
     }
 
     /// Finishes the file and gives it its name.
-    pub(super) fn finish(self) -> Result<(Output, (usize, usize), WriteReport), RunError> {
+    pub(crate) fn finish(self) -> Result<(Output, (usize, usize), WriteReport), RunError> {
         Ok((self.output, self.size, self.writer.finish().map_err(media_error)?))
     }
 }
@@ -90,7 +90,7 @@ impl Branch {
 }
 
 /// Gives every branch its picture; the first that takes the result as it is gets it without a copy.
-pub(super) fn distribute(sampled: Sampled, branches: &[Branch]) -> Result<(), RunError> {
+pub(crate) fn distribute(sampled: Sampled, branches: &[Branch]) -> Result<(), RunError> {
     let owner = branches.iter().position(Branch::takes_result);
     for (_, branch) in branches.iter().enumerate().filter(|(i, _)| Some(*i) != owner) {
         hand_on(&branch.queue, branch.picture(&sampled)?)?;
