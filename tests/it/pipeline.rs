@@ -158,7 +158,7 @@ use  = "mesh.load"
 path = "b.obj"
 
 [stage.shapes]
-use    = "morph"
+use    = "mesh.morph"
 inputs = { mesh = "a", other = "b" }
 over   = "sphere"
 refine = 0.01

@@ -32,7 +32,7 @@ pub(super) struct BlendArgs {
     job: JobArgs,
 }
 
-/// What it says of `blend`.
+/// What it says of `mesh.blend`.
 struct Blend;
 
 impl Offer for Blend {

@@ -31,7 +31,7 @@ pub(super) struct ComposeArgs {
     job: JobArgs,
 }
 
-/// What it says of `compose`.
+/// What it says of `mesh.compose`.
 struct Compose;
 
 impl Offer for Compose {

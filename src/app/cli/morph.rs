@@ -38,7 +38,7 @@ pub(super) struct MorphArgs {
     job: JobArgs,
 }
 
-/// What it says of `morph`.
+/// What it says of `mesh.morph`.
 struct Morph;
 
 impl Offer for Morph {

@@ -57,7 +57,7 @@ pub(super) struct PoseArgs {
     job: JobArgs,
 }
 
-/// What it says of `pose`.
+/// What it says of `character.pose`.
 struct Posing;
 
 impl Offer for Posing {

@@ -38,7 +38,7 @@ impl Offer for Shape {
     const SETTINGS: &'static [Setting] = &[Setting::of("size").value("WxH|W:H").under("Result")];
 }
 
-/// What it says of `importance`.
+/// What it says of `image.importance`.
 struct Painted;
 
 impl Offer for Painted {

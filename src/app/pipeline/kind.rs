@@ -63,6 +63,8 @@ pub trait Stage:
 {
     /// The name after `use =`.
     const KIND: &'static str;
+    /// Names that it had in earlier versions: files may still use them, and no listing shows them.
+    const ALIASES: &'static [&'static str] = &[];
     /// What the stage does, in one line.
     const SUMMARY: &'static str;
     /// What it takes; a list of inputs fills them in this order.
@@ -207,6 +209,8 @@ impl dyn Settings {
 pub struct StageKind {
     /// The name after `use =`.
     pub name: &'static str,
+    /// Earlier names, which files may still use.
+    pub aliases: &'static [&'static str],
     /// What the stage does, in one line.
     pub summary: &'static str,
     /// What it takes.
@@ -237,6 +241,7 @@ impl StageKind {
         }
         Self {
             name: S::KIND,
+            aliases: S::ALIASES,
             summary: S::SUMMARY,
             inputs: S::INPUTS,
             outputs: S::OUTPUTS,

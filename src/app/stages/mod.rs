@@ -8,30 +8,31 @@
 //! To add a kind: a file here with a struct of settings that implements [`Stage`](crate::pipeline::kind::Stage), and its lines
 //! in this file.
 
-mod blend;
+mod character_pose;
 mod clip;
-mod compose;
 pub(crate) mod context;
 mod faces_detect;
 mod faces_load;
 pub(crate) mod files;
 mod image_grid;
+mod image_importance;
 mod image_load;
 mod image_map_export;
 mod image_render;
 mod image_save;
-mod importance;
 mod lens_undistort;
 mod lines_detect;
 mod lines_load;
 mod lines_save;
 mod mesh;
+mod mesh_blend;
+mod mesh_compose;
 mod mesh_deform;
 mod mesh_load;
 mod mesh_modes;
+mod mesh_morph;
 mod mesh_render;
 mod mesh_save;
-mod morph;
 mod morphing;
 mod npz;
 mod numpy;
@@ -40,7 +41,6 @@ mod photo_rectangle;
 mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
-mod pose;
 mod probe;
 mod skeleton_extract;
 mod skeleton_load;
@@ -63,32 +63,32 @@ mod video_warp;
 
 use std::sync::Arc;
 
-pub use blend::BlendSettings;
-pub use compose::ComposeSettings;
+pub use character_pose::{PoseSettings, SkinningWish};
 pub use faces_detect::FacesDetectSettings;
 pub use faces_load::FacesLoadSettings;
 pub use image_grid::ImageGridSettings;
+pub use image_importance::ImportanceSettings;
 pub use image_load::ImageLoadSettings;
 pub use image_map_export::MapExportSettings;
 pub use image_render::{ImageRenderSettings, PhotoBorder};
 pub use image_save::ImageSaveSettings;
-pub use importance::ImportanceSettings;
 pub use lens_undistort::LensUndistortSettings;
 pub use lines_detect::LinesDetectSettings;
 pub use lines_load::LinesLoadSettings;
 pub use lines_save::LinesSaveSettings;
+pub use mesh_blend::BlendSettings;
+pub use mesh_compose::ComposeSettings;
 pub use mesh_deform::MeshDeformSettings;
 pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
+pub use mesh_morph::{MorphSettings, OverWish};
 pub use mesh_render::MeshRenderSettings;
 pub use mesh_save::MeshSaveSettings;
-pub use morph::{MorphSettings, OverWish};
 pub use photo_rectangle::PhotoRectangleSettings;
 pub use photo_rectify::PhotoRectifySettings;
 pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
 pub use plumbline_media::{Codec, EncoderWish};
-pub use pose::{PoseSettings, SkinningWish};
 pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
 pub use skin_train::SkinTrainSettings;
@@ -162,9 +162,9 @@ pub static KINDS: [StageKind; 42] = [
     StageKind::of::<MeshSaveSettings>(),
 ];
 
-/// The kind called `name`.
+/// The kind called `name`, now or in an earlier version.
 pub fn find(name: &str) -> Option<&'static StageKind> {
-    KINDS.iter().find(|k| k.name == name)
+    KINDS.iter().find(|k| k.name == name || k.aliases.contains(&name))
 }
 
 /// The stages that this program has.
@@ -247,6 +247,25 @@ mod tests {
         let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         let pass = &instance.plan.passes[0];
         run_stage(&mut Context { job: &job, pass, values: &mut values, summary: &mut summary, at: 0 }, 0)
+    }
+
+    #[test]
+    fn a_kind_is_found_by_its_earlier_name_and_no_name_means_two_kinds() {
+        for (earlier, now) in [
+            ("pose", "character.pose"),
+            ("morph", "mesh.morph"),
+            ("blend", "mesh.blend"),
+            ("compose", "mesh.compose"),
+            ("importance", "image.importance"),
+        ] {
+            assert_eq!(find(earlier).map(|k| k.name), Some(now));
+        }
+        let mut names: Vec<_> =
+            KINDS.iter().flat_map(|k| [k.name].into_iter().chain(k.aliases.iter().copied())).collect();
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all);
     }
 
     #[test]

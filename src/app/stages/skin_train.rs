@@ -9,9 +9,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
+use super::character_pose::PoseSettings;
 use super::context::Context;
 use super::mesh::{binding, mesh_error};
-use super::pose::PoseSettings;
 use super::values::Posed;
 use crate::pipeline::items::{MESH_EXTENSIONS, expand, is_glob};
 use crate::pipeline::kind::{Stage, TemporalScope};

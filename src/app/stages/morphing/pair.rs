@@ -9,7 +9,7 @@ use super::{morph_error, of_file, pose_of, tell};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
-use crate::stages::morph::OverWish;
+use crate::stages::mesh_morph::OverWish;
 use crate::stages::values::Posed;
 use plumbline_shape::mesh::{Model, TriMesh};
 use plumbline_shape::morph::correspondence::{Landmarks, MapQuality, correspond, measure, refine};

@@ -1,4 +1,4 @@
-//! `compose`: one mesh made of parts of two.
+//! `mesh.compose`: one mesh made of parts of two.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
 use plumbline_shape::morph::composition::{Cut, SeamFile, compose};
 
-/// Settings of `compose`.
+/// Settings of `mesh.compose`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ComposeSettings {
@@ -26,7 +26,8 @@ pub struct ComposeSettings {
 }
 
 impl Stage for ComposeSettings {
-    const KIND: &'static str = "compose";
+    const KIND: &'static str = "mesh.compose";
+    const ALIASES: &'static [&'static str] = &["compose"];
     const SUMMARY: &'static str = "cuts two meshes and makes one of the parts, with a smooth transition";
     const INPUTS: &'static [Port] = &[
         Port::one("base", PortType::Mesh, "the mesh that stays where it is"),

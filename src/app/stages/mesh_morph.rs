@@ -1,4 +1,4 @@
-//! `morph`: the shapes between two meshes.
+//! `mesh.morph`: the shapes between two meshes.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,7 +39,7 @@ impl OverWish {
     }
 }
 
-/// Settings of `morph`.
+/// Settings of `mesh.morph`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MorphSettings {
@@ -81,7 +81,8 @@ impl Default for MorphSettings {
 }
 
 impl Stage for MorphSettings {
-    const KIND: &'static str = "morph";
+    const KIND: &'static str = "mesh.morph";
+    const ALIASES: &'static [&'static str] = &["morph"];
     const SUMMARY: &'static str = "finds the shapes between two meshes, as rigid towards both as can be";
     const INPUTS: &'static [Port] = &[
         Port::one("mesh", PortType::Mesh, "the mesh at time 0, whose faces all shapes have"),

@@ -1,4 +1,4 @@
-//! `blend`: two meshes mixed as painted.
+//! `mesh.blend`: two meshes mixed as painted.
 
 use nalgebra::Point3;
 use schemars::JsonSchema;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::context::Context;
-use super::morph::{MorphSettings, OverWish};
+use super::mesh_morph::{MorphSettings, OverWish};
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, of_file, tell, write_report};
@@ -17,7 +17,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_shape::morph::paint::Paint;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
 
-/// Settings of `blend`.
+/// Settings of `mesh.blend`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BlendSettings {
@@ -52,7 +52,8 @@ impl Default for BlendSettings {
 }
 
 impl Stage for BlendSettings {
-    const KIND: &'static str = "blend";
+    const KIND: &'static str = "mesh.blend";
+    const ALIASES: &'static [&'static str] = &["blend"];
     const SUMMARY: &'static str = "mixes two meshes, each place as far from one to the other as is painted there";
     const INPUTS: &'static [Port] = MorphSettings::INPUTS;
     const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the blend")];

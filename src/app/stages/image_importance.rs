@@ -1,4 +1,4 @@
-//! `importance`: how much each place of a picture matters.
+//! `image.importance`: how much each place of a picture matters.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_image::feature::{Face, Importance, ImportanceOptions};
 use plumbline_image::still::Photo;
 
-/// Settings of `importance`.
+/// Settings of `image.importance`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ImportanceSettings {
@@ -24,7 +24,8 @@ pub struct ImportanceSettings {
 }
 
 impl Stage for ImportanceSettings {
-    const KIND: &'static str = "importance";
+    const KIND: &'static str = "image.importance";
+    const ALIASES: &'static [&'static str] = &["importance"];
     const SUMMARY: &'static str = "judges how much each place of a picture matters";
     const INPUTS: &'static [Port] = &[
         Port::one("image", PortType::Image, "the picture"),

@@ -1,4 +1,4 @@
-//! `pose`: a character in another pose, or in the poses of a movement.
+//! `character.pose`: a character in another pose, or in the poses of a movement.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -55,7 +55,7 @@ impl SkinningWish {
     }
 }
 
-/// Settings of `pose`.
+/// Settings of `character.pose`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PoseSettings {
@@ -113,7 +113,8 @@ impl Default for PoseSettings {
 }
 
 impl Stage for PoseSettings {
-    const KIND: &'static str = "pose";
+    const KIND: &'static str = "character.pose";
+    const ALIASES: &'static [&'static str] = &["pose"];
     const SUMMARY: &'static str = "puts a character into a pose, or through a movement";
     const INPUTS: &'static [Port] = &[
         Port::one("mesh", PortType::Mesh, "the surface: with a skin, or to be bound to the skeleton"),
