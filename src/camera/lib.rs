@@ -19,9 +19,10 @@ pub use lens::{
     LensError, Ocam, Projection, RadialPolynomial, Unified,
 };
 pub use pose::CameraPose;
-pub use profile::{
-    LensFile, LensFileError, Profile, ProfileError, lens_file_schema, lensfun_lens, parse_lens, read_lens,
-};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use profile::lens_file_schema;
+pub use profile::{LensFile, LensFileError, Profile, ProfileError, lensfun_lens, parse_lens, read_lens};
 
 /// A position in space, in the unit of the scene.
 pub type Point3 = nalgebra::Point3<f64>;

@@ -3,13 +3,13 @@
 use std::fmt;
 use std::str::FromStr;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::Input;
 
 /// How the pictures are coded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Codec {
     /// H.264: plays everywhere
@@ -103,12 +103,13 @@ impl<'de> Deserialize<'de> for EncoderWish {
     }
 }
 
-impl JsonSchema for EncoderWish {
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for EncoderWish {
     fn schema_name() -> std::borrow::Cow<'static, str> {
         "EncoderWish".into()
     }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"type": "string", "pattern": "^[A-Za-z0-9_-]+$"})
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({"type": "string", "pattern": "^[A-Za-z0-9_-]+$"})
     }
 }
 

@@ -1,7 +1,6 @@
 //! Our own lens files, and the plain form that calibration scripts write.
 
 use nalgebra::Matrix2;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::tree::At;
@@ -36,7 +35,8 @@ const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthogr
 /// A file without `version` is read as the plain form that scripts around OpenCV write: `model`, `fx fy cx cy`, `k`, `width`,
 /// `height`, further keys ignored, and **pixel centers at integers** unless `pixel_centre` says otherwise. With `version`,
 /// unknown keys are refused and the centers are at integer + 0.5 unless `pixel_centre` says otherwise.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LensFile {
     /// Always `plumbline.lens`.
@@ -126,6 +126,7 @@ fn half() -> f64 {
 }
 
 /// JSON Schema of a lens file.
+#[cfg(feature = "schema")]
 pub fn lens_file_schema() -> serde_json::Value {
     schemars::schema_for!(LensFile).to_value()
 }

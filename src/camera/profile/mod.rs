@@ -37,7 +37,10 @@ use std::path::Path;
 
 pub use detect::parse_lens;
 pub use error::{LensFileError, ProfileError};
-pub use json::{LensFile, lens_file_schema};
+pub use json::LensFile;
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use json::lens_file_schema;
 pub use lensfun::lensfun_lens;
 
 use super::{ExifFacts, Lens};

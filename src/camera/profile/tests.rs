@@ -459,6 +459,7 @@ fn our_own_file_refuses_what_it_does_not_know() {
     }
 }
 
+#[cfg(feature = "schema")]
 #[test]
 fn the_schema_names_every_key_of_a_file() {
     let schema = lens_file_schema();

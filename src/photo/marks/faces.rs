@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
@@ -34,7 +33,8 @@ pub struct FacesFile {
 }
 
 /// A file of marked faces.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Document {
     /// Always `plumbline.faces`.
@@ -48,7 +48,8 @@ struct Document {
 }
 
 /// The rectangle from `(x, y)` to `(x + w, y + h)`, px, edges of pixels at integers.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Entry {
     /// What messages call it; left out, its place in the file does.
@@ -80,6 +81,7 @@ struct BareEntry {
 }
 
 /// The JSON schema of the faces file.
+#[cfg(feature = "schema")]
 pub fn faces_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

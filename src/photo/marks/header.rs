@@ -1,6 +1,5 @@
 //! What both files begin with, and reading them.
 
-use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +10,8 @@ use plumbline_num::document::{DocumentError, Kind};
 pub(super) const MAX_BYTES: u64 = 1 << 24;
 
 /// The picture that was marked.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Source {
     /// Width as shown, px.

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
@@ -35,7 +34,8 @@ pub struct LinesFile {
 }
 
 /// A file of marked lines.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Document {
     /// Always `plumbline.lines`.
@@ -56,14 +56,15 @@ fn half() -> f64 {
 }
 
 /// A marked line.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Entry {
     /// What messages call it; left out, its place in the file does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     /// Two or more positions in order along the line, px.
-    #[schemars(length(min = 2))]
+    #[cfg_attr(feature = "schema", schemars(length(min = 2)))]
     points: Vec<[f64; 2]>,
     #[serde(default, skip_serializing_if = "check::is_free")]
     orientation: Written,
@@ -106,6 +107,7 @@ impl Id {
 }
 
 /// The JSON schema of the lines file.
+#[cfg(feature = "schema")]
 pub fn lines_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

@@ -40,5 +40,11 @@ mod orientation;
 mod tests;
 
 pub use error::MarksError;
-pub use faces::{FacesFile, MarkedFace, faces_schema};
-pub use lines::{LinesFile, MarkedLine, lines_schema};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use faces::faces_schema;
+pub use faces::{FacesFile, MarkedFace};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use lines::lines_schema;
+pub use lines::{LinesFile, MarkedLine};

@@ -1,9 +1,7 @@
 //! Orientations as they stand in files.
 
-use std::borrow::Cow;
 use std::fmt;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -88,13 +86,14 @@ impl fmt::Display for Written {
     }
 }
 
-impl JsonSchema for Written {
-    fn schema_name() -> Cow<'static, str> {
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for Written {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
         "Orientation".into()
     }
 
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
             "description": "How the line shall lie in the output: by name, or degrees from +x towards +y (down).",
             "anyOf": [
                 { "enum": ["free", "horizontal", "vertical", "h", "v", null] },

@@ -182,6 +182,7 @@ fn faces_without_area_or_outside_are_refused_with_the_key() {
     assert!(refused(r#"[{"x": 3, "y": 1, "w": 10, "h": 4, "score": 8}]"#).contains("unknown field `score`"));
 }
 
+#[cfg(feature = "schema")]
 #[test]
 fn the_schemas_tell_what_the_parsers_ask_for() {
     let lines = serde_json::to_value(lines_schema()).expect("a schema");

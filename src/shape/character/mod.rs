@@ -46,4 +46,7 @@ pub use refinement::DetailRefiner;
 pub use skeleton::{Bone, Joint, Skeleton};
 pub use skin::Skin;
 pub use skin_weights::{Influence, Normalization, SkinWeights};
-pub use weights_file::{WeightsFile, WeightsFileError, weights_file_schema};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use weights_file::weights_file_schema;
+pub use weights_file::{WeightsFile, WeightsFileError};

@@ -12,7 +12,6 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{CharacterError, Skeleton, SkinWeights};
@@ -53,7 +52,8 @@ pub struct WeightsFile {
 }
 
 /// Weights of the vertices of a mesh.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Document {
     /// Always `plumbline.weights`.
@@ -69,6 +69,7 @@ struct Document {
 }
 
 /// The JSON schema of weight files.
+#[cfg(feature = "schema")]
 pub fn weights_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

@@ -11,7 +11,6 @@
 use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::MorphError;
@@ -27,7 +26,8 @@ fn malformed(fault: String) -> MorphError {
 }
 
 /// Times painted on the first mesh.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Paint {
     /// Always `plumbline.paint`.
@@ -40,17 +40,18 @@ pub struct Paint {
     #[serde(default)]
     elsewhere: f64,
     /// Strokes; later ones paint over earlier ones.
-    #[schemars(length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     #[serde(rename = "paint")]
     strokes: Vec<Stroke>,
 }
 
 /// A time, and where: one of `vertices`, `sphere`, `half_space`.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Stroke {
     /// 0: as the first mesh, 1: as the second.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.0, max = 1.0)))]
     time: f64,
     /// These vertices.
     #[serde(default)]
@@ -64,7 +65,8 @@ struct Stroke {
 }
 
 /// A ball.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Ball {
     /// Its middle.
@@ -74,7 +76,8 @@ struct Ball {
 }
 
 /// One side of a plane.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct HalfSpace {
     /// A place on the plane.
@@ -84,6 +87,7 @@ struct HalfSpace {
 }
 
 /// The JSON schema of files of painted times.
+#[cfg(feature = "schema")]
 pub fn paint_schema() -> schemars::Schema {
     schemars::schema_for!(Paint)
 }

@@ -16,7 +16,10 @@ mod verdict;
 pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
 pub use clip::{ClipMotion, MAX_BRIDGE};
 pub use estimator::{MotionEstimator, MotionOptions};
-pub use file::{FORMAT, MotionFileError, VERSION, motion_file_schema};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use file::motion_file_schema;
+pub use file::{FORMAT, MotionFileError, VERSION};
 pub use frame_motion::{FrameFlags, FrameInput, FrameMotion, MotionQuality, PlanarModel, TrackPoint};
 pub use planar_fit::{FrameScale, Pair, homography, homography_dlt, homography_of_four, similarity};
 pub use rolling_shutter::{Readout, ReadoutEstimator, RowMotion};

@@ -41,7 +41,6 @@ mod virtual_camera;
 use std::fmt;
 use std::ops::Range;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use plumbline_num::math::{Homography, Similarity2};
@@ -109,7 +108,8 @@ pub enum PathKind {
 }
 
 /// How the picture is enlarged to hide the borders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Zoom {
     /// One zoom for the whole clip

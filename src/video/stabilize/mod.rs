@@ -103,6 +103,7 @@ pub use options::{
     CameraMotionOptions, InSpace, ModelChoice, PathMethod, SmoothingOptions, StabilizerOptions, TrackingOptions,
     WarpOptions,
 };
+#[cfg(feature = "schema")]
 pub use path_file::path_file_schema;
 pub use path_planning::plan_path;
 pub use rolling_shutter::RollingShutter;

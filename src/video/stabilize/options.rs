@@ -6,7 +6,6 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::StabilizeError;
@@ -28,7 +27,8 @@ use crate::track::TrackOptions;
 /// options.path.smoothness = f64::NAN;
 /// assert_eq!(options.check().unwrap_err().to_string(), "smoothness NaN is invalid (expected 0.05 to 30)");
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct StabilizerOptions {
     /// How points are followed through the frames
@@ -66,14 +66,15 @@ fn in_range(option: &'static str, value: f64, (low, high): (f64, f64)) -> Result
 }
 
 /// How points are followed through the frames.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackingOptions {
     /// Points kept alive per frame; more follow finer motion and cost time in proportion
-    #[schemars(range(min = 50, max = 20_000))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 50, max = 20_000)))]
     pub points: u32,
     /// Picture of the clip's shape: nothing is tracked where it is white (a logo, a dashboard)
-    #[schemars(extend("format" = "path"))]
+    #[cfg_attr(feature = "schema", schemars(extend("format" = "path")))]
     pub mask: Option<PathBuf>,
 }
 
@@ -90,7 +91,8 @@ impl TrackingOptions {
 }
 
 /// How the camera's motion is estimated from the points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraMotionOptions {
     /// Rolling-shutter correction: estimated, off, or the sensor's readout time in seconds
@@ -100,7 +102,8 @@ pub struct CameraMotionOptions {
 }
 
 /// How the virtual camera moves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum PathMethod {
     /// The smoothest path that keeps the picture inside the crop budget: rests, even pans and soft turns
@@ -151,7 +154,8 @@ impl PathMethod {
 }
 
 /// What is made of cameras in space, where they were recovered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum InSpace {
     /// Shot by shot, they are smoothed in space where that comes out no worse than in the picture
@@ -165,7 +169,8 @@ pub enum InSpace {
 }
 
 /// How the path of the virtual camera is planned.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct SmoothingOptions {
     /// How the virtual camera moves
@@ -173,20 +178,20 @@ pub struct SmoothingOptions {
     /// The horizon stays level, as far as the crop allows
     pub horizon: bool,
     /// Time over which motion is evened out, seconds
-    #[schemars(range(min = 0.05, max = 30.0))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.05, max = 30.0)))]
     pub smoothness: f64,
     /// Least part of the picture's width and height that must stay, 1 = all
-    #[schemars(range(min = 0.3, max = 1.0))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.3, max = 1.0)))]
     pub min_crop: f64,
     /// How the picture is enlarged to hide the borders
     pub zoom: Zoom,
     /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
-    #[schemars(range(min = 0.0, max = 0.1))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.0, max = 0.1)))]
     pub reserve: f64,
     /// What is made of cameras in space, where video.motion recovered them
     pub in_space: InSpace,
     /// Wanted cameras, and the input's to align them by: this file says the path, not the method
-    #[schemars(extend("format" = "path"))]
+    #[cfg_attr(feature = "schema", schemars(extend("format" = "path")))]
     pub path_file: Option<PathBuf>,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
     pub keep_inside: bool,
@@ -236,7 +241,8 @@ impl SmoothingOptions {
 }
 
 /// Which motion model a frame may be warped with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum ModelChoice {
     /// The freest model that does no worse than the next lower one
@@ -258,19 +264,20 @@ pub enum ModelChoice {
 }
 
 /// How each frame is warped.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct WarpOptions {
     /// How freely a frame may be bent
     pub mode: ModelChoice,
     /// Cells of the mesh across the picture
-    #[schemars(range(min = 2, max = 256))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 2, max = 256)))]
     pub columns: u32,
     /// Cells of the mesh down the picture
-    #[schemars(range(min = 2, max = 256))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 2, max = 256)))]
     pub rows: u32,
     /// Weight of keeping each cell's shape against following the points, in cell units
-    #[schemars(range(min = 0.001, max = 1_000_000.0))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1_000_000.0)))]
     pub alpha: f64,
 }
 
@@ -309,6 +316,7 @@ display_as_serialized!(PathMethod, InSpace, ModelChoice);
 mod tests {
     use super::*;
 
+    #[cfg(feature = "schema")]
     #[test]
     fn the_ranges_of_the_schema_are_those_that_are_checked() {
         let at = |key: &str, value: f64| {

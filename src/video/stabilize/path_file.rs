@@ -20,7 +20,6 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::error::StabilizeError;
@@ -36,7 +35,8 @@ const MAX_DEVIATION: f64 = 1e-3;
 const DRIFT_S: f64 = 0.25;
 
 /// A path file: where the camera is wanted.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Document {
     /// The wanted cameras: one per frame, or with times between which they are interpolated.
     #[serde(alias = "stable")]
@@ -47,7 +47,8 @@ struct Document {
 }
 
 /// A pose `cam_from_world`, its rotation as a quaternion or a matrix.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Entry {
     /// When the camera is there, s.
     #[serde(default)]
@@ -63,6 +64,7 @@ struct Entry {
 }
 
 /// The JSON schema of the path file.
+#[cfg(feature = "schema")]
 pub fn path_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

@@ -3,7 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -78,12 +77,13 @@ impl<'de> Deserialize<'de> for RollingShutter {
     }
 }
 
-impl JsonSchema for RollingShutter {
+#[cfg(feature = "schema")]
+impl schemars::JsonSchema for RollingShutter {
     fn schema_name() -> std::borrow::Cow<'static, str> {
         "RollingShutter".into()
     }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({"anyOf": [
             {"type": "string", "enum": ["auto", "off"]},
             {"type": "number", "exclusiveMinimum": 0, "maximum": 0.1}
         ]})

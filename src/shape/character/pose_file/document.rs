@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{PoseFileError, TargetPose, pose_of};
@@ -11,7 +10,8 @@ use crate::character::Character;
 use crate::character::ik::{Goal, Target};
 
 /// A pose, as turns of joints and places that joints seek.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {
     /// Always `plumbline.pose`.
@@ -38,7 +38,8 @@ pub(super) struct Document {
 }
 
 /// A pose of a clip.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct FromClip {
     /// Name of the clip.
@@ -49,7 +50,8 @@ struct FromClip {
 }
 
 /// How a joint stands. One of `rotation` and `turn_deg` at most.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct JointEntry {
     /// How it is turned in its parent: `[w, x, y, z]`, whose length does not count.
@@ -67,7 +69,8 @@ struct JointEntry {
 }
 
 /// What a joint seeks: one of `position`, `orientation`, `look_at` and `pole`.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct TargetEntry {
     /// Name of the joint.
@@ -105,6 +108,7 @@ struct TargetEntry {
 }
 
 /// The JSON schema of pose files.
+#[cfg(feature = "schema")]
 pub fn pose_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

@@ -25,6 +25,7 @@ use std::path::Path;
 use super::ik::{IkOptions, IkSolution, Target, solve};
 use super::{Character, Outside, Pose};
 
+#[cfg(feature = "schema")]
 pub use document::pose_file_schema;
 pub use error::PoseFileError;
 

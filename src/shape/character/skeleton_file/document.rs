@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::skeleton::unknown_name;
@@ -12,7 +11,8 @@ use super::{KIND, SkeletonFile, SkeletonFileError};
 use plumbline_num::math::Trs;
 
 /// A skeleton at rest.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {
     /// Always `plumbline.skeleton`.
@@ -20,7 +20,7 @@ pub(super) struct Document {
     /// Always 1.
     version: u32,
     /// The joints; a parent may come after its children.
-    #[schemars(length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     joints: Vec<JointEntry>,
     /// The curve that the joints were made of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -28,7 +28,8 @@ pub(super) struct Document {
 }
 
 /// A joint.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct JointEntry {
     /// No other joint has it.
@@ -51,7 +52,8 @@ struct JointEntry {
 }
 
 /// How far a joint may turn from rest, in its own frame: a twist about an axis, then a swing that moves the axis.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct LimitsEntry {
     /// Axis of the twist; its length does not count.
@@ -65,7 +67,8 @@ struct LimitsEntry {
 }
 
 /// A curve in the middle of a surface.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct CurveEntry {
     /// Places of the nodes, units of the model.
@@ -81,6 +84,7 @@ struct CurveEntry {
 }
 
 /// The JSON schema of skeleton files.
+#[cfg(feature = "schema")]
 pub fn skeleton_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

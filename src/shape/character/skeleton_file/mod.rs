@@ -20,6 +20,7 @@ mod tests;
 
 use std::path::Path;
 
+#[cfg(feature = "schema")]
 pub use document::skeleton_file_schema;
 pub use error::SkeletonFileError;
 

@@ -60,6 +60,7 @@ fn refusals_name_what_is_wrong() {
     }
 }
 
+#[cfg(feature = "schema")]
 #[test]
 fn the_schema_knows_every_key() {
     let schema = serde_json::to_string(&skeleton_file_schema()).expect("JSON");

@@ -26,7 +26,10 @@ use crate::mesh::operators::{CotangentRule, Cotangents};
 use crate::mesh::{HalfEdges, TriMesh};
 pub use cut::{Cut, CutSurface, cut};
 use plumbline_num::run::Run;
-pub use seam_file::{SeamFile, seam_schema};
+pub use seam_file::SeamFile;
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use seam_file::seam_schema;
 use stitching::{Measured, Sheet, loop_similarity, matched};
 use transition::Transition;
 

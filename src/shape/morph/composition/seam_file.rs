@@ -11,7 +11,6 @@
 use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::super::MorphError;
@@ -28,7 +27,8 @@ fn malformed(fault: String) -> MorphError {
 }
 
 /// A seam as a file tells it.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SeamFile {
     /// Always `plumbline.seam`.
@@ -46,7 +46,7 @@ pub struct SeamFile {
     landmarks: Vec<(Place, Place)>,
     /// Rings of vertices on either side of the seam that may move.
     #[serde(default = "default_band")]
-    #[schemars(range(min = 1, max = 1000))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000)))]
     band: u32,
 }
 
@@ -55,7 +55,8 @@ fn default_band() -> u32 {
 }
 
 /// Where a surface is cut.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum CutEntry {
     /// By a plane, along the closed line of it nearest to its point.
@@ -69,7 +70,8 @@ enum CutEntry {
 }
 
 /// A plane.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct PlaneEntry {
     /// A point of the plane, near where it cuts.
@@ -79,7 +81,8 @@ struct PlaneEntry {
 }
 
 /// A closed line through vertices.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct LineEntry {
     /// Vertices on the line, in order.
@@ -89,6 +92,7 @@ struct LineEntry {
 }
 
 /// The JSON schema of files of seams.
+#[cfg(feature = "schema")]
 pub fn seam_schema() -> schemars::Schema {
     schemars::schema_for!(SeamFile)
 }

@@ -12,7 +12,6 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use nalgebra::Point3;
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::mesh::TriMesh;
@@ -31,7 +30,8 @@ fn malformed(fault: String) -> MorphError {
 pub struct Landmarks(Vec<(Place, Place)>);
 
 /// A vertex by its number, from 0 in the order of the file, or the vertex nearest to a place.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "the number of a vertex, or a place [x, y, z]")]
 pub enum Place {
     /// The number of a vertex.
@@ -41,7 +41,8 @@ pub enum Place {
 }
 
 /// Pairs of places of two meshes.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Document {
     /// Always `plumbline.landmarks`.
@@ -55,6 +56,7 @@ struct Document {
 }
 
 /// The JSON schema of files of landmarks.
+#[cfg(feature = "schema")]
 pub fn landmarks_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

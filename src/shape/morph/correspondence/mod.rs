@@ -16,7 +16,10 @@ mod unfolding;
 use nalgebra::Point3;
 
 pub use disk::{DiskOptions, disk_map, over_disks};
-pub use landmarks::{Landmarks, Place, landmarks_schema};
+#[cfg(feature = "schema")]
+#[cfg(feature = "schema")]
+pub use landmarks::landmarks_schema;
+pub use landmarks::{Landmarks, Place};
 pub use quality::{MapQuality, measure};
 pub(in crate::morph) use refinement::divided;
 pub use refinement::{Refined, refine};

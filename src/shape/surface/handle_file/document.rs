@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::HandleFileError;
@@ -11,7 +10,8 @@ use super::selection::Selection;
 use super::track::{Interpolation, RigidKey, Track, Turn};
 
 /// Handles of a mesh.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {
     /// Always `plumbline.handles`.
@@ -24,7 +24,7 @@ pub(super) struct Document {
     #[serde(default)]
     pub(super) sets: BTreeMap<String, Selection>,
     /// What is held or moved.
-    #[schemars(length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     pub(super) handles: Vec<HandleEntry>,
     /// What may move besides the handles; all that lies outside is held still. Left out: everything.
     #[serde(default)]
@@ -32,7 +32,8 @@ pub(super) struct Document {
 }
 
 /// Vertices that are held still, or moved by `rigid` or `positions`.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct HandleEntry {
     /// What messages call it.
@@ -52,7 +53,8 @@ pub(super) struct HandleEntry {
 }
 
 /// A rigid motion: turn about the pivot, then move. Either `keys`, or `rotation` and `translation` at time 1, from rest at 0.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Rigid {
     /// About what it turns; the middle of the handle's vertices if left out.
@@ -72,7 +74,8 @@ struct Rigid {
 }
 
 /// A rigid motion at a time.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct RigidKeyEntry {
     /// When, in units of your choice.
@@ -85,7 +88,8 @@ struct RigidKeyEntry {
 }
 
 /// A turn from rest.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(
     rename_all = "snake_case",
     untagged,
@@ -99,7 +103,8 @@ enum Rotation {
 }
 
 /// Axis and angle.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AxisAngle {
     /// Direction of the axis; its length does not count.
@@ -109,7 +114,8 @@ struct AxisAngle {
 }
 
 /// A quaternion.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Quaternion {
     /// `[w, x, y, z]`.
@@ -117,7 +123,8 @@ struct Quaternion {
 }
 
 /// One place per vertex at time 1, from rest at 0; or keys.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "a list of places [x, y, z], or {\"keys\": [{\"time\": …, \"positions\": …}]}")]
 enum Positions {
     /// Places of the vertices, in the order of `indices` or `nearest`.
@@ -127,7 +134,8 @@ enum Positions {
 }
 
 /// Places at times.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct PositionKeys {
     /// Places at times, which ascend.
@@ -138,7 +146,8 @@ struct PositionKeys {
 }
 
 /// Places at a time.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct PositionKeyEntry {
     /// When, in units of your choice.
@@ -148,6 +157,7 @@ struct PositionKeyEntry {
 }
 
 /// The JSON schema of handle files.
+#[cfg(feature = "schema")]
 pub fn handle_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

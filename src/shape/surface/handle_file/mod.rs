@@ -29,6 +29,7 @@ use std::path::Path;
 
 use nalgebra::Point3;
 
+#[cfg(feature = "schema")]
 pub use document::handle_file_schema;
 pub use error::HandleFileError;
 pub use track::{Interpolation, Track};

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::HandleFileError;
 use super::document::refused;
 
 /// Vertices: the name of a set, or a description.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(
     untagged,
     expecting = "the name of a set, or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}"
@@ -23,7 +23,8 @@ pub(super) enum Selection {
 }
 
 /// A description of vertices.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Description {
     /// Numbers of vertices, from 0.
@@ -47,7 +48,8 @@ pub(super) enum Description {
 }
 
 /// A box along the axes.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Corners {
     /// Lowest coordinates.
@@ -57,7 +59,8 @@ pub(super) struct Corners {
 }
 
 /// A ball.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ball {
     /// Its middle.
@@ -67,7 +70,8 @@ pub(super) struct Ball {
 }
 
 /// One side of a plane.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct HalfSpace {
     /// A place on the plane.

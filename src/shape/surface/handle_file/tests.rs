@@ -184,6 +184,7 @@ fn a_nest_of_selections_deeper_than_any_stack_is_refused() {
     assert!(file(&format!("\"handles\": [{{\"vertices\": {deep}}}]")).is_err());
 }
 
+#[cfg(feature = "schema")]
 #[test]
 fn the_schema_names_every_key() {
     let schema = serde_json::to_string(&handle_file_schema()).expect("JSON");

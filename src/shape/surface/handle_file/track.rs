@@ -5,11 +5,11 @@
 //! motion starts and ends gently at every key, and never overshoots.
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// What happens between keys.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// Even motion.

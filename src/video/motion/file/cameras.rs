@@ -12,7 +12,6 @@
 use std::io::Write;
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{MotionFileError, value, write_block};
@@ -25,21 +24,23 @@ use plumbline_num::math::Point2;
 const QUATERNION_SLACK: f64 = 1e-3;
 
 /// The blocks, as far as a file has them.
-#[derive(Clone, Debug, Default, JsonSchema)]
+#[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct InSpace {
     /// Per frame its camera.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     pub(super) cameras: Option<Vec<Option<CameraEntry>>>,
     /// Still points.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     pub(super) points: Option<Vec<PointEntry>>,
     /// Per shot what the cameras are worth.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     pub(super) reconstruction: Option<Vec<ShotEntry>>,
 }
 
 /// A camera.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct CameraEntry {
     /// Rotation world to camera, `[w, x, y, z]`.
     q: [f64; 4],
@@ -55,7 +56,8 @@ pub(super) struct CameraEntry {
 }
 
 /// A point.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct PointEntry {
     /// Index of its shot.
     shot: u32,
@@ -66,7 +68,8 @@ pub(super) struct PointEntry {
 }
 
 /// A shot.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct ShotEntry {
     /// First frame, and the one after the last.
     frames: [usize; 2],

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use nalgebra::Matrix3;
-use schemars::JsonSchema;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::cameras::InSpace;
-use super::tracks::{TracksBlock, TracksSeed};
+#[cfg(feature = "schema")]
+use super::tracks::TracksBlock;
+use super::tracks::TracksSeed;
 use super::{MotionFileError, value};
 use crate::motion::clip::ClipMotion;
 use crate::motion::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
@@ -29,7 +30,8 @@ const MAX_ENTRY: f64 = 1e9;
 const MIN_SCALE: f64 = 1e-3;
 
 /// Geometry and time of the video that was measured.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Source {
     /// Width of the coded picture, px.
     pub(super) width: u32,
@@ -56,7 +58,8 @@ fn square() -> [u32; 2] {
 }
 
 /// One frame.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct FrameEntry {
     /// Presentation time, ticks.
     pub(super) pts: i64,
@@ -90,7 +93,8 @@ fn measured() -> MotionQuality {
 }
 
 /// A motion file.
-#[derive(Default, JsonSchema)]
+#[derive(Default)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Document {
     /// Always `plumbline.motion`.
     format: String,
@@ -101,25 +105,25 @@ pub(super) struct Document {
     /// The video measured.
     pub(super) source: Source,
     /// Time from the first row's capture to the last row's, s.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     readout_s: Option<f64>,
     /// One entry per frame.
     frames: Vec<FrameEntry>,
     /// Per frame the 3×3 map to the next one, px.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     planar: Option<Vec<Option<[[f64; 3]; 3]>>>,
     /// Per frame the similarity `[a, b, tx, ty]` to the next one, px.
-    #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(default))]
     planar_similarity: Option<Vec<Option<[f64; 4]>>>,
     /// The cameras in space.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "schema", schemars(flatten))]
     in_space: InSpace,
     /// Per frame its points.
-    #[serde(default)]
-    #[schemars(with = "Option<TracksBlock>")]
+    #[cfg_attr(feature = "schema", schemars(default))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<TracksBlock>"))]
     pub(super) tracks: Option<TrackStore>,
     /// Blocks of other programs or later editions.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "schema", schemars(flatten))]
     other_blocks: BTreeMap<String, serde_json::Value>,
 }
 

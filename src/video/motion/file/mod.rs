@@ -117,6 +117,7 @@ impl From<DocumentError> for MotionFileError {
 }
 
 /// The JSON schema of the motion file.
+#[cfg(feature = "schema")]
 pub fn motion_file_schema() -> schemars::Schema {
     schemars::schema_for!(Document)
 }

@@ -14,7 +14,6 @@
 use std::fmt;
 use std::io::Write;
 
-use schemars::JsonSchema;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -26,7 +25,8 @@ use plumbline_num::time::Timestamp;
 const MARGIN_PX: f64 = 1.0;
 
 /// The block, as the schema describes it.
-#[derive(JsonSchema)]
+#[cfg(feature = "schema")]
+#[derive(schemars::JsonSchema)]
 #[expect(dead_code, reason = "read frame by frame into a store, never into this")]
 pub(super) struct TracksBlock {
     /// Unit of the positions, px.
@@ -36,7 +36,8 @@ pub(super) struct TracksBlock {
 }
 
 /// The points of a frame.
-#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 struct FrameEntry {
     /// Identities, ascending.

@@ -18,7 +18,8 @@ const MIN_CORRECT_RATIO: f64 = 0.5;
 const MIN_CELLS: f64 = 0.35;
 
 /// How good a reconstruction is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SfmFigures {
     /// Frames with a camera.
     pub registered: usize,

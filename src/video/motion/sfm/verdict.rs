@@ -33,7 +33,8 @@ const MAX_K1: f64 = 0.5;
 const MIN_COVERAGE: f64 = 0.35;
 
 /// What a shot's tracks allow to say about its cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SfmVerdict {
     /// Cameras with places, points with depths.
