@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
-use super::{PipelineArgs, tell};
+use super::{PipelineArgs, print};
 use crate::pipeline::plan::Plan;
 use crate::pipeline::{Exit, Problems, read, shipped};
 
@@ -32,20 +32,20 @@ impl CheckArgs {
         match (read(source, &self.pipeline.set), self.message_format) {
             (Ok(pipeline), MessageFormat::Text) => {
                 let (stages, passes) = (pipeline.graph.stages.len(), Plan::of(&pipeline.graph).passes.len());
-                tell(&format!("{name}: no faults; {stages} stages in {passes} passes\n"));
+                print(&format!("{name}: no faults; {stages} stages in {passes} passes\n"));
                 Ok(Exit::Done)
             }
             (Ok(_), MessageFormat::Json) => {
-                tell("[]\n");
+                print("[]\n");
                 Ok(Exit::Done)
             }
             (Err(problems), MessageFormat::Text) => Err(problems.into()),
-            (Err(problems), MessageFormat::Json) => Ok(tell_json(&problems)),
+            (Err(problems), MessageFormat::Json) => Ok(print_json(&problems)),
         }
     }
 }
 
-fn tell_json(problems: &Problems) -> Exit {
-    tell(&format!("{:#}\n", problems.to_json()));
+fn print_json(problems: &Problems) -> Exit {
+    print(&format!("{:#}\n", problems.to_json()));
     Exit::Usage
 }

@@ -3,7 +3,7 @@
 use clap::Args;
 use clap_complete::{Shell, generate};
 
-use super::tell;
+use super::print;
 use crate::pipeline::Exit;
 
 #[derive(Debug, Args)]
@@ -17,7 +17,7 @@ impl CompletionsArgs {
     pub(super) fn run(self) -> Exit {
         let mut script = Vec::new();
         generate(self.shell, &mut super::command(), "plumbline", &mut script);
-        tell(&String::from_utf8_lossy(&script));
+        print(&String::from_utf8_lossy(&script));
         Exit::Done
     }
 }

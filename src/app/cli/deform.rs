@@ -8,9 +8,10 @@ use super::failure::Failure;
 use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::surfaces::ViewWish;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings};
 
 /// Options of `plumbline deform`.
@@ -66,8 +67,8 @@ impl Offer for Deform {
 }
 
 impl DeformArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

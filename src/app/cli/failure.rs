@@ -9,9 +9,9 @@ use crate::pipeline::{Exit, Problems, RunError};
 pub(super) struct Failure {
     /// Exit status.
     pub exit: Exit,
-    /// The message, without the `error:` in front unless it is drawn with its place.
+    /// The message; `error:` is put in front unless it is drawn with its position in a file.
     pub message: String,
-    /// The message is complete as it stands.
+    /// The message is complete.
     pub drawn: bool,
 }
 
@@ -20,8 +20,8 @@ impl Failure {
         Self { exit: Exit::Usage, message: message.into(), drawn: false }
     }
 
-    /// Tells it on standard error. There is nowhere left to complain where that fails.
-    pub(super) fn tell(&self) {
+    /// Prints it to standard error; where that fails, nothing is left to print to.
+    pub(super) fn report(&self) {
         let mut err = std::io::stderr().lock();
         let _ = if self.drawn { write!(err, "{}", self.message) } else { writeln!(err, "error: {}", self.message) };
     }

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::failure::Failure;
-use super::{PipelineArgs, tell};
+use super::{PipelineArgs, print};
 use crate::pipeline::Exit;
 use crate::pipeline::draw::{GraphFormat, draw};
 
@@ -19,7 +19,7 @@ pub(super) struct GraphArgs {
 impl GraphArgs {
     pub(super) fn run(self) -> Result<Exit, Failure> {
         let pipeline = self.pipeline.read()?;
-        tell(&draw(&pipeline.graph, self.format));
+        print(&draw(&pipeline.graph, self.format));
         Ok(Exit::Done)
     }
 }

@@ -20,15 +20,15 @@ use plumbline_shape::character::weights::WeightMethod;
 #[derive(Debug, Args)]
 pub(super) struct JobArgs {
     /// Replace existing files
-    #[arg(long)]
+    #[arg(short = 'y', visible_short_alias = 'f', long)]
     overwrite: bool,
-    /// Print the pipeline that these options mean, and do nothing
+    /// Print the pipeline file that these options stand for, and exit
     #[arg(long)]
     pub(super) print_pipeline: bool,
     /// Threads for the whole run; 0 = all processors
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
     threads: u32,
-    /// How progress is told
+    /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     progress: ProgressMode,
 }

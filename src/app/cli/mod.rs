@@ -10,6 +10,7 @@ mod compose;
 mod deform;
 mod failure;
 mod graph;
+mod help;
 mod interrupt;
 mod job;
 mod mesh;
@@ -27,21 +28,25 @@ mod render;
 mod retarget;
 mod run;
 mod schema;
+mod session;
 mod skeleton;
 mod skin;
 mod solve;
+mod spelling;
 mod stabilize;
 mod stages;
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner};
 use failure::Failure;
 pub use rectify::RectifyArgs;
 pub use retarget::RetargetArgs;
+use session::{GlobalArgs, Session};
 pub use stabilize::StabilizeArgs;
 
 /// Deshake video, defish and retarget photos; deform, auto-rig, skin and morph meshes
@@ -50,53 +55,64 @@ pub use stabilize::StabilizeArgs;
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    global: GlobalArgs,
+}
+
+impl Cli {
+    /// Reads a command line, the program's name first.
+    fn read<I: IntoIterator<Item = T>, T: Into<OsString> + Clone>(args: I) -> Result<Self, clap::Error> {
+        let mut command = command();
+        let matches = command.try_get_matches_from_mut(args)?;
+        Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    }
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Hold shaky clips steady
+    /// Stabilize shaky clips (deshake)
     Stabilize(Box<StabilizeArgs>),
-    /// Make the lines of wide-angle photos straight, and keep shapes; take the lens out of clips
+    /// Straighten wide-angle and fisheye photos (defish, perspective correction); remove the lens distortion of clips
     Rectify(Box<RectifyArgs>),
-    /// Give photos and clips another shape that spares what matters
+    /// Resize photos and clips to another aspect ratio, content-aware
     Retarget(Box<RetargetArgs>),
-    /// Recover how the camera moved, in the picture and in space
+    /// Recover the motion of the camera, in the image plane and in space
     Motion(Box<motion::MotionArgs>),
-    /// Look at mesh files, repair and convert them
+    /// Inspect, repair and convert mesh files
     Mesh(mesh::MeshArgs),
-    /// Bend meshes the way they would bend: a few vertices are held or moved, the rest follows
+    /// Deform meshes: a few vertices are fixed or moved, and the rest follows
     Deform(Box<deform::DeformArgs>),
-    /// Find how a mesh bends most easily, and its near-rigid parts
+    /// Compute the vibration modes of a mesh, and its near-rigid parts
     Modes(modes::ModesArgs),
-    /// Find how a surface follows a skeleton
+    /// Compute skinning weights, or learn a skin from examples
     Skin(skin::SkinArgs),
-    /// Find the skeletons of meshes
+    /// Extract the skeletons of meshes (auto-rig)
     Skeleton(Box<skeleton::SkeletonArgs>),
-    /// Put characters into poses and through movements
+    /// Pose and animate characters
     Pose(Box<pose::PoseArgs>),
-    /// Find the shapes between two meshes
+    /// Interpolate between two meshes
     Morph(Box<morph::MorphArgs>),
-    /// Mix two meshes, each place as far from one to the other as is painted there
+    /// Blend two meshes with painted weights
     Blend(Box<blend::BlendArgs>),
-    /// Make one mesh of parts of two
+    /// Join parts of two meshes into one
     Compose(Box<compose::ComposeArgs>),
-    /// Draw meshes, without a graphics card
+    /// Render images of meshes, without a graphics card
     Render(Box<render::RenderArgs>),
     /// Run a pipeline file
     Run(run::RunArgs),
-    /// Check a pipeline file, touching no input
+    /// Check a pipeline file without reading its inputs
     Check(check::CheckArgs),
-    /// Show the passes of a pipeline and what each holds in memory
+    /// Show the passes of a pipeline and the memory that each needs
     Plan(plan::PlanArgs),
     /// Draw the stages of a pipeline
     Graph(graph::GraphArgs),
-    /// Describe the kinds of stages: ports, settings, defaults
+    /// Describe the stage kinds: ports, settings, defaults
     Stages(stages::StagesArgs),
-    /// Print the JSON schema of pipeline files, or of another format that is read
+    /// Print the JSON schema of pipeline files, or of another input format
     Schema(schema::SchemaArgs),
     /// Solve a sparse linear system; compare elimination orders
     Solve(Box<solve::SolveArgs>),
-    /// Tell what is in a clip
+    /// Show what is in a clip
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
     Completions(completions::CompletionsArgs),
@@ -122,11 +138,12 @@ impl PipelineArgs {
 }
 
 /// Runs the program on the process's own arguments.
-pub fn main(backend: &dyn StageRunner) -> ExitCode {
-    let cli = Cli::parse();
-    start_log();
-    let exit = dispatch(cli.command, backend).unwrap_or_else(|failure| {
-        failure.tell();
+pub fn main(runner: &dyn StageRunner) -> ExitCode {
+    let cli = Cli::read(std::env::args_os()).unwrap_or_else(|error| error.exit());
+    cli.global.start_log();
+    let session = Session { runner, verbosity: cli.global.verbosity() };
+    let exit = dispatch(cli.command, &session).unwrap_or_else(|failure| {
+        failure.report();
         failure.exit
     });
     ExitCode::from(exit as u8)
@@ -134,17 +151,15 @@ pub fn main(backend: &dyn StageRunner) -> ExitCode {
 
 /// The command line's definition, for help and completions.
 pub fn command() -> clap::Command {
-    Cli::command()
+    spelling::accept_british(help::complete(Cli::command()))
 }
 
-/// The pipeline that a command which means one builds from these arguments, the program's name first.
+/// The pipeline that a command builds from these arguments, the program's name first.
 ///
 /// # Errors
-/// What clap says of them, or why they do not fit together.
-pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clone>(
-    args: I,
-) -> Result<PipelineFile, String> {
-    match Cli::try_parse_from(args).map_err(|e| e.to_string())?.command {
+/// The error message of the parser, or why the options exclude each other.
+pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<OsString> + Clone>(args: I) -> Result<PipelineFile, String> {
+    match Cli::read(args).map_err(|e| e.to_string())?.command {
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
         Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
@@ -161,43 +176,36 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<std::ffi::OsString> + Clon
     }
 }
 
-fn dispatch(command: Command, backend: &dyn StageRunner) -> Result<Exit, Failure> {
+fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
     match command {
-        Command::Stabilize(args) => args.run(backend),
-        Command::Rectify(args) => args.run(backend),
-        Command::Retarget(args) => args.run(backend),
-        Command::Motion(args) => args.run(backend),
+        Command::Stabilize(args) => args.run(session),
+        Command::Rectify(args) => args.run(session),
+        Command::Retarget(args) => args.run(session),
+        Command::Motion(args) => args.run(session),
         Command::Mesh(args) => args.run(),
-        Command::Deform(args) => args.run(backend),
-        Command::Modes(args) => args.run(backend),
-        Command::Skin(args) => args.run(backend),
-        Command::Skeleton(args) => args.run(backend),
-        Command::Pose(args) => args.run(backend),
-        Command::Morph(args) => args.run(backend),
-        Command::Blend(args) => args.run(backend),
-        Command::Compose(args) => args.run(backend),
-        Command::Render(args) => args.run(backend),
-        Command::Run(args) => args.run(backend),
+        Command::Deform(args) => args.run(session),
+        Command::Modes(args) => args.run(session),
+        Command::Skin(args) => args.run(session),
+        Command::Skeleton(args) => args.run(session),
+        Command::Pose(args) => args.run(session),
+        Command::Morph(args) => args.run(session),
+        Command::Blend(args) => args.run(session),
+        Command::Compose(args) => args.run(session),
+        Command::Render(args) => args.run(session),
+        Command::Run(args) => args.run(session),
         Command::Check(args) => args.run(),
-        Command::Plan(args) => args.run(backend),
+        Command::Plan(args) => args.run(session),
         Command::Graph(args) => args.run(),
         Command::Stages(args) => args.run(),
         Command::Schema(args) => Ok(args.run()),
         Command::Solve(args) => args.run(),
-        Command::Probe(args) => args.run(backend),
+        Command::Probe(args) => args.run(session),
         Command::Completions(args) => Ok(args.run()),
     }
 }
 
-/// `PLUMBLINE_LOG` chooses what is logged, as `error`, `warn`, `info`, `debug` or by module.
-fn start_log() {
-    let filter = tracing_subscriber::EnvFilter::try_from_env("PLUMBLINE_LOG").unwrap_or_else(|_| "off".into());
-    // A second start in one process keeps the first subscriber, which is as good.
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
-}
-
 /// Writes a result to standard output. A reader that went away has read enough.
-fn tell(text: &str) {
+fn print(text: &str) {
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }

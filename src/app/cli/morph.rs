@@ -8,8 +8,9 @@ use super::failure::Failure;
 use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, number_for};
 use crate::stages::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
 use plumbline_shape::mesh::MeshFormat;
 
@@ -56,8 +57,8 @@ impl Offer for Morph {
 }
 
 impl MorphArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline(), self.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

@@ -7,9 +7,10 @@ use clap::{ArgGroup, Args};
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::MotionExportSettings;
 
 /// Options of `plumbline motion`.
@@ -36,8 +37,8 @@ pub(super) struct MotionArgs {
 }
 
 impl MotionArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.clip.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline(), self.clip.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
+use super::spelling::british;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kind::{Stage, schema_of};
 use crate::pipeline::reference::escape;
@@ -258,7 +259,8 @@ fn value_name(property: &Json) -> &'static str {
 fn described(words: &[(&str, Option<&str>)], aliases: &[(&'static str, &'static str)]) -> Vec<PossibleValue> {
     let value = |(word, about): &(&str, Option<&str>)| {
         let value = PossibleValue::new((*word).to_owned()).help(about.unwrap_or_default().to_owned());
-        value.aliases(aliases.iter().filter(|(of, _)| of == word).map(|(_, alias)| *alias))
+        let others = aliases.iter().filter(|(of, _)| of == word).map(|(_, alias)| (*alias).to_owned());
+        value.aliases(others.chain(british(word)))
     };
     words.iter().map(value).collect()
 }

@@ -3,8 +3,9 @@
 use clap::Args;
 
 use super::failure::Failure;
-use super::{PipelineArgs, tell};
-use crate::pipeline::{Exit, Plan, StageRunner};
+use super::session::Session;
+use super::{PipelineArgs, print};
+use crate::pipeline::{Exit, Plan};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -13,14 +14,14 @@ pub(super) struct PlanArgs {
 }
 
 impl PlanArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         let pipeline = self.pipeline.read()?;
         // A plan can be read before the clips exist: then the figures stay symbolic.
         let instances = pipeline.instances().unwrap_or_default();
         let first = instances.first();
         let clip = first
             .and_then(|i| i.inputs().into_iter().next())
-            .and_then(|path| backend.probe(&path.to_string_lossy()).ok())
+            .and_then(|path| session.runner.probe(&path.to_string_lossy()).ok())
             .and_then(|probed| probed.shape);
         let graph = first.map_or(&pipeline.graph, |i| &i.graph);
         let mut text = String::new();
@@ -30,7 +31,7 @@ impl PlanArgs {
             text = format!("{count} items, {jobs} at once; figures for `{}`\n", first.key);
         }
         text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
-        tell(&text);
+        print(&text);
         Ok(Exit::Done)
     }
 }

@@ -3,8 +3,9 @@
 use clap::Args;
 
 use super::failure::Failure;
-use super::tell;
-use crate::pipeline::{Exit, StageRunner};
+use super::print;
+use super::session::Session;
+use crate::pipeline::Exit;
 
 #[derive(Debug, Args)]
 pub(super) struct ProbeArgs {
@@ -16,10 +17,10 @@ pub(super) struct ProbeArgs {
 }
 
 impl ProbeArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        let probed = backend.probe(&self.input)?;
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        let probed = session.runner.probe(&self.input)?;
         let text = if self.json { format!("{:#}", probed.json) } else { probed.text };
-        tell(&format!("{}\n", text.trim_end()));
+        print(&format!("{}\n", text.trim_end()));
         Ok(Exit::Done)
     }
 }

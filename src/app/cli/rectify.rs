@@ -7,8 +7,9 @@ use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
     Border, ImageRenderSettings, ImportanceSettings, LensUndistortSettings, LinesDetectSettings, PhotoBorder,
     PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
@@ -63,7 +64,7 @@ impl Offer for View {
         Setting::of("view").value("YAW,PITCH,ROLL").signed().under("Result"),
         Setting::of("view_field").value("WIDTH,HEIGHT").under("Result"),
         Setting::of("crop").value("auto|rectangle|W:H|none").under("Result"),
-        Setting::of("size").value("WxH").under("Result"),
+        Setting::of("size").value("SIZE").under("Result"),
     ];
 }
 
@@ -77,8 +78,8 @@ impl Offer for Render {
 }
 
 impl RectifyArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.
@@ -164,7 +165,7 @@ impl RectifyArgs {
             return Err(Failure::usage(format!("{option} does not go with --rectangle: {help}")));
         }
         let shape = match (wanted.size, wanted.crop) {
-            (Some(size), _) => Some(TargetSize::Pixels(size)),
+            (Some(size), _) => Some(TargetSize::Size(size)),
             (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
             (None, _) => None,
         };

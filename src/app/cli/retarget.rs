@@ -8,7 +8,8 @@ use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{ClipWishes, analysis, are_clips};
 use super::run::run_or_print;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use super::session::Session;
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
     ClipFaces, ImageRenderSettings, ImportanceSettings, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
     RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
@@ -35,7 +36,7 @@ struct Shape;
 
 impl Offer for Shape {
     type Kind = PhotoRetargetSettings;
-    const SETTINGS: &'static [Setting] = &[Setting::of("size").value("WxH|W:H").under("Result")];
+    const SETTINGS: &'static [Setting] = &[Setting::of("size").value("SIZE|W:H").under("Result")];
 }
 
 /// What it says of `image.importance`.
@@ -55,8 +56,8 @@ impl Offer for Render {
 }
 
 impl RetargetArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

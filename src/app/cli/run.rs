@@ -1,4 +1,4 @@
-//! `plumbline run`: executes a pipeline; the way of every command that computes something.
+//! `plumbline run`: executes a pipeline; every command that computes something ends here.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -8,11 +8,12 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use super::{PipelineArgs, tell};
+use super::session::{Session, Verbosity};
+use super::{PipelineArgs, print};
 use crate::pipeline::execute::{Report, execute};
 use crate::pipeline::options::ProgressMode;
-use crate::pipeline::progress::for_mode;
-use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner, check, print};
+use crate::pipeline::progress::{error_line, for_mode};
+use crate::pipeline::{Exit, Pipeline, PipelineFile, check, print as file_text};
 
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
@@ -25,9 +26,9 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "N")]
     threads: Option<u32>,
     /// Replace existing files
-    #[arg(long)]
+    #[arg(short = 'y', visible_short_alias = 'f', long)]
     overwrite: bool,
-    /// How progress is told
+    /// Form of the progress messages
     #[arg(long, value_enum, value_name = "HOW")]
     progress: Option<ProgressMode>,
     /// Print the pipeline as it would run, and do nothing
@@ -36,7 +37,7 @@ pub(super) struct RunArgs {
 }
 
 impl RunArgs {
-    pub(super) fn run(mut self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
+    pub(super) fn run(mut self, session: &Session<'_>) -> Result<Exit, Failure> {
         let jobs = self.jobs.map(|n| format!("batch.jobs={n}"));
         let threads = self.threads.map(|n| format!("run.threads={n}"));
         let overwrite = self.overwrite.then(|| "run.overwrite=true".to_owned());
@@ -44,68 +45,73 @@ impl RunArgs {
         let mut pipeline = self.pipeline.read()?;
         pipeline.run.progress = self.progress.unwrap_or(pipeline.run.progress);
         if self.print_pipeline {
-            tell(&print(&pipeline.file));
+            print(&file_text(&pipeline.file));
             return Ok(Exit::Done);
         }
-        run_pipeline(&pipeline, backend)
+        run_pipeline(&pipeline, session)
     }
 }
 
 /// Checks and runs the pipeline that a command's options mean, or prints it.
-pub(super) fn run_or_print(file: PipelineFile, print_only: bool, backend: &dyn StageRunner) -> Result<Exit, Failure> {
+pub(super) fn run_or_print(file: PipelineFile, print_only: bool, session: &Session<'_>) -> Result<Exit, Failure> {
     if print_only {
-        tell(&print(&file));
+        print(&file_text(&file));
         return Ok(Exit::Done);
     }
-    run_pipeline(&check(file)?, backend)
+    run_pipeline(&check(file)?, session)
 }
 
-/// Runs a checked pipeline, tells summaries and failures, and gives the exit status.
-fn run_pipeline(pipeline: &Pipeline, backend: &dyn StageRunner) -> Result<Exit, Failure> {
+/// Runs a checked pipeline, prints summaries and errors, and gives the exit status.
+fn run_pipeline(pipeline: &Pipeline, session: &Session<'_>) -> Result<Exit, Failure> {
     let instances = pipeline.instances()?;
     let interrupt = Interrupt::install()?;
-    let progress = for_mode(pipeline.run.progress, std::io::stderr().is_terminal());
-    let report = execute(pipeline, &instances, backend, progress.as_ref(), &interrupt.cancel);
-    let machine = pipeline.run.progress == ProgressMode::Json;
-    if !machine {
-        tell_report(&report);
+    let mode = session.progress(pipeline.run.progress);
+    let progress = for_mode(mode, std::io::stderr().is_terminal());
+    let report = execute(pipeline, &instances, session.runner, progress.as_ref(), &interrupt.cancel);
+    if mode != ProgressMode::Json {
+        print_report(&report, session.verbosity, progress.shows_errors());
     }
-    tell_outputs(&report);
+    print_outputs(&report);
     let exit = report.exit();
     Ok(if interrupt.cancel.load(Ordering::Relaxed) && exit != Exit::Done { interrupt.exit() } else { exit })
 }
 
-/// Summaries and failures for people. There is nowhere left to complain where standard error is closed.
-fn tell_report(report: &Report) {
-    let mut err = std::io::stderr().lock();
+/// Summaries and errors for people; `shown`: the errors were printed as they occurred, and are not printed again.
+fn print_report(report: &Report, verbosity: Verbosity, shown: bool) {
+    let mut text = String::new();
     let many = report.items.len() > 1;
     for (key, summary) in report.done() {
-        let heading = if many { format!("{key}\n") } else { String::new() };
-        let _ = write!(err, "{heading}{summary}");
+        match verbosity {
+            Verbosity::Quiet => {}
+            Verbosity::Normal => text += &summary.brief(),
+            Verbosity::Detailed if many => text += &format!("{key}\n{summary}"),
+            Verbosity::Detailed => text += &summary.to_string(),
+        }
     }
     let failures: Vec<_> = report.failures().collect();
-    if many && !failures.is_empty() {
-        let _ = writeln!(err, "error: {} of {} items failed", failures.len(), report.items.len());
+    if !shown {
+        for (key, error) in &failures {
+            text += &format!("{}\n", error_line(key, &error.to_string(), many));
+        }
     }
-    for (key, error) in failures {
-        // Most errors begin with the name of the file at fault, which is often the key.
-        let error = error.to_string();
-        let named = !many || error.starts_with(&format!("{key}: "));
-        let _ = if named { writeln!(err, "error: {error}") } else { writeln!(err, "error: {key}: {error}") };
+    if many && !failures.is_empty() {
+        text += &format!("{} of {} items failed\n", failures.len(), report.items.len());
     }
     let skipped: Vec<&str> = report.skipped().collect();
     if !skipped.is_empty() {
-        let _ = writeln!(err, "not started: {}", skipped.join(", "));
+        text += &format!("not started: {}\n", skipped.join(", "));
     }
+    // A closed standard error leaves nothing to print to.
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }
 
 /// The paths written, one per line, for programs; a person has read them in the summary.
-fn tell_outputs(report: &Report) {
+fn print_outputs(report: &Report) {
     let paths = || report.done().flat_map(|(_, s)| &s.outputs);
     if std::io::stdout().is_terminal() || paths().any(|p| p == Path::new("-")) {
         return;
     }
     for path in paths() {
-        tell(&format!("{}\n", path.display()));
+        print(&format!("{}\n", path.display()));
     }
 }

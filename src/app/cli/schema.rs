@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::tell;
+use super::print;
 use crate::pipeline::{Exit, FileFormat, schema_of_format};
 
 /// Options of `plumbline schema`.
@@ -15,7 +15,7 @@ pub(super) struct SchemaArgs {
 
 impl SchemaArgs {
     pub(super) fn run(&self) -> Exit {
-        tell(&format!("{:#}\n", schema_of_format(self.format)));
+        print(&format!("{:#}\n", schema_of_format(self.format)));
         Exit::Done
     }
 }

@@ -8,9 +8,10 @@ use super::failure::Failure;
 use super::job::{JobArgs, batch, only_input};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner};
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{MeshLoadSettings, SkeletonExtractSettings};
 
 /// Formats of skeletons.
@@ -67,8 +68,8 @@ impl Offer for Extract {
 }
 
 impl SkeletonArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

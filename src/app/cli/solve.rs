@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
-use super::tell;
+use super::print;
 use crate::pipeline::Exit;
 use crate::pipeline::solve::{Approach, Method, SolveJob, solve};
 
@@ -85,7 +85,7 @@ impl SolveArgs {
             report: self.report,
             picture: self.picture,
         };
-        tell(&solve(&job)?);
+        print(&solve(&job)?);
         Ok(Exit::Done)
     }
 }

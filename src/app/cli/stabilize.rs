@@ -9,11 +9,12 @@ use super::failure::Failure;
 use super::job::{batch, only_input};
 use super::options::{Given, Offer, Setting, choice};
 use super::run::run_or_print;
+use super::session::Session;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, StageRunner, number_for};
+use crate::pipeline::{Exit, PipelineFile, StageEntry, number_for};
 use crate::stages::{
     Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, PathMethod, RenderSettings,
     ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
@@ -110,8 +111,8 @@ impl Offer for Encode {
 pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 impl StabilizeArgs {
-    pub(super) fn run(self, backend: &dyn StageRunner) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.clip.job.print_pipeline, backend)
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        run_or_print(self.pipeline()?, self.clip.job.print_pipeline, session)
     }
 
     /// The pipeline that the options mean.

@@ -17,14 +17,14 @@ pub(super) struct StagesArgs {
 impl StagesArgs {
     pub(super) fn run(self) -> Result<Exit, Failure> {
         let Some(name) = self.name else {
-            tell(&describe::list());
+            print(&describe::list());
             return Ok(Exit::Done);
         };
         let kind = stages::find(&name).ok_or_else(|| {
             let hint = suggest::did_you_mean(&name, stages::KINDS.iter().map(|k| k.name)).unwrap_or_default();
             Failure::usage(format!("there is no stage kind `{name}`; {hint}"))
         })?;
-        tell(&describe::describe(kind));
+        print(&describe::describe(kind));
         Ok(Exit::Done)
     }
 }

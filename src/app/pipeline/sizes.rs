@@ -1,4 +1,4 @@
-//! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `16:9`, `panini:0.8`, `10,-5,0`.
+//! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `60%`, `16:9`, `panini:0.8`, `10,-5,0`.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -24,6 +24,19 @@ pub struct PixelSize {
     pub height: u32,
 }
 
+/// A size, in full or from one side of the picture. Written `"800x600"`, `"800x"`, `"x600"` or `"60%"`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PictureSize {
+    /// Both sides, px.
+    Pixels(PixelSize),
+    /// The width, px; the height follows from the shape of the picture.
+    Width(u32),
+    /// The height, px; the width follows from the shape of the picture.
+    Height(u32),
+    /// Both sides as a percentage of the picture's, above 0 up to 1000.
+    Percent(f64),
+}
+
 /// Width to height. Written `"16:9"`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
@@ -33,11 +46,11 @@ pub struct Ratio {
     pub down: f64,
 }
 
-/// A size in pixels, or a shape. Written `"1080x1920"` or `"9:16"`.
+/// A size, or a shape. Written as a [`PictureSize`] or as `"9:16"`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TargetSize {
-    /// So many pixels.
-    Pixels(PixelSize),
+    /// A size in pixels, or relative to the picture.
+    Size(PictureSize),
     /// A shape: the picture keeps one side and loses from the other.
     Shape(Ratio),
 }
@@ -108,9 +121,70 @@ impl FromStr for PixelSize {
         let wrong = || {
             format!("`{text}` is no size (expected WIDTHxHEIGHT in pixels, 1 to {MAX_SIDE} each, such as 1600x1200)")
         };
-        let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MAX_SIDE).contains(s));
-        let (w, h) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
-        side(w).zip(side(h)).map(|(width, height)| Self { width, height }).ok_or_else(wrong)
+        match text.parse() {
+            Ok(PictureSize::Pixels(size)) => Ok(size),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// Largest percentage of a side.
+const MAX_PERCENT: f64 = 1000.0;
+
+impl PictureSize {
+    /// Both sides, px, of a picture that would be of `natural` px; each at least 1.
+    pub fn pixels(self, natural: (usize, usize)) -> (usize, usize) {
+        let (w, h) = (natural.0 as f64, natural.1 as f64);
+        let scaled = |factor: f64| {
+            let side = |side: f64| ((factor * side).round() as usize).max(1);
+            (side(w), side(h))
+        };
+        match self {
+            Self::Pixels(size) => (size.width as usize, size.height as usize),
+            Self::Width(width) => (width as usize, scaled(f64::from(width) / w).1),
+            Self::Height(height) => (scaled(f64::from(height) / h).0, height as usize),
+            Self::Percent(percent) => scaled(percent / 100.0),
+        }
+    }
+
+    /// Both sides, where they do not depend on the picture.
+    pub fn exact(self) -> Option<(usize, usize)> {
+        if let Self::Pixels(size) = self { Some((size.width as usize, size.height as usize)) } else { None }
+    }
+}
+
+impl FromStr for PictureSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let wrong = || {
+            format!(
+                "`{text}` is no size (expected WIDTHxHEIGHT, WIDTHx or xHEIGHT in pixels, 1 to {MAX_SIDE} each, such as \
+                 1600x1200, or a percentage above 0 up to {MAX_PERCENT} such as 60%)"
+            )
+        };
+        if let Some(percent) = text.strip_suffix('%') {
+            return positive(percent).filter(|p| *p <= MAX_PERCENT).map(Self::Percent).ok_or_else(wrong);
+        }
+        let side = |t: &str| t.trim().parse::<u32>().ok().filter(|s| (1..=MAX_SIDE).contains(s)).ok_or_else(wrong);
+        match text.split_once(['x', 'X', '×']).ok_or_else(wrong)? {
+            ("", "") => Err(wrong()),
+            (width, "") => side(width).map(Self::Width),
+            ("", height) => side(height).map(Self::Height),
+            (width, height) => Ok(Self::Pixels(PixelSize { width: side(width)?, height: side(height)? })),
+        }
+    }
+}
+
+impl fmt::Display for PictureSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pixels(size) => size.fmt(f),
+            Self::Width(width) => write!(f, "{width}x"),
+            Self::Height(height) => write!(f, "x{height}"),
+            Self::Percent(percent) => write!(f, "{percent}%"),
+        }
     }
 }
 
@@ -148,7 +222,7 @@ impl TargetSize {
     /// Pixels for a picture of `source` px: of a shape, the largest that is nowhere larger than the picture.
     pub fn pixels(self, source: (usize, usize)) -> (usize, usize) {
         match self {
-            Self::Pixels(size) => (size.width as usize, size.height as usize),
+            Self::Size(size) => size.pixels(source),
             Self::Shape(ratio) => {
                 let (w, h) = (source.0 as f64, source.1 as f64);
                 let width = w.min(h * ratio.value());
@@ -163,14 +237,18 @@ impl FromStr for TargetSize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text.contains(':') { text.parse().map(Self::Shape) } else { text.parse().map(Self::Pixels) }
+        if text.contains(':') {
+            text.parse().map(Self::Shape)
+        } else {
+            text.parse().map(Self::Size).map_err(|e: String| format!("{e}; or a shape such as 16:9"))
+        }
     }
 }
 
 impl fmt::Display for TargetSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Pixels(size) => size.fmt(f),
+            Self::Size(size) => size.fmt(f),
             Self::Shape(ratio) => ratio.fmt(f),
         }
     }
@@ -318,7 +396,9 @@ pub(super) use as_text;
 
 as_text! {
     PixelSize: "a size such as \"1600x1200\"", "^[0-9]+[xX×][0-9]+$";
-    TargetSize: "a size such as \"1080x1920\", or a shape such as \"9:16\"", "^[0-9]+[xX×][0-9]+$|^[0-9.]+:[0-9.]+$";
+    PictureSize: "a size such as \"1600x1200\", \"800x\", \"x600\" or \"60%\"", "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$";
+    TargetSize: "a size such as \"1080x1920\", \"800x\", \"x600\" or \"60%\", or a shape such as \"9:16\"",
+        "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$|^[0-9.]+:[0-9.]+$";
     CropWish: "\"auto\", \"rectangle\", \"none\" or a shape such as \"3:2\"", "^auto$|^rectangle$|^none$|^[0-9.]+:[0-9.]+$";
     ProjectionWish: "a projection such as \"optimized\" or \"panini:0.8\"", "^[a-z]+(:[0-9.]+)?$";
     ViewField: "\"WIDTH,HEIGHT\" in degrees", "^[0-9.]+,[0-9.]+$";
@@ -343,6 +423,10 @@ mod tests {
         for t in ["9:16", "1.91:1", "640x480"] {
             round_trip::<TargetSize>(t);
         }
+        for t in ["800x", "x600", "60%", "12.5%", "800x600"] {
+            round_trip::<PictureSize>(t);
+            round_trip::<TargetSize>(t);
+        }
         for t in ["auto", "rectangle", "none", "3:2"] {
             round_trip::<CropWish>(t);
         }
@@ -362,6 +446,10 @@ mod tests {
     fn nonsense_is_refused_with_what_is_expected() {
         for text in ["", "0x5", "5x0", "100000x5", "5", "-5x5", "5x5x5", "nanxnan"] {
             assert!(text.parse::<PixelSize>().is_err_and(|e| e.contains("1600x1200")), "{text}");
+        }
+        for text in ["x", "0x", "x0", "0%", "-5%", "nan%", "1001%", "%", "60", "5x5%"] {
+            let all = ["1600x1200", "60%", "xHEIGHT"];
+            assert!(text.parse::<PictureSize>().is_err_and(|e| all.iter().all(|word| e.contains(word))), "{text}");
         }
         for text in ["0:1", "1:0", "nan:1", "1:1000", ":", "inf:inf"] {
             assert!(text.parse::<TargetSize>().is_err_and(|e| e.contains("16:9")), "{text}");
@@ -386,5 +474,19 @@ mod tests {
         assert_eq!(pixels("3:2", (3000, 2000)), (3000, 2000));
         assert_eq!(pixels("100:1", (3, 3)), (3, 1));
         assert_eq!(pixels("640x48", (3, 3)), (640, 48));
+    }
+
+    #[test]
+    fn one_side_or_a_percentage_keeps_the_shape_of_the_picture() {
+        for (text, expected) in [
+            ("800x", (800, 600)),
+            ("x600", (800, 600)),
+            ("60%", (1920, 1440)),
+            ("200%", (6400, 4800)),
+            ("0.001%", (1, 1)),
+        ] {
+            let size: PictureSize = text.parse().expect("a size");
+            assert_eq!(size.pixels((3200, 2400)), expected, "{text}");
+        }
     }
 }

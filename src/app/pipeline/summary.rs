@@ -175,6 +175,34 @@ impl Summary {
     }
 }
 
+impl Summary {
+    /// The result in one line, and a line for each warning.
+    pub fn brief(&self) -> String {
+        let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
+        let mut facts = Vec::new();
+        let pixels = self.size.map(|(w, h)| format!("{w}×{h} px"));
+        facts.extend((self.frames > 0).then(|| format!("{} frames", self.frames)));
+        facts.extend(pixels);
+        if let (None, Some(surface)) = (self.size, &self.surface) {
+            facts.push(format!("{} vertices", surface.vertices));
+        }
+        if let Some(ShakeSummary { before, after }) = self.shake {
+            facts.push(format!("shake {:.2} to {:.2} px", before.px, after.px));
+        }
+        facts.extend(self.crop.map(|crop| format!("{:.1} % kept", 100.0 * crop)));
+        facts.extend(self.lines.as_ref().map(|lines| format!("lines {lines}")));
+        let files = if outputs.is_empty() { "no file".to_owned() } else { outputs.join(", ") };
+        let mut text = format!("wrote {files}: {} ({:.1} s)\n", facts.join(", "), self.seconds);
+        if facts.is_empty() {
+            text = format!("wrote {files} ({:.1} s)\n", self.seconds);
+        }
+        for warning in &self.warnings {
+            text += &format!("warning: {warning}\n");
+        }
+        text
+    }
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(input) = &self.input {

@@ -15,7 +15,7 @@ use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::PixelSize;
+use crate::pipeline::sizes::PictureSize;
 use plumbline_image::Frame;
 use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
 use plumbline_image::still::Photo;
@@ -49,7 +49,7 @@ pub struct ImageRenderSettings {
     /// What stands where the source has no picture
     pub border: PhotoBorder,
     /// Size of the result, such as 1600x1200; that of the maps if left out
-    pub size: Option<PixelSize>,
+    pub size: Option<PictureSize>,
 }
 
 impl Stage for ImageRenderSettings {
@@ -76,7 +76,7 @@ impl Stage for ImageRenderSettings {
         let map = maps.into_iter().next();
         let source = (photo.frame.width, photo.frame.height);
         let natural = map.as_ref().map_or(source, |m| m.warp.size);
-        let size = self.size.map_or(natural, |s| (s.width as usize, s.height as usize));
+        let size = self.size.map_or(natural, |size| size.pixels(natural));
         if map.is_none() && size == source {
             return Ok((photo,));
         }

@@ -18,7 +18,7 @@ use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles};
+use crate::pipeline::sizes::{CropWish, PictureSize, ProjectionWish, ViewAngles};
 use plumbline_camera::FieldAxis;
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
@@ -44,8 +44,8 @@ pub struct LensUndistortSettings {
     pub view: ViewAngles,
     /// What is cut away: auto keeps the clip's shape, none keeps a curved border, or a shape such as 16:9
     pub crop: CropWish,
-    /// Size of the result, such as 1920x1080; that of the clip if left out
-    pub size: Option<PixelSize>,
+    /// Size of the result: 1920x1080, 800x, x600 or 60%; that of the clip if left out
+    pub size: Option<PictureSize>,
 }
 
 impl Default for LensUndistortSettings {
@@ -106,7 +106,8 @@ fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndisto
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
     let mut options = options(settings, &video);
     let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
-    let even = even_size((warp.size.0 as f64, warp.size.1 as f64), &video);
+    let wanted = settings.size.map_or(warp.size, |size| size.pixels(warp.size));
+    let even = even_size((wanted.0 as f64, wanted.1 as f64), &video);
     if even != warp.size {
         options.size = OutputSize::Exact(even.0, even.1);
         warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
@@ -127,9 +128,9 @@ fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOption
             CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
         },
         size: match (settings.size, settings.crop) {
-            (Some(size), _) => OutputSize::Exact(size.width as usize, size.height as usize),
-            (None, CropWish::Shape(_)) => OutputSize::Source,
-            (None, _) => own,
+            (Some(PictureSize::Pixels(size)), _) => OutputSize::Exact(size.width as usize, size.height as usize),
+            (_, CropWish::Shape(_)) => OutputSize::Source,
+            (_, _) => own,
         },
         ..RectifyOptions::default()
     }

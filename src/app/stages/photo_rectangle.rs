@@ -15,13 +15,12 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
 use plumbline_image::feature::Face;
 use plumbline_image::still::Photo;
-use plumbline_photo::rectangle::RectangleShape;
 
 /// Settings of `photo.rectangle`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoRectangleSettings {
-    /// Size of the result, such as 1600x900, or its shape, such as 16:9; the shape that stretches least if left out
+    /// Size of the result, 1600x900, 800x, x600 or 60%, or its shape, such as 16:9; the shape that stretches least if left out
     pub size: Option<TargetSize>,
 }
 
@@ -48,12 +47,7 @@ impl Stage for PhotoRectangleSettings {
     fn run(&self, (photo, lines, faces): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let lines = LineSet::all(lines).lines;
         let faces = rects(faces.as_deref());
-        let shape = match self.size {
-            None => RectangleShape::Natural,
-            Some(TargetSize::Pixels(size)) => RectangleShape::Exact(size.width as usize, size.height as usize),
-            Some(TargetSize::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
-        };
-        let map = rectangle::make(context, &photo, &lines, &faces, shape)?;
+        let map = rectangle::make(context, &photo, &lines, &faces, self.size)?;
         Ok((Arc::new(map),))
     }
 }

@@ -14,12 +14,11 @@ use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, PixelSize, ProjectionWish, ViewAngles, ViewField};
+use crate::pipeline::sizes::{CropWish, PictureSize, ProjectionWish, TargetSize, ViewAngles, ViewField};
 use plumbline_camera::{FieldAxis, Lens};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::line_detection::off_faces;
-use plumbline_photo::rectangle::RectangleShape;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Window, rectify};
 
 /// Settings of `photo.rectify`.
@@ -42,8 +41,8 @@ pub struct PhotoRectifySettings {
     pub view_field: Option<ViewField>,
     /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
     pub crop: CropWish,
-    /// Size of the result, px, such as 1600x1200; if left out, pictures stay as wide as they are, and clips keep their size
-    pub size: Option<PixelSize>,
+    /// Size of the result: 1600x1200, 800x, x600 or 60%; if left out, pictures stay as wide as they are, and clips keep their size
+    pub size: Option<PictureSize>,
 }
 
 impl Default for PhotoRectifySettings {
@@ -100,7 +99,7 @@ impl Stage for PhotoRectifySettings {
         let Some(found) = found else {
             let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
             context.warn(note.to_owned());
-            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, shape(self))?),));
+            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, rectangle_size(self))?),));
         };
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
@@ -110,7 +109,13 @@ impl Stage for PhotoRectifySettings {
             faces: &faces,
             salience: importance.as_ref().map(|i| i.plane()),
         };
-        let warp = rectify(&input, &options(self, &found.lens), &context.job.run()).map_err(|e| rectify_error(&e))?;
+        let mut options = options(self, &found.lens);
+        let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+        let wanted = self.size.map_or(warp.size, |size| size.pixels(warp.size));
+        if wanted != warp.size {
+            options.size = OutputSize::Exact(wanted.0, wanted.1);
+            warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+        }
         tell_lines(context, &warp.lines);
         tell_cut_faces(context, &warp.cut_faces);
         let mut told = Map::new();
@@ -132,12 +137,12 @@ impl Stage for PhotoRectifySettings {
 /// What a view of a panorama shows unless said otherwise.
 const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
 
-/// The shape of a rectangle for the wishes on size and crop.
-fn shape(settings: &PhotoRectifySettings) -> RectangleShape {
+/// The size of a rectangle, from the settings for size and crop.
+fn rectangle_size(settings: &PhotoRectifySettings) -> Option<TargetSize> {
     match (settings.size, settings.crop) {
-        (Some(size), _) => RectangleShape::Exact(size.width as usize, size.height as usize),
-        (None, CropWish::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
-        (None, _) => RectangleShape::Natural,
+        (Some(size), _) => Some(TargetSize::Size(size)),
+        (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
+        (None, _) => None,
     }
 }
 
@@ -163,7 +168,8 @@ fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
             CropWish::None => Crop::None,
             CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
         },
-        size: settings.size.map_or(OutputSize::Source, |s| OutputSize::Exact(s.width as usize, s.height as usize)),
+        // A size relative to the result is known once that was made.
+        size: settings.size.and_then(PictureSize::exact).map_or(OutputSize::Source, |(w, h)| OutputSize::Exact(w, h)),
         ..RectifyOptions::default()
     }
 }

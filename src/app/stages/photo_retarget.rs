@@ -22,7 +22,7 @@ use plumbline_photo::retarget::{RetargetError, RetargetOptions, retarget};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoRetargetSettings {
-    /// The new size, such as 1080x1920, or the new shape, such as 9:16: the largest of it inside the picture
+    /// The new size: 1080x1920, 800x, x600 or 60%; or the new shape, such as 9:16: the largest of it inside the picture
     pub size: Option<TargetSize>,
 }
 

@@ -12,7 +12,7 @@ use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{Ratio, TargetSize};
+use crate::pipeline::sizes::{PictureSize, Ratio, TargetSize};
 use crate::pipeline::summary::WindowSummary;
 use crate::stages::LensUndistortSettings;
 use plumbline_media::VideoInfo;
@@ -26,7 +26,7 @@ use plumbline_video::path::VirtualPath;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct VideoRetargetSettings {
-    /// The new size as it is shown, such as 1080x1920, or the new shape, such as 9:16
+    /// The new size as it is shown: 1080x1920, 800x, x600 or 60%; or the new shape, such as 9:16
     pub size: Option<TargetSize>,
     /// Changes of shape below this factor crop first, and warp the rest: 1 only crops, 0 only warps
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -107,9 +107,14 @@ fn lens_behind(graph: &Graph, stage: usize) -> Option<usize> {
 fn coded_size(wish: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usize, usize) {
     let turned = (video.rotation_deg / 90.0).round().rem_euclid(2.0) == 1.0;
     match wish {
-        TargetSize::Pixels(_) => {
-            let (width, height) = wish.pixels(size);
+        TargetSize::Size(PictureSize::Pixels(size)) => {
+            let (width, height) = (size.width as usize, size.height as usize);
             if turned { (height, width) } else { (width, height) }
+        }
+        TargetSize::Size(relative) => {
+            let shown = relative.pixels(if turned { (size.1, size.0) } else { size });
+            let (width, height) = if turned { (shown.1, shown.0) } else { shown };
+            even_size((width as f64, height as f64), video)
         }
         TargetSize::Shape(Ratio { across, down }) => {
             let (across, down) = if turned { (down, across) } else { (across, down) };

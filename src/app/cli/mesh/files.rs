@@ -25,7 +25,7 @@ pub(super) struct TargetArgs {
     #[arg(long)]
     ascii: bool,
     /// Replace existing files
-    #[arg(long)]
+    #[arg(short = 'y', visible_short_alias = 'f', long)]
     overwrite: bool,
 }
 
@@ -65,8 +65,8 @@ impl TargetArgs {
     fn check(&self, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
         let shown = path.display();
         if !MeshFormat::of_name(path).is_some_and(|format| format != MeshFormat::Medit) {
-            let told = format!("`{shown}`: the extension is none of obj, ply, off, stl, gltf, glb");
-            return Err(Failure::usage(told));
+            let message = format!("`{shown}`: the extension is none of obj, ply, off, stl, gltf, glb");
+            return Err(Failure::usage(message));
         }
         let same = |input: &PathBuf| match (input.canonicalize(), path.canonicalize()) {
             (Ok(input), Ok(path)) => input == path,

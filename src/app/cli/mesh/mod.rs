@@ -3,13 +3,14 @@
 mod files;
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::failure::Failure;
-use super::tell;
+use super::print;
 use crate::pipeline::Exit;
 use files::{Target, TargetArgs, all_inputs};
 use plumbline_num::run::Run;
@@ -27,9 +28,9 @@ pub(super) struct MeshArgs {
 
 #[derive(Debug, Subcommand)]
 enum MeshCommand {
-    /// Tell what is in mesh files, and what repair would do
+    /// Show what is in mesh files, and what repair would change
     Info(InfoArgs),
-    /// Make meshes oriented manifolds, and tell what was done
+    /// Make meshes oriented manifolds, and report the changes
     Repair(RepairArgs),
     /// Write meshes in another format
     Convert(ConvertArgs),
@@ -97,8 +98,8 @@ fn weld(text: &str) -> Result<Weld, String> {
     }
 }
 
-/// What is told of one input.
-struct Told {
+/// What is reported of one input.
+struct Report {
     text: String,
     json: Value,
 }
@@ -124,45 +125,49 @@ impl ReadArgs {
     /// Does `work` with each input; one that fails does not stop the others.
     fn each(
         &self,
-        work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Told, MeshError>,
+        work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError>,
     ) -> Result<Exit, Failure> {
         let limits = ReadLimits { max_bytes: self.max_bytes, ..ReadLimits::default() };
         let inputs = all_inputs(&self.inputs)?;
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
         for (k, path) in inputs.iter().enumerate() {
             let format = MeshFormat::of_name(path);
-            let told = read_model(path, &limits, &Run::default()).and_then(|model| work(k, &model, format));
-            match told {
-                Ok(told) => {
+            let report = read_model(path, &limits, &Run::default()).and_then(|model| work(k, &model, format));
+            match report {
+                Ok(report) => {
                     let name = path.display().to_string();
                     if self.json {
-                        items.push(with_file(&name, told.json));
+                        items.push(with_file(&name, report.json));
                     } else {
                         let heading = if inputs.len() > 1 { format!("{name}\n") } else { String::new() };
-                        tell(&format!("{heading}{}\n", told.text.trim_end()));
+                        print(&format!("{heading}{}\n", report.text.trim_end()));
                     }
                 }
                 Err(error) => {
                     failed += 1;
                     last = if error.is_output() { Exit::Output } else { Exit::Input };
-                    Failure { exit: last, message: error.to_string(), drawn: false }.tell();
+                    Failure { exit: last, message: error.to_string(), drawn: false }.report();
                     items.push(json!({ "file": path.display().to_string(), "error": error.to_string() }));
                 }
             }
         }
         if self.json {
-            tell(&format!("{:#}\n", Value::Array(items)));
+            print(&format!("{:#}\n", Value::Array(items)));
+        }
+        if failed > 0 && inputs.len() > 1 {
+            // A closed standard error leaves nothing to print to.
+            let _ = writeln!(std::io::stderr().lock(), "{failed} of {} items failed", inputs.len());
         }
         Ok(if failed == 0 || failed == inputs.len() { last } else { Exit::Partial })
     }
 }
 
-fn with_file(name: &str, mut told: Value) -> Value {
-    told["file"] = json!(name);
-    told
+fn with_file(name: &str, mut report: Value) -> Value {
+    report["file"] = json!(name);
+    report
 }
 
-fn info(model: &Model, format: Option<MeshFormat>) -> Result<Told, MeshError> {
+fn info(model: &Model, format: Option<MeshFormat>) -> Result<Report, MeshError> {
     let facts = MeshFacts::of(model.mesh());
     let report = repair(model.mesh(), &RepairOptions::default(), &Run::default())?.report;
     let mut text = format!("{facts}\n");
@@ -197,17 +202,17 @@ fn info(model: &Model, format: Option<MeshFormat>) -> Result<Told, MeshError> {
         "notes": model.warnings(),
         "repair": report,
     });
-    Ok(Told { text, json })
+    Ok(Report { text, json })
 }
 
-fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<Told, MeshError> {
+fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<Report, MeshError> {
     let repaired = repair(model.mesh(), options, &Run::default())?;
-    let told = written(&model.repaired(&repaired), target)?;
-    let text = format!("{}\n{}", repaired.report, told.text);
-    Ok(Told { text, json: json!({ "repair": repaired.report, "written": told.json }) })
+    let report = written(&model.repaired(&repaired), target)?;
+    let text = format!("{}\n{}", repaired.report, report.text);
+    Ok(Report { text, json: json!({ "repair": repaired.report, "written": report.json }) })
 }
 
-fn written(model: &Model, target: &Target) -> Result<Told, MeshError> {
+fn written(model: &Model, target: &Target) -> Result<Report, MeshError> {
     let Target { path, ascii } = target;
     write_model_with(path, model, &WriteOptions { ascii: *ascii }, &Run::default())?;
     let lost = MeshFormat::of_name(path).map(|format| losses(model, format)).unwrap_or_default();
@@ -215,5 +220,5 @@ fn written(model: &Model, target: &Target) -> Result<Told, MeshError> {
     if !lost.is_empty() {
         let _ = write!(text, "\nnot held by the format: {}", lost.join(", "));
     }
-    Ok(Told { text, json: json!({ "path": path.display().to_string(), "lost": lost }) })
+    Ok(Report { text, json: json!({ "path": path.display().to_string(), "lost": lost }) })
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use super::{Event, Progress, Tick, clock};
+use super::{Event, Progress, Tick, clock, error_line};
 
 /// Events as plain lines.
 pub(super) struct Lines<W> {
@@ -14,7 +14,10 @@ pub(super) struct Lines<W> {
 
 struct State<W> {
     out: W,
-    told: HashMap<String, (usize, Instant)>,
+    /// The run has several items.
+    many: bool,
+    /// Pass and time of the last line of each task.
+    last: HashMap<String, (usize, Instant)>,
 }
 
 impl<W: Write + Send> Lines<W> {
@@ -22,35 +25,42 @@ impl<W: Write + Send> Lines<W> {
     const GAP: Duration = Duration::from_secs(5);
 
     pub(super) fn new(out: W) -> Self {
-        Self { state: Mutex::new(State { out, told: HashMap::new() }) }
+        Self { state: Mutex::new(State { out, many: false, last: HashMap::new() }) }
     }
 }
 
 impl<W: Write + Send> Progress for Lines<W> {
     fn event(&self, event: &Event<'_>) {
         let Ok(mut state) = self.state.lock() else { return };
+        if let Event::RunStart { items } = event {
+            state.many = *items > 1;
+        }
         if let Event::TaskProgress { task, tick } = event {
             let now = Instant::now();
-            let last = state.told.get(*task).copied();
+            let last = state.last.get(*task).copied();
             if last.is_some_and(|(pass, at)| pass == tick.pass && now - at < Self::GAP) {
                 return;
             }
-            state.told.insert((*task).to_owned(), (tick.pass, now));
+            state.last.insert((*task).to_owned(), (tick.pass, now));
         }
-        if let Some(line) = line(event) {
+        if let Some(line) = line(event, state.many) {
             // A reader that went away is no reason to stop the work.
             let _ = writeln!(state.out, "{line}");
         }
     }
+
+    fn shows_errors(&self) -> bool {
+        true
+    }
 }
 
-fn line(event: &Event<'_>) -> Option<String> {
+fn line(event: &Event<'_>, many: bool) -> Option<String> {
     Some(match event {
         Event::TaskProgress { task, tick } => format!("{task}: {}", tick_text(tick)),
         Event::TaskRetry { task, attempt, error } => format!("{task}: {error}; try {attempt} follows"),
-        Event::TaskFail { task, error, .. } => format!("{task}: failed: {error}"),
+        Event::TaskFail { task, error, .. } => error_line(task, error, many),
         Event::RunEnd { done, failed, seconds } if done + failed > 1 => {
-            format!("{done} done, {failed} failed, {}", clock(*seconds))
+            format!("{done} of {} items done in {}", done + failed, clock(*seconds))
         }
         _ => return None,
     })
@@ -79,6 +89,7 @@ mod tests {
             fps: 61.25,
             eta_s: Some(12.3),
         };
+        sink.event(&Event::RunStart { items: 2 });
         for done in 1..100 {
             tick.done = done;
             sink.event(&Event::TaskProgress { task: "a", tick: &tick });
@@ -90,8 +101,8 @@ mod tests {
         let text = String::from_utf8(sink.state.into_inner().expect("not poisoned").out).expect("UTF-8");
         let expected = "a: analyze (1 of 2) 1/300 frames, 61.2 fps, 0:12 to go\n\
                         a: warp (2 of 2) 99 frames, 61.2 fps, 0:12 to go\n\
-                        b: failed: no video\n\
-                        1 done, 1 failed, 1:15\n";
+                        error: b: no video\n\
+                        1 of 2 items done in 1:15\n";
         assert_eq!(text, expected);
     }
 }

@@ -1,4 +1,4 @@
-//! Progress: events from the executor and the bodies, told on standard error in one of three ways.
+//! Progress: events from the executor and the stages, written to standard error in one of three forms.
 
 mod json;
 mod lines;
@@ -85,20 +85,32 @@ pub enum Event<'a> {
     },
 }
 
-/// A place to tell events.
+/// A receiver of events.
 pub trait Progress: Sync {
-    /// Tells one.
+    /// Receives one.
     fn event(&self, event: &Event<'_>);
+
+    /// Errors of failed tasks are shown to people as they occur: whoever reports the run need not print them again.
+    fn shows_errors(&self) -> bool {
+        false
+    }
 }
 
-/// Tells nothing.
+/// What people read of a failed task; `many`: the run has other items, so that the message names this one.
+pub fn error_line(task: &str, error: &str, many: bool) -> String {
+    // Most errors begin with the name of the file at fault, which often is the key.
+    let named = !many || error.starts_with(&format!("{task}: "));
+    if named { format!("error: {error}") } else { format!("error: {task}: {error}") }
+}
+
+/// Ignores all events.
 pub struct Silent;
 
 impl Progress for Silent {
     fn event(&self, _: &Event<'_>) {}
 }
 
-/// The way that `mode` asks for; `terminal`: standard error is one.
+/// The receiver for `mode`; `terminal`: standard error is one.
 pub fn for_mode(mode: ProgressMode, terminal: bool) -> Box<dyn Progress> {
     match (mode, terminal) {
         (ProgressMode::None, _) => Box::new(Silent),

@@ -1,11 +1,12 @@
 //! Bars on a terminal: one per task at work, and one for the whole batch.
 
 use std::collections::HashMap;
+use std::io::Write;
 use std::sync::Mutex;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use super::{Event, Progress, Tick, clock};
+use super::{Event, Progress, Tick, clock, error_line};
 
 /// Events as bars on standard error.
 pub(super) struct Bars {
@@ -17,6 +18,8 @@ pub(super) struct Bars {
 struct State {
     tasks: HashMap<String, ProgressBar>,
     batch: Option<ProgressBar>,
+    /// The run has several items.
+    many: bool,
 }
 
 impl Bars {
@@ -32,9 +35,14 @@ impl Bars {
             batch.inc(1);
         }
         if let Some(line) = line {
-            // The terminal went away: nobody reads the line, and the work goes on.
-            let _ = self.all.println(line);
+            self.write(&line);
         }
+    }
+
+    /// Writes a line above the bars, also where the terminal cannot show bars.
+    fn write(&self, line: &str) {
+        // The terminal went away: nobody reads the line, and the work goes on.
+        self.all.suspend(|| _ = writeln!(std::io::stderr(), "{line}"));
     }
 }
 
@@ -54,6 +62,7 @@ impl Progress for Bars {
         let Ok(mut state) = self.state.lock() else { return };
         match event {
             Event::RunStart { items } if *items > 1 => {
+                state.many = true;
                 let bar = ProgressBar::new(*items as u64).with_style(style("{bar:30} {pos}/{len} clips  {elapsed}"));
                 state.batch = Some(self.all.add(bar));
             }
@@ -69,12 +78,12 @@ impl Progress for Bars {
                 }
             }
             Event::TaskRetry { task, attempt, error } => {
-                // The terminal went away: nobody reads the line, and the work goes on.
-                let _ = self.all.println(format!("{task}: {error}; try {attempt} follows"));
+                self.write(&format!("{task}: {error}; try {attempt} follows"));
             }
             Event::TaskDone { task, .. } => self.finish(&mut state, task, None),
             Event::TaskFail { task, error, .. } => {
-                self.finish(&mut state, task, Some(format!("{task}: failed: {error}")));
+                let line = error_line(task, error, state.many);
+                self.finish(&mut state, task, Some(line));
             }
             Event::RunEnd { .. } => {
                 if let Some(bar) = state.batch.take() {
@@ -82,5 +91,9 @@ impl Progress for Bars {
                 }
             }
         }
+    }
+
+    fn shows_errors(&self) -> bool {
+        true
     }
 }

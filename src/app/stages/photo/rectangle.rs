@@ -4,6 +4,7 @@ use serde_json::{Map, json};
 
 use super::tell_lines;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::sizes::{PictureSize, TargetSize};
 use crate::stages::context::Context;
 use crate::stages::values::PhotoMap;
 use plumbline_image::still::Photo;
@@ -23,7 +24,7 @@ pub(crate) fn make(
     photo: &Photo,
     lines: &[Line],
     faces: &[Rect],
-    shape: RectangleShape,
+    wanted: Option<TargetSize>,
 ) -> Result<PhotoMap, RunError> {
     let outline = Outline::of_frame(&photo.frame).ok_or_else(|| rectangle_error(&RectangleError::NoBorder))?;
     context.job.check_cancel()?;
@@ -33,8 +34,24 @@ pub(crate) fn make(
     }
     let size = (photo.frame.width, photo.frame.height);
     let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces };
-    let options = RectangleOptions { shape, ..RectangleOptions::default() };
-    let made = rectangle(&input, &options, &context.job.run()).map_err(|e| rectangle_error(&e))?;
+    let solve = |shape| {
+        let options = RectangleOptions { shape, ..RectangleOptions::default() };
+        rectangle(&input, &options, &context.job.run()).map_err(|e| rectangle_error(&e))
+    };
+    let mut made = solve(match wanted {
+        Some(TargetSize::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
+        Some(TargetSize::Size(PictureSize::Pixels(size))) => {
+            RectangleShape::Exact(size.width as usize, size.height as usize)
+        }
+        _ => RectangleShape::Natural,
+    })?;
+    if let Some(TargetSize::Size(relative)) = wanted {
+        // The shape that stretches least is known now; a size relative to it is rendered at once.
+        let (width, height) = relative.pixels(made.warp.size);
+        if (width, height) != made.warp.size {
+            made = solve(RectangleShape::Exact(width, height))?;
+        }
+    }
     tell_lines(context, &made.warp.lines);
     let mut told = Map::new();
     told.insert("inside".into(), json!(outline.share()));
