@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let targets: Vec<Point3> = handles.vertices().iter().map(target).collect();
 
-    // One call. For a handle that is dragged, `bind` factors once and then takes pose after pose.
+    // One call. For a handle that is dragged, a `Deformer` factors once and then takes pose after pose.
     let positions = deform(model.mesh(), &handles, &targets, Method::Arap)?;
     write_model(output.as_ref(), &model.with_positions(positions)?)?;
     println!("{output}: {} vertices, {} of them constrained", rest.len(), handles.len());

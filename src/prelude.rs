@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | stabilize a clip | `ClipFile` (feature `media`) or any [`FrameSource`], [`Stabilizer`], [`Analysis`], [`Plan`], [`WarpField`] |
 //! | rectify, retarget a photo | [`Photo`], [`read_lens`], [`LinesFile`], [`rectify`], [`retarget`], [`PhotoWarp`] |
-//! | deform a mesh | [`read_model`], [`Handles`], [`deform`], [`bind`] for a [`Deformer`] that takes many poses |
+//! | deform a mesh | [`read_model`], [`Handles`], [`deform`], a [`Deformer`] for many poses |
 //! | skeletons and skins | [`extract_skeleton`], [`Skeleton`], [`Pose`], [`skin`], [`Skinner`] |
 //! | shapes between shapes | [`interpolate`], [`Trajectory`], [`compose`] |
 //! | all of them | [`Run`]: interrupt, progress, time limit |
@@ -35,9 +35,7 @@ pub use crate::shape::character::{Character, CurveSkeleton, Joint, Pose, Skeleto
 pub use crate::shape::mesh::{Model, ReadLimits, TriMesh, read_model, write_model};
 pub use crate::shape::morph::composition::{ComposeOptions, Composition, Cut, compose};
 pub use crate::shape::morph::{Trajectory, TrajectoryOptions, interpolate};
-pub use crate::shape::surface::{
-    Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start, bind, deform,
-};
+pub use crate::shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start, deform};
 pub use crate::video::stabilize::{
     Analysis, ClipInfo, FrameSource, Plan, StabilizeError, Stabilizer, StabilizerOptions,
 };

@@ -39,8 +39,8 @@ use plumbline::shape::morph::correspondence::{
 use plumbline::shape::morph::intersections::self_intersections;
 use plumbline::shape::morph::{MorphError, Trajectory, TrajectoryOptions, time_field};
 use plumbline::shape::surface::{
-    Convergence, DeformOptions, HandlePose, Handles, Hierarchy, Hold, Method as Deformation, ModesOptions, Start,
-    SurfaceError, bind, modes,
+    Convergence, DeformOptions, Deformer, HandlePose, Handles, Hierarchy, Hold, Method as Deformation, ModesOptions,
+    Start, SurfaceError, modes,
 };
 use plumbline::video::motion::sfm::synthetic::{Shot, ShotOptions};
 use plumbline::video::motion::sfm::{
@@ -194,8 +194,13 @@ fn surfaces_and_characters_end_with_their_run() {
     let model = Model::of_mesh(mesh.clone());
     let (options, convergence) = (DeformOptions::default(), Convergence::default());
     for method in Deformation::ALL {
-        assert!(stops!(bind(method, &mesh, &handles, &options, &run), SurfaceError), "binding {}", method.name());
-        let mut deformer = bind(method, &mesh, &handles, &options, &Run::default()).expect("held at both ends");
+        assert!(
+            stops!(Deformer::new(method, &mesh, &handles, &options, &run), SurfaceError),
+            "binding {}",
+            method.name()
+        );
+        let mut deformer =
+            Deformer::new(method, &mesh, &handles, &options, &Run::default()).expect("held at both ends");
         for start in [Start::Auto, Start::Coarse, Start::Spread, Start::Rest] {
             let stopped = stops!(deformer.deform(&pose, start, &convergence, &run), SurfaceError);
             assert!(stopped, "{} from {start:?}", method.name());
@@ -381,7 +386,7 @@ fn long_calls_end_midway_and_soon() {
     let (handles, pose) = ends(&mesh);
     let convergence = Convergence { max_iterations: 1000, tolerance: 0.0 };
     let mut deformer =
-        bind(Deformation::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("held");
+        Deformer::new(Deformation::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("held");
     let few = Convergence { max_iterations: 5, ..convergence };
     let before = deformer.deform(&pose, Start::Spread, &few, &Run::default()).expect("held").positions;
     stops_midway("deforming", |run| stops!(deformer.deform(&pose, Start::Spread, &convergence, run), SurfaceError));

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use plumbline::num::run::Run;
 use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, Weld, repair, shapes};
-use plumbline::shape::surface::{Convergence, DeformOptions, HandlePose, Handles, Method, Start, Unheld, bind};
+use plumbline::shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start, Unheld};
 
 /// Every seventh triangle turned over.
 fn flipped() -> TriMesh {
@@ -68,8 +68,8 @@ fn bent(mesh: &TriMesh) -> Vec<Point3<f64>> {
     let places: Vec<_> =
         handles.vertices().iter().map(|&v| if moved.contains(&v) { at(v) + lift } else { at(v) }).collect();
     let options = DeformOptions { unheld: Unheld::Still, ..DeformOptions::default() };
-    let mut deformer =
-        bind(Method::default(), mesh, &handles, &options, &Run::default()).expect("what repair leaves can be deformed");
+    let mut deformer = Deformer::new(Method::default(), mesh, &handles, &options, &Run::default())
+        .expect("what repair leaves can be deformed");
     let pose = HandlePose::new(places);
     deformer.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).expect("it ends").positions
 }

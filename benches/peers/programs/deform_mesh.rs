@@ -14,7 +14,7 @@ use nalgebra::Point3;
 use plumbline::num::run::Run;
 use plumbline::shape::mesh::{ReadLimits, read_model};
 use plumbline::shape::surface::{
-    Convergence, DeformOptions, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning, bind,
+    Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning,
 };
 
 #[derive(Parser)]
@@ -72,7 +72,7 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let (mut bind_s, mut deform_s, mut last) = (0.0, 0.0, None);
     for _ in 0..a.repeat.max(1) {
         let began = cpu_seconds();
-        let mut bound = bind(method, model.mesh(), &handles, &options, &Run::default())?;
+        let mut bound = Deformer::new(method, model.mesh(), &handles, &options, &Run::default())?;
         let ready = cpu_seconds();
         last = Some(bound.deform(&pose, start, &convergence, &Run::default())?);
         bind_s += ready - began;

@@ -19,7 +19,7 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::surfaces::MethodName;
 use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
-use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Start, bind};
+use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Start};
 
 /// Settings of `mesh.deform`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -105,7 +105,7 @@ impl Stage for MeshDeformSettings {
             other => other,
         })?;
         bound.warnings.iter().for_each(|w| context.warn(w.clone()));
-        let deformer = bind(self.method.0, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
+        let deformer = Deformer::new(self.method.0, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
             .map_err(surface_error)?;
         let mut solver = PoseSolver { bound: &bound, deformer, settings: self, at: None };
         let mut poses = Vec::with_capacity(self.frames as usize);
@@ -155,7 +155,7 @@ fn marks(handles: &MeshHandles) -> Vec<(u32, bool)> {
 /// A bound method, and the time of the pose that it solved last.
 struct PoseSolver<'b, 'h> {
     bound: &'b Bound<'h>,
-    deformer: Box<dyn Deformer>,
+    deformer: Deformer,
     settings: &'b MeshDeformSettings,
     at: Option<f64>,
 }

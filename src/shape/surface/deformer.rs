@@ -1,4 +1,4 @@
-//! The one door to all methods of deformation: bound to a mesh and a set of handles once, then solved pose by pose.
+//! One interface to all methods of deformation: prefactored for a mesh and a set of handles once, then solved pose by pose.
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::detail_preserving::LaplacianKind;
 use super::laplacian_editing::{LaplacianEditing, Turning};
 use super::multiresolution::Multiresolution;
 use super::poisson::Poisson;
-use super::primo::{Primo, PrimoOptions};
+use super::primo::{Fabric, Primo, PrimoOptions};
 use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::CotangentRule;
@@ -170,17 +170,12 @@ pub struct Deformation {
     pub report: DeformReport,
 }
 
-/// A method bound to a mesh and to a set of handles: the factorizations are done.
-pub trait Deformer: Send + std::fmt::Debug {
+/// What a method does once its factorizations are done.
+pub(super) trait DeformSolver: Send + std::fmt::Debug {
     /// Which method it is.
     fn method(&self) -> Method;
 
-    /// Deforms the surface so that its handles take a pose. The result depends on the arguments alone, but for
-    /// [`Start::Last`]. Methods that need one solve only have no use for start and criterion.
-    ///
-    /// # Errors
-    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Interrupted`]. After
-    /// an interrupted call the deformer may be used as if that call had never been; [`Start::Last`] then starts by itself.
+    /// As [`Deformer::deform`].
     fn deform(
         &mut self,
         pose: &HandlePose,
@@ -190,29 +185,94 @@ pub trait Deformer: Send + std::fmt::Debug {
     ) -> Result<Deformation, SurfaceError>;
 }
 
-/// Prepares a method for a mesh and a set of handles: all but the coarser copies of [`Start::Coarse`], which are made when
-/// a start first asks for them.
+/// A method prefactored for a mesh and a set of handles: takes one pose of the handles after the other.
 ///
-/// # Errors
-/// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
-/// [`SurfaceError::Solve`] where a system has no safe factorization, [`SurfaceError::Interrupted`].
-pub fn bind(
-    method: Method,
-    mesh: &TriMesh,
-    handles: &Handles,
-    options: &DeformOptions,
-    run: &Run,
-) -> Result<Box<dyn Deformer>, SurfaceError> {
-    let alone = bind_alone(method, mesh, handles, options, run)?;
-    if Multiresolution::iterates(method, options) {
-        Ok(Box::new(Multiresolution::new(method, mesh, handles, options, alone)))
-    } else {
-        Ok(alone)
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start};
+///
+/// let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+/// let handles = Handles::exact([0, bar.vertex_count() as u32 - 1])?;
+/// let (options, run) = (DeformOptions::default(), Run::default());
+/// let mut deformer = Deformer::new(Method::Arap, &bar, &handles, &options, &run)?;
+/// for step in 1..=3 {
+///     let mut targets: Vec<_> = handles.vertices().iter().map(|v| bar.positions()[*v as usize]).collect();
+///     targets[1].x += 0.2 * f64::from(step);
+///     let done = deformer.deform(&HandlePose::new(targets), Start::Last, &Convergence::default(), &run)?;
+///     assert_eq!(done.report.constraint_error, 0.0);
+/// }
+/// # Ok::<(), plumbline_shape::surface::SurfaceError>(())
+/// ```
+#[derive(Debug)]
+pub struct Deformer {
+    solver: Box<dyn DeformSolver>,
+}
+
+impl Deformer {
+    /// Prefactors a method for a mesh and a set of handles: all but the coarser copies of [`Start::Coarse`], which are made
+    /// when an initial guess first asks for them.
+    ///
+    /// # Errors
+    /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
+    /// [`SurfaceError::Solve`] where a system has no safe factorization, [`SurfaceError::Interrupted`].
+    pub fn new(
+        method: Method,
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        run: &Run,
+    ) -> Result<Self, SurfaceError> {
+        let solver = single_level(method, mesh, handles, options, run)?;
+        let solver = if Multiresolution::iterates(method, options) {
+            Box::new(Multiresolution::new(method, mesh, handles, options, solver))
+        } else {
+            solver
+        };
+        Ok(Self { solver })
+    }
+
+    /// PriMo for a shell whose stiffness or thickness differs from place to place; no coarser copies.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; [`SurfaceError::Option`] for a stiffness that is not positive, or a grain that is not finite.
+    ///
+    /// # Panics
+    /// Where a list of the fabric has not one entry per triangle.
+    pub fn of_fabric(
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        fabric: &Fabric,
+        run: &Run,
+    ) -> Result<Self, SurfaceError> {
+        Ok(Self { solver: Box::new(Primo::of_fabric(mesh, handles, options, fabric, run)?) })
+    }
+
+    /// Which method it is.
+    pub fn method(&self) -> Method {
+        self.solver.method()
+    }
+
+    /// Deforms the surface so that its handles take a pose. The result depends on the arguments alone, but for
+    /// [`Start::Last`]. Methods that need one solve only have no use for initial guess and criterion.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Interrupted`]. After
+    /// an interrupted call the deformer may be used as if that call had never been; [`Start::Last`] then starts by itself.
+    pub fn deform(
+        &mut self,
+        pose: &HandlePose,
+        start: Start<'_>,
+        convergence: &Convergence,
+        run: &Run,
+    ) -> Result<Deformation, SurfaceError> {
+        self.solver.deform(pose, start, convergence, run)
     }
 }
 
 /// Deforms a surface once, with the default options: `targets` are where the vertices of `handles` go, in their ascending order.
-/// For one pose after the other, or with a progress report, [`bind`] a [`Deformer`].
+/// For one pose after the other, or with a progress report, make a [`Deformer`].
 ///
 /// ```
 /// use plumbline_shape::mesh::shapes;
@@ -230,7 +290,7 @@ pub fn bind(
 /// ```
 ///
 /// # Errors
-/// As for [`bind`] and [`Deformer::deform`].
+/// As for [`Deformer::new`] and [`Deformer::deform`].
 pub fn deform(
     mesh: &TriMesh,
     handles: &Handles,
@@ -238,20 +298,20 @@ pub fn deform(
     method: Method,
 ) -> Result<Vec<Point3<f64>>, SurfaceError> {
     let run = Run::default();
-    let mut deformer = bind(method, mesh, handles, &DeformOptions::default(), &run)?;
+    let mut deformer = Deformer::new(method, mesh, handles, &DeformOptions::default(), &run)?;
     let pose = HandlePose::new(targets.to_vec());
     Ok(deformer.deform(&pose, Start::Auto, &Convergence::default(), &run)?.positions)
 }
 
 /// The method without coarser copies.
-pub(super) fn bind_alone(
+pub(super) fn single_level(
     method: Method,
     mesh: &TriMesh,
     handles: &Handles,
     options: &DeformOptions,
     run: &Run,
-) -> Result<Box<dyn Deformer>, SurfaceError> {
-    let arap = |kind, solver| -> Result<Box<dyn Deformer>, SurfaceError> {
+) -> Result<Box<dyn DeformSolver>, SurfaceError> {
+    let arap = |kind, solver| -> Result<Box<dyn DeformSolver>, SurfaceError> {
         Ok(Box::new(Arap::new(kind, mesh, handles, &DeformOptions { solver, ..*options }, run)?))
     };
     match method {

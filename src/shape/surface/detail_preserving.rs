@@ -59,7 +59,7 @@ impl DetailPreserving {
     /// Prepares the factor of the bilaplacian.
     ///
     /// # Errors
-    /// As [`super::bind`].
+    /// As [`super::Deformer::new`].
     pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions, run: &Run) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
         let cotangents = Cotangents::new(mesh, options.cotangents).limited(MAX_COTANGENT);

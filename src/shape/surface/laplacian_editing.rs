@@ -19,12 +19,13 @@ use serde::{Deserialize, Serialize};
 
 use super::arap::{CellKind, Cells};
 use super::bound::Begin;
+use super::deformer::DeformSolver;
 use super::detail_preserving::DetailPreserving;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
 use super::similarity::SimilarityEditing;
 use super::spread::{Patches, overall_turn};
-use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Method, Start, Stop, SurfaceError};
+use super::{DeformOptions, Deformation, HandlePose, Handles, Method, Start, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use plumbline_num::energy::Convergence;
@@ -154,7 +155,7 @@ fn matrix(turn: &UnitQuaternion<f64>) -> Matrix3<f64> {
     turn.to_rotation_matrix().into_inner()
 }
 
-impl Deformer for LaplacianEditing {
+impl DeformSolver for LaplacianEditing {
     fn method(&self) -> Method {
         Method::Laplacian
     }

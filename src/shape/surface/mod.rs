@@ -4,8 +4,8 @@
 //! x = argmin E(x; p)      s.t.  x_h = t_h  for the handles h        p the surface at rest
 //! ```
 //!
-//! [`bind`] prepares a [`Method`] for a mesh and a set of [`Handles`]; the [`Deformer`] it returns then takes one
-//! [`HandlePose`] after the other. Every method tells in its [`DeformReport`] what it did to the surface.
+//! A [`Deformer`] is a [`Method`] prefactored for a mesh and a set of [`Handles`]; it takes one [`HandlePose`] after the
+//! other. Every method tells in its [`DeformReport`] what it did to the surface.
 
 mod arap;
 mod bound;
@@ -33,8 +33,7 @@ mod test_meshes;
 mod tests;
 
 pub use crate::mesh::operators::CotangentRule;
-pub use arap::{Arap, CellKind};
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, bind, deform};
+pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, deform};
 pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{HandlePose, Handles, Hold};
@@ -43,5 +42,5 @@ pub use hierarchy::{Hierarchy, LevelPose};
 pub use laplacian_editing::Turning;
 pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_start, modes, parts};
 pub use plumbline_num::energy::Convergence;
-pub use primo::{Fabric, Primo, PrimoOptions};
+pub use primo::{Fabric, PrimoOptions};
 pub use report::{DeformReport, Gauge, ShapeChange, Stop};

@@ -15,11 +15,10 @@
 
 use nalgebra::Point3;
 
-use super::deformer::bind_alone;
+use super::deformer::{DeformSolver, single_level};
 use super::hierarchy::{Hierarchy, LevelPose};
 use super::{
-    DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Solver, Start, SurfaceError, Turning,
-    Unheld,
+    DeformOptions, Deformation, HandlePose, Handles, Hold, Method, Solver, Start, SurfaceError, Turning, Unheld,
 };
 use crate::mesh::TriMesh;
 use plumbline_num::energy::Convergence;
@@ -37,7 +36,7 @@ pub(super) struct Multiresolution {
     options: DeformOptions,
     mesh: TriMesh,
     handles: Handles,
-    fine: Box<dyn Deformer>,
+    fine: Box<dyn DeformSolver>,
     /// Made when a start first asks for it.
     coarse: Option<Coarse>,
     /// Whether there is an end of a last call to go on from.
@@ -55,7 +54,7 @@ struct Coarse {
 /// The method on one coarse level.
 #[derive(Debug)]
 struct Level {
-    bound: Box<dyn Deformer>,
+    bound: Box<dyn DeformSolver>,
     /// Numbers of the handles that are left.
     left: Vec<usize>,
 }
@@ -66,7 +65,7 @@ impl Multiresolution {
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
-        fine: Box<dyn Deformer>,
+        fine: Box<dyn DeformSolver>,
     ) -> Self {
         let (mesh, handles) = (mesh.clone(), handles.clone());
         Self { method, options: *options, mesh, handles, fine, coarse: None, solved: false }
@@ -100,7 +99,7 @@ impl Multiresolution {
     }
 }
 
-impl Deformer for Multiresolution {
+impl DeformSolver for Multiresolution {
     fn method(&self) -> Method {
         self.fine.method()
     }
@@ -193,7 +192,7 @@ impl Level {
             primo: options.primo.of_copy(mesh, copy),
             ..*options
         };
-        Ok(Self { bound: bind_alone(method, copy, &Handles::new(held)?, &options, run)?, left })
+        Ok(Self { bound: single_level(method, copy, &Handles::new(held)?, &options, run)?, left })
     }
 
     /// The pose of the handles that are left.

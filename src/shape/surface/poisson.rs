@@ -13,8 +13,9 @@
 
 use super::arap::{CellKind, Elastic};
 use super::bound::Bound;
+use super::deformer::DeformSolver;
 use super::spread::Patches;
-use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Method, Start, Stop, SurfaceError};
+use super::{DeformOptions, Deformation, HandlePose, Handles, Method, Start, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
@@ -42,7 +43,7 @@ impl Poisson {
     }
 }
 
-impl Deformer for Poisson {
+impl DeformSolver for Poisson {
     fn method(&self) -> Method {
         Method::Poisson
     }

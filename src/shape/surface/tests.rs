@@ -31,7 +31,7 @@ fn solve(
     handles: &Handles,
     targets: Vec<Point3<f64>>,
 ) -> Deformation {
-    let mut bound = bind(*method, mesh, handles, options, &Run::default())
+    let mut bound = Deformer::new(*method, mesh, handles, options, &Run::default())
         .unwrap_or_else(|e| panic!("{method:?} {options:?}: {e}"));
     let convergence = Convergence { max_iterations: 60, tolerance: 1e-9 };
     bound.deform(&HandlePose::new(targets), Start::Spread, &convergence, &Run::default()).unwrap()
@@ -126,7 +126,7 @@ fn translated_handles_move_the_surface_harmonically_in_poisson_and_biharmonicall
     let still = vec![UnitQuaternion::identity(); handles.len()];
     let pose = HandlePose::new(targets).with_rotations(still);
     let deform = |method| {
-        let mut bound = bind(method, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+        let mut bound = Deformer::new(method, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
         displacement(&mesh, &bound.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap())
     };
     let harmonic = laplacian(&weights, &deform(Method::Poisson));
@@ -146,7 +146,8 @@ fn poisson_editing_has_the_gradients_that_are_asked_for_where_they_can_be_had() 
     // A flat strip rolled up: each column turned by its own angle is integrable in no other way than by its arc.
     let mesh = tube(30, 8);
     let (handles, targets) = ends(&mesh, &Isometry3::rotation(Vector3::new(0.0, 0.0, 0.4)));
-    let mut poisson = bind(Method::Poisson, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+    let mut poisson =
+        Deformer::new(Method::Poisson, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
     let done =
         poisson.deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default()).unwrap();
     let moved = mesh.with_positions(done.positions).unwrap();

@@ -24,7 +24,7 @@ use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices, product};
 
 /// Which edges turn together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CellKind {
+pub(in crate::surface) enum CellKind {
     /// The edges at a vertex (Sorkine & Alexa 2007). Not bounded below where weights are negative.
     Spokes,
     /// All edges of the triangles around a vertex (Chao, Pinkall, Sanan, Schröder 2010): never negative.

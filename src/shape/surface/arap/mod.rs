@@ -25,7 +25,7 @@ mod smoothness;
 #[cfg(test)]
 mod tests;
 
-pub use cells::CellKind;
+pub(super) use cells::CellKind;
 pub(super) use cells::Cells;
 use cells::Inertia;
 use descent::descend;
@@ -35,7 +35,7 @@ use quasi_newton::Memory;
 use smoothness::Smoothness;
 
 use super::bound::{Begin, Bound};
-use super::deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start};
+use super::deformer::{DeformOptions, DeformSolver, Deformation, Method, Solver, Start};
 use super::lanes::Lanes;
 use super::spread::Patches;
 use super::{HandlePose, Handles, Stop, SurfaceError};
@@ -47,7 +47,7 @@ use plumbline_num::run::{Run, Stopped};
 
 /// ARAP of one kind, bound to a mesh and handles.
 #[derive(Debug)]
-pub struct Arap {
+pub(super) struct Arap {
     bound: Bound,
     elastic: Elastic,
     patches: Patches,
@@ -61,8 +61,8 @@ impl Arap {
     /// Prepares ARAP: weights, cells and the factor of the global step.
     ///
     /// # Errors
-    /// As [`super::bind`].
-    pub fn new(
+    /// As [`super::Deformer::new`].
+    pub(super) fn new(
         kind: CellKind,
         mesh: &TriMesh,
         handles: &Handles,
@@ -132,7 +132,7 @@ fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f6
     Ok((value > 0.0).then_some(value))
 }
 
-impl Deformer for Arap {
+impl DeformSolver for Arap {
     fn method(&self) -> Method {
         match (self.solver, self.elastic.kind) {
             (Solver::GaussNewton, CellKind::SpokesAndRims) => Method::GaussNewton,

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::test_meshes::{placed, sheet, tube};
-use super::super::{Hold, bind};
+use super::super::{Deformer, Hold};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
 use plumbline_num::options::OptionError;
@@ -150,7 +150,7 @@ fn results_move_and_grow_with_the_mesh() {
     let mesh = tube(16, 9);
     let (handles, pose) = bend(&mesh, 1.2);
     let solve = |mesh: &TriMesh, pose: &HandlePose| {
-        let mut arap = bind(Method::Arap, mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+        let mut arap = Deformer::new(Method::Arap, mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
         // As many rounds for all: near the end rounding decides when to stop.
         arap.deform(pose, Start::Spread, &tight(20), &Run::default()).unwrap()
     };
@@ -171,7 +171,7 @@ fn soft_handles_come_nearer_the_heavier_they_are() {
     let (handles, pose) = bend(&mesh, 1.2);
     let error = |weight: f64| {
         let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Hold::Soft(weight)))).unwrap();
-        let mut arap = bind(Method::Arap, &mesh, &soft, &DeformOptions::default(), &Run::default()).unwrap();
+        let mut arap = Deformer::new(Method::Arap, &mesh, &soft, &DeformOptions::default(), &Run::default()).unwrap();
         let done = arap.deform(&pose, Start::Spread, &tight(200), &Run::default()).unwrap();
         done.report.constraint_error / mesh.diagonal()
     };
@@ -188,12 +188,12 @@ fn a_part_without_handle_stays_and_is_named() {
     let mesh = TriMesh::new(positions, a.triangles().iter().copied().chain(second).collect()).unwrap();
     let handles = Handles::exact([0, 15]).unwrap();
     let pose = HandlePose::new(vec![Point3::origin(), Point3::new(2.0, 1.0, 0.5)]);
-    let mut arap = bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+    let mut arap = Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
     let done = arap.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap();
     assert_eq!(done.report.held_still, [super::super::Part { vertex: 16, vertices: 25 }]);
     assert_eq!(done.positions[16..], mesh.positions()[16..]);
     let options = DeformOptions { unheld: super::super::Unheld::Refused, ..Default::default() };
-    let refused = bind(Method::Arap, &mesh, &handles, &options, &Run::default()).unwrap_err();
+    let refused = Deformer::new(Method::Arap, &mesh, &handles, &options, &Run::default()).unwrap_err();
     assert_eq!(
         refused.to_string(),
         "nothing holds the part of 25 vertices that contains vertex 16: hold one of them or let it stay where it is"
@@ -212,7 +212,7 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
             let handles = Handles::exact([0, 1, 24]).unwrap();
             let targets = vec![mesh.positions()[0], mesh.positions()[1], Point3::new(1.0, 1.0, 1.0)];
             let options = DeformOptions { cotangents: rule, ..Default::default() };
-            let mut bound = bind(method, &mesh, &handles, &options, &Run::default()).unwrap();
+            let mut bound = Deformer::new(method, &mesh, &handles, &options, &Run::default()).unwrap();
             let done = bound
                 .deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default())
                 .unwrap();
@@ -227,14 +227,15 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
 #[test]
 fn what_cannot_be_held_is_refused() {
     let mesh = sheet(3);
-    let refused =
-        |handles: Handles| bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap_err();
+    let refused = |handles: Handles| {
+        Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap_err()
+    };
     assert_eq!(refused(Handles::default()), SurfaceError::NoHandle);
     let beyond = refused(Handles::exact([9]).unwrap());
     assert_eq!(beyond.to_string(), "a handle names vertex 9, but the mesh has 9 vertices, numbered from 0");
     let empty = TriMesh::default();
-    let nothing =
-        bind(Method::Arap, &empty, &Handles::default(), &DeformOptions::default(), &Run::default()).unwrap_err();
+    let nothing = Deformer::new(Method::Arap, &empty, &Handles::default(), &DeformOptions::default(), &Run::default())
+        .unwrap_err();
     assert_eq!(nothing, SurfaceError::NoHandle);
 }
 

@@ -76,12 +76,12 @@ fn the_form_is_the_energy_of_the_best_turns_and_rigid_motions_cost_nothing() {
 
 #[test]
 fn near_rest_the_nonlinear_energy_is_the_form() {
-    use crate::surface::{DeformOptions, HandlePose, Handles, Method, Start, bind};
+    use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, Method, Start};
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
     let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
     let handles = Handles::exact([0, 1, 2]).expect("a sound case");
     let options = DeformOptions::default();
-    let mut arap = bind(Method::Arap, &mesh, &handles, &options, &Run::default()).expect("a sound case");
+    let mut arap = Deformer::new(Method::Arap, &mesh, &handles, &options, &Run::default()).expect("a sound case");
     let d: Vec<_> = random(mesh.vertex_count(), 2).into_iter().map(|d| d * 1e-4).collect();
     let moved: Vec<_> = mesh.positions().iter().zip(&d).map(|(p, d)| p + d).collect();
     let criterion = plumbline_num::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
@@ -227,7 +227,7 @@ fn parts_are_connected_and_each_vertex_is_in_one() {
 
 #[test]
 fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest() {
-    use crate::surface::{DeformOptions, HandlePose, Handles, Method, Start, bind};
+    use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, Method, Start};
     let mesh = bar(40, |_| 1.0);
     let low = modes(&mesh, 12, &ModesOptions::default(), &Run::default()).expect("a sound case");
     let held = (0..mesh.vertex_count() as u32).filter(|&v| (mesh.positions()[v as usize].x - 10.0).abs() > 9.2);
@@ -247,7 +247,7 @@ fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest
     let pose = posed(&bend);
     let start = modal_start(&mesh, &low, &handles, &pose).expect("a sound case");
     let mut arap =
-        bind(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
+        Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
     let criterion = plumbline_num::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
     let mut energy = |start| {
         *arap

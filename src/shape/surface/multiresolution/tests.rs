@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::super::test_meshes::{placed, tube};
-use super::super::{Convergence, bind};
+use super::super::{Convergence, Deformer};
 use super::*;
 use plumbline_num::run::Run;
 
@@ -39,7 +39,7 @@ fn run(
     tolerance: f64,
 ) -> Deformation {
     let convergence = Convergence { max_iterations, tolerance };
-    bind(method, mesh, handles, options, &Run::default())
+    Deformer::new(method, mesh, handles, options, &Run::default())
         .unwrap()
         .deform(pose, start, &convergence, &Run::default())
         .unwrap()
@@ -113,7 +113,7 @@ fn a_rigid_motion_stays_one_and_results_grow_with_the_mesh() {
 fn a_first_drag_starts_coarse_and_the_next_where_it_ended() {
     let case = bent(60, 40, 1.2, Hold::Exact);
     let options = DeformOptions::default();
-    let mut bound = bind(Method::Arap, &case.0, &case.1, &options, &Run::default()).unwrap();
+    let mut bound = Deformer::new(Method::Arap, &case.0, &case.1, &options, &Run::default()).unwrap();
     let enough = Convergence { max_iterations: 1000, tolerance: 1e-9 };
     let first = bound.deform(&case.2, Start::Last, &enough, &Run::default()).unwrap();
     assert_eq!(first.positions, run((Method::Arap, &options), &case, Start::Coarse, 1000, 1e-9).positions);

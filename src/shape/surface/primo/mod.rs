@@ -33,7 +33,8 @@ use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
 use super::bound::{Begin, Bound};
-use super::{DeformOptions, Deformation, Deformer, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
+use super::deformer::DeformSolver;
+use super::{DeformOptions, Deformation, HandlePose, Handles, Hold, Method, Start, Stop, SurfaceError};
 use plumbline_num::options::OptionError;
 use shell::BodyPose;
 use solver::{Anchor, Solver, Wish};
@@ -82,7 +83,7 @@ impl PrimoOptions {
 
 /// PriMo, bound to a mesh and a set of handles.
 #[derive(Debug)]
-pub struct Primo {
+pub(super) struct Primo {
     bound: Bound,
     solver: Solver,
     last: Option<Vec<BodyPose>>,
@@ -94,7 +95,12 @@ impl Primo {
     /// # Errors
     /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
     /// [`SurfaceError::Interrupted`].
-    pub fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions, run: &Run) -> Result<Self, SurfaceError> {
+    pub(super) fn new(
+        mesh: &TriMesh,
+        handles: &Handles,
+        options: &DeformOptions,
+        run: &Run,
+    ) -> Result<Self, SurfaceError> {
         Self::of_fabric(mesh, handles, options, &Fabric::default(), run)
     }
 
@@ -105,7 +111,7 @@ impl Primo {
     ///
     /// # Panics
     /// Where a list of the fabric has not one entry per triangle.
-    pub fn of_fabric(
+    pub(super) fn of_fabric(
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
@@ -155,7 +161,7 @@ impl Primo {
     }
 }
 
-impl Deformer for Primo {
+impl DeformSolver for Primo {
     fn method(&self) -> Method {
         Method::Primo
     }

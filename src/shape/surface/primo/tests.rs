@@ -287,8 +287,9 @@ fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() 
     let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
     let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
     let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let mut primo = super::super::bind(Method::Primo, &mesh, &handles, &DeformOptions::default(), &Run::default())
-        .expect("a sound case");
+    let mut primo =
+        super::super::Deformer::new(Method::Primo, &mesh, &handles, &DeformOptions::default(), &Run::default())
+            .expect("a sound case");
     let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
     let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
     let first = primo.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
