@@ -1,4 +1,4 @@
-//! The camera around a model: a direction to look from, and the nearest place from which everything is seen.
+//! The camera for a model: a viewing direction, and the nearest position with the whole model in the picture.
 //!
 //! With the axes of the camera given, a vertex `(X, Y, Z)` is inside the picture of a camera at `c` where
 //! `|X − c_x| ≤ τ_x (Z − c_z)` and `|Y − c_y| ≤ τ_y (Z − c_z)`, `τ` the tangents of half the field of view. Each side of the
@@ -38,7 +38,7 @@ pub struct ViewDirection {
 }
 
 impl ViewDirection {
-    /// Words for directions, and their angles, degrees.
+    /// Named directions with yaw and pitch, degrees.
     pub const NAMED: [(&'static str, f64, f64); 7] = [
         ("front", 0.0, 0.0),
         ("back", 180.0, 0.0),
@@ -54,13 +54,13 @@ impl ViewDirection {
         Self { yaw: yaw.to_radians(), pitch: pitch.to_radians() }
     }
 
-    /// The direction that a word stands for.
+    /// The direction of that name.
     pub fn named(name: &str) -> Option<Self> {
         let (_, yaw, pitch) = Self::NAMED.iter().find(|(known, ..)| *known == name)?;
         Some(Self::degrees(*yaw, *pitch))
     }
 
-    /// Axes of the camera (rows: right, down, forward) in those of the model.
+    /// Camera axes (rows: right, down, forward) in model axes.
     fn camera_from_model(self, up: UpAxis) -> Rotation3<f64> {
         let ((sin_yaw, cos_yaw), (sin, cos)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
         let right = Vector3::new(cos_yaw, 0.0, -sin_yaw);
@@ -76,33 +76,33 @@ impl ViewDirection {
 }
 
 impl Default for ViewDirection {
-    /// A little from the side and above: three sides of a box are seen.
+    /// From the side and above, so that three sides of a box are visible.
     fn default() -> Self {
         Self::degrees(35.0, 25.0)
     }
 }
 
-/// A pinhole camera before a model.
+/// A pinhole camera that looks at a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceCamera {
-    /// Where it stands.
+    /// Position and orientation.
     pub pose: CameraPose,
     /// Focal length, px.
     pub focal_px: f64,
-    /// Width and height of its picture, px.
+    /// Width and height of the picture, px.
     pub size: (usize, usize),
-    /// Nearer than this nothing is drawn, in units of the model.
+    /// Distance of the near plane, in units of the model.
     pub near: f64,
 }
 
-/// Share of the picture's half side that stays free around the model.
+/// Margin around the model as a fraction of half the picture's side: outlines and marks at the rim stay whole.
 const MARGIN: f64 = 0.06;
-/// Angle of view along the shorter side, rad: that of a portrait lens, 28°, under which shapes look neither flat nor bulged.
-const FIELD: f64 = 0.49;
+/// Field of view along the shorter side, rad: 28° as of a portrait lens, a compromise between flat and bulged shapes.
+const FIELD_OF_VIEW: f64 = 0.49;
 
 impl SurfaceCamera {
-    /// The camera of `size` px that looks at the points from `direction` and is as near as it can be with all of them in the
-    /// picture. Without points it looks at the origin.
+    /// The camera of `size` px that looks at the points from `direction`, as near as possible with all of them in the picture.
+    /// Without points it looks at the origin.
     pub fn fit<'p>(
         points: impl IntoIterator<Item = &'p Point3<f64>>,
         direction: ViewDirection,
@@ -111,23 +111,23 @@ impl SurfaceCamera {
     ) -> Self {
         let rotation = direction.camera_from_model(up);
         let size = (size.0.max(1), size.1.max(1));
-        let focal_px = size.0.min(size.1) as f64 / 2.0 / (FIELD / 2.0).tan();
+        let focal_px = size.0.min(size.1) as f64 / 2.0 / (FIELD_OF_VIEW / 2.0).tan();
         let tangents = [size.0, size.1].map(|side| side as f64 / 2.0 / focal_px * (1.0 - MARGIN));
         let mut extent = Extent::new(tangents);
-        points.into_iter().for_each(|p| extent.take(&rotation, p));
+        points.into_iter().for_each(|p| extent.include(&rotation, p));
         let (center, distance) = extent.center();
         let world = extent.origin.unwrap_or_else(Point3::origin) + rotation.inverse() * center.coords;
         let pose = CameraPose::looking_from(world, UnitQuaternion::from_rotation_matrix(&rotation));
         Self { pose, focal_px, size, near: distance * 1e-3 }
     }
 
-    /// Normalized ray `(X, Y)`, with Z = 1, through a place of the picture, px.
+    /// Normalized ray `(X, Y)`, with Z = 1, through a pixel position.
     #[inline]
     pub(super) fn ray(&self, x: f64, y: f64) -> (f64, f64) {
         ((x - self.size.0 as f64 / 2.0) / self.focal_px, (y - self.size.1 as f64 / 2.0) / self.focal_px)
     }
 
-    /// Where a point in the camera's axes is seen, px; without meaning where it is not in front of the camera.
+    /// Projection of a point in camera coordinates, px; meaningless for points behind the camera.
     #[inline]
     pub(super) fn project(&self, p: &Point3<f64>) -> Point2 {
         let scale = self.focal_px / p.z;
@@ -135,7 +135,7 @@ impl SurfaceCamera {
     }
 }
 
-/// How far points reach along the sides of a frustum, relative to the first of them so that distant models lose no digits.
+/// Extent of points along the sides of a frustum, relative to the first point so that distant models lose no digits.
 struct Extent {
     tangents: [f64; 2],
     origin: Option<Point3<f64>>,
@@ -151,7 +151,7 @@ impl Extent {
         Self { tangents, origin: None, reach: [[none; 2]; 2], nearest: f64::INFINITY, farthest: none }
     }
 
-    fn take(&mut self, rotation: &Rotation3<f64>, p: &Point3<f64>) {
+    fn include(&mut self, rotation: &Rotation3<f64>, p: &Point3<f64>) {
         if !p.coords.iter().all(|c| c.is_finite()) {
             return;
         }
@@ -166,7 +166,7 @@ impl Extent {
         self.farthest = self.farthest.max(v.z);
     }
 
-    /// The camera's place, in its own axes from the first point, and how far off the middle of the depths is.
+    /// The camera position in camera axes relative to the first point, and the distance to the middle of the depth range.
     fn center(&self) -> (Point3<f64>, f64) {
         if self.origin.is_none() {
             return (Point3::new(0.0, 0.0, -1.0), 1.0);
@@ -175,8 +175,7 @@ impl Extent {
         let farthest_back = |i: usize| -(self.reach[i][0] + self.reach[i][1]) / (2.0 * self.tangents[i]);
         let mut z = farthest_back(0).min(farthest_back(1));
         let middle = 0.5 * (self.nearest + self.farthest);
-        // A point, or a line along the axis of the view, can be seen from as near as one likes: keep off by its own length,
-        // or by a unit.
+        // A point, or a line along the viewing axis, fits at any distance: use its own length, or one unit.
         let depth = self.farthest - self.nearest;
         if !(self.nearest - z > 1e-6 * depth) {
             z = self.nearest - if depth > 0.0 { depth } else { 1.0 };

@@ -1,19 +1,19 @@
-//! Normals at the corners of triangles: smooth within, sharp at creases.
+//! Normals per triangle corner: smooth, except across creases.
 //!
-//! The normal at a corner is the sum of the area-weighted normals of those triangles around the vertex whose own direction
-//! differs from the corner's triangle by less than the crease angle. Orientation counts: flipped neighbors do not mix.
+//! The normal at a corner is the area-weighted sum over those triangles around the vertex whose normal differs from that of the
+//! corner's triangle by less than the crease angle. Orientation counts: flipped neighbors are excluded.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::mesh::TriMesh;
 
-/// Unit normals at the corners of every triangle; zero for one without area.
+/// Unit normals at the corners of every triangle; zero for a degenerate triangle.
 pub(super) fn corner_normals(mesh: &TriMesh, crease_deg: f64) -> Vec<[Vector3<f32>; 3]> {
     let count = mesh.triangle_count();
     let scale = mesh.diagonal().powi(-2);
     let scale = if scale.is_finite() { scale } else { 1.0 };
-    // In units of the diagonal: a normal is as long as an area, which single precision may not hold.
+    // In units of the diagonal: normals have the length of areas, which may overflow single precision.
     let area: Vec<Vector3<f32>> = (0..count).into_par_iter().map(|t| (mesh.area_normal(t) * scale).cast()).collect();
     let unit: Vec<Vector3<f32>> = area.par_iter().map(normalized).collect();
     let (first, around) = triangles_around(mesh);

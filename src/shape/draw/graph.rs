@@ -1,7 +1,7 @@
-//! A graph in space as marks: each branch in a color of its own, ends and junctions as dots of theirs.
+//! A graph in space as marks: branches colored in turn, end points and junctions as dots.
 //!
-//! A branch is a row of edges between two nodes that do not have two neighbors, or a loop of nodes that all have. Colors follow the
-//! order of the branches' first edges, so that the same graph looks the same from everywhere.
+//! A branch is a chain of edges between two nodes of degree other than 2, or a closed chain. Colors follow the order of the
+//! branches' first edges, so that they do not depend on the view.
 
 use nalgebra::Point3;
 
@@ -9,7 +9,7 @@ use super::{Mark, Shape};
 use plumbline_image::canvas::Rgb;
 use plumbline_num::spatial::UnionFind;
 
-/// Colors of branches: told apart on light clay and from each other.
+/// Branch colors, distinct from the surface color and from each other.
 const BRANCHES: [Rgb; 9] = [
     [31, 99, 190],
     [214, 84, 24],
@@ -21,12 +21,12 @@ const BRANCHES: [Rgb; 9] = [
     [90, 70, 200],
     [110, 110, 30],
 ];
-/// Dots where one branch ends, where a branch goes on, and where three or more meet.
+/// Colors of end points, of inner nodes of a branch, and of junctions.
 const END: Rgb = [226, 42, 36];
 const BEND: Rgb = [250, 250, 250];
 const JUNCTION: Rgb = [36, 46, 66];
 
-/// Segments along the edges, colored by branch. Edges that name no node are left out.
+/// Segments along the edges, colored by branch. Edges with an invalid node index are skipped.
 pub fn branch_marks(nodes: &[Point3<f64>], edges: &[[u32; 2]], width_px: f64) -> Vec<Mark> {
     let degree = degrees(nodes.len(), edges);
     let known = |e: &&[u32; 2]| e.iter().all(|v| (*v as usize) < nodes.len());
@@ -57,7 +57,7 @@ pub fn branch_marks(nodes: &[Point3<f64>], edges: &[[u32; 2]], width_px: f64) ->
     edges.iter().enumerate().filter(|(_, e)| known(e)).map(segment).collect()
 }
 
-/// Dots at the nodes: ends red, junctions dark, others white.
+/// Dots at the nodes: end points red, junctions dark, others white.
 pub fn node_marks(nodes: &[Point3<f64>], edges: &[[u32; 2]], width_px: f64) -> Vec<Mark> {
     let mark = |(p, degree): (&Point3<f64>, usize)| {
         let color = match degree {
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn branches_have_colors_of_their_own_and_nodes_those_of_their_kind() {
+    fn branches_are_colored_in_turn_and_nodes_by_degree() {
         // A star of three arms of two edges each, and a loop.
         let nodes: Vec<_> = (0..10).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect();
         let edges = [[0, 1], [1, 2], [0, 3], [3, 4], [0, 5], [6, 5], [7, 8], [8, 9], [9, 7], [0, 99]];

@@ -1,17 +1,17 @@
-//! The bar that tells which numbers the colors stand for, at the right edge of the picture.
+//! The color bar at the right edge of the picture.
 
 #![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
 
 use super::Scale;
 use plumbline_image::canvas::{Canvas, Rgb, text_width};
 
-/// Share of the picture's height that the bar takes.
+/// Height of the bar as a fraction of the picture's.
 const HEIGHT: f64 = 0.6;
-/// Numbers beside the bar.
+/// Labels beside the bar: both ends, the middle and the quarters.
 const TICKS: usize = 5;
 const INK: Rgb = [40, 44, 52];
 
-/// Draws it, unless the picture is too small to hold it.
+/// Draws the bar, unless the picture is too small for it.
 pub(super) fn draw(scale: &Scale, canvas: &mut Canvas) {
     let text = (canvas.width().min(canvas.height()) / 400).clamp(1, 4);
     let labels: Vec<String> = (0..TICKS).map(|k| number(value(scale, k))).collect();
@@ -46,7 +46,7 @@ fn value(scale: &Scale, k: usize) -> f64 {
     scale.low * (1.0 - t) + scale.high * t
 }
 
-/// Three digits, with an exponent where many zeros would stand.
+/// Three significant digits; with an exponent for very small and very large values.
 fn number(v: f64) -> String {
     let size = v.abs();
     if v == 0.0 {
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits_and_no_idle_zeros() {
+    fn numbers_have_three_digits_and_no_trailing_zeros() {
         let shown = |v: f64| number(v);
         let cases =
             [(0.0, "0"), (0.5, "0.5"), (-12.346, "-12.3"), (1234.6, "1235"), (2e-7, "2.00e-7"), (3e9, "3.00e9")];

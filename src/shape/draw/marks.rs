@@ -1,32 +1,32 @@
-//! Points and segments in space over a picture: handles, skeletons. What the surface hides is drawn as faintly as it veils it.
+//! Points and segments in space (handles, skeletons), drawn over the picture and attenuated where the surface hides them.
 
 #![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
 
 use nalgebra::Point3;
 
 use super::SurfaceCamera;
-use super::veil::Veil;
+use super::occlusion::Occlusion;
 use plumbline_image::canvas::{Canvas, Rgb};
 use plumbline_num::math::Point2;
 
-/// Marks lie on the surface: they count as nearer by this share of their distance, or the surface would swallow half of them.
-const LIFT: f32 = 0.004;
-/// Width of the dark rim around points, px: they stand out on any color.
+/// Depth bias of marks as a fraction of their distance: marks on the surface would otherwise be half hidden by it.
+const DEPTH_BIAS: f32 = 0.004;
+/// Width of the dark outline around points, px, for contrast on any color.
 const RIM: f64 = 1.2;
 
-/// Where a mark is.
+/// Shape of a mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// A disk around a place.
+    /// A disk.
     Point(Point3<f64>),
-    /// A line from one place to another.
+    /// A line segment.
     Segment(Point3<f64>, Point3<f64>),
 }
 
 /// A point or a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
-    /// Where.
+    /// Its shape and position.
     pub shape: Shape,
     /// Its color.
     pub color: Rgb,
@@ -34,24 +34,24 @@ pub struct Mark {
     pub width_px: f64,
 }
 
-/// A mark on the screen: both ends (of a point the same one) and how near they are, `1/z`.
+/// A projected mark: both end points (equal for a point) with their inverse depths `1/z`.
 struct Drawn<'m> {
     mark: &'m Mark,
     ends: [(Point2, f32); 2],
 }
 
 /// Draws the marks, the farthest first.
-pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, veil: &Veil, canvas: &mut Canvas) {
+pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, occlusion: &Occlusion, canvas: &mut Canvas) {
     let mut drawn: Vec<Drawn<'_>> = marks.iter().filter_map(|m| Drawn::of(m, camera)).collect();
     let nearness = |d: &Drawn<'_>| d.ends[0].1 + d.ends[1].1;
     drawn.sort_by(|a, b| nearness(a).total_cmp(&nearness(b)));
     for mark in &drawn {
-        mark.draw(veil, canvas);
+        mark.draw(occlusion, canvas);
     }
 }
 
 impl<'m> Drawn<'m> {
-    /// `None` behind the camera, and where a coordinate is not finite.
+    /// `None` for a mark behind the camera or with a coordinate that is not finite.
     fn of(mark: &'m Mark, camera: &SurfaceCamera) -> Option<Self> {
         let (a, b) = match mark.shape {
             Shape::Point(p) => (p, p),
@@ -73,7 +73,7 @@ impl<'m> Drawn<'m> {
         finite.then_some(Self { mark, ends })
     }
 
-    fn draw(&self, veil: &Veil, canvas: &mut Canvas) {
+    fn draw(&self, occlusion: &Occlusion, canvas: &mut Canvas) {
         let radius = self.mark.width_px / 2.0;
         let rim = if matches!(self.mark.shape, Shape::Point(_)) { RIM } else { 0.0 };
         let reach = radius + rim + 1.0;
@@ -94,7 +94,8 @@ impl<'m> Drawn<'m> {
                 if cover(radius + rim) <= 0.0 {
                     continue;
                 }
-                let strength = veil.share((x, y), (near_a + (near_b - near_a) * t as f32) * (1.0 + LIFT));
+                let strength =
+                    occlusion.transmittance((x, y), (near_a + (near_b - near_a) * t as f32) * (1.0 + DEPTH_BIAS));
                 if rim > 0.0 {
                     canvas.blend(x as i64, y as i64, [24, 26, 32], cover(radius + rim) * strength);
                 }

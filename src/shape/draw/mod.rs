@@ -1,15 +1,13 @@
-//! Pictures of surfaces: triangles seen by a perspective camera, lit from its side, with edges, colors and marks.
+//! Software rasterizer: a triangle mesh under a perspective camera, with lighting, wireframe, color maps and marks.
 //!
-//! 1. [`SurfaceCamera::fit`] finds the nearest place from which every vertex is inside the picture.
-//! 2. `visibility.rs` decides for `s × s` samples per pixel which triangle is seen: a z-buffer, in bands on all threads.
-//! 3. `shade.rs` colors each pixel once per triangle that its samples see; smooth normals stop at creases
-//!    (`corner_normals.rs`), and a wireframe is drawn by the distance to the triangle's edges, so that what hides a face
-//!    hides its edges.
-//! 4. Of a translucent surface layers are peeled off one by one, and laid over each other.
-//! 5. `marks.rs` draws points and segments (handles, skeletons: `graph.rs`) over it; what a surface hides is drawn faintly, what
-//!    a translucent one veils as far as it lets through (`veil.rs`).
+//! 1. [`SurfaceCamera::fit`] computes the nearest camera position with every vertex inside the picture.
+//! 2. `visibility.rs` finds the nearest triangle of `s × s` samples per pixel: a z-buffer, in bands on all threads.
+//! 3. `shade.rs` shades each pixel once per visible triangle. Smooth normals stop at creases (`corner_normals.rs`). The
+//!    wireframe is drawn by the distance to the triangle's edges, so that it is hidden with its triangle.
+//! 4. The layers of a translucent surface are found by depth peeling and composited front to back.
+//! 5. `marks.rs` draws points and segments (handles, skeletons: `graph.rs`). Hidden marks are attenuated (`occlusion.rs`).
 //!
-//! Both sides of a triangle are lit. Degenerate triangles are not seen. The picture does not depend on the number of threads.
+//! Both sides of a triangle are lit; degenerate triangles are skipped. The picture does not depend on the number of threads.
 
 mod camera;
 mod corner_normals;
@@ -17,10 +15,10 @@ mod graph;
 mod legend;
 mod lighting;
 mod marks;
+mod occlusion;
 mod shade;
 #[cfg(test)]
 mod tests;
-mod veil;
 mod visibility;
 
 pub use camera::{SurfaceCamera, UpAxis, ViewDirection};
@@ -31,22 +29,22 @@ use crate::mesh::TriMesh;
 use plumbline_image::canvas::{Canvas, ColorMap, Rgb};
 use plumbline_num::run::{Run, Stopped};
 
-/// The color of a surface that has none of its own: a warm light gray on which light and shadow read well.
+/// Default surface color: a warm light gray with contrast to both highlights and shadows.
 pub const CLAY: Rgb = [214, 208, 198];
 
-/// Which numbers the two ends of a color map stand for.
+/// The value range of a color map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// The number at its low end.
+    /// Value at the low end of the map.
     pub low: f64,
-    /// The number at its high end.
+    /// Value at the high end of the map.
     pub high: f64,
     /// The map.
     pub map: ColorMap,
 }
 
 impl Scale {
-    /// From the least to the largest finite value; diverging about zero where both signs occur, and as far to both sides.
+    /// The range of the finite values. Where both signs occur: a diverging map, symmetric about zero.
     pub fn of(values: &[f64]) -> Self {
         let finite = || values.iter().copied().filter(|v| v.is_finite());
         let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
@@ -60,42 +58,42 @@ impl Scale {
         Self { low, high, map: ColorMap::Sequential }
     }
 
-    /// Where a value lies between both ends, in [0, 1]; the middle where they are one. `None` for NaN.
-    fn share(&self, value: f64) -> Option<f64> {
+    /// Position of a value in the range, in [0, 1]; 0.5 for an empty range, `None` for NaN.
+    fn normalized(&self, value: f64) -> Option<f64> {
         if value.is_nan() {
             return None;
         }
-        let share = (value - self.low) / (self.high - self.low);
-        Some(if share.is_nan() { 0.5 } else { share.clamp(0.0, 1.0) })
+        let t = (value - self.low) / (self.high - self.low);
+        Some(if t.is_nan() { 0.5 } else { t.clamp(0.0, 1.0) })
     }
 }
 
-/// How a surface is colored. Where a list is too short, and where a value is NaN, it is gray.
+/// Surface colors. Entries beyond the end of a list and NaN values are gray.
 #[derive(Clone, Copy, Debug)]
 pub enum Paint<'a> {
-    /// One color all over.
+    /// One color.
     Plain(Rgb),
-    /// A color per vertex, mixed within triangles.
+    /// A color per vertex, interpolated in triangles.
     VertexColors(&'a [Rgb]),
     /// A color per triangle.
     FaceColors(&'a [Rgb]),
-    /// A number per vertex, mixed within triangles before it becomes a color.
+    /// A value per vertex, interpolated in triangles, then mapped to a color.
     VertexValues(&'a [f64], Scale),
-    /// A number per triangle.
+    /// A value per triangle, mapped to a color.
     FaceValues(&'a [f64], Scale),
 }
 
-/// What is drawn.
+/// A mesh to draw.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
     /// The triangles.
     pub mesh: &'a TriMesh,
     /// Their colors.
     pub paint: Paint<'a>,
-    /// For each triangle, which of its edges a wireframe shows: bit `k` for the one from corner `k` to the next. All where
-    /// there is no list, so that polygons can be shown without their diagonals.
+    /// Per triangle, the edges that a wireframe shows: bit `k` for the edge from corner `k` to the next. Without a list all edges
+    /// are shown; a list hides the diagonals of polygons.
     pub edges: Option<&'a [u8]>,
-    /// Points and segments beside the surface.
+    /// Points and segments drawn over the surface.
     pub marks: &'a [Mark],
 }
 
@@ -106,12 +104,12 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Lines along edges.
+/// A wireframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wireframe {
-    /// Their color.
+    /// Line color.
     pub color: Rgb,
-    /// Their width, px. Where triangles are not much larger, lines grow fainter, or nothing else would be seen.
+    /// Line width, px. Lines fade on triangles that are not much larger than the width.
     pub width_px: f64,
 }
 
@@ -121,24 +119,24 @@ impl Default for Wireframe {
     }
 }
 
-/// How it is drawn.
+/// Drawing style.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
-    /// Color above and color below; between them it changes evenly.
+    /// Background colors at the top and at the bottom, interpolated linearly.
     pub background: [Rgb; 2],
-    /// Triangles are flat; else normals are smooth up to `crease_deg`.
+    /// Flat shading; otherwise smooth normals up to `crease_deg`.
     pub flat: bool,
-    /// Edges whose faces turn by more than this stay sharp, degrees.
+    /// Dihedral angle above which an edge is shaded sharp, degrees.
     pub crease_deg: f64,
-    /// Lines along edges.
+    /// Wireframe over the surface.
     pub wireframe: Option<Wireframe>,
-    /// Color of faces that are seen from behind, where they shall stand out.
+    /// Color of back faces; the surface color if `None`.
     pub back: Option<Rgb>,
-    /// How opaque surfaces are that face the viewer, 0 to 1. Less than 1: what lies behind shows through, layer by layer.
+    /// Opacity at normal incidence, 0 to 1. Below 1 the layers behind show through.
     pub opacity: f64,
     /// Samples per pixel along each axis, at least 1.
     pub samples: usize,
-    /// Whether numbers get a bar that tells their colors.
+    /// Draw a color bar for mapped values.
     pub legend: bool,
 }
 
@@ -147,7 +145,7 @@ impl Default for Style {
         Self {
             background: [[250, 251, 253], [219, 224, 232]],
             flat: false,
-            // Half a right angle: the edges of a box stay sharp, coarse cylinders of nine sides and more look round.
+            // Half a right angle: the edges of a box stay sharp, cylinders of nine and more sides look round.
             crease_deg: 45.0,
             wireframe: None,
             back: None,
@@ -158,7 +156,7 @@ impl Default for Style {
     }
 }
 
-/// The picture that `camera` takes of a surface.
+/// Renders a surface.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -166,8 +164,8 @@ pub fn draw(surface: &Surface<'_>, camera: &SurfaceCamera, style: &Style, run: &
     let samples = style.samples.clamp(1, 8);
     run.check()?;
     let view = visibility::View::new(surface.mesh, camera, samples);
-    let (mut canvas, veil) = shade::shade(surface, camera, style, &view, run)?;
-    marks::draw(surface.marks, camera, &veil, &mut canvas);
+    let (mut canvas, occlusion) = shade::shade(surface, camera, style, &view, run)?;
+    marks::draw(surface.marks, camera, &occlusion, &mut canvas);
     if let (Paint::VertexValues(_, scale) | Paint::FaceValues(_, scale), true) = (&surface.paint, style.legend) {
         legend::draw(scale, &mut canvas);
     }

@@ -1,19 +1,19 @@
-//! Colors of pixels: each triangle that a pixel's samples see is shaded once, at the mean place of those samples.
+//! Pixel colors: each triangle visible in a pixel is shaded once, at the mean position of its samples.
 //!
-//! Layers of a translucent surface lie over each other, the nearest first: with the light `L` and opacity `α` of a layer, and `T` the
-//! share that the layers before it let through, a pixel gathers `T α L` and goes on with `T (1 − α)`. A surface seen at a grazing angle is
-//! passed through a longer way: `α = o + (1 − o)(1 − |n·v|)³`, so that outlines stand out as those of glass do.
+//! Layers of a translucent surface are composited front to back: with the light `L` and opacity `α` of a layer and the
+//! transmittance `T` of the layers before it, a pixel accumulates `T α L` and continues with `T (1 − α)`. The opacity grows at
+//! grazing angles, where the path through the surface is longer, as for glass: `α = o + (1 − o)(1 − |n·v|)³`.
 //!
-//! With the corners `a, b, c` of a triangle in the camera's axes, the place where the ray `r = (X, Y, 1)` meets its plane has
-//! barycentric coordinates proportional to `r·(b×c), r·(c×a), r·(a×b)`: perspective needs no correction.
+//! With the corners `a, b, c` of a triangle in camera coordinates, the intersection of the ray `r = (X, Y, 1)` with its plane has
+//! barycentric coordinates proportional to `r·(b×c), r·(c×a), r·(a×b)`: no perspective correction is needed.
 
 use nalgebra::{Point3, Rotation3, Vector3};
 use rayon::prelude::*;
 
 use super::corner_normals::corner_normals;
 use super::lighting::Lights;
-use super::veil::Veil;
-use super::visibility::{NOTHING, Seen, View};
+use super::occlusion::Occlusion;
+use super::visibility::{NO_TRIANGLE, View, VisibleLayer};
 use super::{Paint, Style, Surface, SurfaceCamera, Wireframe};
 use plumbline_image::canvas::srgb::{Encode, LINEAR};
 use plumbline_image::canvas::{Canvas, Rgb};
@@ -22,29 +22,29 @@ use plumbline_num::run::{Run, Stopped};
 
 type Vec3 = Vector3<f32>;
 
-/// The color of what has none.
+/// Color of missing and NaN entries.
 const UNKNOWN: Rgb = [128, 128, 128];
-/// Lines are at full strength where a circle inside the triangle has this radius, in line widths.
-const ROOM_FOR_LINES: f64 = 3.0;
+/// Inradius of a triangle, in line widths, from which on its wireframe has full strength: below, lines would cover the surface.
+const MIN_LINE_INRADIUS: f64 = 3.0;
 
-/// Layers of a translucent surface that are drawn: what lies behind as many is not seen.
-const LAYERS: usize = 12;
+/// Maximum number of peeled layers; at an opacity of 0.3 the remaining transmittance is about 1 %.
+const MAX_LAYERS: usize = 12;
 
-/// Light that reaches a pixel, and the share of what lies behind that is let through.
+/// Accumulated light of a pixel, and its transmittance.
 #[derive(Clone, Copy)]
 struct Gathered {
     light: Vec3,
-    clear: f32,
+    transmittance: f32,
 }
 
-/// Colors every pixel, and tells what lies before marks.
+/// Colors every pixel; returns the picture and the layers that may hide marks.
 pub(super) fn shade(
     surface: &Surface<'_>,
     camera: &SurfaceCamera,
     style: &Style,
     view: &View,
     run: &Run,
-) -> Result<(Canvas, Veil), Stopped> {
+) -> Result<(Canvas, Occlusion), Stopped> {
     let legible = !matches!(surface.paint, Paint::Plain(_));
     let shader = Shader {
         surface,
@@ -60,18 +60,18 @@ pub(super) fn shade(
     };
     run.check()?;
     let (width, height) = camera.size;
-    let mut gathered = vec![Gathered { light: Vec3::zeros(), clear: 1.0 }; width * height];
-    let veil = shader.gather(&mut gathered, run)?;
+    let mut gathered = vec![Gathered { light: Vec3::zeros(), transmittance: 1.0 }; width * height];
+    let occlusion = shader.gather(&mut gathered, run)?;
     let encode = Encode::new();
     let mut pixels: Vec<Rgb> = vec![[0; 3]; width * height];
     let rows = pixels.par_chunks_mut(width).zip(gathered.par_chunks(width));
     rows.enumerate().for_each(|(y, (row, gathered))| {
         let behind = background(style, y, height);
         for (pixel, g) in row.iter_mut().zip(gathered) {
-            *pixel = encode.apply(g.light + behind * g.clear);
+            *pixel = encode.apply(g.light + behind * g.transmittance);
         }
     });
-    Ok((Canvas::from_pixels(width, height, pixels).expect("one pixel per place"), veil))
+    Ok((Canvas::from_pixels(width, height, pixels).expect("one color per pixel"), occlusion))
 }
 
 fn background(style: &Style, y: usize, height: usize) -> Vec3 {
@@ -111,18 +111,18 @@ impl<'a> Colors<'a> {
             Self::Listed(Paint::Plain(color)) => linear(*color),
             Self::Mapped(Paint::VertexValues(values, scale), table) => {
                 let value = |v: u32| values.get(v as usize).copied().unwrap_or(f64::NAN);
-                mapped(scale.share(corners.iter().zip(weights).map(|(v, w)| value(*v) * w).sum()), table)
+                mapped(scale.normalized(corners.iter().zip(weights).map(|(v, w)| value(*v) * w).sum()), table)
             }
             Self::Mapped(Paint::FaceValues(values, scale), table) => {
-                mapped(values.get(triangle).and_then(|v| scale.share(*v)), table)
+                mapped(values.get(triangle).and_then(|v| scale.normalized(*v)), table)
             }
             Self::Listed(_) | Self::Mapped(..) => linear(UNKNOWN),
         }
     }
 }
 
-fn mapped(share: Option<f64>, table: &[Vec3]) -> Vec3 {
-    share.map_or_else(|| linear(UNKNOWN), |t| table[(t * (table.len() - 1) as f64).round() as usize])
+fn mapped(position: Option<f64>, table: &[Vec3]) -> Vec3 {
+    position.map_or_else(|| linear(UNKNOWN), |t| table[(t * (table.len() - 1) as f64).round() as usize])
 }
 
 struct Shader<'a> {
@@ -139,35 +139,35 @@ struct Shader<'a> {
 }
 
 impl Shader<'_> {
-    /// Gathers the light of the surface, layer by layer where it is translucent.
-    fn gather(&self, gathered: &mut [Gathered], run: &Run) -> Result<Veil, Stopped> {
-        let mut seen = self.view.nearest(run)?;
+    /// Accumulates the light of the surface, layer by layer where it is translucent.
+    fn gather(&self, gathered: &mut [Gathered], run: &Run) -> Result<Occlusion, Stopped> {
+        let mut layer = self.view.nearest(run)?;
         if self.opacity >= 1.0 {
-            self.add(&seen, gathered, run)?;
-            return Ok(Veil::opaque(seen));
+            self.add(&layer, gathered, run)?;
+            return Ok(Occlusion::Opaque(layer));
         }
-        let mut veil = Veil::translucent(self.camera.size.0);
-        for _ in 0..LAYERS {
-            if seen.is_empty() {
+        let mut occlusion = Occlusion::Translucent { width: self.camera.size.0, layers: Vec::new() };
+        for _ in 0..MAX_LAYERS {
+            if layer.is_empty() {
                 break;
             }
-            veil.lay(&self.add(&seen, gathered, run)?, &seen);
-            seen = self.view.behind(&seen, run)?;
+            occlusion.push(&self.add(&layer, gathered, run)?, &layer);
+            layer = self.view.behind(&layer, run)?;
         }
-        Ok(veil)
+        Ok(occlusion)
     }
 
-    /// Adds the light of a layer; how opaque it is in each pixel.
-    fn add(&self, seen: &Seen, gathered: &mut [Gathered], run: &Run) -> Result<Vec<f32>, Stopped> {
+    /// Adds the light of a layer; returns its opacity per pixel.
+    fn add(&self, layer: &VisibleLayer, gathered: &mut [Gathered], run: &Run) -> Result<Vec<f32>, Stopped> {
         let mut opacity = vec![0.0; gathered.len()];
         let width = self.camera.size.0;
         let rows = gathered.par_chunks_mut(width).zip(opacity.par_chunks_mut(width));
         rows.enumerate().try_for_each(|(y, (row, opacity))| {
             run.check()?;
             for (x, (g, opacity)) in row.iter_mut().zip(opacity).enumerate() {
-                if let Some((light, cover)) = self.pixel(seen, x, y) {
-                    g.light += light * g.clear;
-                    g.clear *= 1.0 - cover;
+                if let Some((light, cover)) = self.pixel(layer, x, y) {
+                    g.light += light * g.transmittance;
+                    g.transmittance *= 1.0 - cover;
                     *opacity = cover;
                 }
             }
@@ -176,26 +176,26 @@ impl Shader<'_> {
         Ok(opacity)
     }
 
-    /// Light that a layer adds to a pixel, and how much of the pixel it covers; `None` where no sample sees it.
-    fn pixel(&self, seen: &Seen, x: usize, y: usize) -> Option<(Vec3, f32)> {
-        let n = seen.samples;
-        let sample = |i: usize| seen.triangle(x, y, i % n, i / n);
+    /// Light and opacity of a layer in a pixel; `None` where no sample hits it.
+    fn pixel(&self, layer: &VisibleLayer, x: usize, y: usize) -> Option<(Vec3, f32)> {
+        let n = layer.samples;
+        let sample = |i: usize| layer.triangle(x, y, i % n, i / n);
         let first = sample(0);
         if (1..n * n).all(|i| sample(i) == first) {
-            return (first != NOTHING).then(|| self.light(first as usize, x as f64 + 0.5, y as f64 + 0.5));
+            return (first != NO_TRIANGLE).then(|| self.light(first as usize, x as f64 + 0.5, y as f64 + 0.5));
         }
         let (mut light, mut cover) = (Vec3::zeros(), 0.0);
         for i in 0..n * n {
             let triangle = sample(i);
-            if triangle == NOTHING || (0..i).any(|k| sample(k) == triangle) {
+            if triangle == NO_TRIANGLE || (0..i).any(|k| sample(k) == triangle) {
                 continue;
             }
-            let (mut count, mut place) = (0.0, Vec2::zeros());
+            let (mut count, mut sum) = (0.0, Vec2::zeros());
             for k in (i..n * n).filter(|k| sample(*k) == triangle) {
                 count += 1.0;
-                place += Vec2::new((k % n) as f64 + 0.5, (k / n) as f64 + 0.5);
+                sum += Vec2::new((k % n) as f64 + 0.5, (k / n) as f64 + 0.5);
             }
-            let at = place / (count * n as f64);
+            let at = sum / (count * n as f64);
             let (own, opacity) = self.light(triangle as usize, x as f64 + at.x, y as f64 + at.y);
             light += own * count as f32;
             cover += opacity * count as f32;
@@ -204,7 +204,7 @@ impl Shader<'_> {
         Some((light / all, cover / all))
     }
 
-    /// Linear light that comes from a triangle through the place (`x`, `y`) of the picture, px, and how opaque it is there.
+    /// Linear light and opacity of a triangle at the pixel position (`x`, `y`).
     fn light(&self, triangle: usize, x: f64, y: f64) -> (Vec3, f32) {
         let corners = self.surface.mesh.triangles()[triangle];
         let [a, b, c] = corners.map(|v| self.view.vertices[v as usize]);
@@ -238,30 +238,30 @@ impl Shader<'_> {
         (ink * line + lit * (opacity * through), line + opacity * through)
     }
 
-    /// How much of the wireframe covers a place inside a triangle.
+    /// Coverage of a point inside a triangle by the wireframe.
     fn line(&self, wire: &Wireframe, triangle: usize, corners: [Point3<f64>; 3], at: Point2) -> f64 {
         let shown = self.surface.edges.map_or(7, |edges| edges.get(triangle).copied().unwrap_or(7));
         if corners.iter().any(|p| p.z <= self.camera.near) || !(wire.width_px > 0.0) {
             return 0.0;
         }
-        let places = corners.map(|p| self.camera.project(&p));
-        let sides = [0, 1, 2].map(|k| places[(k + 1) % 3] - places[k]);
+        let projected = corners.map(|p| self.camera.project(&p));
+        let sides = [0, 1, 2].map(|k| projected[(k + 1) % 3] - projected[k]);
         let area = sides[0].perp(&sides[1]).abs();
         let radius = area / sides.iter().map(Vec2::norm).sum::<f64>();
-        let distance = |k: usize| sides[k].perp(&(at - places[k])).abs() / sides[k].norm();
+        let distance = |k: usize| sides[k].perp(&(at - projected[k])).abs() / sides[k].norm();
         let lines = (0..3).filter(|k| shown >> k & 1 == 1).map(distance);
         let nearest = lines.fold(f64::INFINITY, f64::min);
-        let faint = (radius / (ROOM_FOR_LINES * wire.width_px)).min(1.0);
-        (wire.width_px / 2.0 + 0.5 - nearest).clamp(0.0, 1.0) * faint
+        let strength = (radius / (MIN_LINE_INRADIUS * wire.width_px)).min(1.0);
+        (wire.width_px / 2.0 + 0.5 - nearest).clamp(0.0, 1.0) * strength
     }
 }
 
-/// Weights of the corners where a ray meets the plane of a triangle, none negative, their sum 1.
+/// Barycentric coordinates of the intersection of a ray with the plane of a triangle, clamped to be non-negative; their sum is 1.
 fn barycentric(ray: &Vector3<f64>, a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>) -> [f64; 3] {
     let volume = |p: &Point3<f64>, q: &Point3<f64>| ray.dot(&p.coords.cross(&q.coords));
     let all = [volume(b, c), volume(c, a), volume(a, b)];
     let sign = all.iter().sum::<f64>().signum();
-    // Samples lie up to half a step outside: corners are snapped.
+    // Samples may be half a snapping step outside.
     let inside = all.map(|v| (v * sign).max(0.0));
     let sum: f64 = inside.iter().sum();
     if sum > 0.0 && sum.is_finite() { inside.map(|v| v / sum) } else { [1.0 / 3.0; 3] }

@@ -51,7 +51,7 @@ fn a_fitted_camera_shows_everything_and_is_as_near_as_it_can_be() {
                 let camera = camera(&mesh, name, size);
                 let drawn =
                     draw(&Surface::new(&mesh), &camera, &PLAIN, &Run::default()).expect("a run that never stops");
-                let [left, right, top, bottom] = box_of_ink(&drawn).expect("something is seen");
+                let [left, right, top, bottom] = box_of_ink(&drawn).expect("a mark is visible");
                 assert!(left > 0 && top > 0 && right + 1 < size.0 && bottom + 1 < size.1, "{name} {size:?}");
                 // One of the sides is filled to the margin.
                 let fill = ((right - left + 1) as f64 / size.0 as f64).max((bottom - top + 1) as f64 / size.1 as f64);
@@ -63,7 +63,7 @@ fn a_fitted_camera_shows_everything_and_is_as_near_as_it_can_be() {
 
 #[test]
 fn named_directions_look_at_their_sides() {
-    // A small box before each side of a large one: only the one towards the viewer is seen whole.
+    // A small box in front of each side of a large one: only the one towards the viewer is fully visible.
     let directions = [("front", [0.0, 0.0, 1.0]), ("back", [0.0, 0.0, -1.0]), ("left", [1.0, 0.0, 0.0])];
     let more = [("right", [-1.0, 0.0, 0.0]), ("top", [0.0, 1.0, 0.0]), ("bottom", [0.0, -1.0, 0.0])];
     for (name, towards) in directions.into_iter().chain(more) {
@@ -129,7 +129,7 @@ fn triangles_that_share_an_edge_leave_no_crack_and_cover_no_sample_twice() {
 }
 
 #[test]
-fn both_sides_are_lit_alike_and_the_back_can_be_told_apart() {
+fn both_sides_are_lit_alike_and_the_back_may_have_its_own_color() {
     let one = mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]]);
     let other = mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 2, 1]]);
     let camera = camera(&one, "front", (50, 50));
@@ -244,7 +244,7 @@ fn layers_of_glass_let_through_what_each_of_them_lets_through() {
 }
 
 #[test]
-fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
+fn a_mark_behind_translucent_layers_is_attenuated_by_those_in_front_alone() {
     let glass = squares(&[0.0, -1.0, -2.0]);
     let camera = camera(&glass, "front", (101, 101));
     let style = Style { flat: true, opacity: 0.4, ..PLAIN };
@@ -253,14 +253,14 @@ fn a_mark_behind_glass_is_veiled_by_what_lies_before_it_alone() {
             .expect("a run that never stops");
         f64::from(drawn.pixels()[50 * 101 + 50][0])
     };
-    // A blue mark takes as much of the red as it is seen.
+    // A blue mark replaces red by its visible fraction.
     let seen = |z: f64| {
         let shape = Shape::Segment(Point3::new(-0.1, 0.0, z), Point3::new(0.1, 0.0, z));
         let mark = Mark { shape, color: [0, 0, 255], width_px: 9.0 };
         1.0 - red(&[mark]) / red(&[])
     };
     for (z, wanted) in [(0.5, 1.0), (-0.5, 0.6), (-1.5, 0.36), (-2.5, 0.216)] {
-        assert!((seen(z) - wanted).abs() < 0.02, "at {z} a share of {} is seen, not {wanted}", seen(z));
+        assert!((seen(z) - wanted).abs() < 0.02, "at {z} the fraction {} is visible, not {wanted}", seen(z));
     }
 }
 

@@ -1,9 +1,9 @@
-//! Which triangle each sample of the picture sees: a z-buffer.
+//! A z-buffer with depth peeling: the nearest triangle of each sample.
 //!
-//! Corners are snapped to a 256th of a sample and edges tested in whole numbers, so that a sample on the edge between two
-//! triangles belongs to exactly one of them: no cracks, nothing drawn twice. `1/z` is affine on the screen. The picture is
-//! cut into bands of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept. What lies behind a layer is
-//! found by drawing again only what is farther: layers are peeled off one by one.
+//! Corners are snapped to 1/256 of a sample and edges tested in integers, so that a sample on the edge between two triangles
+//! belongs to exactly one of them: no cracks, no double hits. `1/z` is affine on the screen. The picture is divided into bands
+//! of rows, each drawn by one thread in the order of the triangles; of equal depths the first is kept. The layer behind a given
+//! one is found by drawing again only what is farther.
 
 #![allow(clippy::cast_possible_wrap)] // sides of pictures are far below 2^63
 
@@ -14,18 +14,18 @@ use super::SurfaceCamera;
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 
-/// The number of no triangle.
-pub(super) const NOTHING: u32 = u32::MAX;
-/// Steps per sample to which corners are snapped.
+/// Index of samples without a triangle.
+pub(super) const NO_TRIANGLE: u32 = u32::MAX;
+/// Snapping steps per sample: positions are exact to less than a gray level of an antialiased edge.
 const STEPS: f64 = 256.0;
-/// Corners farther from the picture than this are moved here, in steps: products of differences stay below 2^63.
-const FAR: f64 = (1_u64 << 29) as f64;
-/// Rows of samples in a band.
+/// Clamp for corner coordinates, in steps: products of differences stay below 2^63.
+const MAX_COORDINATE: f64 = (1_u64 << 29) as f64;
+/// Rows of samples in a band: small enough to balance threads, large enough that few triangles are in several bands.
 const BAND: usize = 48;
 
-/// What is before the camera: all triangles on the screen.
+/// All triangles projected to the screen.
 pub(super) struct View {
-    /// Vertices in the camera's axes.
+    /// Vertices in camera coordinates.
     pub(super) vertices: Vec<Point3<f64>>,
     screen: Vec<Screen>,
     bands: Bands,
@@ -34,16 +34,16 @@ pub(super) struct View {
     rows: usize,
 }
 
-/// What the samples see.
-pub(super) struct Seen {
+/// The nearest triangle of each sample, perhaps behind another layer.
+pub(super) struct VisibleLayer {
     /// Samples per pixel and axis.
     pub(super) samples: usize,
     /// Samples per row.
     columns: usize,
-    /// The triangle of each sample, or [`NOTHING`].
+    /// The triangle of each sample, or [`NO_TRIANGLE`].
     triangle: Vec<u32>,
-    /// `1/z` of each sample, 0 where it sees nothing.
-    nearness: Vec<f32>,
+    /// `1/z` of each sample, 0 without a triangle.
+    inverse_depth: Vec<f32>,
 }
 
 impl View {
@@ -63,36 +63,36 @@ impl View {
         Self { vertices, screen, bands, samples, columns, rows }
     }
 
-    /// The nearest triangles.
-    pub(super) fn nearest(&self, run: &Run) -> Result<Seen, Stopped> {
+    /// The nearest layer.
+    pub(super) fn nearest(&self, run: &Run) -> Result<VisibleLayer, Stopped> {
         self.peeled(None, run)
     }
 
-    /// The nearest triangles behind those of a layer (C. Everitt, *Interactive order-independent transparency*, 2001).
-    pub(super) fn behind(&self, layer: &Seen, run: &Run) -> Result<Seen, Stopped> {
+    /// The nearest layer behind a given one (C. Everitt, *Interactive order-independent transparency*, 2001).
+    pub(super) fn behind(&self, layer: &VisibleLayer, run: &Run) -> Result<VisibleLayer, Stopped> {
         self.peeled(Some(layer), run)
     }
 
-    fn peeled(&self, layer: Option<&Seen>, run: &Run) -> Result<Seen, Stopped> {
-        let mut triangle = vec![NOTHING; self.columns * self.rows];
-        let mut nearness = vec![0.0_f32; self.columns * self.rows];
+    fn peeled(&self, layer: Option<&VisibleLayer>, run: &Run) -> Result<VisibleLayer, Stopped> {
+        let mut triangle = vec![NO_TRIANGLE; self.columns * self.rows];
+        let mut inverse_depth = vec![0.0_f32; self.columns * self.rows];
         let size = self.columns * BAND;
-        let targets = triangle.par_chunks_mut(size).zip(nearness.par_chunks_mut(size));
-        targets.enumerate().try_for_each(|(band, (triangle, nearness))| {
+        let targets = triangle.par_chunks_mut(size).zip(inverse_depth.par_chunks_mut(size));
+        targets.enumerate().try_for_each(|(band, (triangle, inverse_depth))| {
             run.check()?;
-            let before = layer.map(|l| &l.nearness[band * size..][..nearness.len()]);
-            let mut target = Target { top: band * BAND, columns: self.columns, triangle, nearness, before };
+            let before = layer.map(|l| &l.inverse_depth[band * size..][..inverse_depth.len()]);
+            let mut target = Target { top: band * BAND, columns: self.columns, triangle, inverse_depth, before };
             self.bands.of(band).iter().for_each(|i| self.screen[*i as usize].draw(&mut target));
             Ok(())
         })?;
-        Ok(Seen { samples: self.samples, columns: self.columns, triangle, nearness })
+        Ok(VisibleLayer { samples: self.samples, columns: self.columns, triangle, inverse_depth })
     }
 }
 
-impl Seen {
-    /// True where no sample sees a triangle.
+impl VisibleLayer {
+    /// True where no sample has a triangle.
     pub(super) fn is_empty(&self) -> bool {
-        self.triangle.iter().all(|t| *t == NOTHING)
+        self.triangle.iter().all(|t| *t == NO_TRIANGLE)
     }
 
     /// The triangle of sample (`column`, `line`) of pixel (`x`, `y`).
@@ -103,15 +103,15 @@ impl Seen {
 
     /// `1/z` of that sample.
     #[inline]
-    pub(super) fn nearness(&self, x: usize, y: usize, column: usize, line: usize) -> f32 {
-        self.nearness[self.index(x, y, column, line)]
+    pub(super) fn inverse_depth(&self, x: usize, y: usize, column: usize, line: usize) -> f32 {
+        self.inverse_depth[self.index(x, y, column, line)]
     }
 
-    /// Mean `1/z` of the samples of a pixel that see a triangle; 0 where none does.
-    pub(super) fn mean_nearness(&self, x: usize, y: usize) -> f32 {
+    /// Mean `1/z` of the samples of a pixel with a triangle; 0 without any.
+    pub(super) fn mean_inverse_depth(&self, x: usize, y: usize) -> f32 {
         let n = self.samples;
-        let seen = (0..n * n).map(|i| self.nearness(x, y, i % n, i / n)).filter(|near| *near > 0.0);
-        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), near| (sum + near, count + 1.0));
+        let hits = (0..n * n).map(|i| self.inverse_depth(x, y, i % n, i / n)).filter(|near| *near > 0.0);
+        let (sum, count) = hits.fold((0.0, 0.0), |(sum, count), near| (sum + near, count + 1.0));
         if count > 0.0 { sum / count } else { 0.0 }
     }
 
@@ -121,26 +121,26 @@ impl Seen {
     }
 }
 
-/// A triangle on the screen, corners in steps, turned so that its area is positive.
+/// A projected triangle, corners in steps, oriented so that its area is positive.
 struct Screen {
     x: [i64; 3],
     y: [i64; 3],
-    nearness: [f32; 3],
+    inverse_depth: [f32; 3],
     triangle: u32,
 }
 
-/// Rows of the picture that one thread draws.
+/// The rows of one band.
 struct Target<'a> {
     top: usize,
     columns: usize,
     triangle: &'a mut [u32],
-    nearness: &'a mut [f32],
-    /// What lies before: nothing as near is drawn.
+    inverse_depth: &'a mut [f32],
+    /// Inverse depths of the layer in front: only farther samples are drawn.
     before: Option<&'a [f32]>,
 }
 
 impl Screen {
-    /// What is seen of a triangle: nothing, itself, or two where the near plane cuts a corner off.
+    /// A triangle clipped at the near plane: none, one, or two triangles.
     fn of(
         triangle: u32,
         corners: &[Point3<f64>; 3],
@@ -155,13 +155,13 @@ impl Screen {
     }
 
     fn projected(triangle: u32, corners: &[Point3<f64>; 3], camera: &SurfaceCamera, samples: f64) -> Option<Self> {
-        let places = corners.map(|p| camera.project(&p) * (samples * STEPS));
-        if !places.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
+        let projected = corners.map(|p| camera.project(&p) * (samples * STEPS));
+        if !projected.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
             return None;
         }
-        let snap = |v: f64| v.round().clamp(-FAR, FAR) as i64;
-        let (mut x, mut y) = (places.map(|p| snap(p.x)), places.map(|p| snap(p.y)));
-        let mut nearness = corners.map(|p| (1.0 / p.z) as f32);
+        let snap = |v: f64| v.round().clamp(-MAX_COORDINATE, MAX_COORDINATE) as i64;
+        let (mut x, mut y) = (projected.map(|p| snap(p.x)), projected.map(|p| snap(p.y)));
+        let mut inverse_depth = corners.map(|p| (1.0 / p.z) as f32);
         let area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
         let step = STEPS as i64;
         let (right, bottom) = (camera.size.0 as i64, camera.size.1 as i64);
@@ -173,12 +173,12 @@ impl Screen {
         if area < 0 {
             x.swap(1, 2);
             y.swap(1, 2);
-            nearness.swap(1, 2);
+            inverse_depth.swap(1, 2);
         }
-        Some(Self { x, y, nearness, triangle })
+        Some(Self { x, y, inverse_depth, triangle })
     }
 
-    /// Rows of samples whose centers it may cover.
+    /// Rows of samples whose centers the triangle may cover.
     fn rows(&self) -> (i64, i64) {
         span(self.y)
     }
@@ -200,10 +200,10 @@ impl Screen {
             for column in left..=right {
                 if inside[0] | inside[1] | inside[2] >= 0 {
                     let i = start + column as usize;
-                    let nearness = plane.at(column, row);
-                    let open = target.before.is_none_or(|before| nearness < before[i]);
-                    if open && nearness > target.nearness[i] {
-                        target.nearness[i] = nearness;
+                    let inverse_depth = plane.at(column, row);
+                    let open = target.before.is_none_or(|before| inverse_depth < before[i]);
+                    if open && inverse_depth > target.inverse_depth[i] {
+                        target.inverse_depth[i] = inverse_depth;
                         target.triangle[i] = self.triangle;
                     }
                 }
@@ -215,15 +215,15 @@ impl Screen {
     }
 }
 
-/// First and last sample whose centers lie between the least and the largest of three places.
-fn span(places: [i64; 3]) -> (i64, i64) {
+/// First and last sample whose centers are between the minimum and the maximum of three coordinates.
+fn span(x: [i64; 3]) -> (i64, i64) {
     let step = STEPS as i64;
-    let (low, high) = (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
+    let (low, high) = (x[0].min(x[1]).min(x[2]), x[0].max(x[1]).max(x[2]));
     ((low - step / 2 + step - 1).div_euclid(step), (high - step / 2).div_euclid(step))
 }
 
-/// Twice the area between an edge and a place, in steps²; not negative inside. Edges that are neither left nor top count as
-/// outside themselves.
+/// The edge function: twice the area between an edge and a point, in steps²; non-negative inside. Points on edges that are
+/// neither left nor top are outside (top-left rule).
 #[derive(Clone, Copy)]
 struct Edge {
     value: i64,
@@ -236,8 +236,8 @@ impl Edge {
         let (a, b) = (k, (k + 1) % 3);
         let (dx, dy) = (screen.x[b] - screen.x[a], screen.y[b] - screen.y[a]);
         let (step, half) = (STEPS as i64, STEPS as i64 / 2);
-        let keeps_its_samples = dy < 0 || (dy == 0 && dx > 0);
-        let value = dx * (half - screen.y[a]) - dy * (half - screen.x[a]) - i64::from(!keeps_its_samples);
+        let top_left = dy < 0 || (dy == 0 && dx > 0);
+        let value = dx * (half - screen.y[a]) - dy * (half - screen.x[a]) - i64::from(!top_left);
         Self { value, across: -dy * step, down: dx * step }
     }
 
@@ -258,25 +258,25 @@ impl Plane {
     fn new(screen: &Screen) -> Self {
         let at = |k: usize| [screen.x[k] as f64 / STEPS - 0.5, screen.y[k] as f64 / STEPS - 0.5];
         let (a, b, c) = (at(0), at(1), at(2));
-        let [na, nb, nc] = screen.nearness.map(f64::from);
+        let [na, nb, nc] = screen.inverse_depth.map(f64::from);
         let (bx, by, cx, cy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
         let area = bx * cy - by * cx;
         let across = ((nb - na) * cy - (nc - na) * by) / area;
         let down = ((nc - na) * bx - (nb - na) * cx) / area;
-        let [n0, n1, n2] = screen.nearness;
-        // Slivers extrapolate badly: no sample is nearer or farther than the corners.
+        let [n0, n1, n2] = screen.inverse_depth;
+        // Slivers extrapolate badly: clamp to the depths of the corners.
         let range = [n0.min(n1).min(n2), n0.max(n1).max(n2)];
         Self { origin: na - across * a[0] - down * a[1], across, down, range }
     }
 
     #[inline]
     fn at(&self, column: i64, row: i64) -> f32 {
-        let nearness = (self.origin + self.across * column as f64 + self.down * row as f64) as f32;
-        nearness.max(self.range[0]).min(self.range[1])
+        let inverse_depth = (self.origin + self.across * column as f64 + self.down * row as f64) as f32;
+        inverse_depth.max(self.range[0]).min(self.range[1])
     }
 }
 
-/// The part of a triangle beyond the near plane (Sutherland–Hodgman); the number of its corners.
+/// The part of a triangle beyond the near plane (Sutherland–Hodgman); returns the number of its corners.
 fn clipped(corners: &[Point3<f64>; 3], near: f64, into: &mut [Point3<f64>; 4]) -> usize {
     let mut count = 0;
     let mut keep = |p: Point3<f64>| {
@@ -296,7 +296,7 @@ fn clipped(corners: &[Point3<f64>; 3], near: f64, into: &mut [Point3<f64>; 4]) -
     count
 }
 
-/// Triangles by the bands that they touch.
+/// Triangles by the bands that they overlap.
 struct Bands {
     first: Vec<usize>,
     triangles: Vec<u32>,
