@@ -1,7 +1,7 @@
-//! Paths of virtual cameras in space that are given by their shape: a line, a parabola, a point, a circle, a ride.
+//! Camera paths in space of a given shape: line, parabola, tripod, orbit, dolly.
 //!
 //! From the recovered cameras of a shot, centers `c_t` and rotations `R_t` at the times `τ_t`, with the mean rotation
-//! `R̄ = argmin Σ |Log(R_t Rᵀ)|²` and `l_t = Log(R_t R̄ᵀ)` without jumps of whole turns:
+//! `R̄ = argmin Σ |Log(R_t Rᵀ)|²` and `l_t = Log(R_t R̄ᵀ)` unwrapped (no jumps of 2π):
 //!
 //! ```text
 //! linear      c̄, l̄: the polynomials of degree 1 over time nearest to c_t and l_t       R̄_t = Exp(l̄(τ_t)) R̄
@@ -12,7 +12,7 @@
 //! orbit       see `orbit.rs`
 //! ```
 //!
-//! A gap in the cameras does not part a path: the shape is one for the whole shot.
+//! A gap in the cameras does not divide a path: one shape is fitted to the whole shot.
 //!
 //! # References
 //! F. Liu, M. Gleicher, H. Jin, A. Agarwala: *Content-preserving warps for 3D video stabilization*, SIGGRAPH 2009, section 4
@@ -25,78 +25,80 @@ use super::orbit::orbit;
 use super::regression::polynomial;
 use plumbline_camera::{CameraPose, Point3, Vec3};
 
-/// Steps of the mean rotation and of the median: both have settled long before.
-const STEPS: usize = 60;
+/// Limit on the iterations of the mean rotation and of Weiszfeld's median, which converge before it: the first stops by
+/// [`TOLERANCE`], the second changes no longer.
+const MAX_ITERATIONS: usize = 60;
 
-/// A turn, rad, that no longer counts in a mean of rotations.
-const SETTLED: f64 = 1e-14;
+/// Step, rad, below which the mean of rotations has converged: fifty times the rounding of a unit quaternion.
+const TOLERANCE: f64 = 1e-14;
 
-/// Distance from the median, as a share of the spread, at which a place counts no more than another so near.
+/// Floor of the distance in Weiszfeld's weights `1 / distance`, as a fraction of the spread: keeps the weight of a position at
+/// the median itself finite, far below any accuracy of the positions.
 const MIN_DISTANCE_RATIO: f64 = 1e-9;
 
 /// Shape of a path in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathShape {
-    /// Straight on at even speed, turning evenly.
+    /// Constant velocity and constant angular velocity.
     Linear,
-    /// Evenly accelerated.
+    /// Constant acceleration.
     Parabolic,
-    /// Standing still.
+    /// No motion.
     Tripod,
-    /// On a circle about what the camera looks at.
+    /// A circle about the point of interest.
     Orbit,
-    /// Straight on at even speed, looking in one direction.
+    /// A straight line at constant speed, constant view direction.
     Dolly,
 }
 
-/// A point of the scene and how the camera saw it.
+/// A reconstructed point and its visibility.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
-    /// Where it is.
-    pub place: Point3,
-    /// In how many frames it was seen.
+pub struct SeenPoint {
+    /// Position, world coordinates.
+    pub position: Point3,
+    /// Number of frames that observe it.
     pub frames: usize,
-    /// Its mean distance from the middle of the picture, in halves of the diagonal.
+    /// Mean distance from the image center, in half diagonals.
     pub off_center: f64,
 }
 
-/// A run of cameras with a moment for each.
-pub(super) struct Ride {
+/// Camera centers and rotations (`cam_from_world`) over time.
+pub(super) struct CameraRun {
     pub(super) times_s: Vec<f64>,
     pub(super) centers: Vec<Vec3>,
     pub(super) rotations: Vec<UnitQuaternion<f64>>,
 }
 
-/// The cameras of a shot on a path of the given shape, `None` where there is no real one, and the shape that they follow:
-/// where nothing says what to circle about, a line takes the place of the orbit.
+/// The cameras of a shot fitted to a path of the given shape (`None` where the input has none), and the shape used: without a
+/// point of interest an orbit falls back to a line.
 pub fn shaped_poses(
     shape: PathShape,
     times_s: &[f64],
     poses: &[Option<CameraPose>],
-    sights: &[Sight],
+    points: &[SeenPoint],
 ) -> (Vec<Option<CameraPose>>, PathShape) {
     let known = || times_s.iter().zip(poses).filter_map(|(time, pose)| Some((time, pose.as_ref()?)));
-    let ride = Ride {
+    let cameras = CameraRun {
         times_s: known().map(|(time, _)| *time).collect(),
         centers: known().map(|(_, pose)| pose.center().coords).collect(),
         rotations: known().map(|(_, pose)| pose.rotation).collect(),
     };
-    if ride.times_s.is_empty() {
+    if cameras.times_s.is_empty() {
         return (vec![None; poses.len()], shape);
     }
-    let circled = if shape == PathShape::Orbit { orbit(&ride, sights) } else { None };
-    let (path, shape) = match (shape, circled) {
-        (PathShape::Orbit, Some(circled)) => (circled, shape),
-        (PathShape::Linear | PathShape::Orbit, _) => (ride.polynomial(1), PathShape::Linear),
-        (PathShape::Parabolic, _) => (ride.polynomial(2), shape),
-        (PathShape::Tripod, _) => (ride.tripod(), shape),
-        (PathShape::Dolly, _) => (ride.dolly(), shape),
+    let orbit_poses = if shape == PathShape::Orbit { orbit(&cameras, points) } else { None };
+    let (path, shape) = match (shape, orbit_poses) {
+        (PathShape::Orbit, Some(orbit_poses)) => (orbit_poses, shape),
+        (PathShape::Linear | PathShape::Orbit, _) => (cameras.polynomial(1), PathShape::Linear),
+        (PathShape::Parabolic, _) => (cameras.polynomial(2), shape),
+        (PathShape::Tripod, _) => (cameras.tripod(), shape),
+        (PathShape::Dolly, _) => (cameras.dolly(), shape),
     };
     let mut path = path.into_iter();
     (poses.iter().map(|pose| pose.and_then(|_| path.next())).collect(), shape)
 }
 
-impl Ride {
+impl CameraRun {
     fn len(&self) -> usize {
         self.times_s.len()
     }
@@ -104,9 +106,9 @@ impl Ride {
     fn polynomial(&self, degree: usize) -> Vec<CameraPose> {
         let (mean, logs) = about_mean(&self.rotations);
         let centers = polynomial(&self.times_s, &self.centers, degree);
-        let turns = polynomial(&self.times_s, &logs, degree);
-        let pose = |(center, turn): (Vec3, Vec3)| looking(center, UnitQuaternion::from_scaled_axis(turn) * mean);
-        centers.into_iter().zip(turns).map(pose).collect()
+        let rotations = polynomial(&self.times_s, &logs, degree);
+        let pose = |(center, log): (Vec3, Vec3)| looking(center, UnitQuaternion::from_scaled_axis(log) * mean);
+        centers.into_iter().zip(rotations).map(pose).collect()
     }
 
     fn tripod(&self) -> Vec<CameraPose> {
@@ -117,8 +119,8 @@ impl Ride {
         let (middle, axes) = principal_axes(&self.centers);
         let along: Vec<f64> = self.centers.iter().map(|c| axes[0].dot(&(c - middle))).collect();
         let rotation = about_mean(&self.rotations).0;
-        let ridden = polynomial(&self.times_s, &along, 1);
-        ridden.into_iter().map(|s| looking(middle + axes[0] * s, rotation)).collect()
+        let fitted = polynomial(&self.times_s, &along, 1);
+        fitted.into_iter().map(|s| looking(middle + axes[0] * s, rotation)).collect()
     }
 }
 
@@ -126,15 +128,16 @@ pub(super) fn looking(center: Vec3, rotation: UnitQuaternion<f64>) -> CameraPose
     CameraPose::looking_from(Point3::from(center), rotation)
 }
 
-/// The mean rotation, and the rotations relative to it as vectors that turn on without jumps; at least one is given.
+/// The mean rotation and the unwrapped rotation vectors relative to it; at least one rotation is given.
 pub(super) fn about_mean(rotations: &[UnitQuaternion<f64>]) -> (UnitQuaternion<f64>, Vec<Vec3>) {
     let mut mean = rotations[rotations.len() / 2];
     let mut logs = unwrapped_logs(rotations, &mean);
     let mut last = f64::INFINITY;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_ITERATIONS {
         let step: Vec3 = logs.iter().sum::<Vec3>() / logs.len() as f64;
-        // Logarithms near a whole turn magnify what lies across them, rounding too: no step follows one of its size.
-        if !(step.norm() > SETTLED && step.norm() < 0.5 * last) {
+        // Near an angle of 2π the logarithm amplifies its components across the axis, rounding included: a step that does not
+        // shrink is noise.
+        if !(step.norm() > TOLERANCE && step.norm() < 0.5 * last) {
             break;
         }
         last = step.norm();
@@ -154,8 +157,8 @@ fn unwrapped_logs(rotations: &[UnitQuaternion<f64>], mean: &UnitQuaternion<f64>)
             return log;
         }
         let axis = log / angle;
-        let turns = ((neighbor.dot(&axis) - angle) / std::f64::consts::TAU).round();
-        log + axis * (turns * std::f64::consts::TAU)
+        let revolutions = ((neighbor.dot(&axis) - angle) / std::f64::consts::TAU).round();
+        log + axis * (revolutions * std::f64::consts::TAU)
     };
     let middle = logs.len() / 2;
     for t in middle + 1..logs.len() {
@@ -168,23 +171,23 @@ fn unwrapped_logs(rotations: &[UnitQuaternion<f64>], mean: &UnitQuaternion<f64>)
 }
 
 /// The geometric median.
-pub(super) fn median(places: &[Vec3]) -> Vec3 {
-    let mean = places.iter().sum::<Vec3>() / places.len() as f64;
-    let spread = places.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
+pub(super) fn median(positions: &[Vec3]) -> Vec3 {
+    let mean = positions.iter().sum::<Vec3>() / positions.len() as f64;
+    let spread = positions.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
     if !(spread > 0.0) {
         return mean;
     }
-    (0..STEPS).fold(mean, |at, _| {
+    (0..MAX_ITERATIONS).fold(mean, |at, _| {
         let weight = |p: &Vec3| 1.0 / (p - at).norm().max(MIN_DISTANCE_RATIO * spread);
-        let total: f64 = places.iter().map(weight).sum();
-        places.iter().map(|p| p * weight(p)).sum::<Vec3>() / total
+        let total: f64 = positions.iter().map(weight).sum();
+        positions.iter().map(|p| p * weight(p)).sum::<Vec3>() / total
     })
 }
 
-/// Mean of some places and the directions of their variances, the largest first.
-pub(super) fn principal_axes(places: &[Vec3]) -> (Vec3, [Vec3; 3]) {
-    let mean = places.iter().sum::<Vec3>() / places.len() as f64;
-    let scatter: Matrix3<f64> = places.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+/// Mean of the positions and their principal axes by decreasing variance.
+pub(super) fn principal_axes(positions: &[Vec3]) -> (Vec3, [Vec3; 3]) {
+    let mean = positions.iter().sum::<Vec3>() / positions.len() as f64;
+    let scatter: Matrix3<f64> = positions.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let eigen = SymmetricEigen::new(scatter);
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
@@ -213,19 +216,19 @@ mod tests {
         a.iter().zip(b).map(one).fold(0.0, f64::max)
     }
 
-    /// A camera whose place and turn about one axis are polynomials of time; it turns more than once altogether.
+    /// A camera whose position and rotation angle about one axis are polynomials of time; the total angle exceeds 2π.
     fn moving(times: &[f64], acceleration: f64) -> Vec<CameraPose> {
         let start = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -0.8, 0.2));
         let pose = |t: &f64| {
             let curved = acceleration * t * t;
-            let turn = Vec3::new(0.6, -0.48, 0.64) * (4.0 * t + curved);
-            looking(Vec3::new(2.0 * t, 1.0 - t, curved), UnitQuaternion::from_scaled_axis(turn) * start)
+            let log = Vec3::new(0.6, -0.48, 0.64) * (4.0 * t + curved);
+            looking(Vec3::new(2.0 * t, 1.0 - t, curved), UnitQuaternion::from_scaled_axis(log) * start)
         };
         times.iter().map(pose).collect()
     }
 
     #[test]
-    fn even_motion_is_its_own_linear_path_and_even_acceleration_its_own_parabolic_one() {
+    fn constant_velocity_and_constant_acceleration_are_reproduced_exactly() {
         let times = times(71);
         let (even, accelerated) = (moving(&times, 0.0), moving(&times, 0.5));
         assert!(apart(&shaped(PathShape::Linear, &times, &even), &even) < 1e-9);
@@ -236,26 +239,26 @@ mod tests {
     }
 
     #[test]
-    fn a_ride_straight_on_is_its_own_dolly_and_another_comes_out_straight_even_and_unturned() {
+    fn the_dolly_path_is_a_straight_line_at_constant_speed_and_rotation() {
         let times = times(60);
         let look = UnitQuaternion::from_scaled_axis(Vec3::new(0.1, 2.0, -0.4));
         let even: Vec<_> = times.iter().map(|t| looking(Vec3::new(3.0 - t, 2.0 * t, 0.5 * t), look)).collect();
         assert!(apart(&shaped(PathShape::Dolly, &times, &even), &even) < 1e-9);
-        let ridden = shaped(PathShape::Dolly, &times, &moving(&times, 0.5));
-        let speed = |k: usize| (ridden[k + 1].center() - ridden[k].center()) / (times[k + 1] - times[k]);
+        let fitted = shaped(PathShape::Dolly, &times, &moving(&times, 0.5));
+        let speed = |k: usize| (fitted[k + 1].center() - fitted[k].center()) / (times[k + 1] - times[k]);
         for k in 0..times.len() - 1 {
             assert!((speed(k) - speed(0)).norm() < 1e-9, "at {k}: {} and {}", speed(k), speed(0));
-            assert!(ridden[k].rotation.angle_to(&ridden[0].rotation) < 1e-12);
+            assert!(fitted[k].rotation.angle_to(&fitted[0].rotation) < 1e-12);
         }
         assert!(speed(0).norm() > 0.5);
     }
 
     #[test]
-    fn a_tripod_is_one_camera_that_a_few_astray_do_not_move() {
+    fn the_tripod_is_one_camera_robust_to_a_few_outliers() {
         let times = times(41);
         let mut poses = vec![looking(Vec3::new(1.0, 2.0, 3.0), UnitQuaternion::identity()); 41];
-        for (k, astray) in poses.iter_mut().take(10).enumerate() {
-            *astray = looking(Vec3::new(50.0 + k as f64, 0.0, 0.0), UnitQuaternion::identity());
+        for (k, outlier) in poses.iter_mut().take(10).enumerate() {
+            *outlier = looking(Vec3::new(50.0 + k as f64, 0.0, 0.0), UnitQuaternion::identity());
         }
         let still = shaped(PathShape::Tripod, &times, &poses);
         assert!(still.iter().all(|p| p == &still[0]));
@@ -285,14 +288,14 @@ mod tests {
     }
 
     #[test]
-    fn few_frames_and_cameras_in_one_place_give_finite_paths() {
-        let sights = [Sight { place: Point3::new(0.0, 0.0, 4.0), frames: 3, off_center: 0.1 }];
+    fn few_frames_and_cameras_at_one_position_give_finite_paths() {
+        let points = [SeenPoint { position: Point3::new(0.0, 0.0, 4.0), frames: 3, off_center: 0.1 }];
         for n in 0..6 {
             let still = vec![Some(CameraPose::identity()); n];
             let moved: Vec<_> = moving(&times(n), 0.5).into_iter().map(Some).collect();
             for (shape, poses) in SHAPES.iter().flat_map(|s| [(*s, &still), (*s, &moved)]) {
-                for sights in [&sights[..], &[]] {
-                    let (path, _) = shaped_poses(shape, &times(n), poses, sights);
+                for points in [&points[..], &[]] {
+                    let (path, _) = shaped_poses(shape, &times(n), poses, points);
                     let finite = |p: &Option<CameraPose>| {
                         p.is_some_and(|p| p.translation.iter().chain(p.rotation.coords.iter()).all(|v| v.is_finite()))
                     };
@@ -300,7 +303,7 @@ mod tests {
                 }
             }
         }
-        let none = shaped_poses(PathShape::Orbit, &[0.0, 1.0], &[None, None], &sights).0;
+        let none = shaped_poses(PathShape::Orbit, &[0.0, 1.0], &[None, None], &points).0;
         assert_eq!(none, [None, None]);
     }
 }

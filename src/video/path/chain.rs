@@ -1,16 +1,16 @@
-//! The camera's motion through one shot, ready for smoothing: centered, in stage units, gaps bridged, and its shake.
+//! The camera's motion through one shot, prepared for smoothing: centered, in frame units, gaps bridged; and its shake.
 
 use std::ops::Range;
 
 use super::lowpass::{half_kernel, lowpass};
-use super::pose::{C64, Pose, Stage};
+use super::pose::{C64, FrameUnits, Pose};
 use super::{Clip, InterFrame};
 
 /// Gaps of up to this many unreliable steps are bridged by interpolation; camera motion is smooth over a third of a
 /// second, and over more than that a guess is worse than no motion at all.
 const MAX_BRIDGE: usize = 10;
 
-/// Time constant (s) that divides shake from intended motion: hand tremor and steps lie above 1 Hz, where a Gaussian of
+/// Time constant (s) that divides shake from intended motion: hand tremor and steps are above 1 Hz, where a Gaussian of
 /// 0.5 s keeps less than 1 %; pans last seconds.
 const SHAKE_SIGMA_S: f64 = 0.5;
 
@@ -23,16 +23,16 @@ const STRENGTH_SIGMA_S: f64 = 4.0;
 pub(super) struct Chain {
     /// `this_from_previous`.
     pub(super) step: Vec<Pose>,
-    /// Mean frame interval over this frame's: turns steps into velocities per mean frame, for variable frame rates.
+    /// Mean frame interval over this frame's: converts steps to velocities per mean frame, for variable frame rates.
     pub(super) rate: Vec<f64>,
     /// Frames per second, mean over the shot.
     pub(super) fps: f64,
 }
 
 impl Chain {
-    pub(super) fn of_shot(clip: &Clip<'_>, stage: &Stage, shot: Range<usize>) -> Self {
+    pub(super) fn of_shot(clip: &Clip<'_>, units: &FrameUnits, shot: Range<usize>) -> Self {
         let (rate, fps) = rates(&clip.times_s[shot.clone()]);
-        Self { step: bridged(&clip.motion[shot], stage, &rate), rate, fps }
+        Self { step: bridged(&clip.motion[shot], units, &rate), rate, fps }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -61,7 +61,7 @@ impl Chain {
     }
 
     /// Squared deviation of the frame's content from its low-passed path, per frame: the mean over the frame's area of
-    /// the squared displacement, in stage units². The area's radius of gyration is `1/√3` in these units.
+    /// the squared displacement, in frame units². The area's radius of gyration is `1/√3` in these units.
     pub(super) fn shake(&self) -> Vec<f64> {
         let sigma = self.frames(SHAKE_SIGMA_S);
         let high = |of: fn(&Pose) -> f64| {
@@ -105,18 +105,19 @@ fn rates(times_s: &[f64]) -> (Vec<f64>, f64) {
         return (vec![1.0; times_s.len()], 30.0);
     }
     let mean = steps.iter().sum::<f64>() / steps.len() as f64;
-    // Timestamps are rounded to ticks, sometimes milliseconds: equal intervals must not look uneven for that.
+    // Timestamps are rounded to ticks, sometimes to milliseconds (3 % of a frame at 30 fps): equal intervals must not look
+    // uneven for that. Beyond a factor of ten a timestamp is wrong rather than the rate.
     let rate = |dt: f64| if dt > 0.0 && (dt / mean - 1.0).abs() > 0.1 { (mean / dt).clamp(0.1, 10.0) } else { 1.0 };
     let rates = std::iter::once(1.0).chain(times_s.windows(2).map(|w| rate(w[1] - w[0]))).collect();
     (rates, 1.0 / mean)
 }
 
 /// Steps as poses; velocities of short unreliable runs interpolated between their neighbors, of long ones zero.
-fn bridged(motion: &[InterFrame], stage: &Stage, rate: &[f64]) -> Vec<Pose> {
+fn bridged(motion: &[InterFrame], units: &FrameUnits, rate: &[f64]) -> Vec<Pose> {
     let known: Vec<Option<Pose>> = motion
         .iter()
         .enumerate()
-        .map(|(t, m)| (t > 0 && m.reliable).then(|| stage.pose(m.similarity)).filter(Pose::is_finite))
+        .map(|(t, m)| (t > 0 && m.reliable).then(|| units.pose(m.similarity)).filter(Pose::is_finite))
         .collect();
     let velocity = |t: usize| known[t].map(|p| (p.z.ln() * rate[t], p.d * rate[t]));
     let zero = (C64::new(0.0, 0.0), C64::new(0.0, 0.0));
@@ -135,8 +136,8 @@ fn bridged(motion: &[InterFrame], stage: &Stage, rate: &[f64]) -> Vec<Pose> {
         let (from, to) = if short { (before.or(after), after.or(before)) } else { (None, None) };
         let (from, to) = (from.unwrap_or(zero), to.unwrap_or(zero));
         for k in t..end {
-            let share = (k + 1 - t) as f64 / (end + 1 - t) as f64;
-            let mix = |a: C64, b: C64| (a + (b - a) * share) / rate[k];
+            let fraction = (k + 1 - t) as f64 / (end + 1 - t) as f64;
+            let mix = |a: C64, b: C64| (a + (b - a) * fraction) / rate[k];
             steps[k] = Pose { z: mix(from.0, to.0).exp(), d: mix(from.1, to.1) };
         }
         t = end;

@@ -1,4 +1,4 @@
-//! Virtual cameras that ignore the frame's edge: the Gaussian mean of the motion, its polynomial, and no motion.
+//! Virtual paths without the constraint of the frame: Gaussian mean, least-squares polynomial, tripod.
 
 use super::chain::Chain;
 use super::lowpass::half_kernel;
@@ -6,7 +6,7 @@ use super::pose::{C64, Pose};
 use super::regression::polynomial as fitted;
 use plumbline_num::math::median;
 
-/// Where each frame's window would stand if the camera had moved along the Gaussian mean of its path; scale near 1.
+/// The windows of the Gaussian mean of the path; scale near 1.
 ///
 /// With `M_{t←k}` the motion from frame `k` to frame `t`, the window is `exp Σₖ gₖ log M_{t←k}` for scale and rotation and
 /// `Σₖ gₖ dₖ` for the center. Beyond the shot's ends the velocity is mirrored, so that a steady pan stays that pan.
@@ -31,11 +31,11 @@ pub(super) fn gaussian(chain: &Chain, sigma_s: f64) -> Vec<Pose> {
         .collect()
 }
 
-/// Where each frame's window would stand if the camera had moved along the polynomial over time nearest to its path.
+/// The windows of the least-squares polynomial over time of the path.
 ///
-/// With `A_t = (z_t, d_t)` the motion from the shot's first frame to frame `t`, the camera stands at `c_t = A_t⁻¹(0)` of the
-/// first frame's picture. With the polynomials `c̄`, `l̄` of `degree` nearest to `c_t` and `log z_t`, the window is
-/// `(z_t e^{−l̄_t}, A_t(c̄_t))`: through it, the scene moves as seen from `c̄` at even (or evenly changing) zoom and turn.
+/// With `A_t = (z_t, d_t)` the motion from the shot's first frame to frame `t`, the camera is at `c_t = A_t⁻¹(0)` of the first
+/// frame. With the least-squares polynomials `c̄`, `l̄` of `degree` of `c_t` and `log z_t`, the window is
+/// `(z_t e^{−l̄_t}, A_t(c̄_t))`: through it the scene moves as seen from `c̄`, with polynomial log-zoom and rotation.
 pub(super) fn polynomial(chain: &Chain, degree: usize) -> Vec<Pose> {
     let from_first = chain.motion_from_first();
     let logs: Vec<C64> = summed(chain.step.iter().map(|s| s.z.ln()));
@@ -47,7 +47,7 @@ pub(super) fn polynomial(chain: &Chain, degree: usize) -> Vec<Pose> {
     from_first.iter().zip(&logs).zip(fits).map(window).collect()
 }
 
-/// The windows with the angle that shows the picture as turned as the shot is in the mean.
+/// The windows with the angle at which the roll of the picture is the shot's mean.
 pub(super) fn leveled(chain: &Chain, windows: &[Pose]) -> Vec<Pose> {
     let angles: Vec<C64> = summed(chain.step.iter().map(|s| C64::new(s.z.arg(), 0.0)));
     let mean = angles.iter().sum::<C64>() / angles.len() as f64;
@@ -60,9 +60,9 @@ fn summed(steps: impl Iterator<Item = C64>) -> Vec<C64> {
     steps.scan(C64::new(0.0, 0.0), |sum, step| (*sum += step, Some(*sum)).1).collect()
 }
 
-/// Where the content of one frame of the shot stands in every frame: shown there, it does not move at all.
+/// The windows that follow the content of one reference frame, which then does not move.
 ///
-/// The frame chosen is the one nearest to the median position, so that the least is cropped.
+/// The reference is the frame nearest to the median position, which minimizes the crop.
 pub(super) fn tripod(chain: &Chain) -> Vec<Pose> {
     let from_first = chain.motion_from_first();
     let middle = |of: &dyn Fn(&Pose) -> f64| median(&mut from_first.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gaussian_mean_of_a_steady_pan_or_turn_or_zoom_is_itself() {
+    fn the_gaussian_mean_reproduces_constant_pan_rotation_and_zoom() {
         let still = C64::new(0.0, 0.0);
         for step in [
             Pose { z: C64::new(1.0, 0.0), d: C64::new(0.01, -0.02) },
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn through_a_line_the_scene_moves_evenly_and_through_a_parabola_evenly_faster() {
+    fn through_a_linear_path_the_scene_moves_at_constant_velocity_and_through_a_parabola_at_constant_acceleration() {
         let mut random = fastrand::Rng::with_seed(5);
         let mut shaky = chain(Pose::IDENTITY, 120);
         for step in shaky.step.iter_mut().skip(1) {
@@ -116,23 +116,23 @@ mod tests {
             let windows = polynomial(&shaky, degree);
             let seen = shaky.seen_through(&windows).motion_from_first();
             // Where the first frame's camera looked, as the viewer sees it move, at one zoom and angle.
-            let place = |t: usize| (seen[t].inverse().d, seen[t].z.ln());
+            let position = |t: usize| (seen[t].inverse().d, seen[t].z.ln());
             let differences = |k: usize| {
-                let at = |i: usize| place(10 * k + 10 * i);
+                let at = |i: usize| position(10 * k + 10 * i);
                 let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
                 let third = (d.0 - c.0 * 3.0 + b.0 * 3.0 - a.0, d.1 - c.1 * 3.0 + b.1 * 3.0 - a.1);
                 let second = (c.0 - b.0 * 2.0 + a.0, c.1 - b.1 * 2.0 + a.1);
                 if degree == 1 { second } else { third }
             };
             for k in 0..8 {
-                let (place, log) = differences(k);
-                assert!(place.norm() < 1e-9 && log.norm() < 1e-9, "degree {degree} at {k}: {place} {log}");
+                let (position, log) = differences(k);
+                assert!(position.norm() < 1e-9 && log.norm() < 1e-9, "degree {degree} at {k}: {position} {log}");
             }
         }
     }
 
     #[test]
-    fn an_even_pan_is_its_own_line_and_an_accelerated_one_its_own_parabola() {
+    fn constant_and_accelerated_pans_are_reproduced_exactly() {
         let accelerated = |a: f64| {
             let mut chain = chain(Pose::IDENTITY, 90);
             for (t, step) in chain.step.iter_mut().enumerate().skip(1) {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn leveled_windows_show_one_angle_and_keep_their_place_and_size() {
+    fn leveled_windows_have_one_angle_and_keep_position_and_size() {
         let mut random = fastrand::Rng::with_seed(6);
         let mut rolling = chain(Pose::IDENTITY, 60);
         rolling.step.iter_mut().skip(1).for_each(|s| s.z = C64::from_polar(1.0, 0.1 * (random.f64() - 0.4)));

@@ -4,12 +4,12 @@
 //! α = Σ_k κ_k y_k,      κ_k = g_k (s₂ − s₁ u_k) / (s₀ s₂ − s₁²),      g_k = e^{−u_k²/2},   s_n = Σ_k g_k u_kⁿ
 //! ```
 //!
-//! with `(α, β) = argmin Σ g_k (y_k − α − β u_k)²`, so that a straight line gives its own value, samples on one side only too.
+//! with `(α, β) = argmin Σ g_k (y_k − α − β u_k)²`, so that a straight line is reproduced, also from samples on one side.
 //!
 //! # Reference
 //! W. S. Cleveland: *Robust locally weighted regression and smoothing scatterplots*, JASA 74, 1979.
 
-/// `κ` of samples at the offsets `u`, in standard deviations of the kernel. Where all lie in one place, their plain mean.
+/// `κ` of samples at the offsets `u`, in standard deviations of the kernel; the weighted mean where all offsets are equal.
 pub(super) fn local_linear_weights(u: &[f64]) -> Vec<f64> {
     let g = |u: f64| (-0.5 * u * u).exp();
     let moment = |n: i32| u.iter().map(|&u| g(u) * u.powi(n)).sum::<f64>();

@@ -1,6 +1,7 @@
 //! Gaussian low-pass of a signal that keeps linear trends exactly, to its very ends.
 
-/// The signal convolved with a Gaussian of `sigma` samples, cut off at four sigma; below 0.3 samples it stays itself.
+/// The signal convolved with a Gaussian of `sigma` samples, truncated at four sigma; unchanged for `sigma` below 0.3 samples,
+/// where the neighbors weigh less than 0.4 %.
 ///
 /// Beyond its ends the signal is continued by point reflection, `x₋ₖ = 2x₀ − xₖ`, so a straight line stays that line.
 pub fn lowpass(x: &[f64], sigma: f64) -> Vec<f64> {

@@ -1,17 +1,17 @@
-//! The virtual camera: which crop window of each frame to show so that the film is steady.
+//! The virtual camera: the crop window of each frame that makes the clip steady.
 //!
 //! Frame `t` moves by the similarity `F_t` (`this_from_previous`, estimated). The output shows the window
 //! `B_t = src_from_out` of the frame, so the viewer sees the motion `B_t⁻¹ F_t B_{t−1}`. A path is good when that motion
 //! is smooth, the window inside the frame, and the window large. The kinds:
 //!
 //! - [`PathKind::Optimal`]: a quadratic program balances the three under hard constraints (`optimal.rs`);
-//! - [`PathKind::Gaussian`]: the camera's path convolved with a Gaussian, held inside the frame where it would leave;
-//! - [`PathKind::Linear`], [`PathKind::Parabolic`]: the polynomial of degree 1 or 2 over the whole shot that is nearest to
-//!   the camera's path, held inside likewise;
-//! - [`PathKind::Tripod`]: no motion at all while the frame allows it.
+//! - [`PathKind::Gaussian`]: the camera's path convolved with a Gaussian, constrained to the frame;
+//! - [`PathKind::Linear`], [`PathKind::Parabolic`]: the least-squares polynomial of degree 1 or 2 over the whole shot,
+//!   constrained to the frame;
+//! - [`PathKind::Tripod`]: no motion while the frame allows it.
 //!
-//! Paths in space are smoothed ([`smoothed_poses`]) or shaped ([`shaped_poses`]) from the recovered cameras, as far as the
-//! frame covers what they show ([`attainable_shares`]); [`plan_toward`] finds the windows that show them.
+//! Paths in space are smoothed ([`smoothed_poses`]) or fitted to a shape ([`shaped_poses`]) from the recovered cameras, up to
+//! the fraction at which the frame covers the view ([`attainable_fractions`]); [`plan_toward`] finds the windows.
 //!
 //! Shots are independent. Within a shot the program is solved in overlapping windows of time, so memory does not grow
 //! with the clip. Everything is computed in units of half the frame's diagonal and in seconds: resolution and frame rate
@@ -23,6 +23,7 @@
 
 mod camera_path;
 mod chain;
+mod fraction;
 mod ideal;
 mod level;
 mod local_linear;
@@ -32,7 +33,6 @@ mod orbit;
 mod plan;
 mod pose;
 mod regression;
-mod share;
 mod subspace;
 mod toward;
 mod trajectory;
@@ -46,11 +46,11 @@ use serde::{Deserialize, Serialize};
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::run::Stopped;
 
-pub use camera_path::{PathShape, Sight, shaped_poses};
+pub use camera_path::{PathShape, SeenPoint, shaped_poses};
+pub use fraction::{attainable_fractions, smoothed_fractions};
 pub use level::{leveled, roll, upward};
 pub use lowpass::lowpass;
 pub use plan::{plan, plan_along};
-pub use share::{attainable_shares, even_shares};
 pub use toward::plan_toward;
 pub use trajectory::{Anchor, TrackedPoint, TrajectoryOptions, TrajectorySmoother};
 pub use virtual_camera::{SteadyView, VirtualCamera, smoothed_poses};
@@ -66,7 +66,7 @@ pub struct InterFrame {
     pub reliable: bool,
 }
 
-/// What the path is planned from. Slices hold one entry per frame of the clip.
+/// Input of the planner. Slices have one entry per frame of the clip.
 #[derive(Clone, Copy, Debug)]
 pub struct Clip<'a> {
     /// Frame width, px, > 0.
@@ -92,18 +92,18 @@ impl Clip<'_> {
     }
 }
 
-/// How the virtual camera moves.
+/// Kind of path of the virtual camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathKind {
-    /// As smooth as the crop budget allows.
+    /// The quadratic program: shake, acceleration and crop balanced.
     Optimal,
-    /// Along the Gaussian mean of the path.
+    /// The Gaussian mean of the path.
     Gaussian,
-    /// At even speed on the line that is nearest to the path.
+    /// The least-squares line: constant velocity.
     Linear,
-    /// Evenly accelerated, on the parabola that is nearest to the path.
+    /// The least-squares parabola: constant acceleration.
     Parabolic,
-    /// Not at all.
+    /// No motion.
     Tripod,
 }
 
@@ -127,24 +127,24 @@ impl fmt::Display for Zoom {
     }
 }
 
-/// What to plan.
+/// Options of the planner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathOptions {
     /// Kind of path.
     pub kind: PathKind,
     /// Time constant of the smoothing, s, 0.05 to 30: motion much slower than this is kept, faster is removed.
     pub smoothness_s: f64,
-    /// Smallest window, as a share of the frame's width, 0.3 to 1.
+    /// Smallest window, as a fraction of the frame's width, 0.3 to 1.
     pub min_crop: f64,
     /// Size of the window over time.
     pub zoom: Zoom,
     /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
     /// the output must be covered.
     pub border_allows_outside: bool,
-    /// The angle of the picture stays that of the shot's mean: the window undoes all turns of the camera about its view.
+    /// Level horizon: the window cancels the camera's roll, relative to the mean roll of the shot.
     pub level: bool,
-    /// Room to keep between window and frame, as a share of the window's width, 0 to 0.1: what later bends the frame moves
-    /// its border by so much.
+    /// Margin between window and frame, as a fraction of the window's width, 0 to 0.1: a later mesh warp moves the border of
+    /// the frame by up to this much.
     pub reserve: f64,
 }
 
@@ -154,7 +154,7 @@ impl PathOptions {
         if self.border_allows_outside { self.min_crop } else { (1.0 + self.reserve).min(1.0 / self.min_crop) }
     }
 
-    /// The least part of the frame's width that the rectangle takes up.
+    /// The smallest width of the rectangle, as a fraction of the frame's width.
     fn smallest_window(&self) -> f64 {
         self.window() * if self.border_allows_outside { 1.0 } else { self.min_crop }
     }
@@ -174,25 +174,25 @@ impl Default for PathOptions {
     }
 }
 
-/// What was done with a run of frames.
+/// How a segment was treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentOutcome {
     /// The path was smoothed.
     Smoothed,
-    /// The path was given: it is to be shown as it is.
+    /// The path was given and is followed.
     Given,
-    /// The frames are shown as they are.
+    /// The frames are not moved.
     Unchanged,
 }
 
-/// A run of frames treated alike, and why.
+/// Consecutive frames treated alike.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Segment {
     /// Frames of the clip.
     pub frames: Range<usize>,
-    /// What was done.
+    /// Treatment.
     pub outcome: SegmentOutcome,
-    /// Why, for the user.
+    /// Reason, for the user.
     pub reason: String,
 }
 
@@ -201,19 +201,19 @@ pub struct Segment {
 pub struct VirtualPath {
     /// Per frame, source px to output px; the output has the source's size and the zoom is included.
     pub out_from_src: Vec<Homography>,
-    /// Per frame, width of the window as a share of the frame's width; 1 shows the whole frame.
+    /// Per frame, width of the window as a fraction of the frame's width; 1 shows the whole frame.
     pub crop: Vec<f64>,
-    /// Per frame the virtual camera in space, where there is one; empty where none was asked for.
+    /// Per frame the virtual camera in space, where there is one; empty where none was requested.
     pub cameras: Vec<Option<VirtualCamera>>,
     /// All frames in order.
     pub segments: Vec<Segment>,
 }
 
-/// Why no path was planned.
+/// Errors of the planner.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
-    /// An option lies outside its range.
+    /// An option is outside its range.
     #[error("{option} {value} is invalid (expected {low} to {high})")]
     Option {
         /// Name of the option.

@@ -1,7 +1,7 @@
-//! The optimal path: shake, acceleration and crop traded against each other in one quadratic program.
+//! The optimal path: shake, acceleration and crop balanced in one quadratic program.
 //!
-//! Unknown are two virtual cameras, each a pose `B_t = (z_t, d_t)` per frame, linear in the similarity's parameters: the
-//! path `P` that is shown, and an ideal path `L` that knows no frame edge. With the motion seen through a path,
+//! The unknowns are two virtual cameras, each a pose `B_t = (z_t, d_t)` per frame, linear in the similarity's parameters: the
+//! path `P` that is shown, and an ideal path `L` without the constraint of the frame. With the motion seen through a path,
 //!
 //! ```text
 //! r_t(B) = F_t B_{t−1} − B_t,          a_t(B) = r_t(B) − r_{t−1}(B)   (second difference),
@@ -13,74 +13,73 @@
 //! `|·|²` is the mean over the frame's area of the squared displacement, so that rotation and zoom count for what they
 //! move. The first two terms together are an *infimal convolution*: at frequency ω they cost `λω⁴ / (1 + λω⁴)` of the
 //! path's power. That is the power of the shake above the time constant `(4λ)^¼` and no more. A plain penalty on
-//! differences, L1 or L2, grows with ω⁴ without end, so it spends its crop on the rare fast moves (quick pans, running
-//! strides) which no window can hold anyway, and rides along the frame's edge in between; here a fast move costs its
-//! amplitude once, `P` follows it in an S-curve whose roundness `μ` sets, and the crop serves the shake around it.
-//! `E_t` is the local strength of the input's shake: the trade against crop is about the *share* of shake removed, the
-//! same for a standing and for a running camera.
+//! differences, L1 or L2, grows with ω⁴ without bound, so it spends its crop on the rare fast moves (quick pans, running
+//! strides) that no window can contain anyway, and follows the frame's edge in between; here a fast move costs its
+//! amplitude once, `P` follows it in an S-curve whose curvature `μ` sets, and the crop serves the shake around it.
+//! `E_t` is the local strength of the input's shake: crop is weighed against the *fraction* of shake removed, the same for a
+//! standing and for a running camera.
 //!
 //! The input itself (`P = 1`, crop 1) is feasible, hence the optimum is never shakier than the input in these terms.
 //!
 //! Departure from Grundmann et al.: sums of squares and the second camera in place of L1 norms of three differences (no
-//! first differences: a steady pan is as good as rest), the window's size as an unknown with a price in place of a
-//! fixed crop.
+//! first differences: a steady pan costs nothing), the window's size as an unknown with a price in place of a fixed crop.
 
 use std::ops::Range;
 
 use super::chain::Chain;
-use super::pose::{C64, Pose, Stage};
+use super::pose::{C64, FrameUnits, Pose};
 use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
 use plumbline_num::run::Run;
 
-/// Weight of scale and rotation against displacement: the squared radius of gyration of the frame in stage units.
-const TURN_WEIGHT: f64 = 1.0 / 3.0;
+/// Weight of scale and rotation against displacement: the squared radius of gyration of the frame in frame units.
+const ROTATION_WEIGHT: f64 = 1.0 / 3.0;
 
-/// Time constant of the acceleration term relative to the smoothness. 0.25 leaves jerks that the eye sees; 1 lets the
+/// Time constant of the acceleration term relative to the smoothness. 0.25 leaves visible jerks; 1 lets the
 /// path overshoot into the frame's edge after every fast move.
-const ACCELERATION_SHARE: f64 = 0.5;
+const ACCELERATION_TIME_RATIO: f64 = 0.5;
 
-/// Price κ of crop against the share of shake left. Mean (crop, shake left) over 16 hand-held clips: (.85, .24) at 1,
+/// Price κ of crop against the fraction of shake left. Mean (crop, shake left) over 16 hand-held clips: (.85, .24) at 1,
 /// (.88, .30) at 2.5, (.90, .36) at 4, (.93, .48) at 8. At 4 the last percent of crop removes three of shake, and with the
 /// mesh's reserve of one percent the mean crop stays above .88.
 const CROP_PRICE: f64 = 4.0;
 
-/// Fastest change of the window's width, share of the frame's width per second: far slower than a zoom by hand. Three
-/// times as fast the picture breathes, for one percent of shake less; at 0 the worst moment rules the whole shot.
+/// Fastest change of the window's width, fraction of the frame's width per second: far slower than a manual zoom. Three times
+/// as fast the zoom becomes visible, for one percent of shake less; at 0 the worst moment sets the size of the whole shot.
 const ZOOM_SPEED: f64 = 0.01;
 
-/// Weakest shake (stage units, RMS) that is told from none; keeps the weights finite on passages that stand still.
+/// Floor of the shake (frame units, RMS; 0.2 px at 1080p): keeps the weights finite on static passages.
 const MIN_SHAKE: f64 = 2e-4;
 
-/// How the size of the window may change within one program.
+/// Constraint on the size of the window within one program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sizing {
-    /// Slowly.
+    /// Bounded rate of change.
     Adaptive,
-    /// Not at all, but which size is open.
+    /// One unknown size.
     Shared,
-    /// Given.
+    /// Given size.
     Pinned(f64),
-    /// At least the ideal path's own. More is never better, since it leaves less room; an equation would leave the
-    /// feasible points without an inside, where the solver stalls.
+    /// At least the ideal path's own. A larger one is never better, since it leaves less margin; an equality would leave the
+    /// feasible set without an interior, and the solver stalls.
     Followed,
 }
 
-/// The program's data that all its windows of time share.
+/// Data of the program, common to all windows of time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Program<'a> {
     pub(super) chain: &'a Chain,
-    pub(super) stage: &'a Stage,
-    /// Local strength of the shake per frame, stage units².
+    pub(super) units: &'a FrameUnits,
+    /// Local strength of the shake per frame, frame units².
     pub(super) strength: &'a [f64],
     /// The ideal path where it is not an unknown.
     pub(super) ideal: Option<&'a [Pose]>,
-    /// A smooth path near the ideal one, from which the unknowns are counted: seen from the input itself the objective
-    /// is the difference of numbers a thousand times as large, and the solver stalls on what rounding leaves of it.
+    /// A smooth path near the ideal one; the unknowns are offsets from it. Relative to the input itself the objective would be
+    /// a difference of numbers a thousand times as large, and the solver would stall on rounding.
     pub(super) about: &'a [Pose],
     pub(super) smoothness_s: f64,
     pub(super) min_crop: f64,
     pub(super) sizing: Sizing,
-    /// Share of the output that must be covered by the frame; 1 unless the border may show.
+    /// Size of the rectangle that the frame must cover, relative to the output; below 1 only if the border may show.
     pub(super) window: f64,
 }
 
@@ -163,7 +162,7 @@ impl Program<'_> {
         let n = frames.len();
         let mut qp = QuadraticProgram::new(n * self.stride());
         let strength = |i: usize| self.strength[frames.start + i].max(MIN_SHAKE * MIN_SHAKE);
-        // All weights and the price in units that make them about 1, which the solver's tolerances want.
+        // Weights and price are scaled to about 1, which suits the tolerances of the solver.
         let unit = (0..n).map(strength).sum::<f64>() / n as f64;
         for i in 0..n {
             let weight = unit / strength(i);
@@ -175,7 +174,7 @@ impl Program<'_> {
                 self.keep_inside(&mut qp, &frames, i);
                 self.size_window(&mut qp, &frames, i, unit);
             } else {
-                self.hold(&mut qp, &frames, i, head);
+                self.fix_head(&mut qp, &frames, i, head);
             }
         }
         let x = qp.solve(run)?;
@@ -224,9 +223,9 @@ impl Program<'_> {
             before.moved_by(self.chain.step[t]).minus(at).scaled(self.chain.rate[t])
         };
         let acceleration = |[b2, b1, b0]: [PoseExpr; 3]| velocity(b0, b1.clone(), t).minus(velocity(b1, b2, t - 1));
-        // A shot has nothing slower than itself; larger numbers would only cost the solver its digits.
+        // No motion is slower than the shot is long; larger weights would only cost the solver precision.
         let time = self.chain.frames(self.smoothness_s).min(self.chain.len() as f64);
-        let mu = weight * (ACCELERATION_SHARE * time).powi(4) / 4.0;
+        let mu = weight * (ACCELERATION_TIME_RATIO * time).powi(4) / 4.0;
         add_displacement(qp, mu, acceleration([i - 2, i - 1, i].map(|k| self.path(frames, k))));
         if self.ideal.is_none() {
             let lambda = weight * time.powi(4) / 4.0;
@@ -236,8 +235,8 @@ impl Program<'_> {
 
     /// The window's corners inside the frame.
     fn keep_inside(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize) {
-        let (w, h) = self.stage.half;
-        for q in self.stage.corners() {
+        let (w, h) = self.units.half;
+        for q in self.units.corners() {
             let PoseExpr { z, d } = self.path(frames, i);
             let corner = z.times(q * self.window).plus(d);
             for (x, half) in [(corner.re, w), (corner.im, h)] {
@@ -271,8 +270,8 @@ impl Program<'_> {
         qp.require_at_most_zero(crop(i - 1) - crop(i) - limit);
     }
 
-    /// What was decided in the previous window of time stays.
-    fn hold(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, head: &Cameras) {
+    /// Fixes the frames solved in the previous window of time.
+    fn fix_head(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize, head: &Cameras) {
         let fix = |qp: &mut QuadraticProgram, e: PoseExpr| {
             for x in [e.d.re, e.d.im, e.z.re, e.z.im] {
                 qp.require_zero(x);
@@ -285,10 +284,10 @@ impl Program<'_> {
     }
 }
 
-/// Mean over the frame's area of the squared displacement that `e` stands for.
+/// Adds the mean over the frame's area of the squared displacement `e`.
 fn add_displacement(qp: &mut QuadraticProgram, weight: f64, e: PoseExpr) {
     qp.add_square(weight, e.d.re);
     qp.add_square(weight, e.d.im);
-    qp.add_square(weight * TURN_WEIGHT, e.z.re);
-    qp.add_square(weight * TURN_WEIGHT, e.z.im);
+    qp.add_square(weight * ROTATION_WEIGHT, e.z.re);
+    qp.add_square(weight * ROTATION_WEIGHT, e.z.im);
 }

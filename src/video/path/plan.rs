@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::chain::Chain;
 use super::optimal::{Cameras, Program, Sizing};
-use super::pose::{C64, Pose, Stage, settle};
+use super::pose::{C64, FrameUnits, Pose, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, SegmentOutcome, VirtualPath, Zoom, ideal};
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::optim::qp::QpError;
@@ -17,63 +17,64 @@ const WINDOW_S: f64 = 16.0;
 /// Bounds of the same in frames, so that memory stays bounded at any frame rate.
 const WINDOW_FRAMES: (f64, f64) = (240.0, 960.0);
 
-/// Longest time constant (s) of the smooth path from which the solver starts: beyond, pans lead it far outside the frame.
+/// Longest time constant (s) of the smooth path about which the program is stated: beyond, pans lead it far outside the frame.
 const MAX_REFERENCE_S: f64 = 0.5;
 
-/// Time constant (s) at which a program that stalls is given up.
-const MIN_S: f64 = 0.05;
+/// Shortest time constant (s) tried after the solver stalls: the lower bound of the option itself.
+const MIN_SMOOTHNESS_S: f64 = 0.05;
 
-/// RMS shake (units of half the diagonal) below which a shot stands still: 0.1 px at 1080p.
+/// RMS shake (units of half the diagonal) below which a shot is static: 0.1 px at 1080p.
 const STEADY: f64 = 1e-4;
 
-/// Least room that the smallest window must leave in the frame, as a share of it. With less there is nothing to decide, and
-/// the program's feasible points are so few that no interior-point method finds them.
-const ROOM: f64 = 2e-3;
+/// Least margin that the smallest window must leave in the frame, as a fraction of it. With less the feasible set has so little
+/// interior that no interior-point method finds it.
+const MIN_MARGIN: f64 = 2e-3;
 
-/// Below this share of reliable steps the motion of a shot is guesswork.
+/// Least fraction of frames with reliable motion: with less than a third, bridged gaps would dominate the path of the shot.
 const MIN_RELIABLE: f64 = 0.3;
 
-/// Share of the output that counts as its middle.
-const MIDDLE: f64 = 1e-3;
+/// Size of the window that stands for the center of the output, as a fraction of it: small against any crop, but with an
+/// interior, which the solver needs.
+const CENTER: f64 = 1e-3;
 
 /// The virtual path of a clip.
 ///
 /// # Errors
 /// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input. A shot
-/// whose program the solver does not solve is left as it is, and its segment says so. [`PathError::Interrupted`].
+/// whose program cannot be solved is left unchanged, and its segment reports it. [`PathError::Interrupted`].
 pub fn plan(clip: &Clip<'_>, options: &PathOptions, run: &Run) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
-    let stage = Stage::new(clip.width, clip.height);
-    Ok(plan_shots(clip, &stage, options.window(), |shot| shot_path(clip, options, &stage, shot, run), run)?)
+    let units = FrameUnits::new(clip.width, clip.height);
+    Ok(plan_shots(clip, &units, options.window(), |shot| shot_path(clip, options, &units, shot, run), run)?)
 }
 
-/// The virtual path that shows `wanted` (`out_from_src` per frame): exactly where the border may show, else held inside the
-/// frame with as large a window as allowed.
+/// The virtual path that shows `target` (`out_from_src` per frame): exactly where the border may show, otherwise constrained to
+/// the frame with the largest window allowed.
 ///
 /// # Errors
-/// As for [`plan`]; [`PathError::Lengths`] also for another number of wanted maps.
+/// As for [`plan`]; [`PathError::Lengths`] also for a different number of target maps.
 pub fn plan_along(
     clip: &Clip<'_>,
     options: &PathOptions,
-    wanted: &[Similarity2],
+    target: &[Similarity2],
     run: &Run,
 ) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
-    expect_one_per_frame(clip, wanted.len())?;
-    let stage = Stage::new(clip.width, clip.height);
-    // Where the border may show, only the middle of the output must lie on the frame: nothing is moved for more.
-    let window = if options.border_allows_outside { MIDDLE } else { options.window() };
+    expect_one_per_frame(clip, target.len())?;
+    let units = FrameUnits::new(clip.width, clip.height);
+    // Where the border may show, only the center of the output must lie on the frame.
+    let window = if options.border_allows_outside { CENTER } else { options.window() };
     let mut plan = plan_shots(
         clip,
-        &stage,
+        &units,
         window,
         |shot| {
-            let chain = Chain::of_shot(clip, &stage, shot.clone());
-            let ideal: Vec<Pose> = wanted[shot.clone()].iter().map(|w| window_of(&stage, w)).collect();
+            let chain = Chain::of_shot(clip, &units, shot.clone());
+            let ideal: Vec<Pose> = target[shot.clone()].iter().map(|w| window_of(&units, w)).collect();
             let path =
-                if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &stage, options, &ideal, run) };
+                if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &units, options, &ideal, run) };
             let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
-            Ok((path, "the path that was given".to_owned()))
+            Ok((path, "follows the given path".to_owned()))
         },
         run,
     )?;
@@ -82,9 +83,9 @@ pub fn plan_along(
     Ok(plan)
 }
 
-/// `src_from_out` of a map that is wanted.
-pub(super) fn window_of(stage: &Stage, out_from_src: &Similarity2) -> Pose {
-    out_from_src.inverse().map_or(Pose::IDENTITY, |s| stage.pose(s))
+/// `src_from_out` of a target map.
+pub(super) fn window_of(units: &FrameUnits, out_from_src: &Similarity2) -> Pose {
+    out_from_src.inverse().map_or(Pose::IDENTITY, |s| units.pose(s))
 }
 
 pub(super) fn expect_one_per_frame(clip: &Clip<'_>, covered: usize) -> Result<(), PathError> {
@@ -94,7 +95,7 @@ pub(super) fn expect_one_per_frame(clip: &Clip<'_>, covered: usize) -> Result<()
 
 pub(super) fn plan_shots(
     clip: &Clip<'_>,
-    stage: &Stage,
+    units: &FrameUnits,
     window: f64,
     shot_path: impl Fn(Range<usize>) -> ShotPath,
     run: &Run,
@@ -103,12 +104,12 @@ pub(super) fn plan_shots(
         VirtualPath { out_from_src: Vec::new(), crop: Vec::new(), cameras: Vec::new(), segments: Vec::new() };
     for shot in clip.shots {
         let found = shot_path(shot.clone());
-        // A shot that was stopped is no shot without a path.
+        // An interrupted shot must not be reported as one without a path.
         run.check()?;
         let segment = match found {
             Ok((path, reason)) => {
                 for pose in path {
-                    let (pose, out_from_src) = settle(stage, pose, window);
+                    let (pose, out_from_src) = settle(units, pose, window);
                     plan.out_from_src.push(out_from_src);
                     plan.crop.push(pose.z.norm());
                 }
@@ -125,13 +126,13 @@ pub(super) fn plan_shots(
     Ok(plan)
 }
 
-/// The smoothed poses of a shot and what to say of them, or why it is left as it is.
+/// The smoothed poses of a shot and a remark for the user, or the reason why it stays unchanged.
 pub(super) type ShotPath = Result<(Vec<Pose>, String), String>;
 
 pub(super) fn shot_path(
     clip: &Clip<'_>,
     options: &PathOptions,
-    stage: &Stage,
+    units: &FrameUnits,
     shot: Range<usize>,
     run: &Run,
 ) -> ShotPath {
@@ -143,15 +144,15 @@ pub(super) fn shot_path(
     if (reliable as f64) < MIN_RELIABLE * steps as f64 {
         return Err(format!("motion could be followed in only {reliable} of {steps} frames"));
     }
-    let chain = Chain::of_shot(clip, stage, shot.clone());
+    let chain = Chain::of_shot(clip, units, shot.clone());
     let before = mean(&chain.shake());
     if before < STEADY * STEADY && options.kind != PathKind::Tripod {
         return Err("already steady".to_owned());
     }
-    if options.smallest_window() > 1.0 - ROOM {
+    if options.smallest_window() > 1.0 - MIN_MARGIN {
         return Err("the least crop leaves no room to move".to_owned());
     }
-    let path = kind_path(&chain, stage, options, run).map_err(|e| format!("no path was found: {e}"))?;
+    let path = kind_path(&chain, units, options, run).map_err(|e| format!("no path was found: {e}"))?;
     let after = mean(&chain.seen_through(&path).shake());
     if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
         return Err("smoothing would not have made it steadier".to_owned());
@@ -159,29 +160,29 @@ pub(super) fn shot_path(
     Ok((path, format!("shake lowered to {:.0} %", 100.0 * (after / before).sqrt())))
 }
 
-/// The path of the kind wanted, level where that is wanted.
-fn kind_path(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
+/// The path of the kind in the options, leveled if requested.
+fn kind_path(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let ideal = match options.kind {
-        PathKind::Optimal if !options.level => return optimal(chain, stage, options, run),
-        // Where it leads, at one size: a window that no longer turns with the frame has other corners.
+        PathKind::Optimal if !options.level => return optimal(chain, units, options, run),
+        // Its centers at one size: a window that no longer rotates with the frame has other corners.
         PathKind::Optimal => {
-            optimal(chain, stage, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
+            optimal(chain, units, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
         }
         PathKind::Gaussian => ideal::gaussian(chain, options.smoothness_s),
         PathKind::Linear => ideal::polynomial(chain, 1),
         PathKind::Parabolic => ideal::polynomial(chain, 2),
         PathKind::Tripod => ideal::tripod(chain),
     };
-    follow(chain, stage, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal }, run)
+    follow(chain, units, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal }, run)
 }
 
 /// The path that balances shake, acceleration and crop.
-fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
+fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
     let about = ideal::gaussian(chain, options.smoothness_s.min(MAX_REFERENCE_S));
     let mut program = Program {
         chain,
-        stage,
+        units,
         strength: &strength,
         ideal: None,
         about: &about,
@@ -192,7 +193,7 @@ fn optimal(chain: &Chain, stage: &Stage, options: &PathOptions, run: &Run) -> Re
     };
     let path = in_windows(&program, run)?;
     if program.sizing == Sizing::Shared && windows(chain).len() > 1 {
-        // Every window of time has chosen its own size; the shot gets their mean, at which all were nearly content.
+        // Each window of time has its own optimal size; the shot gets their mean, which is nearly optimal for all.
         program.sizing = Sizing::Pinned(mean(&path.iter().map(|p| p.z.re).collect::<Vec<f64>>()));
         return in_windows(&program, run);
     }
@@ -209,26 +210,26 @@ fn sizing(options: &PathOptions) -> Sizing {
     }
 }
 
-/// The given path at the largest window that fits all of it, or held inside the frame at the smallest allowed.
+/// The given path at the largest window that fits all of it, or constrained to the frame at the smallest allowed.
 pub(super) fn follow(
     chain: &Chain,
-    stage: &Stage,
+    units: &FrameUnits,
     options: &PathOptions,
     ideal: &[Pose],
     run: &Run,
 ) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
-    let fits = ideal.iter().map(|&p| stage.widest(p)).fold(1.0, f64::min) / window;
+    let fits = ideal.iter().map(|&p| units.widest(p)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
     let ideal: Vec<Pose> =
-        ideal.iter().map(|p| attainable(stage, Pose { z: p.z * size, d: p.d }, options.min_crop, window)).collect();
-    if ideal.iter().all(|&p| stage.overhang(p, window) <= 1e-9) {
+        ideal.iter().map(|p| attainable(units, Pose { z: p.z * size, d: p.d }, options.min_crop, window)).collect();
+    if ideal.iter().all(|&p| units.overhang(p, window) <= 1e-9) {
         return Ok(ideal);
     }
     let strength = chain.shake_strength();
     let program = Program {
         chain,
-        stage,
+        units,
         strength: &strength,
         ideal: Some(&ideal),
         about: &ideal,
@@ -240,15 +241,16 @@ pub(super) fn follow(
     in_windows(&program, run)
 }
 
-/// The pose nearest to `ideal` whose window is no smaller than allowed and would fit the frame with [`ROOM`] around it if it
-/// stood in its middle: with the size held, the angle gives way. It stands no further off than half a diagonal: beyond,
-/// only the direction matters, and numbers of many sizes of frames would be all that the solver sees.
-fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
+/// The pose nearest to `ideal` whose window, if centered, fits the frame with [`MIN_MARGIN`] around it and is no smaller than
+/// allowed: the size is kept and the angle reduced. The displacement is limited to half a diagonal: beyond, only its direction
+/// matters, and large numbers would degrade the conditioning of the program.
+fn attainable(units: &FrameUnits, ideal: Pose, min_crop: f64, window: f64) -> Pose {
+    // An angle of π to the last of 40 bits: far below what moves a corner by a pixel.
     const HALVINGS: usize = 40;
     let size = ideal.z.norm().clamp(min_crop, 1.0 / window);
-    let turned = |share: f64| C64::from_polar(1.0, share * ideal.z.arg());
-    let needed = size * window / (1.0 - ROOM);
-    let fits = |share: f64| stage.widest(Pose { z: turned(share), d: C64::new(0.0, 0.0) }) >= needed;
+    let rotated = |fraction: f64| C64::from_polar(1.0, fraction * ideal.z.arg());
+    let needed = size * window / (1.0 - MIN_MARGIN);
+    let fits = |fraction: f64| units.widest(Pose { z: rotated(fraction), d: C64::new(0.0, 0.0) }) >= needed;
     let (mut inside, mut outside) = (0.0, 1.0);
     if fits(1.0) {
         inside = 1.0;
@@ -258,22 +260,22 @@ fn attainable(stage: &Stage, ideal: Pose, min_crop: f64, window: f64) -> Pose {
             *if fits(middle) { &mut inside } else { &mut outside } = middle;
         }
     }
-    Pose { z: turned(inside) * size, d: ideal.d / ideal.d.norm().max(1.0) }
+    Pose { z: rotated(inside) * size, d: ideal.d / ideal.d.norm().max(1.0) }
 }
 
-/// Solves the shot. Where the solver stalls, with half the time constant: the weights of the accelerations, the largest
-/// numbers by far, fall to a sixteenth.
+/// Solves the shot. Where the solver stalls, it is tried again with half the time constant: the weights of the accelerations,
+/// by far the largest numbers, fall to a sixteenth.
 fn in_windows(program: &Program<'_>, run: &Run) -> Result<Vec<Pose>, QpError> {
     let mut program = *program;
     loop {
         match window_by_window(&program, run) {
-            Err(QpError::Stalled { .. }) if program.smoothness_s > MIN_S => program.smoothness_s /= 2.0,
+            Err(QpError::Stalled { .. }) if program.smoothness_s > MIN_SMOOTHNESS_S => program.smoothness_s /= 2.0,
             done => return done,
         }
     }
 }
 
-/// Of each window the first half is kept, its last two frames start the next.
+/// Of each window the first half is kept; its last two frames are the fixed head of the next.
 fn window_by_window(program: &Program<'_>, run: &Run) -> Result<Vec<Pose>, QpError> {
     let mut done = Cameras::default();
     for frames in windows(program.chain) {
@@ -353,19 +355,19 @@ mod tests {
     }
 
     #[test]
-    fn windows_of_time_leave_no_trace_in_the_path() {
+    fn solving_in_windows_of_time_gives_the_path_of_the_whole_shot() {
         let motion = long_walk(900);
         let times_s: Vec<f64> = (0..900).map(|t| f64::from(t) / 10.0).collect();
         let shot = 0..900;
         let clip =
             Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
-        let stage = Stage::new(640, 360);
-        let chain = Chain::of_shot(&clip, &stage, 0..900);
+        let units = FrameUnits::new(640, 360);
+        let chain = Chain::of_shot(&clip, &units, 0..900);
         assert!(windows(&chain).len() > 3, "{:?}", windows(&chain));
         let strength = chain.shake_strength();
         let program = Program {
             chain: &chain,
-            stage: &stage,
+            units: &units,
             strength: &strength,
             ideal: None,
             about: &ideal::gaussian(&chain, 0.5),

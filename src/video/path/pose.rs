@@ -1,4 +1,4 @@
-//! The pose of the crop window in a frame, and the exact test that it lies inside.
+//! The pose of the crop window in a frame, and the exact test that it is inside.
 
 use nalgebra::Complex;
 
@@ -10,14 +10,14 @@ pub(super) type C64 = Complex<f64>;
 ///
 /// These units make the path independent of the resolution.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stage {
+pub(super) struct FrameUnits {
     /// Half width and half height, `half.0² + half.1² = 1`.
     pub(super) half: (f64, f64),
     unit_px: f64,
     center_px: Vec2,
 }
 
-impl Stage {
+impl FrameUnits {
     pub(super) fn new(width: u32, height: u32) -> Self {
         let center_px = Vec2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
         let unit_px = center_px.norm();
@@ -30,7 +30,7 @@ impl Stage {
         Pose { z: C64::new(s.a, s.b), d: C64::new(d.x, d.y) / self.unit_px }
     }
 
-    /// The inverse of [`Stage::pose`].
+    /// The inverse of [`FrameUnits::pose`].
     pub(super) fn similarity(&self, p: Pose) -> Similarity2 {
         let linear = Similarity2 { a: p.z.re, b: p.z.im, t: Vec2::zeros() };
         let d = Vec2::new(p.d.re, p.d.im) * self.unit_px;
@@ -43,7 +43,7 @@ impl Stage {
         [C64::new(-w, -h), C64::new(w, -h), C64::new(w, h), C64::new(-w, h)]
     }
 
-    /// By how much the window of `scale` times the output's size reaches over the frame's edge: ≤ 0 inside.
+    /// Distance by which the window of `scale` times the output's size exceeds the frame: ≤ 0 inside.
     pub(super) fn overhang(&self, pose: Pose, scale: f64) -> f64 {
         self.corners()
             .into_iter()
@@ -60,7 +60,7 @@ impl Stage {
     }
 }
 
-/// A similarity about the frame's center, `x ↦ z x + d`, in [`Stage`] units. As a virtual camera: `src_from_out`.
+/// A similarity about the frame's center, `x ↦ z x + d`, in [`FrameUnits`]. As a virtual camera: `src_from_out`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
     /// Scale and rotation, `s·e^{iθ}`. For the virtual camera `s` is the linear crop: below 1 the output is zoomed in.
@@ -86,9 +86,9 @@ impl Pose {
         Self { z, d: -(z * self.d) }
     }
 
-    /// The point `share` of the straight way from `self` to `other`; both ends inside the frame: so is it.
-    pub(super) fn toward(&self, other: Self, share: f64) -> Self {
-        Self { z: self.z + (other.z - self.z) * share, d: self.d + (other.d - self.d) * share }
+    /// Linear interpolation to `other`. The poses inside the frame are a convex set.
+    pub(super) fn toward(&self, other: Self, fraction: f64) -> Self {
+        Self { z: self.z + (other.z - self.z) * fraction, d: self.d + (other.d - self.d) * fraction }
     }
 
     pub(super) fn is_finite(&self) -> bool {
@@ -100,59 +100,59 @@ impl Pose {
 ///
 /// The solver and the change of units leave errors near `1e-9`. The pose is moved toward the centered window of the
 /// same scale, which is strictly inside, by doubling steps until the pixel matrix itself passes the test.
-pub(super) fn settle(stage: &Stage, pose: Pose, window: f64) -> (Pose, Homography) {
+pub(super) fn settle(units: &FrameUnits, pose: Pose, window: f64) -> (Pose, Homography) {
     let scale = pose.z.norm().min(1.0 / window);
     let safe = Pose { z: C64::new(scale * (1.0 - 1e-6), 0.0), d: C64::new(0.0, 0.0) };
-    let mut share = 0.0;
+    let mut fraction = 0.0;
     loop {
-        let p = pose.toward(safe, share);
-        let src_from_out = stage.similarity(p);
+        let p = pose.toward(safe, fraction);
+        let src_from_out = units.similarity(p);
         if let Some(out_from_src) = src_from_out.inverse()
-            && (share >= 1.0 || stays_inside(stage, out_from_src, window))
+            && (fraction >= 1.0 || stays_inside(units, out_from_src, window))
         {
             return (p, out_from_src.to_homography());
         }
-        share = if share == 0.0 { 1e-9 } else { (share * 4.0).min(1.0) };
+        fraction = if fraction == 0.0 { 1e-9 } else { (fraction * 4.0).min(1.0) };
     }
 }
 
-/// Whether the output window's preimage under the final pixel map lies in `[0,W]×[0,H]`.
-fn stays_inside(stage: &Stage, out_from_src: Similarity2, window: f64) -> bool {
-    out_from_src.inverse().is_some_and(|s| stage.overhang(stage.pose(s), window) <= 0.0)
+/// Whether the output window's preimage under the final pixel map is in `[0,W]×[0,H]`.
+fn stays_inside(units: &FrameUnits, out_from_src: Similarity2, window: f64) -> bool {
+    out_from_src.inverse().is_some_and(|s| units.overhang(units.pose(s), window) <= 0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn stage() -> Stage {
-        Stage::new(640, 360)
+    fn units() -> FrameUnits {
+        FrameUnits::new(640, 360)
     }
 
     #[test]
     fn poses_and_pixel_similarities_are_the_same_maps() {
         let s = Similarity2::about(plumbline_num::math::Point2::new(100.0, 50.0), 0.2, 0.9, Vec2::new(7.0, -3.0));
-        let back = stage().similarity(stage().pose(s));
+        let back = units().similarity(units().pose(s));
         assert!((back.a - s.a).abs() < 1e-15 && (back.b - s.b).abs() < 1e-15 && (back.t - s.t).norm() < 1e-10);
         let moved = Similarity2 { t: Vec2::new(36.7, 0.0), ..Similarity2::IDENTITY };
         let half_diagonal = 320.0_f64.hypot(180.0);
-        assert!((stage().pose(moved).d.re - 36.7 / half_diagonal).abs() < 1e-15);
+        assert!((units().pose(moved).d.re - 36.7 / half_diagonal).abs() < 1e-15);
     }
 
     #[test]
     fn the_widest_window_touches_the_edge() {
         let pose = Pose { z: C64::from_polar(1.0, 0.05), d: C64::new(0.03, -0.02) };
-        let c = stage().widest(pose);
+        let c = units().widest(pose);
         assert!(c < 1.0);
-        assert!(stage().overhang(Pose { z: pose.z * c, ..pose }, 1.0).abs() < 1e-12);
+        assert!(units().overhang(Pose { z: pose.z * c, ..pose }, 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn an_overhanging_window_is_settled_inside_by_a_hair() {
-        let turned = Pose { z: C64::from_polar(1.0, 0.01), d: C64::new(0.05, 0.01) };
-        let over = Pose { z: turned.z * (stage().widest(turned) * (1.0 + 1e-7)), ..turned };
-        assert!(stage().overhang(over, 1.0) > 0.0);
-        let (settled, out_from_src) = settle(&stage(), over, 1.0);
+        let rotated = Pose { z: C64::from_polar(1.0, 0.01), d: C64::new(0.05, 0.01) };
+        let over = Pose { z: rotated.z * (units().widest(rotated) * (1.0 + 1e-7)), ..rotated };
+        assert!(units().overhang(over, 1.0) > 0.0);
+        let (settled, out_from_src) = settle(&units(), over, 1.0);
         assert!((settled.d - over.d).norm() + (settled.z - over.z).norm() < 1e-5);
         let src_from_out = out_from_src.inverse().expect("a similarity");
         for (x, y) in [(0.0, 0.0), (640.0, 0.0), (640.0, 360.0), (0.0, 360.0)] {

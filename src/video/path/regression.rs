@@ -6,15 +6,16 @@
 //! q_k = u q_{k−1} − Σ_{j<k} ⟨u q_{k−1}, q_j⟩ / ⟨q_j, q_j⟩ q_j,      ȳ = Σ_k ⟨y, q_k⟩ / ⟨q_k, q_k⟩ q_k,
 //! ```
 //!
-//! so that no system is solved, and a degree that so few moments cannot tell is left out.
+//! so that no system is solved, and degrees that the samples do not determine are left out.
 
 use std::iter::Sum;
 use std::ops::{Add, Mul};
 
 use plumbline_num::math::dot;
 
-/// Squared norm, as a share of that of the constant, below which a basis function vanishes on the given times.
-const VANISHING: f64 = 1e-12;
+/// Squared norm, relative to that of the constant, below which a basis function vanishes on the given times: between rounding
+/// (1e-32) and the smallest that distinct times of a clip give.
+const MIN_SQUARED_NORM: f64 = 1e-12;
 
 /// The values, at the same times, of the polynomial of at most `degree` that is nearest to `values`.
 pub(super) fn polynomial<T>(times: &[f64], values: &[T], degree: usize) -> Vec<T>
@@ -36,12 +37,12 @@ fn basis(times: &[f64], degree: usize) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(degree + 1);
     let mut next = vec![1.0; n];
     for _ in 0..=degree {
-        // Twice, for what rounding leaves of the first time.
+        // Orthogonalized twice, which removes the rounding errors of the first pass.
         for q in basis.iter().chain(&basis) {
             let along = dot(&next, q) / dot(q, q);
             next.iter_mut().zip(q).for_each(|(x, q)| *x -= along * q);
         }
-        if !(dot(&next, &next) > VANISHING * n as f64) {
+        if !(dot(&next, &next) > MIN_SQUARED_NORM * n as f64) {
             break;
         }
         let higher = next.iter().zip(&u).map(|(x, u)| x * u).collect();
@@ -67,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_is_orthogonal_to_the_polynomials() {
+    fn residuals_are_orthogonal_to_the_polynomials() {
         let mut random = fastrand::Rng::with_seed(4);
         let times: Vec<f64> = (0..50).map(|t| f64::from(t) + random.f64()).collect();
         let y: Vec<f64> = times.iter().map(|_| random.f64()).collect();
@@ -79,11 +80,11 @@ mod tests {
     }
 
     #[test]
-    fn fewer_moments_than_the_degree_wants_are_met_exactly() {
+    fn fewer_samples_than_coefficients_are_interpolated() {
         assert_eq!(polynomial(&[3.0], &[7.0], 2), [7.0]);
         assert!(polynomial::<f64>(&[], &[], 2).is_empty());
         let two = polynomial(&[3.0, 4.0], &[7.0, 9.0], 2);
         assert!((two[0] - 7.0).abs() < 1e-13 && (two[1] - 9.0).abs() < 1e-13, "{two:?}");
-        assert_eq!(polynomial(&[5.0, 5.0], &[1.0, 2.0], 1), [1.5, 1.5], "one moment has one value");
+        assert_eq!(polynomial(&[5.0, 5.0], &[1.0, 2.0], 1), [1.5, 1.5], "one time has one value");
     }
 }

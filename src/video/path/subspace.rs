@@ -1,4 +1,4 @@
-//! Trajectories of a short time lie near a subspace of few modes: smoothing the modes smooths all of them alike.
+//! Subspace smoothing: short trajectories are near a low-rank subspace, and smoothing its modes smooths all of them alike.
 //!
 //! Trajectories `y_k(τ)` (x and y apart) over the window `τ ∈ [t − w, t + w]`, in output px, with mean `μ(τ)` over the tracks,
 //!
@@ -8,10 +8,10 @@
 //! ```
 //!
 //! `κ` are the weights of the local linear regression at `t` ([`super::trajectory`]), `P` the frames in which the track was
-//! seen, `Λ` the variances of the modes and `σ²` what the modes leave: the conditional mean of probabilistic PCA. A track seen
-//! for half of the window is completed by what the others do, instead of being smoothed by its half alone; noise outside
-//! the subspace is left out. Under an affine camera the rank is 4, in perspective and over a second or so 9 holds all but
-//! noise, with a changing focal length or a rolling shutter too.
+//! observed, `Λ` the variances of the modes and `σ²` the residual variance: the conditional mean of probabilistic PCA. A track
+//! observed for half of the window is completed by the others instead of being smoothed from its half alone; noise outside
+//! the subspace is left out. Under an affine camera the rank is 4; in perspective and over about a second rank 9 captures all
+//! but noise, with a changing focal length or a rolling shutter too.
 //!
 //! # Reference
 //! F. Liu, M. Gleicher, J. Wang, H. Jin, A. Agarwala: *Subspace video stabilization*, ACM TOG 30(1), 2011, sections 3 and 4
@@ -19,28 +19,28 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
-/// Modes of the subspace.
+/// Rank of the subspace, that of the paper.
 const RANK: usize = 9;
-/// Tracks that must span the window, per mode.
+/// Tracks that must span the window, per mode: each gives two trajectories, so that six samples determine a mode.
 const SPANNING_PER_MODE: usize = 3;
-/// Least variance that noise is taken to have, px²: tracks are not more accurate than a twentieth of a pixel.
+/// Floor of the noise variance, px²: tracks are not more accurate than a twentieth of a pixel.
 const MIN_NOISE: f64 = 0.0025;
 
-/// The modes of one window, and what they give at its moment.
+/// The modes of one window, and their regression at its center.
 pub(super) struct Subspace {
     mean: [DVector<f64>; 2],
     /// `E`, one row per frame of the window.
     modes: DMatrix<f64>,
     /// `σ² Λ⁻¹`.
-    doubt: DVector<f64>,
+    noise_ratio: DVector<f64>,
     /// `κᵀ μ` and `κᵀ E`.
     mean_now: [f64; 2],
     modes_now: DVector<f64>,
 }
 
 impl Subspace {
-    /// The modes of the trajectories `spanning`, each with its x and y at every frame of the window, under the weights `kernel`
-    /// of those frames; `None` where there are too few of them.
+    /// The modes of the trajectories `spanning`, each with its x and y at every frame of the window, and their regression by
+    /// the weights `kernel` of those frames; `None` where there are too few of them.
     pub(super) fn of(spanning: &[[Vec<f64>; 2]], kernel: &[f64]) -> Option<Self> {
         let (frames, rows) = (kernel.len(), 2 * spanning.len());
         let rank = RANK.min(frames.saturating_sub(1));
@@ -61,17 +61,17 @@ impl Subspace {
         let left = (total - variances.iter().sum::<f64>()) / (frames - rank) as f64;
         let noise = left.max(MIN_NOISE);
         let modes = DMatrix::from_fn(frames, rank, |t, k| eigen.eigenvectors[(t, order[k])]);
-        let doubt = DVector::from_iterator(rank, variances.iter().map(|v| noise / v.max(noise * f64::EPSILON)));
+        let noise_ratio = DVector::from_iterator(rank, variances.iter().map(|v| noise / v.max(noise * f64::EPSILON)));
         let kernel = DVector::from_column_slice(kernel);
         let mean_now = [kernel.dot(&mean[0]), kernel.dot(&mean[1])];
         let modes_now = modes.tr_mul(&kernel);
-        Some(Self { mean, modes, doubt, mean_now, modes_now })
+        Some(Self { mean, modes, noise_ratio, mean_now, modes_now })
     }
 
-    /// `q` of a trajectory seen at some frames of the window: frame, x, y.
+    /// `q` of a trajectory observed at some frames of the window: frame, x, y.
     pub(super) fn smoothed(&self, seen: &[(usize, [f64; 2])]) -> Option<[f64; 2]> {
         let rank = self.modes.ncols();
-        let mut normal = DMatrix::from_diagonal(&self.doubt);
+        let mut normal = DMatrix::from_diagonal(&self.noise_ratio);
         let mut right = DMatrix::zeros(rank, 2);
         for (frame, y) in seen {
             let row = self.modes.row(*frame);
@@ -80,8 +80,8 @@ impl Subspace {
                 right.column_mut(axis).axpy(y - mean[*frame], &row.transpose(), 1.0);
             }
         }
-        let shares = Cholesky::new(normal)?.solve(&right);
-        Some([0, 1].map(|axis| self.mean_now[axis] + self.modes_now.dot(&shares.column(axis))))
+        let coefficients = Cholesky::new(normal)?.solve(&right);
+        Some([0, 1].map(|axis| self.mean_now[axis] + self.modes_now.dot(&coefficients.column(axis))))
     }
 }
 
@@ -130,16 +130,16 @@ mod tests {
     fn half_a_trajectory_is_completed_by_what_the_others_do() {
         let tracks = tracks(60, 0.2);
         let subspace = Subspace::of(&tracks, &mean()).expect("enough tracks");
-        let (mut shared_miss, mut alone_miss) = (0.0, 0.0);
+        let (mut shared_error, mut alone_error) = (0.0, 0.0);
         for track in &tracks {
             let truth = track[0].iter().sum::<f64>() / FRAMES as f64;
             let half = whole(track, 0..FRAMES / 2);
             let shared = subspace.smoothed(&half).expect("regular");
             let alone = half.iter().map(|(_, y)| y[0]).sum::<f64>() / half.len() as f64;
-            shared_miss += (shared[0] - truth).abs() / 60.0;
-            alone_miss += (alone - truth).abs() / 60.0;
+            shared_error += (shared[0] - truth).abs() / 60.0;
+            alone_error += (alone - truth).abs() / 60.0;
         }
-        assert!(shared_miss < 0.2 * alone_miss, "{shared_miss} against {alone_miss}");
+        assert!(shared_error < 0.2 * alone_error, "{shared_error} against {alone_error}");
     }
 
     #[test]

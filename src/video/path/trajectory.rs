@@ -1,15 +1,15 @@
-//! Where each tracked point would go if it moved smoothly: the anchors of the content-preserving warp.
+//! Smoothed feature trajectories: the anchors of the content-preserving warp.
 //!
 //! The virtual camera `S_t` (`out_from_src`) takes the global shake out of a clip. What is left in the trajectory
 //! `s_k(t) = S_t(p_k(t))` of point `k` is the motion that no single homography explains: parallax, rolling shutter,
-//! lens distortion. It should be smooth too, so the point is asked to lie on its own local linear regression,
+//! lens distortion. It should be smooth too, so the target of the point is its own local linear regression,
 //!
 //! ```text
 //! q_k(t) = α,   (α, β) = argmin Σ_τ g((τ−t)/σ) ‖s_k(τ) − α − β (τ−t)‖²,   g(u) = e^{−u²/2},  |τ−t| ≤ w,
 //! ```
 //!
-//! which leaves constant velocity exactly alone, at the ends of a track too. A track is born and dies in the middle of a
-//! clip: its weight is the product of two linear ramps over its first and last `ramp` seconds, so that no anchor pops.
+//! which reproduces constant velocity exactly, at the ends of a track too. Tracks begin and end in the middle of a clip: the
+//! weight is the product of two linear ramps over the first and last `ramp` seconds, so that no anchor appears suddenly.
 //!
 //! Streaming: frames are pushed in order and come out `w` later; memory is bounded by the window.
 //!
@@ -24,16 +24,16 @@ use super::local_linear::local_linear_weights;
 use super::subspace::Subspace;
 use plumbline_num::math::{Homography, Point2, Vec2};
 
-/// How trajectories are smoothed, all in seconds.
+/// Options of trajectory smoothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrajectoryOptions {
-    /// Standard deviation σ of the regression's kernel, s. Too small keeps the wobble, too large makes points lag behind
-    /// real accelerations of the scene and asks the mesh to bend for them.
+    /// Standard deviation σ of the regression's kernel, s. Too small keeps the wobble; too large makes points lag behind
+    /// real accelerations of the scene, for which the mesh then bends.
     pub sigma_s: f64,
     /// Length of the fade at both ends of a track, s. Too short and the mesh jumps when points come and go, too long
     /// and short tracks never count.
     pub ramp_s: f64,
-    /// Also smooth the modes that the trajectories share.
+    /// Also smooth the common subspace of the trajectories.
     pub subspace: bool,
 }
 
@@ -50,20 +50,20 @@ impl TrajectoryOptions {
     }
 }
 
-/// A point that was followed to a frame.
+/// A tracked point in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackedPoint {
-    /// Its track.
+    /// Track id.
     pub id: u32,
-    /// Where the frame shows it, source px.
+    /// Measured position, source px.
     pub src: Point2,
-    /// Where it was at the frame's own time, source px: differs from `src` where a rolling shutter captured it earlier or later.
+    /// Position at the frame's own time, source px: differs from `src` where a rolling shutter captured it earlier or later.
     pub at_frame_time: Point2,
-    /// Where a virtual camera in space shows it, output px, where one is known.
+    /// Projection into the virtual camera, output px, where the point's 3D position is known.
     pub in_space: Option<Point2>,
 }
 
-/// A point of the source frame and where it belongs in the output frame.
+/// A point of the source frame and its target in the output frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
     /// Tracked position, source px.
@@ -72,16 +72,16 @@ pub struct Anchor {
     pub dst: Point2,
     /// Temporal fade in [0, 1], dimensionless.
     pub weight: f64,
-    /// Where the virtual camera in space shows it, output px, where one is known.
+    /// Projection into the virtual camera, output px, where the point's 3D position is known.
     pub in_space: Option<Point2>,
-    /// Where it belongs by the modes that all trajectories share (`subspace.rs`), output px, where they were asked for and
-    /// can be told.
+    /// Position smoothed in the common subspace of the trajectories (`subspace.rs`), output px, where it was requested and
+    /// could be estimated.
     pub in_subspace: Option<Point2>,
 }
 
-/// A point as it was seen in one frame.
+/// One sample of a track.
 #[derive(Clone, Copy, Debug)]
-struct Sight {
+struct Sample {
     time_s: f64,
     src: Point2,
     out: Point2,
@@ -91,9 +91,9 @@ struct Sight {
 /// Anchors of successive frames, each a window after its frame was pushed.
 pub struct TrajectorySmoother {
     options: TrajectoryOptions,
-    /// Sights of every track that the window still needs, oldest first. Frames name their points by id, so the order of
-    /// this map never shows in a result.
-    tracks: HashMap<u32, VecDeque<Sight>>,
+    /// Samples of every track that the window still needs, oldest first. Frames name their points by id, so results do not
+    /// depend on the order of this map.
+    tracks: HashMap<u32, VecDeque<Sample>>,
     waiting: VecDeque<PendingFrame>,
     /// Times of finished frames that the window still reaches.
     past: VecDeque<f64>,
@@ -113,17 +113,17 @@ struct Modes {
 }
 
 impl Modes {
-    fn smoothed(&self, sights: &VecDeque<Sight>) -> Option<Point2> {
-        let at = |s: &Sight| {
+    fn smoothed(&self, samples: &VecDeque<Sample>) -> Option<Point2> {
+        let at = |s: &Sample| {
             let frame = self.times.binary_search_by(|t| t.total_cmp(&s.time_s)).ok()?;
             Some((frame, [s.out.x, s.out.y]))
         };
-        self.subspace.smoothed(&sights.iter().filter_map(at).collect::<Vec<_>>()).map(Point2::from)
+        self.subspace.smoothed(&samples.iter().filter_map(at).collect::<Vec<_>>()).map(Point2::from)
     }
 }
 
 impl TrajectorySmoother {
-    /// A smoother that has seen nothing.
+    /// An empty smoother.
     pub fn new(options: TrajectoryOptions) -> Self {
         Self {
             options,
@@ -135,13 +135,13 @@ impl TrajectorySmoother {
         }
     }
 
-    /// Adds the next frame: its time, its virtual camera, and the points seen in it. Times must not decrease. Points that
-    /// the camera cannot see (beyond its horizon) are left out.
+    /// Adds the next frame: its time, its virtual camera, and its points. Times must not decrease. Points that `out_from_src`
+    /// maps beyond its horizon are left out.
     pub fn push(&mut self, time_s: f64, out_from_src: &Homography, points: impl IntoIterator<Item = TrackedPoint>) {
         let mut ids = Vec::new();
         for point in points {
             if let Some(out) = out_from_src.apply(point.at_frame_time) {
-                self.tracks.entry(point.id).or_default().push_back(Sight {
+                self.tracks.entry(point.id).or_default().push_back(Sample {
                     time_s,
                     src: point.src,
                     out,
@@ -181,16 +181,16 @@ impl TrajectorySmoother {
         }
     }
 
-    /// Drops sights that no waiting frame can reach.
+    /// Drops samples that no waiting frame can reach.
     fn forget(&mut self, before_s: f64) {
         while self.past.front().is_some_and(|time| *time < before_s) {
             self.past.pop_front();
         }
-        self.tracks.retain(|_, sights| {
-            while sights.front().is_some_and(|s| s.time_s < before_s) {
-                sights.pop_front();
+        self.tracks.retain(|_, samples| {
+            while samples.front().is_some_and(|s| s.time_s < before_s) {
+                samples.pop_front();
             }
-            !sights.is_empty()
+            !samples.is_empty()
         });
     }
 
@@ -202,8 +202,8 @@ impl TrajectorySmoother {
         let times: Vec<f64> = self.past.iter().copied().chain([frame.time_s]).chain(later).filter(near).collect();
         let spanning: Vec<[Vec<f64>; 2]> = (frame.ids.iter())
             .filter_map(|id| {
-                let sights = self.tracks.get(id)?;
-                let own: Vec<&Sight> = sights.iter().filter(|s| near(&s.time_s)).collect();
+                let samples = self.tracks.get(id)?;
+                let own: Vec<&Sample> = samples.iter().filter(|s| near(&s.time_s)).collect();
                 let whole = own.len() == times.len();
                 whole.then(|| [own.iter().map(|s| s.out.x).collect(), own.iter().map(|s| s.out.y).collect()])
             })
@@ -218,13 +218,13 @@ impl TrajectorySmoother {
     }
 
     fn anchor(&self, id: u32, time_s: f64, modes: Option<&Modes>) -> Option<Anchor> {
-        let sights = self.tracks.get(&id)?;
-        let here = sights.iter().find(|s| s.time_s == time_s)?;
-        let (first, last) = (sights.front()?.time_s, sights.back()?.time_s);
+        let samples = self.tracks.get(&id)?;
+        let here = samples.iter().find(|s| s.time_s == time_s)?;
+        let (first, last) = (samples.front()?.time_s, samples.back()?.time_s);
         let weight = self.fade(time_s - first) * self.fade(last - time_s);
         let (src, in_space) = (here.src, here.in_space);
-        let in_subspace = || modes.and_then(|m| m.smoothed(sights));
-        let dst = || self.regress(sights, time_s);
+        let in_subspace = || modes.and_then(|m| m.smoothed(samples));
+        let dst = || self.regress(samples, time_s);
         (weight > 0.0).then(|| Anchor { src, dst: dst(), weight, in_space, in_subspace: in_subspace() })
     }
 
@@ -233,21 +233,21 @@ impl TrajectorySmoother {
         (inside_s / self.options.ramp_s).clamp(0.0, 1.0)
     }
 
-    /// Value at `time_s` of the local linear regression through `sights`.
-    fn regress(&self, sights: &VecDeque<Sight>, time_s: f64) -> Point2 {
+    /// Value at `time_s` of the local linear regression through `samples`.
+    fn regress(&self, samples: &VecDeque<Sample>, time_s: f64) -> Point2 {
         let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
         let (mut y0, mut y1) = (Vec2::zeros(), Vec2::zeros());
-        for sight in sights {
-            let u = (sight.time_s - time_s) / self.options.sigma_s;
+        for sample in samples {
+            let u = (sample.time_s - time_s) / self.options.sigma_s;
             let g = (-0.5 * u * u).exp();
             s0 += g;
             s1 += g * u;
             s2 += g * u * u;
-            y0 += g * sight.out.coords;
-            y1 += g * u * sight.out.coords;
+            y0 += g * sample.out.coords;
+            y1 += g * u * sample.out.coords;
         }
         let det = s0 * s2 - s1 * s1;
-        // Two sights at least lie apart wherever the weight is not zero; a lone one is its own mean.
+        // Where the weight is not zero at least two samples differ in time; a single one is its own mean.
         let alpha = if det > 1e-12 * s0 * s0 { (s2 * y0 - s1 * y1) / det } else { y0 / s0 };
         Point2::from(alpha)
     }
@@ -263,7 +263,7 @@ mod tests {
         TrackedPoint { id, src: p, at_frame_time: p, in_space: None }
     }
 
-    /// Pushes `n` frames in which point 7 stands at `at(t)` and returns its anchors (`None` where it has none).
+    /// Pushes `n` frames in which point 7 is at `at(t)` and returns its anchors (`None` where it has none).
     fn follow(n: usize, at: impl Fn(usize) -> Option<Point2>) -> Vec<Option<Anchor>> {
         let mut smoother = TrajectorySmoother::new(TrajectoryOptions::default());
         for t in 0..n {

@@ -1,13 +1,13 @@
-//! Virtual cameras in space: where the camera would have stood, and looked, had it been held steady.
+//! Virtual cameras in space: the smoothed poses of the recovered cameras.
 //!
-//! Pose `t` of a run of cameras is smoothed by local linear regression over time, as trajectories of points are
-//! ([`super::trajectory`]), in coordinates of its own: centers as they are, rotations by their logarithms,
+//! Pose `t` of a run of cameras is smoothed by local linear regression over time, as point trajectories are
+//! ([`super::trajectory`]): centers directly, rotations by their logarithms about `R_t`,
 //!
 //! ```text
 //! l_k = Log(R_k R_tᵀ),      R̄_t = Exp(l̄(t)) R_t,      c̄_t = c̄(t),      weights e^{−(τ_k − τ_t)²/2σ²}
 //! ```
 //!
-//! so that even motion stays exactly itself, to the ends of the run.
+//! which reproduces constant velocity exactly, to the ends of the run.
 //!
 //! # Reference
 //! F. Liu, M. Gleicher, H. Jin, A. Agarwala: *Content-preserving warps for 3D video stabilization*, SIGGRAPH 2009, section 4
@@ -19,42 +19,42 @@ use super::local_linear::local_linear_weights;
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::{Point2, Similarity2, Vec2};
 
-/// Beyond so many σ the kernel has lost all but a ten-thousandth of its weight.
+/// Half width of the kernel for poses, σ: beyond it lies less than a ten-thousandth of the weight.
 const REACH: f64 = 4.0;
 
-/// The same for what a viewer sees: beyond 2.5 σ a kernel has lost 96 % of its weight.
+/// Half width of the kernel for views, σ, as that of point trajectories: beyond 2.5 σ a kernel has lost 96 % of its weight.
 const VIEW_REACH: f64 = 2.5;
 
-/// A virtual camera and how its picture is shown.
+/// A virtual camera and the placement of its picture in the output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VirtualCamera {
     /// `cam_from_world`.
     pub pose: CameraPose,
-    /// The lens: that of the real camera.
+    /// Intrinsics of the real camera.
     pub intrinsics: Intrinsics,
-    /// `out_from_view`: crop, zoom and what moves the picture inside the source's frame.
+    /// `out_from_view`: crop, zoom and the correction that keeps the view inside the source's frame.
     pub correction: Similarity2,
-    /// It stands where the real camera stood and only turns: depth plays no part in what it shows.
-    pub turns: bool,
+    /// Its center is that of the real camera: its view differs by a rotation only and does not depend on depth.
+    pub rotation_only: bool,
 }
 
 impl VirtualCamera {
-    /// Where the output shows a point of the scene, px; `None` behind the camera.
-    pub fn show(&self, place: &Point3) -> Option<Point2> {
-        self.intrinsics.project(&self.pose.apply(place)).map(|p| self.correction.apply(p))
+    /// Projects a point of the scene to output px; `None` behind the camera.
+    pub fn show(&self, point: &Point3) -> Option<Point2> {
+        self.intrinsics.project(&self.pose.apply(point)).map(|p| self.correction.apply(p))
     }
 }
 
-/// What a viewer would see at a moment if everything moved on evenly: the mean, by local linear regression over time, of what
-/// a run of virtual cameras shows.
+/// The local linear regression over time of the projections into a run of virtual cameras: the target of points that belong to
+/// the still scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteadyView {
     cameras: Vec<(VirtualCamera, f64)>,
 }
 
 impl SteadyView {
-    /// The view at frame `t` of `cameras` that are shown at `times_s`, with a kernel of standard deviation `sigma_s` over the
-    /// run of known cameras about `t` inside `frames`; `None` without a camera at `t`.
+    /// The view at frame `t` of the `cameras` at `times_s`, with a kernel of standard deviation `sigma_s` over the run of known
+    /// cameras about `t` inside `frames`; `None` without a camera at `t`.
     pub fn new(
         cameras: &[Option<VirtualCamera>],
         times_s: &[f64],
@@ -72,15 +72,15 @@ impl SteadyView {
         Some(Self { cameras: cameras.into_iter().zip(weights).collect() })
     }
 
-    /// Where the viewer sees a point of the scene, px; `None` where a camera has it behind itself.
-    pub fn show(&self, place: &Point3) -> Option<Point2> {
+    /// Projects a point of the scene to output px; `None` where it is behind one of the cameras.
+    pub fn show(&self, point: &Point3) -> Option<Point2> {
         let shown =
-            |sum: Vec2, (camera, weight): &(VirtualCamera, f64)| Some(sum + camera.show(place)?.coords * *weight);
+            |sum: Vec2, (camera, weight): &(VirtualCamera, f64)| Some(sum + camera.show(point)?.coords * *weight);
         self.cameras.iter().try_fold(Vec2::zeros(), shown).map(Point2::from)
     }
 }
 
-/// The smoothed poses of a shot's cameras; `None` where there is no camera. Runs of known cameras are smoothed by themselves.
+/// The smoothed poses of a shot's cameras; `None` where there is no camera. Runs of known cameras are smoothed separately.
 pub fn smoothed_poses(times_s: &[f64], poses: &[Option<CameraPose>], sigma_s: f64) -> Vec<Option<CameraPose>> {
     let mut smooth = vec![None; poses.len()];
     let mut start = 0;
@@ -100,12 +100,12 @@ fn smoothed(times_s: &[f64], run: &[CameraPose], t: usize, sigma_s: f64) -> Came
     let near: Vec<(&CameraPose, f64)> =
         run.iter().zip(times_s.iter().map(offset)).filter(|(_, u)| u.abs() <= REACH).collect();
     let weights = local_linear_weights(&near.iter().map(|(_, u)| *u).collect::<Vec<_>>());
-    let (mut turn, mut center) = (Vec3::zeros(), Vec3::zeros());
+    let (mut rotation_log, mut center) = (Vec3::zeros(), Vec3::zeros());
     for ((pose, _), weight) in near.iter().zip(weights) {
-        turn += weight * (pose.rotation * here.rotation.inverse()).scaled_axis();
+        rotation_log += weight * (pose.rotation * here.rotation.inverse()).scaled_axis();
         center += weight * (pose.center() - here.center());
     }
-    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(turn) * here.rotation;
+    let rotation = nalgebra::UnitQuaternion::from_scaled_axis(rotation_log) * here.rotation;
     CameraPose::looking_from(here.center() + center, rotation)
 }
 
@@ -124,10 +124,10 @@ mod tests {
     }
 
     #[test]
-    fn even_motion_stays_itself_to_its_ends() {
+    fn constant_velocity_is_reproduced_to_the_ends() {
         let even = |t: f64| {
-            let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.01, 0.02, -0.01) * t);
-            Some(CameraPose::looking_from(Point3::new(0.1 * t, 0.02 * t, -0.03 * t), turn))
+            let rotation_log = UnitQuaternion::from_scaled_axis(Vec3::new(0.01, 0.02, -0.01) * t);
+            Some(CameraPose::looking_from(Point3::new(0.1 * t, 0.02 * t, -0.03 * t), rotation_log))
         };
         let poses: Vec<_> = (0..60).map(|t| even(f64::from(t))).collect();
         for (a, b) in smoothed_poses(&times(60), &poses, 0.3).iter().zip(&poses) {
@@ -136,12 +136,12 @@ mod tests {
     }
 
     #[test]
-    fn shake_is_removed_and_a_gap_parts_two_runs() {
+    fn shake_is_removed_and_a_gap_divides_two_runs() {
         let mut random = fastrand::Rng::with_seed(2);
         let mut vector = || Vec3::from_fn(|_, _| random.f64() - 0.5);
         let mut pose = || {
-            let turn = UnitQuaternion::from_scaled_axis(0.02 * vector());
-            CameraPose::looking_from(Point3::from(0.1 * vector()), turn)
+            let rotation_log = UnitQuaternion::from_scaled_axis(0.02 * vector());
+            CameraPose::looking_from(Point3::from(0.1 * vector()), rotation_log)
         };
         let poses: Vec<_> = (0..80).map(|t| (t != 40).then(&mut pose)).collect();
         let smooth = smoothed_poses(&times(80), &poses, 0.3);
@@ -163,7 +163,7 @@ mod tests {
             pose: CameraPose::identity(),
             intrinsics: Intrinsics::centered(500.0, 640, 360),
             correction,
-            turns: false,
+            rotation_only: false,
         };
         let shown = camera.show(&Point3::new(0.4, 0.0, 2.0)).expect("in front");
         assert!((shown - Point2::new(1.1 * 420.0 - 32.0, 1.1 * 180.0 - 18.0)).norm() < 1e-12);
@@ -176,28 +176,28 @@ mod tests {
             pose: CameraPose::identity(),
             intrinsics: Intrinsics::centered(500.0, 640, 360),
             correction: Similarity2 { t: Vec2::new(2.0 * t as f64 + jump(t), 0.0), ..Similarity2::IDENTITY },
-            turns: false,
+            rotation_only: false,
         };
         (0..60).map(|t| Some(camera(t))).collect()
     }
 
     #[test]
-    fn a_steady_view_of_even_motion_is_that_motion_to_its_ends() {
-        let (cameras, place) = (drifting(|_| 0.0), Point3::new(0.1, 0.0, 1.0));
+    fn a_steady_view_reproduces_constant_velocity_to_the_ends() {
+        let (cameras, point) = (drifting(|_| 0.0), Point3::new(0.1, 0.0, 1.0));
         for t in 0..60 {
             let view = SteadyView::new(&cameras, &times(60), &(0..60), t, 0.25).expect("a camera");
-            let (steady, now) = (view.show(&place).expect("in front"), cameras[t].expect("known").show(&place));
+            let (steady, now) = (view.show(&point).expect("in front"), cameras[t].expect("known").show(&point));
             assert!((steady - now.expect("in front")).norm() < 1e-9, "frame {t}");
         }
     }
 
     #[test]
-    fn a_steady_view_leaves_out_jitter_and_what_lies_beyond_a_gap_or_the_range() {
+    fn a_steady_view_leaves_out_jitter_and_cameras_beyond_a_gap_or_the_range() {
         let jitter = |t: usize| if t.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let (mut cameras, place) = (drifting(jitter), Point3::new(0.1, 0.0, 1.0));
+        let (mut cameras, point) = (drifting(jitter), Point3::new(0.1, 0.0, 1.0));
         let show = |cameras: &[Option<VirtualCamera>], range: &std::ops::Range<usize>| {
             let view = SteadyView::new(cameras, &times(60), range, 20, 0.25).expect("a camera");
-            view.show(&place).expect("in front").x
+            view.show(&point).expect("in front").x
         };
         assert!((show(&cameras, &(0..60)) - (320.0 + 50.0 + 40.0)).abs() < 0.01);
         let ended = show(&cameras, &(0..30));

@@ -212,7 +212,7 @@ impl<'a> FrameMaps<'a> {
                 point_targets(scene, index, &camera, &background, center_time)
             }
             Some((camera, scene)) => {
-                background.iter().map(|o| camera.show(&scene.of(index, o, camera.turns)?)).collect()
+                background.iter().map(|o| camera.show(&scene.of(index, o, camera.rotation_only)?)).collect()
             }
             None => vec![None; background.len()],
         };
@@ -229,7 +229,7 @@ impl<'a> FrameMaps<'a> {
     /// frame lies behind it.
     fn rotated(&self, index: usize) -> Option<GridMesh> {
         let real = self.scene.as_ref()?.camera(index)?;
-        let shown = self.inputs.path.cameras.get(index).copied().flatten().filter(|c| c.turns)?;
+        let shown = self.inputs.path.cameras.get(index).copied().flatten().filter(|c| c.rotation_only)?;
         let rows = self.inputs.motion.and_then(|m| m.row_motion(index));
         let mut mesh = self.grid.to_mesh();
         for v in &mut mesh.vertices {

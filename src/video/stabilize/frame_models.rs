@@ -102,7 +102,7 @@ fn parted_in_space(
     };
     let known = |frame: usize| {
         let camera = path.cameras.get(frame).copied().flatten()?;
-        Some(if camera.turns { MotionModel::Rotation } else { MotionModel::ThreeD })
+        Some(if camera.rotation_only { MotionModel::Rotation } else { MotionModel::ThreeD })
     };
     let mut parted = Vec::new();
     for segment in segments {

@@ -116,9 +116,9 @@ impl<'a> Planner<'a> {
         }
         let target = TargetPath::new(near, ups, spans);
         let size = (self.motion.width, self.motion.height);
-        let sights = |shot: &Range<usize>| target_path::sights(tracks, scene, size, shot, self.run);
+        let seen_points = |shot: &Range<usize>| target_path::seen_points(tracks, scene, size, shot, self.run);
         Ok(Target::Path(match shape {
-            Some(shape) => target.shaped(shape, real, &self.times_s, sights)?,
+            Some(shape) => target.shaped(shape, real, &self.times_s, seen_points)?,
             None => target,
         }))
     }

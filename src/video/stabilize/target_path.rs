@@ -1,7 +1,7 @@
 //! The target path of the virtual camera in space, and how far the frames let it be followed.
 //!
 //! A path of a given shape ([`path::shaped_poses`]) may lead where the source shows nothing. From the low-passed cameras `near`,
-//! which stay close to the real ones, it is approached by a fraction per frame that changes slowly ([`path::even_shares`]),
+//! which stay close to the real ones, it is approached by a fraction per frame that changes slowly ([`path::smoothed_fractions`]),
 //!
 //! ```text
 //! V_t = level( near_t toward target_t by s_t ),      s_t ≤ max { s : the source covers the smallest window of the view G_t(s) }
@@ -16,7 +16,7 @@ use std::ops::Range;
 use super::error::StabilizeError;
 use super::space::{ScenePoints, TargetPose};
 use super::tracks::Tracks;
-use crate::path::{self, PathShape, Sight};
+use crate::path::{self, PathShape, SeenPoint};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::{Point2, Similarity2};
 use plumbline_num::run::Run;
@@ -43,12 +43,12 @@ impl TargetPath {
         shape: PathShape,
         real: &[Option<TargetPose>],
         times_s: &[f64],
-        sights: impl Fn(&Range<usize>) -> Result<Vec<Sight>, StabilizeError>,
+        seen_points: impl Fn(&Range<usize>) -> Result<Vec<SeenPoint>, StabilizeError>,
     ) -> Result<Self, StabilizeError> {
         for (shot, followed) in &mut self.shots {
             let own: Vec<_> = real[shot.clone()].iter().map(|w| w.map(|w| w.pose)).collect();
-            let sights = if shape == PathShape::Orbit { sights(shot)? } else { Vec::new() };
-            let (poses, found) = path::shaped_poses(shape, &times_s[shot.clone()], &own, &sights);
+            let seen_points = if shape == PathShape::Orbit { seen_points(shot)? } else { Vec::new() };
+            let (poses, found) = path::shaped_poses(shape, &times_s[shot.clone()], &own, &seen_points);
             self.target[shot.clone()].copy_from_slice(&poses);
             *followed = Some(found);
         }
@@ -86,9 +86,9 @@ impl TargetPath {
             };
             Ok::<_, StabilizeError>(views.iter().zip(&from).map(fits).collect())
         };
-        let attainable = path::attainable_shares(frames, fits)?;
+        let attainable = path::attainable_fractions(frames, fits)?;
         let shots: Vec<Range<usize>> = self.shots.iter().map(|(shot, _)| shot.clone()).collect();
-        Ok(path::even_shares(&attainable, &shots, period_s))
+        Ok(path::smoothed_fractions(&attainable, &shots, period_s))
     }
 
     /// The reason to report for the frames of a shot; `None` where it has no cameras.
@@ -134,13 +134,13 @@ pub(super) fn ups(real: &[Option<TargetPose>], shots: &[Range<usize>]) -> Vec<Op
 }
 
 /// The points of a shot, with how long and how near the middle of a picture of `size` they were seen.
-pub(super) fn sights(
+pub(super) fn seen_points(
     tracks: &Tracks,
     scene: &ScenePoints<'_>,
     size: (u32, u32),
     shot: &Range<usize>,
     run: &Run,
-) -> Result<Vec<Sight>, StabilizeError> {
+) -> Result<Vec<SeenPoint>, StabilizeError> {
     let middle = Point2::new(f64::from(size.0) / 2.0, f64::from(size.1) / 2.0);
     let mut seen: BTreeMap<u32, (Point3, usize, f64)> = BTreeMap::new();
     for frame in shot.clone() {
@@ -153,8 +153,9 @@ pub(super) fn sights(
             *sum += off;
         }
     }
-    let sight = |(place, frames, sum): (Point3, usize, f64)| Sight { place, frames, off_center: sum / frames as f64 };
-    Ok(seen.into_values().map(sight).collect())
+    let seen_point =
+        |(position, frames, sum): (Point3, usize, f64)| SeenPoint { position, frames, off_center: sum / frames as f64 };
+    Ok(seen.into_values().map(seen_point).collect())
 }
 
 #[cfg(test)]

@@ -34,10 +34,10 @@ pub(in crate::stabilize) fn point_targets(
     observations: &[Observation],
     center_time: impl Fn(Point2) -> Point2,
 ) -> Vec<Option<Point2>> {
-    let point = |o: &Observation| scene.of(frame, o, camera.turns);
+    let point = |o: &Observation| scene.of(frame, o, camera.rotation_only);
     let found: Vec<_> = observations.iter().map(point).collect();
     let mut targets: Vec<_> = found.iter().map(|point| camera.show(point.as_ref()?)).collect();
-    let Some(real) = scene.camera(frame).filter(|_| !camera.turns) else { return targets };
+    let Some(real) = scene.camera(frame).filter(|_| !camera.rotation_only) else { return targets };
     let predicted = |k: usize| real.intrinsics.project(&real.pose.apply(found[k].as_ref()?));
     let seen = |k: usize| center_time(Point2::new(f64::from(observations[k].x), f64::from(observations[k].y)));
     let pair = |k: usize| Some((k, Pair { previous: predicted(k)?, this: seen(k) }));

@@ -27,7 +27,7 @@ pub(in crate::stabilize) fn steadied(
         let Some(view) = SteadyView::new(cameras, times_s, segment, frame, sigma_s) else { continue };
         let mut fit = Fit::default();
         for o in &tracks.store.read(frame)?.observations {
-            let Some(point) = scene.of(frame, o, camera.turns) else { continue };
+            let Some(point) = scene.of(frame, o, camera.rotation_only) else { continue };
             if let Some((now, even)) = camera.show(&point).zip(view.show(&point)) {
                 fit.add(now, even, 1.0);
             }

@@ -157,7 +157,7 @@ impl Views {
             let view = view.as_ref()?;
             let correction = similarity_of(out_from_src) * view.shown_from_src.inverse()?;
             let TargetPose { pose, rotation_only } = view.target;
-            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, turns: rotation_only })
+            Some(VirtualCamera { pose, intrinsics: view.intrinsics, correction, rotation_only })
         };
         self.frames.iter().zip(&path.out_from_src).map(camera).collect()
     }
