@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::failure::Failure;
-use super::tell;
+use super::print;
 use crate::pipeline::{Exit, describe, suggest};
 use crate::stages;
 

@@ -115,7 +115,7 @@ fn triangles_that_share_an_edge_leave_no_crack_and_cover_no_sample_twice() {
             .nearest(&Run::default())
             .expect("a run that never stops");
         let samples = (0..120 * 120 * 9).map(|i| seen.triangle(i / 9 % 120, i / 9 / 120, i % 3, i % 9 / 3));
-        samples.map(|t| t != visibility::NOTHING).collect()
+        samples.map(|t| t != visibility::NO_TRIANGLE).collect()
     };
     let together = covered(&fan).iter().filter(|c| **c).count();
     let alone: usize = fan.iter().map(|t| covered(&[*t]).iter().filter(|c| **c).count()).sum();
