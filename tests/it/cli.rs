@@ -56,7 +56,7 @@ fn a_bad_command_line_exits_2_names_what_is_allowed_and_prints_no_result() {
     let cases: [(&str, &[&str], &str); 13] = [
         ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>"),
         ("two targets", &["stabilize", "a.mp4", "-o", "b.mp4", "--out-dir", "d"], "cannot be used with"),
-        ("crop", &["stabilize", "a.mp4", "-o", "b.mp4", "--min-crop", "1.4"], "out of range (expected 0.3 to 1)"),
+        ("keep", &["stabilize", "a.mp4", "-o", "b.mp4", "--keep", "140%"], "out of range (expected 0.3 to 1)"),
         ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 30)"),
         ("mode", &["stabilize", "a.mp4", "-o", "b.mp4", "--mode", "mash"], "a similar value exists: 'mesh'"),
         (
@@ -73,7 +73,7 @@ fn a_bad_command_line_exits_2_names_what_is_allowed_and_prints_no_result() {
         ("many", &["stabilize", "a.mp4", "b.mp4", "-o", "c.mp4"], "there are 2 clips; use --out-dir"),
         ("glob", &["stabilize", "*.mp4", "-o", "c.mp4"], "may be many clips"),
         ("compare", &["stabilize", "a.mp4", "-o", "-", "--compare"], "--compare needs a file name with an extension"),
-        ("no file", &["run", "stabilise"], "there is no pipeline file `stabilise` (shipped ones: `stabilize`"),
+        ("no file", &["run", "stabilice"], "there is no pipeline file `stabilice` (shipped ones: `stabilize`"),
         ("no kind", &["stages", "video.smoth"], "did you mean `video.smooth`?"),
     ];
     for (name, args, message) in cases {

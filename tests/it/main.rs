@@ -6,6 +6,7 @@ mod cli;
 mod companions;
 mod energy;
 mod exchange;
+mod failure;
 mod fuzz;
 mod house;
 mod in_space;

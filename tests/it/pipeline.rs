@@ -84,7 +84,7 @@ rolling_shutter = 0.5
 [stage.path]
 use        = "video.smooth"
 inputs     = ["motion"]
-min_crop   = 1.5
+keep       = 1.5
 smoothness = nan
 method     = "gausian"
 zoom       = 3
@@ -189,7 +189,7 @@ frames = 9
         (
             "set",
             GOOD,
-            &["nonsense", "oot.crf=3", "path.min_crop=0", "vars.X=1", "run.threads=many", ".=", "out.enable=maybe"],
+            &["nonsense", "oot.crf=3", "path.keep=0", "vars.X=1", "run.threads=many", ".=", "out.enable=maybe"],
         ),
     ];
     for (name, text, set) in cases {

@@ -62,13 +62,13 @@ fn analysis() -> impl Strategy<Value = (DecodeSettings, TrackSettings, MotionSet
         0.05..30.0f64,
         0.3..1.0f64,
     )
-        .prop_map(|(path, start, points, mask, rolling_shutter, smoothness, min_crop)| {
+        .prop_map(|(path, start, points, mask, rolling_shutter, smoothness, keep)| {
             let start = start.and_then(ClipTime::from_seconds);
             (
                 DecodeSettings { path: escape(&path), start, ..DecodeSettings::default() },
                 TrackSettings { points, mask: mask.map(|m| escape(&m).into()) },
                 MotionSettings { rolling_shutter, ..MotionSettings::default() },
-                SmoothSettings { smoothness, min_crop, ..SmoothSettings::default() },
+                SmoothSettings { smoothness, keep, ..SmoothSettings::default() },
             )
         })
 }
@@ -205,8 +205,8 @@ fn the_schema_is_draft_07_and_has_a_branch_for_every_kind() {
 #[test]
 fn defaults_are_those_of_the_modules_that_do_the_work() {
     let (smooth, path) = (SmoothSettings::default(), plumbline::video::path::PathOptions::default());
-    assert_eq!((smooth.smoothness, smooth.min_crop), (path.smoothness_s, path.min_crop));
-    assert_eq!(format!("{:?} {:?}", smooth.method, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
+    assert_eq!((smooth.smoothness, smooth.keep), (path.smoothness_s, path.min_crop));
+    assert_eq!(format!("{:?} {:?}", smooth.path, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
     assert_eq!(TrackSettings::default().points as usize, plumbline::video::track::TrackOptions::default().points);
     let render = plumbline::image::render::RenderOptions::default();
     assert_eq!(format!("{:?}", RenderSettings::default().interpolation), format!("{:?}", render.interpolation));

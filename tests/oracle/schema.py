@@ -30,8 +30,8 @@ def variants(document):
     yield "bad stage name", changed(lambda d: d["stage"].update({"Bad Name": d["stage"][some]}))
     for name, stage in document["stage"].items():
         if stage["use"] == "video.smooth":
-            yield "crop out of range", changed(lambda d: d["stage"][name].update(min_crop=1.5))
-            yield "crop of wrong type", changed(lambda d: d["stage"][name].update(min_crop="wide"))
+            yield "crop out of range", changed(lambda d: d["stage"][name].update(keep=1.5))
+            yield "crop of wrong type", changed(lambda d: d["stage"][name].update(keep="wide"))
             yield "unknown method", changed(lambda d: d["stage"][name].update(method="gausian"))
         if stage["use"] == "video.encode":
             yield "no path", changed(lambda d: d["stage"][name].pop("path"))

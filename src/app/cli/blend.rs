@@ -43,7 +43,7 @@ impl Offer for Blend {
         Setting::of("frames"),
         Setting::of("landmarks").under("Method"),
         Setting::of("rounds").under("Method"),
-        Setting::of("report").value("FILE.json"),
+        Setting::of("report").value("FILE.html|FILE.json"),
     ];
 }
 

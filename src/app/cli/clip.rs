@@ -8,6 +8,7 @@ use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
+use crate::pipeline::units::ClipTime;
 use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings};
 
 /// Options that `stabilize` and `motion` share.
@@ -15,6 +16,8 @@ use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, Rollin
 pub(super) struct ClipArgs {
     #[command(flatten)]
     decode: Given<Decode>,
+    #[command(flatten)]
+    length: LengthArg,
 
     /// Take motion and points from here in place of tracking: plumbline.motion JSON, or the folder of a COLMAP model
     #[arg(long, value_name = "FILE|DIR", conflicts_with = "mask", help_heading = "Analysis")]
@@ -29,14 +32,36 @@ pub(super) struct ClipArgs {
     pub(super) job: JobArgs,
 }
 
-/// What the commands say of `video.decode`.
+/// The end of the part that is read, by its length.
+#[derive(Debug, Args)]
+pub(super) struct LengthArg {
+    /// Length of the part to read, in place of its end
+    #[arg(long, value_name = "TIME", conflicts_with = "end")]
+    duration: Option<ClipTime>,
+}
+
+impl LengthArg {
+    /// The option was given.
+    pub(super) fn is_given(&self) -> bool {
+        self.duration.is_some()
+    }
+
+    /// `decode` that stops after this length.
+    pub(super) fn applied(&self, decode: DecodeSettings) -> DecodeSettings {
+        let start = decode.start.map_or(0.0, ClipTime::seconds);
+        let end = self.duration.and_then(|length| ClipTime::from_seconds(start + length.seconds()));
+        DecodeSettings { end: end.or(decode.end), ..decode }
+    }
+}
+
+/// Settings of `video.decode` that are options.
 struct Decode;
 
 impl Offer for Decode {
     type Kind = DecodeSettings;
     const SETTINGS: &'static [Setting] = &[
-        Setting::of("start").value("TIME"),
-        Setting::of("end").value("TIME"),
+        Setting::of("start").also("ss").value("TIME"),
+        Setting::of("end").also("to").value("TIME"),
         Setting::of("fps").value("RATE"),
         Setting::of("deinterlace"),
     ];
@@ -53,7 +78,7 @@ impl Offer for Track {
 impl ClipArgs {
     /// Stages `source` and `motion`, and `tracks` where the clip is tracked; `source`: the clip, `cameras`: those in space too.
     pub(super) fn analysis(&self, source: String, cameras: bool) -> Vec<StageEntry> {
-        let decode = DecodeSettings { path: source, ..self.decode.settings.clone() };
+        let decode = self.length.applied(DecodeSettings { path: source, ..self.decode.settings.clone() });
         let mut stages = vec![StageEntry::built("source", &decode)];
         if let Some(file) = &self.motion {
             let import =

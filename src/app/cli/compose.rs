@@ -38,7 +38,7 @@ struct Compose;
 impl Offer for Compose {
     type Kind = ComposeSettings;
     const SETTINGS: &'static [Setting] =
-        &[Setting::of("seam").value("FILE.json"), Setting::of("report").value("FILE.json")];
+        &[Setting::of("seam").value("FILE.json"), Setting::of("report").value("FILE.html|FILE.json")];
 }
 
 impl ComposeArgs {

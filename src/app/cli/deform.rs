@@ -62,7 +62,7 @@ impl Offer for Deform {
         Setting::of("turning").value("FROM").under("Method"),
         Setting::of("unheld").under("Method"),
         Setting::of("frames").under("Writing"),
-        Setting::of("report").value("FILE.json").under("Writing"),
+        Setting::of("report").value("FILE.html|FILE.json").under("Writing"),
     ];
 }
 

@@ -22,6 +22,9 @@ pub(super) struct JobArgs {
     /// Replace existing files
     #[arg(short = 'y', visible_short_alias = 'f', long)]
     overwrite: bool,
+    /// Take the defaults of the options from a file of settings, with tables by kind of stage such as [video.smooth]
+    #[arg(long, value_name = "FILE.toml")]
+    settings: Option<PathBuf>,
     /// Print the pipeline file that these options stand for, and exit
     #[arg(long)]
     pub(super) print_pipeline: bool,

@@ -7,6 +7,7 @@ mod check;
 mod clip;
 mod completions;
 mod compose;
+mod defaults;
 mod deform;
 mod failure;
 mod graph;
@@ -35,6 +36,7 @@ mod solve;
 mod spelling;
 mod stabilize;
 mod stages;
+mod target;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -43,6 +45,7 @@ use std::process::ExitCode;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner};
+use defaults::Defaults;
 use failure::Failure;
 pub use rectify::RectifyArgs;
 pub use retarget::RetargetArgs;
@@ -60,11 +63,42 @@ pub struct Cli {
 }
 
 impl Cli {
-    /// Reads a command line, the program's name first.
-    fn read<I: IntoIterator<Item = T>, T: Into<OsString> + Clone>(args: I) -> Result<Self, clap::Error> {
-        let mut command = command();
+    /// Reads a command line, the program's name first, and the file of settings that it names.
+    fn read<I, T>(args: I) -> Result<(Self, Option<Defaults>), Refusal>
+    where
+        I: IntoIterator<Item = T>,
+        T: Into<OsString>,
+    {
+        let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
+        let (mut command, mut defaults) = (command(), None);
+        if let Some((path, file)) = defaults::requested(&command, &args) {
+            let mut read = Defaults::read(&file)?;
+            command = read.set(command, &path);
+            defaults = Some(read);
+        }
         let matches = command.try_get_matches_from_mut(args)?;
-        Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+        let cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        Ok((cli, defaults))
+    }
+}
+
+/// Why a command line was not read.
+enum Refusal {
+    /// It is wrong, or asks for help.
+    Line(clap::Error),
+    /// The file of settings is wrong.
+    Settings(Failure),
+}
+
+impl From<clap::Error> for Refusal {
+    fn from(error: clap::Error) -> Self {
+        Self::Line(error)
+    }
+}
+
+impl From<Failure> for Refusal {
+    fn from(failure: Failure) -> Self {
+        Self::Settings(failure)
     }
 }
 
@@ -139,9 +173,16 @@ impl PipelineArgs {
 
 /// Runs the program on the process's own arguments.
 pub fn main(runner: &dyn StageRunner) -> ExitCode {
-    let cli = Cli::read(std::env::args_os()).unwrap_or_else(|error| error.exit());
+    let (cli, defaults) = match Cli::read(std::env::args_os()) {
+        Ok(read) => read,
+        Err(Refusal::Line(error)) => error.exit(),
+        Err(Refusal::Settings(failure)) => {
+            failure.report();
+            return ExitCode::from(failure.exit as u8);
+        }
+    };
     cli.global.start_log();
-    let session = Session { runner, verbosity: cli.global.verbosity() };
+    let session = Session { runner, verbosity: cli.global.verbosity(), defaults };
     let exit = dispatch(cli.command, &session).unwrap_or_else(|failure| {
         failure.report();
         failure.exit
@@ -151,15 +192,29 @@ pub fn main(runner: &dyn StageRunner) -> ExitCode {
 
 /// The command line's definition, for help and completions.
 pub fn command() -> clap::Command {
-    spelling::accept_british(help::complete(Cli::command()))
+    // `rectify --to` is the projection, so that there the end of a clip has one name.
+    let retarget = |command: clap::Command| command.mut_arg("end", |end| end.visible_alias("to"));
+    spelling::accept_british(help::complete(Cli::command().mut_subcommand("retarget", retarget)))
 }
 
 /// The pipeline that a command builds from these arguments, the program's name first.
 ///
 /// # Errors
 /// The error message of the parser, or why the options exclude each other.
-pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<OsString> + Clone>(args: I) -> Result<PipelineFile, String> {
-    match Cli::read(args).map_err(|e| e.to_string())?.command {
+pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<OsString>>(args: I) -> Result<PipelineFile, String> {
+    let (cli, defaults) = Cli::read(args).map_err(|refusal| match refusal {
+        Refusal::Line(error) => error.to_string(),
+        Refusal::Settings(failure) => failure.message,
+    })?;
+    let mut file = pipeline(cli.command)?;
+    if let Some(defaults) = defaults {
+        defaults.apply(&mut file);
+    }
+    Ok(file)
+}
+
+fn pipeline(command: Command) -> Result<PipelineFile, String> {
+    match command {
         Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
         Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
         Command::Retarget(args) => args.pipeline().map_err(|f| f.message),

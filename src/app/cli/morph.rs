@@ -52,7 +52,7 @@ impl Offer for Morph {
         Setting::of("untangle").under("Method"),
         Setting::of("over").requires("landmarks").under("Method"),
         Setting::of("whole_turns").signed().under("Method"),
-        Setting::of("report").value("FILE.json"),
+        Setting::of("report").value("FILE.html|FILE.json"),
     ];
 }
 

@@ -5,6 +5,7 @@
 //! the same.
 
 use std::fmt;
+use std::path::PathBuf;
 
 use clap::builder::{
     PathBufValueParser, PossibleValue, PossibleValuesParser, RangedI64ValueParser, TypedValueParser, ValueParser,
@@ -19,7 +20,7 @@ use super::spelling::british;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kind::{Stage, schema_of};
 use crate::pipeline::reference::escape;
-use crate::pipeline::settings::{allowed_range, choices, number_in, range_text};
+use crate::pipeline::settings::{aliases, allowed_range, check_report, choices, number_of, range_text};
 
 /// One setting as an option of a command.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +35,7 @@ pub(super) struct Setting {
     signed: bool,
     ranged: bool,
     aliases: &'static [(&'static str, &'static str)],
+    also: Option<&'static str>,
 }
 
 impl Setting {
@@ -50,6 +52,7 @@ impl Setting {
             signed: false,
             ranged: false,
             aliases: &[],
+            also: None,
         }
     }
 
@@ -58,12 +61,17 @@ impl Setting {
         Self { long: Some(long), ..self }
     }
 
+    /// A second name of the option, which help shows.
+    pub(super) const fn also(self, also: &'static str) -> Self {
+        Self { also: Some(also), ..self }
+    }
+
     /// A letter for it.
     pub(super) const fn short(self, short: char) -> Self {
         Self { short: Some(short), ..self }
     }
 
-    /// What its value is called in help, where the type alone tells too little.
+    /// What its value is called in help, where the type alone does not say it.
     pub(super) const fn value(self, name: &'static str) -> Self {
         Self { value: Some(name), ..self }
     }
@@ -107,10 +115,14 @@ impl Setting {
     fn arg<S: Stage>(self, property: &Json, default: &Json) -> Arg {
         let id = self.id();
         let arg = Arg::new(id.clone()).long(id.replace('_', "-")).help(self.help(property));
+        let arg = arg.aliases(aliases(property).map(|old| old.replace('_', "-")));
+        let arg = if let Some(also) = self.also { arg.visible_alias(also) } else { arg };
         let arg = self.short.map_or(arg.clone(), |short| arg.short(short));
         let arg = self.heading.map_or(arg.clone(), |heading| arg.help_heading(heading));
         let arg = self.requires.map_or(arg.clone(), |other| arg.requires(other));
         let arg = self.conflicts.map_or(arg.clone(), |other| arg.conflicts_with(other));
+        // `--settings` finds the option of a setting by this group.
+        let arg = arg.group(format!("{}/{}", S::KIND, self.key));
         if is(property, "boolean") {
             return arg.action(ArgAction::SetTrue);
         }
@@ -150,10 +162,16 @@ impl Setting {
             return RangedI64ValueParser::<i64>::new().range(range.0..=range.1).map(Json::from).into();
         }
         if is(property, "number") {
-            return ValueParser::new(move |text: &str| number_in((least, most), text).map(Json::from));
+            let property = property.clone();
+            return ValueParser::new(move |text: &str| number_of(&property, text).map(Json::from));
         }
         if is_path(property) && !is(property, "array") {
-            return PathBufValueParser::new().map(|path| Json::String(literal_path(&path))).into();
+            let property = property.clone();
+            let checked = move |path: PathBuf| {
+                let path = Json::String(literal_path(&path));
+                check_report(&property, &path).map(|()| path)
+            };
+            return PathBufValueParser::new().try_map(checked).into();
         }
         if is(property, "array") {
             return ValueParser::new(|text: &str| Ok::<_, String>(Json::String(escape(text))));

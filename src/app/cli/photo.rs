@@ -7,6 +7,7 @@ use clap::Args;
 use super::failure::Failure;
 use super::job::{JobArgs, batch, only_input};
 use super::options::{Given, Offer, Setting};
+use super::target::TargetArgs;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
@@ -21,17 +22,12 @@ const KEPT_FORMATS: [&str; 8] = ["jpg", "jpeg", "jpe", "jfif", "png", "tif", "ti
 
 /// Options that `rectify` and `retarget` share.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub(super) struct PhotoArgs {
     /// Pictures (jpg png tif webp heic avif) or clips (mp4 mov mkv and others): files, globs, or folders
     #[arg(required = true, value_name = "INPUT")]
     pub(super) inputs: Vec<String>,
-    /// The file to write, for one input; its extension chooses the format: jpg, png, tif or webp
-    #[arg(short, long, value_name = "OUTPUT")]
-    pub(super) output: Option<PathBuf>,
-    /// The folder to write to; results keep the names of their inputs
-    #[arg(long, value_name = "DIR")]
-    pub(super) out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) target: TargetArgs,
 
     /// Lines that shall be straight: auto finds them, off takes none; NAME.lines.json beside the picture if left out, and where
     /// there is none, auto
@@ -52,8 +48,8 @@ pub(super) struct PhotoArgs {
     /// Also write the lines, found or marked, as a file for --lines in which each can be switched off with "off": true
     #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
     save_lines: Option<PathBuf>,
-    /// Also write how straight each line became, as JSON
-    #[arg(long, value_name = "FILE.json", help_heading = "Writing")]
+    /// Also write a report: how straight each line became, and the other figures; of many pictures, a folder of pages
+    #[arg(long, value_name = "FILE.html|FILE.json|DIR", help_heading = "Writing")]
     report: Option<PathBuf>,
 
     #[command(flatten)]
@@ -111,7 +107,7 @@ impl PhotoArgs {
         Ok(PipelineFile {
             name: Some(name.to_owned()),
             run: self.job.run(),
-            batch: self.output.is_none().then(|| batch(&self.inputs, self.jobs)),
+            batch: self.target.is_batch().then(|| batch(&self.inputs, self.jobs)),
             stages: all,
             ..PipelineFile::default()
         })
@@ -134,25 +130,17 @@ impl PhotoArgs {
         if self.inputs.iter().any(|i| i == "-") {
             return Err(Failure::usage("pictures are not read from standard input; give the path of a file"));
         }
-        let Some(output) = &self.output else { return self.batch_names() };
+        let Some(output) = self.target.file() else { return self.batch_names() };
         let input = only_input(&self.inputs, "pictures")?;
         let lines = Path::new(input).with_extension("lines.json");
         Ok(Names { source: escape(input), lines: literal_path(&lines), output: literal_path(output) })
     }
 
     fn batch_names(&self) -> Result<Names, Failure> {
-        let one_by_one = [
-            (&self.export_map, "--export-map", "map"),
-            (&self.save_lines, "--save-lines", "lines"),
-            (&self.report, "--report", "report"),
-        ];
-        if let Some((_, option, kind)) = one_by_one.iter().find(|(given, ..)| given.is_some()) {
-            let help = format!("use --output, or a pipeline file with ${{item.stem}} in the path of its {kind} stage");
-            return Err(Failure::usage(format!("{option} is for one picture, but --out-dir is for many; {help}")));
-        }
-        if let Some(file) = [self.lines.as_deref(), Some(&self.faces)].into_iter().flatten().find(|t| is_file(t)) {
+        let files = [self.lines.as_deref(), Some(&self.faces)].into_iter().flatten();
+        if let Some(file) = files.filter(|_| self.target.is_many(&self.inputs)).find(|t| is_file(t)) {
             let help = "leave --lines out to take NAME.lines.json beside each picture";
-            let message = format!("`{file}` is for one picture, but --out-dir is for many; {help}");
+            let message = format!("`{file}` is for one picture, but there may be many; {help}");
             return Err(Failure::usage(message));
         }
         let kept = |input: &String| {
@@ -160,11 +148,10 @@ impl PhotoArgs {
             extension.is_some_and(|e| KEPT_FORMATS.contains(&e.as_str()))
         };
         let extension = if self.inputs.iter().all(kept) { "${item.ext}" } else { "png" };
-        let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
         Ok(Names {
             source: "${item.path}".to_owned(),
             lines: "${item.dir}/${item.stem}.lines.json".to_owned(),
-            output: format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')),
+            output: self.target.template(extension),
         })
     }
 
@@ -203,7 +190,7 @@ impl PhotoArgs {
         let Some(lines) = wanted.lines else {
             return Err(Failure::usage("--save-lines has nothing to write with --lines off; leave one of them out"));
         };
-        let save = LinesSaveSettings { path: literal_path(path) };
+        let save = LinesSaveSettings { path: self.target.beside(path, &self.inputs, "lines.json") };
         Ok(Some(StageEntry::built("saved_lines", &save).input("image", "photo").input("lines", lines)))
     }
 
@@ -229,11 +216,14 @@ impl PhotoArgs {
         let save = ImageSaveSettings { path: names.output.clone(), ..self.save.settings.clone() };
         stages.push(StageEntry::built("out", &save).input("image", shown));
         if let Some(prefix) = &self.export_map {
-            let export = MapExportSettings { path: literal_path(prefix), ..MapExportSettings::default() };
+            let export = MapExportSettings {
+                path: self.target.beside(prefix, &self.inputs, ""),
+                ..MapExportSettings::default()
+            };
             stages.push(StageEntry::built("exported", &export).input("image", "photo").input("warp", "map"));
         }
         if let Some(path) = &self.report {
-            let report = PhotoReportSettings { path: literal_path(path) };
+            let report = PhotoReportSettings { path: self.target.beside(path, &self.inputs, "html") };
             stages.push(StageEntry::built("report", &report).input("image", "photo").input("warp", "map"));
         }
         stages

@@ -4,15 +4,15 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::clip::LengthArg;
 use super::failure::Failure;
-use super::job::{batch, only_input};
+use super::job::batch;
 use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::stabilize::KEPT_CONTAINERS;
-use crate::pipeline::file::literal_path;
+use super::target::Names;
 use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
 use crate::pipeline::options::BatchSettings;
-use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
     Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
@@ -26,6 +26,8 @@ pub(super) struct ClipWishes {
     pub(super) stabilize: bool,
     #[command(flatten)]
     decode: Given<Decode>,
+    #[command(flatten, next_help_heading = "Clips")]
+    length: LengthArg,
     #[command(flatten)]
     encode: Given<Encode>,
 }
@@ -35,8 +37,10 @@ struct Decode;
 
 impl Offer for Decode {
     type Kind = DecodeSettings;
-    const SETTINGS: &'static [Setting] =
-        &[Setting::of("start").value("TIME").under("Clips"), Setting::of("end").value("TIME").under("Clips")];
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("start").also("ss").value("TIME").under("Clips"),
+        Setting::of("end").value("TIME").under("Clips"),
+    ];
 }
 
 /// What they say of `video.encode`.
@@ -58,6 +62,7 @@ impl ClipWishes {
             (self.stabilize, "--stabilize"),
             (decode.start.is_some(), "--start"),
             (decode.end.is_some(), "--end"),
+            (self.length.is_given(), "--duration"),
             (encode.codec != Codec::default(), "--codec"),
             (encode.crf.is_some(), "--crf"),
         ];
@@ -82,7 +87,7 @@ impl ClipWishes {
     ) -> Result<PipelineFile, Failure> {
         refuse(&photo.for_pictures_only(), "is for pictures, but the inputs are clips")?;
         let (source, output) = self.names(photo)?;
-        let decode = DecodeSettings { path: source, ..self.decode.settings.clone() };
+        let decode = self.length.applied(DecodeSettings { path: source, ..self.decode.settings.clone() });
         let encode = EncodeSettings { path: output, ..self.encode.settings.clone() };
         let mut all = vec![StageEntry::built("source", &decode)];
         all.extend(stages);
@@ -92,7 +97,7 @@ impl ClipWishes {
         Ok(PipelineFile {
             name: Some(name.to_owned()),
             run: photo.job.run(),
-            batch: photo.output.is_none().then(|| batch(&photo.inputs, jobs)),
+            batch: photo.target.is_batch().then(|| batch(&photo.inputs, jobs)),
             stages: all,
             ..PipelineFile::default()
         })
@@ -100,19 +105,15 @@ impl ClipWishes {
 
     /// What is read and what is written.
     fn names(&self, photo: &PhotoArgs) -> Result<(String, String), Failure> {
-        let Some(output) = &photo.output else {
-            let folder = literal_path(photo.out_dir.as_deref().unwrap_or(Path::new(".")));
-            let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
-            let extension = match self.encode.settings.codec {
-                Codec::Prores => "mov",
-                Codec::Ffv1 => "mkv",
-                _ if kept => "${item.ext}",
-                _ => "mp4",
-            };
-            let output = format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/'));
-            return Ok(("${item.path}".to_owned(), output));
+        let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
+        let extension = match self.encode.settings.codec {
+            Codec::Prores => "mov",
+            Codec::Ffv1 => "mkv",
+            _ if kept => "${item.ext}",
+            _ => "mp4",
         };
-        Ok((escape(only_input(&photo.inputs, "clips")?), literal_path(output)))
+        let Names { source, output } = photo.target.names(&photo.inputs, "clips", extension)?;
+        Ok((source, output))
     }
 }
 

@@ -1,32 +1,24 @@
 //! `plumbline render`: pictures of meshes.
 
-use std::path::{Path, PathBuf};
-
 use clap::Args;
 
 use super::failure::Failure;
-use super::job::{JobArgs, batch, only_input};
+use super::job::{JobArgs, batch};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::reference::escape;
+use super::target::{Names, TargetArgs};
 use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings};
 
 /// Options of `plumbline render`.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub(super) struct RenderArgs {
     /// Meshes (obj ply off stl gltf glb): files, globs, or folders
     #[arg(required = true, value_name = "MESH")]
     inputs: Vec<String>,
-    /// The picture to write, for one mesh; its extension chooses the format: png, jpg, tif or webp
-    #[arg(short, long, value_name = "OUTPUT")]
-    output: Option<PathBuf>,
-    /// The folder to write to; pictures are called as their meshes
-    #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    target: TargetArgs,
 
     #[command(flatten)]
     render: Given<Render>,
@@ -65,13 +57,13 @@ impl RenderArgs {
 
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
-        let (source, target) = self.names()?;
+        let Names { source, output } = self.target.names(&self.inputs, "meshes", "png")?;
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };
-        let save = ImageSaveSettings { path: target, ..ImageSaveSettings::default() };
+        let save = ImageSaveSettings { path: output, ..ImageSaveSettings::default() };
         Ok(PipelineFile {
             name: Some("render".to_owned()),
             run: self.job.run(),
-            batch: self.output.is_none().then(|| batch(&self.inputs, self.jobs)),
+            batch: self.target.is_batch().then(|| batch(&self.inputs, self.jobs)),
             stages: vec![
                 StageEntry::built("mesh", &load),
                 StageEntry::built("drawn", &self.render.settings).input("mesh", "mesh"),
@@ -79,15 +71,5 @@ impl RenderArgs {
             ],
             ..PipelineFile::default()
         })
-    }
-
-    /// What is read and what is written.
-    fn names(&self) -> Result<(String, String), Failure> {
-        let Some(output) = &self.output else {
-            let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
-            let target = format!("{}/${{item.stem}}.png", folder.trim_end_matches('/'));
-            return Ok(("${item.path}".to_owned(), target));
-        };
-        Ok((escape(only_input(&self.inputs, "meshes")?), literal_path(output)))
     }
 }

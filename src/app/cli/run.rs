@@ -54,6 +54,10 @@ impl RunArgs {
 
 /// Checks and runs the pipeline that a command's options mean, or prints it.
 pub(super) fn run_or_print(file: PipelineFile, print_only: bool, session: &Session<'_>) -> Result<Exit, Failure> {
+    let mut file = file;
+    if let Some(defaults) = &session.defaults {
+        defaults.apply(&mut file);
+    }
     if print_only {
         print(&file_text(&file));
         return Ok(Exit::Done);

@@ -2,6 +2,7 @@
 
 use clap::{ArgAction, Args};
 
+use super::defaults::Defaults;
 use crate::pipeline::StageRunner;
 use crate::pipeline::options::ProgressMode;
 
@@ -40,6 +41,8 @@ pub(super) struct Session<'a> {
     pub(super) runner: &'a dyn StageRunner,
     /// How much is printed.
     pub(super) verbosity: Verbosity,
+    /// Settings of a file.
+    pub(super) defaults: Option<Defaults>,
 }
 
 impl GlobalArgs {

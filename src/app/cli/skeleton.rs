@@ -1,16 +1,13 @@
 //! `plumbline skeleton`: the skeletons of meshes.
 
-use std::path::{Path, PathBuf};
-
 use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
-use super::job::{JobArgs, batch, only_input};
+use super::job::{JobArgs, batch};
 use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::reference::escape;
+use super::target::{Names, TargetArgs};
 use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{MeshLoadSettings, SkeletonExtractSettings};
 
@@ -27,20 +24,14 @@ enum SkeletonFormat {
 
 /// Options of `plumbline skeleton`.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub(super) struct SkeletonArgs {
     /// Meshes (obj ply off stl gltf glb): files, globs, or folders
     #[arg(required = true, value_name = "MESH")]
     inputs: Vec<String>,
-    /// The file to write, for one mesh; its extension chooses the format: json (with the curve), glb (bound to the mesh), tgf,
-    /// skel or bvh
-    #[arg(short, long, value_name = "OUTPUT")]
-    output: Option<PathBuf>,
-    /// The folder to write to; skeletons are called as their meshes
-    #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
-    /// The format of files in `--out-dir`
-    #[arg(long, value_enum, default_value_t, value_name = "FORMAT", requires = "out_dir")]
+    #[command(flatten)]
+    target: TargetArgs,
+    /// The format of files that are named after their meshes: json (with the curve), glb (bound to the mesh), tgf, skel or bvh
+    #[arg(long, value_enum, default_value_t, value_name = "FORMAT", conflicts_with = "output")]
     format: SkeletonFormat,
 
     #[command(flatten)]
@@ -74,35 +65,25 @@ impl SkeletonArgs {
 
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
-        let (source, target) = self.names()?;
-        let extract = SkeletonExtractSettings { path: Some(target), ..self.extract.settings.clone() };
+        let extension = match self.format {
+            SkeletonFormat::Json => "json",
+            SkeletonFormat::Glb => "glb",
+            SkeletonFormat::Tgf => "tgf",
+            SkeletonFormat::Skel => "skel",
+            SkeletonFormat::Bvh => "bvh",
+        };
+        let Names { source, output } = self.target.names(&self.inputs, "meshes", extension)?;
+        let extract = SkeletonExtractSettings { path: Some(output), ..self.extract.settings.clone() };
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };
         Ok(PipelineFile {
             name: Some("skeleton".to_owned()),
             run: self.job.run(),
-            batch: self.output.is_none().then(|| batch(&self.inputs, self.jobs)),
+            batch: self.target.is_batch().then(|| batch(&self.inputs, self.jobs)),
             stages: vec![
                 StageEntry::built("mesh", &load),
                 StageEntry::built("skeleton", &extract).input("mesh", "mesh"),
             ],
             ..PipelineFile::default()
         })
-    }
-
-    /// What is read and what is written.
-    fn names(&self) -> Result<(String, String), Failure> {
-        let Some(output) = &self.output else {
-            let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
-            let extension = match self.format {
-                SkeletonFormat::Json => "json",
-                SkeletonFormat::Glb => "glb",
-                SkeletonFormat::Tgf => "tgf",
-                SkeletonFormat::Skel => "skel",
-                SkeletonFormat::Bvh => "bvh",
-            };
-            let target = format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/'));
-            return Ok(("${item.path}".to_owned(), target));
-        };
-        Ok((escape(only_input(&self.inputs, "meshes")?), literal_path(output)))
     }
 }

@@ -87,7 +87,7 @@ impl Offer for Train {
         Setting::of("ridge").value("NUMBER").under("Learning"),
         Setting::of("hold").value("NUMBER").under("Learning"),
         Setting::of("prototypes").under("Learning"),
-        Setting::of("report").value("FILE.json"),
+        Setting::of("report").value("FILE.html|FILE.json"),
     ];
 }
 

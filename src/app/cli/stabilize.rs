@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{ArgGroup, Args};
+use clap::Args;
 
 use super::clip::ClipArgs;
 use super::failure::Failure;
@@ -10,6 +10,7 @@ use super::job::{batch, only_input};
 use super::options::{Given, Offer, Setting, choice};
 use super::run::run_or_print;
 use super::session::Session;
+use super::target::TargetArgs;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::options::BatchSettings;
@@ -23,18 +24,13 @@ use crate::stages::{
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]
 #[allow(clippy::struct_excessive_bools)] // each is a flag of the command line
-#[command(group = ArgGroup::new("target").required(true).args(["output", "out_dir"]))]
 pub struct StabilizeArgs {
     /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);
     /// one image sequence (frames/%05d.png, a folder or a quoted glob of pictures); - for standard input
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
-    /// The file to write, for one input; its extension chooses the container; - for standard output
-    #[arg(short, long, value_name = "OUTPUT")]
-    output: Option<PathBuf>,
-    /// The folder to write to; results keep the names of their inputs
-    #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    target: TargetArgs,
     #[command(flatten)]
     clip: ClipArgs,
 
@@ -54,10 +50,10 @@ pub struct StabilizeArgs {
     #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
     #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
     smoothness: f64,
-    /// Least part of the picture's width and height that must stay, 0.3 to 1
-    #[arg(long, default_value_t = SmoothSettings::default().min_crop, value_name = "PART", help_heading = "Stabilization")]
-    #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("min_crop", text))]
-    min_crop: f64,
+    /// Minimum fraction of the picture's width and height that is kept, 30% to 100%
+    #[arg(long, default_value_t = SmoothSettings::default().keep, value_name = "FRACTION", help_heading = "Stabilization")]
+    #[arg(alias = "min-crop", value_parser = |text: &str| number_for::<SmoothSettings>("keep", text))]
+    keep: f64,
     /// How the picture is enlarged to hide the borders
     #[arg(long, value_parser = choice::<Zoom>(), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
     zoom: Zoom,
@@ -69,11 +65,13 @@ pub struct StabilizeArgs {
     /// Also write original and result side by side, to OUTPUT with .compare before its extension
     #[arg(long, help_heading = "Extras")]
     compare: bool,
-    /// Also write motion and points as plumbline.motion JSON, so that another run with --motion need not track
-    #[arg(long, value_name = "FILE.json", help_heading = "Extras")]
+    /// Also write motion and points as plumbline.motion JSON, so that another run with --motion need not track; of many clips,
+    /// a folder
+    #[arg(long, value_name = "FILE.json|DIR", help_heading = "Extras")]
     export_motion: Option<PathBuf>,
-    /// Also write a page that tells what was done: figures, plots of the path, pictures before and after
-    #[arg(long, value_name = "FILE.html", help_heading = "Extras")]
+    /// Also write a report: a page with figures, plots of the path, and pictures before and after, or figures as JSON; of many
+    /// clips, a folder of pages
+    #[arg(long, value_name = "FILE.html|FILE.json|DIR", help_heading = "Extras")]
     report: Option<PathBuf>,
     /// Also write the map of every frame for compositors, as 32-bit EXR: R = x/W, G = 1 - y/H
     #[arg(long, value_name = "DIR", help_heading = "Extras")]
@@ -117,14 +115,14 @@ impl StabilizeArgs {
 
     /// The pipeline that the options mean.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
-        let (source, output) = match &self.output {
+        let (source, output) = match self.target.file() {
             Some(output) => (self.only_input()?, literal_path(output)),
             None => ("${item.path}".to_owned(), self.batch_output()?),
         };
         let mut file = PipelineFile {
             name: Some("stabilize".to_owned()),
             run: self.clip.job.run(),
-            batch: self.output.is_none().then(|| batch(&self.inputs, BatchSettings::default().jobs)),
+            batch: self.target.is_batch().then(|| batch(&self.inputs, BatchSettings::default().jobs)),
             stages: self.analysis(source),
             ..PipelineFile::default()
         };
@@ -144,23 +142,14 @@ impl StabilizeArgs {
         }
     }
 
-    /// The name of each result under `--out-dir`: the container of the input where it holds the codec, or one that does.
+    /// The name of each result: with the container of the input where that holds the codec, else with one that does.
     fn batch_output(&self) -> Result<String, Failure> {
         if self.inputs.iter().any(|i| i == "-") {
             return Err(Failure::usage("standard input has no name to keep; use --output"));
         }
-        let help = "use --output, or a pipeline file with ${item.stem} in the path";
-        let one_by_one = [
-            (&self.export_motion, "--export-motion"),
-            (&self.export_stmap, "--export-stmap"),
-            (&self.clip.motion, "--motion"),
-        ];
-        if let Some((_, option)) = one_by_one.iter().find(|(given, _)| given.is_some()) {
-            return Err(Failure::usage(format!("{option} is for one clip, but --out-dir is for many; {help}")));
-        }
-        if self.report.is_some() {
-            let help = "use --output, or a pipeline file with `path = \"${item.stem}.html\"` in a stage `video.report`";
-            return Err(Failure::usage(format!("--report names one file, but --out-dir is for many; {help}")));
+        if self.clip.motion.is_some() && self.target.is_many(&self.inputs) {
+            let help = "use --output, or a pipeline file with ${item.stem} in the path";
+            return Err(Failure::usage(format!("--motion is for one clip, but there may be many; {help}")));
         }
         let kept = |input: &String| {
             let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
@@ -172,8 +161,7 @@ impl StabilizeArgs {
             _ if self.inputs.iter().all(kept) => "${item.ext}",
             _ => "mp4",
         };
-        let folder = literal_path(self.out_dir.as_deref().unwrap_or(Path::new(".")));
-        Ok(format!("{}/${{item.stem}}.{extension}", folder.trim_end_matches('/')))
+        Ok(self.target.template(extension))
     }
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {
@@ -185,10 +173,10 @@ impl StabilizeArgs {
             _ => self.path_file.is_some().then_some(InSpace::Always),
         };
         let smooth = SmoothSettings {
-            method: self.path,
-            horizon: self.horizon_lock,
+            path: self.path,
+            horizon_lock: self.horizon_lock,
             smoothness: self.smoothness,
-            min_crop: self.min_crop,
+            keep: self.keep,
             zoom: self.zoom,
             keep_inside: self.render.settings.border == Border::Crop,
             in_space: in_space.unwrap_or_default(),
@@ -196,8 +184,9 @@ impl StabilizeArgs {
             ..SmoothSettings::default()
         };
         let mut stages = self.clip.analysis(source, in_space.is_some());
-        if self.export_motion.is_some() {
-            let export = MotionExportSettings { path: self.export_motion.as_ref().map(path), ..Default::default() };
+        if let Some(given) = &self.export_motion {
+            let path = Some(self.target.beside(given, &self.inputs, "motion.json"));
+            let export = MotionExportSettings { path, ..Default::default() };
             let export = StageEntry::built("saved", &export);
             stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
         }
@@ -220,8 +209,10 @@ impl StabilizeArgs {
                 .input("audio", "source.audio"),
         ];
         if let Some(folder) = &self.export_stmap {
-            let maps =
-                StMapSettings { path: literal_path(folder), keep_inside: self.render.settings.border == Border::Crop };
+            let maps = StMapSettings {
+                path: self.target.beside(folder, &self.inputs, ""),
+                keep_inside: self.render.settings.border == Border::Crop,
+            };
             let maps = StageEntry::built("maps", &maps);
             stages.push(maps.input("frames", "source").inputs("warps", &["warp"]));
         }
@@ -231,7 +222,8 @@ impl StabilizeArgs {
             stages.push(compare.input("frames", "steady").input("audio", "source.audio").input("beside", "source"));
         }
         if let Some(path) = &self.report {
-            let report = StageEntry::built("report", &ReportSettings { path: literal_path(path) });
+            let report =
+                StageEntry::built("report", &ReportSettings { path: self.target.beside(path, &self.inputs, "html") });
             stages.push(report.input("frames", "steady").input("path", "path").input("motion", "motion"));
         }
         Ok(stages)

@@ -22,6 +22,7 @@ mod load;
 pub mod memory;
 pub mod options;
 mod overrides;
+pub mod partial;
 pub mod plan;
 pub mod port;
 pub mod port_value;

@@ -12,6 +12,7 @@ use super::problem::Problem;
 use super::reference::{Resolved, Scope, resolve};
 use super::suggest::{did_you_mean, listed};
 use super::syntax::{Entry, Node, SourceId, Sources, Span, Value, parse_value};
+use crate::report::ReportFormat;
 
 /// What a table must look like.
 pub(super) struct Expected<'a> {
@@ -47,27 +48,57 @@ pub(super) fn check_table(
     let empty = Map::new();
     let properties = expected.schema["properties"].as_object().unwrap_or(&empty);
     for entry in entries {
-        let Some(property) = properties.get(&entry.key) else {
+        let Some((key, property)) = property_of(properties, &entry.key) else {
             problems.push(unknown_key(entry, expected, properties));
             continue;
         };
         match resolve(&entry.node, scope) {
             Err(problem) => problems.push(problem),
             Ok(Resolved::Deferred) => checked.deferred.push(entry.clone()),
-            Ok(Resolved::Ready(node, base)) => match check_value(&entry.key, &node, property, expected) {
+            Ok(Resolved::Ready(node, base)) => match check_value(key, &node, property, expected) {
                 Ok(json) => {
-                    checked.json.insert(entry.key.clone(), rebase(json, property, base, sources));
+                    checked.json.insert(key.to_owned(), rebase(json, property, base, sources));
                 }
                 Err(problem) => problems.push(problem),
             },
         }
     }
     for key in expected.required {
-        if !entries.iter().any(|e| e.key == **key) {
+        if !entries.iter().any(|e| property_of(properties, &e.key).is_some_and(|(name, _)| name == *key)) {
             problems.push(missing_key(key, header, expected, properties));
         }
     }
     checked
+}
+
+/// A setting by its name, or by a name that it had before: the schema lists those under `aliases`.
+pub(crate) fn property_of<'a>(properties: &'a Map<String, Json>, key: &str) -> Option<(&'a str, &'a Json)> {
+    let named =
+        |(name, property): &(&String, &Json)| name.as_str() == key || aliases(property).any(|alias| alias == key);
+    properties.iter().find(named).map(|(name, property)| (name.as_str(), property))
+}
+
+/// Names that a setting had before.
+pub(crate) fn aliases(property: &Json) -> impl Iterator<Item = &str> {
+    property["aliases"].as_array().into_iter().flatten().filter_map(Json::as_str)
+}
+
+/// Refuses a report whose extension names no format.
+pub(crate) fn check_report(property: &Json, value: &Json) -> Result<(), String> {
+    match value.as_str().filter(|_| property["report"] == true) {
+        Some(path) => ReportFormat::of(path).map(drop),
+        None => Ok(()),
+    }
+}
+
+/// The setting is a fraction, which may be written as a percentage.
+pub(crate) fn is_fraction(property: &Json) -> bool {
+    property["format"] == "fraction"
+}
+
+/// The fraction that a percentage such as `80%` stands for.
+fn fraction_of(text: &str) -> Option<f64> {
+    text.trim().strip_suffix('%')?.trim().parse::<f64>().ok().map(|percent| percent / 100.0)
 }
 
 fn unknown_key(entry: &Entry, expected: &Expected<'_>, properties: &Map<String, Json>) -> Problem {
@@ -87,8 +118,10 @@ fn missing_key(key: &str, header: Option<Span>, expected: &Expected<'_>, propert
 fn check_value(key: &str, node: &Node, property: &Json, expected: &Expected<'_>) -> Result<Json, Problem> {
     let mut refusal = None;
     for candidate in candidates(node) {
-        let json = to_json(&candidate, key)?;
+        let percentage = candidate.text().filter(|_| is_fraction(property)).and_then(fraction_of);
+        let json = percentage.map_or_else(|| to_json(&candidate, key), |fraction| Ok(fraction.into()))?;
         check_range(key, node, &json, property, expected)?;
+        check_report(property, &json).map_err(|why| refused(key, node, expected, &why))?;
         match (expected.accepts)(Json::Object([(key.to_owned(), json.clone())].into_iter().collect())) {
             Ok(()) => return Ok(json),
             Err(reason) => refusal = Some(reason),
@@ -222,11 +255,18 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
 /// # Errors
 /// No number, or out of range; the message tells the range.
 pub fn number_for<S: Stage>(key: &str, text: &str) -> Result<f64, String> {
-    number_in(allowed_range(&schema_of::<S>(&[])["properties"][key]), text)
+    number_of(&schema_of::<S>(&[])["properties"][key], text)
+}
+
+/// Reads a number for a setting, a fraction also as a percentage.
+pub(crate) fn number_of(property: &Json, text: &str) -> Result<f64, String> {
+    let percentage = is_fraction(property).then(|| fraction_of(text)).flatten();
+    let range = allowed_range(property);
+    percentage.map_or_else(|| number_in(range, text), |fraction| number_in(range, &fraction.to_string()))
 }
 
 /// Reads a number between two bounds.
-pub(crate) fn number_in(range: (Option<f64>, Option<f64>), text: &str) -> Result<f64, String> {
+fn number_in(range: (Option<f64>, Option<f64>), text: &str) -> Result<f64, String> {
     let wanted = range_text(range);
     let wanted = if wanted.is_empty() { "a number".to_owned() } else { wanted };
     let x: f64 = text.parse().map_err(|_| format!("not a number (expected {wanted})"))?;

@@ -1,11 +1,13 @@
-//! What a page tells.
+//! The content of a report on a clip.
 
 use std::ops::Range;
+
+use serde::Serialize;
 
 use super::pictures::Picture;
 
 /// A run on one clip.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
     /// What was read.
     pub clip: Clip,
@@ -32,13 +34,14 @@ pub struct Report {
     /// The cameras in space, where they were looked for.
     pub cameras: Option<Cameras>,
     /// Frames to look at, in order.
+    #[serde(skip)]
     pub moments: Vec<Moment>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
 
 /// The input.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Clip {
     /// As the user named it.
     pub name: String,
@@ -65,7 +68,7 @@ impl Clip {
 }
 
 /// The results.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Outcome {
     /// Files written, this page left out.
     pub files: Vec<String>,
@@ -78,7 +81,7 @@ pub struct Outcome {
 }
 
 /// A quantity of the clip and of what was made of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Change<T> {
     /// Of the clip.
     pub before: T,
@@ -87,7 +90,7 @@ pub struct Change<T> {
 }
 
 /// How far a picture strays from its course, RMS.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Shake {
     /// Of its center, px.
     pub px: f64,
@@ -96,7 +99,7 @@ pub struct Shake {
 }
 
 /// Part of the picture's width and height that was kept; 1 = all.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Crop {
     /// Mean over the frames.
     pub mean: f64,
@@ -105,7 +108,7 @@ pub struct Crop {
 }
 
 /// A stretch of frames that were drawn alike.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Segment {
     /// Its frames.
     pub frames: Range<usize>,
@@ -120,7 +123,7 @@ pub struct Segment {
 }
 
 /// A quantity over the frames, in one or more curves.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Chart {
     /// What is plotted.
     pub title: String,
@@ -133,7 +136,8 @@ pub struct Chart {
 }
 
 /// The curves of a chart. One value per frame; NaN is a gap.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Curves {
     /// Of the result alone.
     One(Curve),
@@ -148,7 +152,7 @@ impl Default for Curves {
 }
 
 /// One line of a chart.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Curve {
     /// Its name in the legend.
     pub name: String,
@@ -157,7 +161,7 @@ pub struct Curve {
 }
 
 /// What is known of the cameras in space.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Cameras {
     /// One per shot.
     pub shots: Vec<ShotVerdict>,
@@ -166,7 +170,7 @@ pub struct Cameras {
 }
 
 /// What the tracks of a shot allow to say about its cameras.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct ShotVerdict {
     /// Its frames.
     pub frames: Range<usize>,

@@ -1,4 +1,4 @@
-//! A run told on one page: figures, plots and pictures in a single HTML file that needs nothing else.
+//! Reports: of a clip on one page with figures, plots and pictures in a single HTML file; of photos and meshes as tables; all as JSON too.
 //!
 //! Data in, bytes out: nothing is measured here, and nothing is fetched by the page: style, plots (SVG) and pictures (JPEG as
 //! `data:` addresses) are inside it, and it forbids the browser to look anywhere else. There is no script. The page is well-formed
@@ -11,6 +11,7 @@ mod axis;
 mod cameras;
 mod color;
 mod data;
+mod document;
 mod escape;
 mod figures;
 mod page;
@@ -22,5 +23,6 @@ mod timeline;
 pub use data::{
     Cameras, Change, Chart, Clip, Crop, Curve, Curves, Moment, Outcome, Report, Segment, Shake, ShotVerdict,
 };
+pub use document::{ReportFormat, document};
 pub use page::page;
 pub use pictures::{Picture, View};

@@ -13,10 +13,10 @@ use super::timeline::Timeline;
 use super::{cameras, figures, segments};
 
 /// The look of the page; it may hold none of the letters that XML needs for itself.
-const STYLE: &str = include_str!("style.css");
+pub(super) const STYLE: &str = include_str!("style.css");
 
 /// What the browser may load: what is inside the page, and nothing else.
-const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+pub(super) const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'";
 
 /// The page: HTML that is well-formed XML as well.
 pub fn page(report: &Report) -> String {

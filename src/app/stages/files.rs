@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::context::Context;
 use crate::pipeline::run_error::RunError;
+use crate::report::{ReportFormat, document};
 use plumbline_media::AtomicFile;
 
 /// Starts the file that is to become `path`; dropped, it is removed.
@@ -23,5 +24,14 @@ impl Context<'_, '_> {
         unfinished.publish(path).map_err(|e| cannot(path, &e))?;
         self.summary.outputs.push(path.to_owned());
         Ok(())
+    }
+
+    /// Writes a report on `name`, in the format that the extension of `path` asks for.
+    ///
+    /// # Errors
+    /// Another extension, or a file that cannot be written.
+    pub(crate) fn write_report(&mut self, path: &str, name: &str, report: &serde_json::Value) -> Result<(), RunError> {
+        let format = ReportFormat::of(path).map_err(RunError::Usage)?;
+        self.write_file(Path::new(path), document(name, report, format))
     }
 }

@@ -34,8 +34,8 @@ pub struct BlendSettings {
     /// Shapes on the way from the first mesh to the blend, as NAME_0000.EXT and so on; 1: the blend alone
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
-    /// Also write how it went, as JSON, with the self-intersections of every shape
-    #[schemars(extend("format" = "path"))]
+    /// Also write a report, with the self-intersections of every shape: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub report: Option<String>,
 }
 

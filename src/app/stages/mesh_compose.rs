@@ -20,8 +20,8 @@ pub struct ComposeSettings {
     /// Where both are cut and how they are joined (`plumbline schema seam` describes the file)
     #[schemars(extend("format" = "path"))]
     pub seam: String,
-    /// Also write how it went, as JSON
-    #[schemars(extend("format" = "path"))]
+    /// Also write a report: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub report: Option<String>,
 }
 

@@ -47,8 +47,8 @@ pub struct MeshDeformSettings {
     /// Poses from the first key of the handles to the last, as NAME_0000.EXT and so on; 1: the last alone
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
-    /// Also write how it went, as JSON
-    #[schemars(extend("format" = "path"))]
+    /// Also write a report: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub report: Option<String>,
 }
 
@@ -118,7 +118,7 @@ impl Stage for MeshDeformSettings {
         }
         report::tell(context, &solvable, &solved, self);
         if let Some(path) = &self.report {
-            report::write(context, Path::new(path), &solvable, &solved, self)?;
+            report::write(context, path, &solvable, &solved, self)?;
         }
         let marks = marks(&handles);
         Ok((Posed { model: posed.model, poses: Arc::new(poses), handles: Arc::new(marks) },))

@@ -61,8 +61,8 @@ pub struct MorphSettings {
     /// Add vertices until no feature of the second mesh is missed by more than this share of its size; none if left out
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub refine: Option<f64>,
-    /// Also write how it went, as JSON, with the self-intersections of every shape
-    #[schemars(extend("format" = "path"))]
+    /// Also write a report, with the self-intersections of every shape: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub report: Option<String>,
 }
 

@@ -1,6 +1,5 @@
-//! `photo.report`: how a still picture's map fared, for programs.
+//! `photo.report`: a report on the map of a still picture.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use schemars::JsonSchema;
@@ -20,14 +19,14 @@ use plumbline_photo::LineReport;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoReportSettings {
-    /// The JSON file to write
-    #[schemars(extend("format" = "path"))]
+    /// The report to write: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub path: String,
 }
 
 impl Stage for PhotoReportSettings {
     const KIND: &'static str = "photo.report";
-    const SUMMARY: &'static str = "writes how straight each line became, and what else the map does, as JSON";
+    const SUMMARY: &'static str = "writes a report: how straight each line became, and the other figures of the map";
     const INPUTS: &'static [Port] = &[
         Port::one("image", PortType::Image, "the picture that the map is of, before it is sampled"),
         Port::one("warp", PortType::Warp, "the map"),
@@ -46,14 +45,14 @@ impl Stage for PhotoReportSettings {
     }
 
     fn run(&self, (photo, map): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let name = context.summary.input.as_ref().map_or("", |i| i.name.as_str());
-        let report = told(&map, name, (photo.frame.width, photo.frame.height));
-        context.write_file(Path::new(&self.path), format!("{report:#}\n"))?;
+        let name = context.summary.input.as_ref().map(|i| i.name.clone()).unwrap_or_default();
+        let report = told(&map, &name, (photo.frame.width, photo.frame.height));
+        context.write_report(&self.path, &name, &report)?;
         Ok((Written,))
     }
 }
 
-/// Everything that is told of a map. Lengths are in px of the output, angles in degrees.
+/// The content of the report. Lengths are in px of the output, angles in degrees.
 fn told(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
     let warp = &map.warp;
     let lines: Vec<Json> = warp.lines.iter().map(line).collect();

@@ -62,8 +62,8 @@ pub struct SkinTrainSettings {
     /// The file of the model to write, .skin
     #[schemars(extend("format" = "path"))]
     pub path: String,
-    /// Also write how it went, as JSON
-    #[schemars(extend("format" = "path"))]
+    /// Also write a report: NAME.html or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub report: Option<String>,
 }
 
@@ -131,7 +131,8 @@ impl Stage for SkinTrainSettings {
             "rms": [mean(&kept, |e| e.model), mean(&held, |e| e.model)],
             "linear_rms": [mean(&kept, |e| e.linear), mean(&held, |e| e.linear)],
         });
-        context.write_file(Path::new(path), format!("{report:#}\n"))?;
+        let name = context.summary.surface.as_ref().map(|s| s.name.clone()).unwrap_or_default();
+        context.write_report(path, &name, &report)?;
         Ok((Written,))
     }
 }

@@ -1,4 +1,4 @@
-//! `video.report`: gathers what the other stages found and did, and writes it as a page.
+//! `video.report`: gathers the results of the other stages, and writes them as a page or as JSON.
 //!
 //! The pictures are taken while the result is encoded ([`Album`]); all else is there when the last file is whole.
 
@@ -23,7 +23,7 @@ use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
-use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, Segment, Shake, page};
+use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat, Segment, Shake};
 pub(super) use album::Album;
 use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
@@ -34,21 +34,21 @@ use plumbline_video::stabilize::PathDeviations;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReportSettings {
-    /// The page to write (HTML, complete in itself)
-    #[schemars(extend("format" = "path"))]
+    /// The report to write: NAME.html, a page complete in itself, or NAME.json
+    #[schemars(extend("format" = "path", "report" = true))]
     pub path: String,
 }
 
 impl Stage for ReportSettings {
     const KIND: &'static str = "video.report";
     const SUMMARY: &'static str =
-        "tells what was done on one page: figures, plots of the path, pictures before and after";
+        "writes a report: figures and the path; as a page also plots, and pictures before and after";
     const INPUTS: &'static [Port] = &[
         Port::one("frames", PortType::Frames, "the pictures of the result"),
         Port::one("path", PortType::Path, "the virtual camera"),
         Port::one("motion", PortType::Motion, "the camera's own motion"),
     ];
-    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the page")];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the report")];
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = Wired;
     type Output = HandedOn;
@@ -65,7 +65,7 @@ impl Stage for ReportSettings {
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
-        let message = || "a page cannot be written to standard output".to_owned();
+        let message = || "a report cannot be written to standard output".to_owned();
         let conflict = || Conflict { key: "path", message: message(), help: "give it a file, such as report.html" };
         (self.path == "-").then(conflict).into_iter().collect()
     }
@@ -88,12 +88,13 @@ pub(super) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
     AtomicFile::beside(path).map_err(|e| cannot(path, &e))
 }
 
-/// Writes the page.
+/// Writes the report.
 fn write_page(context: &mut Context<'_, '_>, stage: usize, settings: &ReportSettings) -> Result<(), RunError> {
     encoding::run(context, stage)?;
     context.job.check_cancel()?;
     let path = Path::new(&settings.path);
-    let text = page(&gathered(context, stage)?);
+    let format = ReportFormat::of(&settings.path).map_err(RunError::Usage)?;
+    let text = gathered(context, stage)?.written(format);
     let unfinished = begin(path)?;
     let written = std::fs::File::options().write(true).open(unfinished.path());
     written.and_then(|mut file| file.write_all(text.as_bytes())).map_err(|e| cannot(path, &e))?;
@@ -106,7 +107,7 @@ fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
     RunError::Output(format!("{}: cannot be written: {why}", path.display()))
 }
 
-/// Everything that the page tells.
+/// The content of the report.
 fn gathered(context: &Context<'_, '_>, stage: usize) -> Result<Report, RunError> {
     let pictures = context.required(stage, "frames")?.from;
     let album: Option<&Option<Album>> = context.values.at(pictures, Album::PORT);

@@ -45,7 +45,7 @@ impl StabilizerOptions {
     /// The same options with at least the fraction `keep` of the picture's width and height kept, 0.3 to 1.
     #[must_use]
     pub fn with_keep(mut self, keep: f64) -> Self {
-        self.path.min_crop = keep;
+        self.path.keep = keep;
         self
     }
 
@@ -163,8 +163,8 @@ pub enum InSpace {
     Auto,
     /// They are smoothed in space
     Always,
-    /// Only their turning is smoothed, as if nothing were near
-    #[serde(rename = "turn")]
+    /// Only their rotation is smoothed, as if everything were far away
+    #[serde(alias = "turn")]
     Rotation,
 }
 
@@ -174,15 +174,23 @@ pub enum InSpace {
 #[serde(default, deny_unknown_fields)]
 pub struct SmoothingOptions {
     /// How the virtual camera moves
-    pub method: PathMethod,
-    /// The horizon stays level, as far as the crop allows
-    pub horizon: bool,
+    #[serde(alias = "method")]
+    #[cfg_attr(feature = "schema", schemars(extend("aliases" = ["method"])))]
+    pub path: PathMethod,
+    /// Keep the horizon level, as far as the crop allows
+    #[serde(alias = "horizon")]
+    #[cfg_attr(feature = "schema", schemars(extend("aliases" = ["horizon"])))]
+    pub horizon_lock: bool,
     /// Time over which motion is evened out, seconds
     #[cfg_attr(feature = "schema", schemars(range(min = 0.05, max = 30.0)))]
     pub smoothness: f64,
-    /// Least part of the picture's width and height that must stay, 1 = all
-    #[cfg_attr(feature = "schema", schemars(range(min = 0.3, max = 1.0)))]
-    pub min_crop: f64,
+    /// Minimum fraction of the picture's width and height that is kept, such as 0.8 or 80%; smaller values allow a steadier path
+    #[serde(alias = "min_crop")]
+    #[cfg_attr(
+        feature = "schema",
+        schemars(range(min = 0.3, max = 1.0), extend("format" = "fraction", "aliases" = ["min_crop"]))
+    )]
+    pub keep: f64,
     /// How the picture is enlarged to hide the borders
     pub zoom: Zoom,
     /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
@@ -200,10 +208,10 @@ pub struct SmoothingOptions {
 impl Default for SmoothingOptions {
     fn default() -> Self {
         Self {
-            method: PathMethod::default(),
-            horizon: false,
+            path: PathMethod::default(),
+            horizon_lock: false,
             smoothness: 0.5,
-            min_crop: 0.8,
+            keep: 0.8,
             zoom: Zoom::default(),
             reserve: 0.01,
             in_space: InSpace::default(),
@@ -221,7 +229,7 @@ impl SmoothingOptions {
 
     fn check(&self) -> Result<(), StabilizeError> {
         in_range("smoothness", self.smoothness, (0.05, 30.0))?;
-        in_range("min_crop", self.min_crop, (0.3, 1.0))?;
+        in_range("keep", self.keep, (0.3, 1.0))?;
         in_range("reserve", self.reserve, (0.0, 0.1))?;
         if self.leaves_no_room() { Err(crate::path::PathError::NoRoom.into()) } else { Ok(()) }
     }
@@ -229,12 +237,12 @@ impl SmoothingOptions {
     /// The same for the planner of paths in the picture.
     pub(super) fn in_picture(&self) -> PathOptions {
         PathOptions {
-            kind: self.method.kind(),
+            kind: self.path.kind(),
             smoothness_s: self.smoothness,
-            min_crop: self.min_crop,
+            min_crop: self.keep,
             zoom: self.zoom,
             border_allows_outside: !self.keep_inside,
-            level: self.horizon,
+            level: self.horizon_lock,
             reserve: self.reserve,
         }
     }
@@ -324,7 +332,7 @@ mod tests {
             match key {
                 "points" => options.track.points = value as u32,
                 "smoothness" => options.path.smoothness = value,
-                "min_crop" => options.path.min_crop = value,
+                "keep" => options.path.keep = value,
                 "reserve" => options.path.reserve = value,
                 "columns" => options.warp.columns = value as u32,
                 "rows" => options.warp.rows = value as u32,
@@ -356,7 +364,7 @@ mod tests {
     fn choices_are_displayed_by_their_words() {
         assert_eq!(ModelChoice::ThreeD.to_string(), "3d");
         assert_eq!(PathMethod::Optimal.to_string(), "optimal");
-        assert_eq!(InSpace::Rotation.to_string(), "turn");
+        assert_eq!(InSpace::Rotation.to_string(), "rotation");
         assert_eq!(Zoom::Adaptive.to_string(), "adaptive");
     }
 

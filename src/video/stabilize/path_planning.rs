@@ -92,7 +92,7 @@ impl<'a> Planner<'a> {
             Target::Path(target) => self.toward(&target, tracks, &scene)?,
         };
         match self.options.in_space {
-            InSpace::Auto if !self.options.method.needs_cameras() => {
+            InSpace::Auto if !self.options.path.needs_cameras() => {
                 let in_picture = self.in_picture()?;
                 select_path(self.motion, tracks, &in_space, &in_picture, self.options.keep_inside, self.run)
             }
@@ -109,8 +109,8 @@ impl<'a> Planner<'a> {
         tracks: &Tracks,
         scene: &ScenePoints<'_>,
     ) -> Result<Target, StabilizeError> {
-        let ups = self.options.horizon.then(|| target_path::ups(real, spans));
-        let shape = self.options.method.shape();
+        let ups = self.options.horizon_lock.then(|| target_path::ups(real, spans));
+        let shape = self.options.path.shape();
         if shape.is_none() && ups.is_none() {
             return Ok(Target::Free(near));
         }
@@ -139,7 +139,7 @@ impl<'a> Planner<'a> {
         let plan = |clip: &Clip<'_>, options: &PathOptions| path::plan_toward(clip, options, &shown_from_src, self.run);
         let mut path = self.shown(&views, tracks, scene, plan)?;
         for segment in &mut path.segments {
-            match target.reason(&segment.frames, self.options.method.shape(), &fractions) {
+            match target.reason(&segment.frames, self.options.path.shape(), &fractions) {
                 Some(reason) => segment.reason = format!("{reason}; {}", segment.reason),
                 None => self.note_missing_cameras(segment),
             }
@@ -162,7 +162,7 @@ impl<'a> Planner<'a> {
         let mut path = plan(&clip, &self.options.in_picture())?;
         let cameras = steadied(&views.cameras(&path), tracks, scene, &self.times_s, self.run)?;
         path.cameras = vec![None; cameras.len()];
-        let min_crop = self.options.keep_inside.then_some(self.options.min_crop);
+        let min_crop = self.options.keep_inside.then_some(self.options.keep);
         for part in path.segments.clone() {
             if part.outcome == SegmentOutcome::Smoothed {
                 views.show(&mut path, &cameras, &part.frames, &clip, min_crop);
@@ -173,7 +173,7 @@ impl<'a> Planner<'a> {
 
     /// Says in the reason of a segment that a path only for cameras in space was replaced by another.
     fn note_missing_cameras(&self, segment: &mut Segment) {
-        let method = self.options.method;
+        let method = self.options.path;
         if method.needs_cameras() {
             segment.reason = format!("no cameras for {method}, linear instead; {}", segment.reason);
         }
@@ -185,7 +185,7 @@ impl<'a> Planner<'a> {
         let target: Vec<_> = (given.poses.iter().enumerate())
             .map(|(frame, pose)| pose.map(|pose| target_pose(pose, cameras.turns(frame))))
             .collect();
-        let ups = self.options.horizon.then(|| target_path::ups(&self.real(cameras), &spans(cameras)));
+        let ups = self.options.horizon_lock.then(|| target_path::ups(&self.real(cameras), &spans(cameras)));
         let target = TargetPath::new(target, ups, &spans(cameras)).at(&vec![1.0; self.times_s.len()]);
         let scene = ScenePoints::new(cameras, self.motion);
         let views = Views::new(tracks, &scene, &target, &self.times_s, self.run)?;
@@ -219,7 +219,7 @@ impl<'a> Planner<'a> {
 
     /// The same, smoothed span by span.
     fn smoothed(&self, real: &[Option<TargetPose>], spans: &[Range<usize>]) -> Vec<Option<TargetPose>> {
-        let fraction = if self.options.method == PathMethod::Gaussian { 1.0 } else { SMOOTHNESS_IN_SPACE };
+        let fraction = if self.options.path == PathMethod::Gaussian { 1.0 } else { SMOOTHNESS_IN_SPACE };
         let of_shot = |shot: &Range<usize>| {
             let real = &real[shot.clone()];
             let own: Vec<_> = real.iter().map(|w| w.map(|w| w.pose)).collect();

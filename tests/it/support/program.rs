@@ -11,9 +11,9 @@ pub(crate) fn command(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// Runs it to its end.
+/// Runs it to its end, with all details printed.
 pub(crate) fn plumbline_in(folder: &Path, args: &[&str]) -> Output {
-    command(folder, args).output().expect("the program starts")
+    command(folder, args).arg("-v").output().expect("the program starts")
 }
 
 /// Runs it with `input` on standard input.

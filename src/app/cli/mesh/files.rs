@@ -5,21 +5,25 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::super::failure::Failure;
+use super::super::target::suffix;
 use crate::pipeline::Exit;
 use plumbline_shape::mesh::MeshFormat;
 
 /// Where results go.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("mesh_target").required(true).args(["output", "out_dir"]))]
+#[command(group = clap::ArgGroup::new("mesh_target").required(true).multiple(true).args(["output", "out_dir", "suffix"]))]
 pub(super) struct TargetArgs {
     /// The file to write, for one input; its extension chooses the format: obj, ply, off, stl, gltf or glb
-    #[arg(short, long, value_name = "OUTPUT")]
+    #[arg(short, long, value_name = "OUTPUT", conflicts_with_all = ["out_dir", "suffix"])]
     output: Option<PathBuf>,
     /// The folder to write to; results keep the names of their inputs
     #[arg(long, value_name = "DIR")]
     out_dir: Option<PathBuf>,
-    /// Format of results in the folder; that of the input if left out
-    #[arg(long, value_name = "EXT", requires = "out_dir", value_parser = ["obj", "ply", "off", "stl", "gltf", "glb"])]
+    /// Text after the name of each input, such as _clean; without --out-dir results are written beside their inputs
+    #[arg(long, value_name = "TEXT", value_parser = suffix, allow_hyphen_values = true)]
+    suffix: Option<String>,
+    /// Format of results that are named after their inputs; that of the input if left out
+    #[arg(long, value_name = "EXT", conflicts_with = "output", value_parser = ["obj", "ply", "off", "stl", "gltf", "glb"])]
     format: Option<String>,
     /// Write PLY and STL as text
     #[arg(long)]
@@ -52,10 +56,17 @@ impl TargetArgs {
 
     fn path_for(&self, input: &Path, count: usize) -> Result<PathBuf, Failure> {
         if let Some(output) = &self.output {
-            let several = || Failure::usage(format!("{count} inputs and one --output; give --out-dir"));
+            let several = || Failure::usage(format!("{count} inputs and one --output; give --out-dir or --suffix"));
             return if count == 1 { Ok(output.clone()) } else { Err(several()) };
         }
-        let mut path = self.out_dir.clone().unwrap_or_default().join(input.file_name().unwrap_or_default());
+        let mut name = input.file_stem().unwrap_or_default().to_owned();
+        name.push(self.suffix.as_deref().unwrap_or_default());
+        if let Some(extension) = input.extension() {
+            name.push(".");
+            name.push(extension);
+        }
+        let folder = self.out_dir.as_deref().or(input.parent()).unwrap_or(Path::new(""));
+        let mut path = folder.join(name);
         if let Some(extension) = &self.format {
             path.set_extension(extension);
         }

@@ -1,7 +1,6 @@
 //! What is told of a deformation: in a line or two, and as JSON.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
@@ -72,13 +71,13 @@ fn line(report: &DeformReport, method: &str, poses: usize) -> String {
 /// Writes the report.
 pub(crate) fn write(
     context: &mut Context<'_, '_>,
-    path: &Path,
+    path: &str,
     solvable: &Solvable,
     solved: &[Solved],
     settings: &MeshDeformSettings,
 ) -> Result<(), RunError> {
     let poses: Vec<Json> = solved.iter().map(|s| pose(s, solvable)).collect();
-    let name = context.summary.surface.as_ref().map_or("", |s| s.name.as_str());
+    let name = context.summary.surface.as_ref().map(|s| s.name.clone()).unwrap_or_default();
     let report = json!({
         "version": 1,
         "input": name,
@@ -88,7 +87,7 @@ pub(crate) fn write(
         "repair": solvable.report,
         "poses": poses,
     });
-    context.write_file(path, format!("{report:#}\n"))
+    context.write_report(path, &name, &report)
 }
 
 /// Vertices are those of the file; lengths are in units of the mesh.

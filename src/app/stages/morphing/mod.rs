@@ -3,8 +3,6 @@
 pub(crate) mod pair;
 pub(crate) mod shapes;
 
-use std::path::Path;
-
 use serde_json::Value as Json;
 
 use super::context::Context;
@@ -38,7 +36,8 @@ pub(crate) fn write_report(
     path: Option<&String>,
     report: &Json,
 ) -> Result<(), RunError> {
-    path.map_or(Ok(()), |path| context.write_file(Path::new(path), format!("{report:#}\n")))
+    let name = context.summary.surface.as_ref().map(|s| s.name.clone()).unwrap_or_default();
+    path.map_or(Ok(()), |path| context.write_report(path, &name, report))
 }
 
 /// Adds a line to what is told of the first mesh.

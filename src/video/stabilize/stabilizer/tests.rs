@@ -156,7 +156,7 @@ fn planning_again_reads_no_frame_and_follows_the_new_options() {
     assert_eq!(source.opened.get(), 1);
     let first = stabilizer.plan(&analysis, &Run::default()).expect("a path");
     let mut options = stabilizer.options().clone().with_keep(0.6);
-    options.path.method = PathMethod::Tripod;
+    options.path.path = PathMethod::Tripod;
     stabilizer.set_options(options).expect("in range");
     let second = stabilizer.plan(&analysis, &Run::default()).expect("a path");
     assert_eq!(source.opened.get(), 1, "nothing is read again");
@@ -217,7 +217,7 @@ fn an_error_says_what_failed_and_whose_fault_it_is() {
     let unaligned = Stabilizer::new(options).expect("in range").plan(&unaligned, &Run::default());
     assert!(matches!(unaligned, Err(StabilizeError::PathFileWithoutCameras)));
     let narrow = Stabilizer::new(StabilizerOptions::default().with_keep(1.5)).expect_err("too much");
-    assert_eq!(narrow.to_string(), "min_crop 1.5 is invalid (expected 0.3 to 1)");
+    assert_eq!(narrow.to_string(), "keep 1.5 is invalid (expected 0.3 to 1)");
     assert_eq!(narrow.fault(), StabilizeFault::Options);
 }
 
