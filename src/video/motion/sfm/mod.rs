@@ -62,5 +62,5 @@ pub use track_table::{Match, TrackTable};
 pub use triangulate::{Triangulated, View, triangulate};
 pub use two_view::{TwoView, TwoViewOptions, TwoViewScores, TwoViewVerdict, two_view};
 pub use verdict::SfmVerdict;
-pub use view_graph_focal::{focal_of_fundamental, view_graph_focal};
+pub use view_graph_focal::view_graph_focal;
 pub use windows::{Windows, reconstruct_shot};

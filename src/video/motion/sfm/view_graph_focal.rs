@@ -8,16 +8,14 @@
 //! ```
 //!
 //! is summed over the matrices with Geman's and McClure's weight and minimized on a logarithmic scale: a vote in which
-//! matrices without information, or wrong ones, are not heard. [`focal_of_fundamental`] is the closed form for a single one.
+//! matrices without information, or wrong ones, have no weight.
 //!
 //! # Reference
 //! L. Pan, D. Baráth, M. Pollefeys, J. Schönberger, *Global structure-from-motion revisited* (GLOMAP), ECCV 2024,
-//! section 3.1; P. Mendonça, R. Cipolla, *A simple technique for self-calibration*, CVPR 1999; S. Bougnoux, *From
-//! projective to Euclidean space under any practical situation*, ICCV 1998.
+//! section 3.1; P. Mendonça, R. Cipolla, *A simple technique for self-calibration*, CVPR 1999.
 
 use nalgebra::Matrix3;
 
-use super::essential::left_null_vector;
 use plumbline_camera::Vec3;
 use plumbline_num::math::golden_section;
 
@@ -50,7 +48,7 @@ fn robust(squared: f64) -> f64 {
 }
 
 /// `δ(f)²`, in [0, 1]; 1 where it is not defined.
-pub(super) fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
+fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
     let k = Matrix3::from_diagonal(&Vec3::new(focal, focal, 1.0));
     let e = k * fundamental * k;
     let outer = e * e.transpose();
@@ -58,18 +56,6 @@ pub(super) fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
     let minor = |i: usize, j: usize| outer[(i, i)] * outer[(j, j)] - outer[(i, j)] * outer[(j, i)];
     let deviation = 1.0 - 4.0 * (minor(0, 1) + minor(0, 2) + minor(1, 2)) / (trace * trace);
     if deviation.is_finite() { deviation.clamp(0.0, 1.0) } else { 1.0 }
-}
-
-/// Bougnoux' closed form for two views of one focal length; `None` where the optical axes meet (the formula is 0/0) or `f²`
-/// comes out negative.
-pub fn focal_of_fundamental(fundamental: &Matrix3<f64>) -> Option<f64> {
-    let f = fundamental / fundamental.norm();
-    let (p, flat) = (Vec3::z(), Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, 0.0)));
-    let lever = (p.transpose() * left_null_vector(&f)?.cross_matrix() * flat).transpose();
-    let numerator = -lever.dot(&(f * p)) * p.dot(&(f.transpose() * p));
-    let denominator = lever.dot(&(f * flat * f.transpose() * p));
-    let squared = numerator / denominator;
-    (squared > 0.0 && squared.is_finite()).then(|| squared.sqrt())
 }
 
 #[cfg(test)]
@@ -93,12 +79,12 @@ mod tests {
     }
 
     #[test]
-    fn the_deviation_vanishes_at_the_true_focal_length_and_the_closed_form_finds_it() {
+    fn the_deviation_vanishes_at_the_true_focal_length_and_one_matrix_gives_it() {
         let mut rng = fastrand::Rng::with_seed(1);
         for f in [0.6, 0.9, 2.0] {
             let m = fundamental(f, &mut rng);
             assert!(deviation_squared(&m, f) < 1e-12 && deviation_squared(&m, 1.3 * f) > 1e-5);
-            assert!((focal_of_fundamental(&m).expect("general") / f - 1.0).abs() < 1e-8);
+            assert!((view_graph_focal(&[m], (0.4, 4.0)).expect("a matrix") / f - 1.0).abs() < 1e-6);
         }
     }
 
