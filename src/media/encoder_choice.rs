@@ -6,7 +6,7 @@
 
 use super::av::{EncoderCodec, Pix, Route, find_encoder};
 use super::encoders::{encoders, opens};
-use super::{Codec, EncoderWish, MediaError};
+use super::{Codec, EncoderChoice, MediaError};
 use plumbline_image::PixelFormat;
 
 /// How planes become what the encoder takes.
@@ -51,17 +51,17 @@ pub(super) fn hardware(codec: Codec) -> &'static [&'static str] {
 }
 
 /// Encoders for `codec` as wished, each with the format that suits `format` best: the one to try, and what to fall back on.
-pub(super) fn choose(codec: Codec, wish: &EncoderWish, format: PixelFormat) -> Result<Vec<Choice>, MediaError> {
+pub(super) fn choose(codec: Codec, wish: &EncoderChoice, format: PixelFormat) -> Result<Vec<Choice>, MediaError> {
     match wish {
-        EncoderWish::Software => Ok(vec![in_software(codec, format)?]),
-        EncoderWish::Named(name) => Ok(vec![named(codec, name, format)?]),
-        EncoderWish::Hardware => {
+        EncoderChoice::Software => Ok(vec![in_software(codec, format)?]),
+        EncoderChoice::Named(name) => Ok(vec![named(codec, name, format)?]),
+        EncoderChoice::Hardware => {
             let found = on_device(codec, format).next();
             let reason = || format!("no device for it works on this machine (tried {})", join(hardware(codec)));
             let wanted = || format!("{} on a device", codec.name());
             Ok(vec![found.ok_or_else(|| missing(codec, &wanted(), &reason()))?])
         }
-        EncoderWish::Auto => {
+        EncoderChoice::Auto => {
             let lossless = on_device(codec, format).filter(|c| loss(format, c.pix).is_none());
             let mut choices: Vec<Choice> = lossless.collect();
             choices.extend(in_software(codec, format));
@@ -189,10 +189,10 @@ mod tests {
     }
 
     fn first(codec: Codec, format: PixelFormat) -> Choice {
-        choose(codec, &EncoderWish::Software, format).expect("an encoder")[0]
+        choose(codec, &EncoderChoice::Software, format).expect("an encoder")[0]
     }
 
-    fn refusal(codec: Codec, wish: &EncoderWish) -> Option<String> {
+    fn refusal(codec: Codec, wish: &EncoderChoice) -> Option<String> {
         choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
     }
 
@@ -241,15 +241,15 @@ mod tests {
 
     #[test]
     fn an_encoder_that_does_not_exist_is_named_with_those_that_do() {
-        let text = refusal(Codec::H264, &EncoderWish::Named("h264_magic".into())).expect("refused");
+        let text = refusal(Codec::H264, &EncoderChoice::Named("h264_magic".into())).expect("refused");
         let expected = "no encoder for h264_magic: this FFmpeg was built without it; available: libx264";
         assert!(text.starts_with(expected), "{text}");
-        let text = refusal(Codec::H264, &EncoderWish::Named("ffv1".into())).expect("refused");
+        let text = refusal(Codec::H264, &EncoderChoice::Named("ffv1".into())).expect("refused");
         assert!(
             text.starts_with("no encoder for ffv1: it is none of the encoders known for h264; available: "),
             "{text}"
         );
-        let text = refusal(Codec::Ffv1, &EncoderWish::Hardware).expect("refused");
+        let text = refusal(Codec::Ffv1, &EncoderChoice::Hardware).expect("refused");
         assert!(text.ends_with("(tried none: there is none for this codec); available: ffv1"), "{text}");
     }
 
@@ -257,17 +257,17 @@ mod tests {
     fn a_device_that_is_missing_is_refused_when_asked_for_and_passed_over_by_auto() {
         for codec in [Codec::H264, Codec::Hevc, Codec::Av1] {
             let devices: Vec<_> = encoders(codec).into_iter().filter(|e| e.hardware).collect();
-            let choices = choose(codec, &EncoderWish::Auto, PixelFormat::opaque(Layout::Yuv420, 8)).expect("one");
+            let choices = choose(codec, &EncoderChoice::Auto, PixelFormat::opaque(Layout::Yuv420, 8)).expect("one");
             assert_eq!(choices.len(), devices.len() + 1, "devices that open first, software last");
             assert!(choices.last().is_some_and(|c| software(codec).contains(&c.encoder.name().as_str())));
             if !devices.is_empty() {
                 continue;
             }
-            let text = refusal(codec, &EncoderWish::Hardware).expect("refused");
+            let text = refusal(codec, &EncoderChoice::Hardware).expect("refused");
             assert!(text.contains("on a device: no device for it works on this machine (tried "), "{text}");
             assert!(text.contains(&format!("available: {}", encoders(codec)[0].name)), "{text}");
             for name in hardware(codec).iter().filter(|n| find_encoder(n).is_some()) {
-                let text = refusal(codec, &EncoderWish::Named((*name).to_owned())).expect("refused");
+                let text = refusal(codec, &EncoderChoice::Named((*name).to_owned())).expect("refused");
                 assert!(text.contains("the device for it is missing on this machine; available: "), "{text}");
             }
         }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::av::{Dictionary, Encoder, EncoderSettings, Rational, find_encoder};
 use super::encoder_choice::{choose, fit, hardware, software};
-use super::{Codec, EncoderWish, MediaError};
+use super::{Codec, EncoderChoice, MediaError};
 use plumbline_image::{ColorDescription, Layout, PixelFormat};
 
 /// An encoder that works here.
@@ -34,7 +34,7 @@ const TRIAL: usize = 256;
 ///
 /// # Errors
 /// [`MediaError::NoEncoder`], with the encoders that there are.
-pub fn check_encoder(codec: Codec, wish: &EncoderWish) -> Result<(), MediaError> {
+pub fn check_encoder(codec: Codec, wish: &EncoderChoice) -> Result<(), MediaError> {
     choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).map(drop)
 }
 

@@ -43,5 +43,5 @@ pub use probe::{ChapterInfo, MediaInfo, StreamInfo, StreamKind, VideoSummary, pr
 pub use read_options::{Deinterlace, ReadOptions, ReadReport};
 pub use reader::VideoReader;
 pub use surface::FramePool;
-pub use write_options::{Codec, EncoderWish, PassthroughStreams, WriteOptions, WriteReport};
+pub use write_options::{Codec, EncoderChoice, PassthroughStreams, WriteOptions, WriteReport};
 pub use writer::VideoWriter;

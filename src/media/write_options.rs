@@ -53,7 +53,7 @@ impl Codec {
 
 /// Which encoder of a codec.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum EncoderWish {
+pub enum EncoderChoice {
     /// The usual one that runs on the processor.
     #[default]
     Software,
@@ -65,7 +65,7 @@ pub enum EncoderWish {
     Named(String),
 }
 
-impl FromStr for EncoderWish {
+impl FromStr for EncoderChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -80,7 +80,7 @@ impl FromStr for EncoderWish {
     }
 }
 
-impl fmt::Display for EncoderWish {
+impl fmt::Display for EncoderChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Software => "software",
@@ -91,22 +91,22 @@ impl fmt::Display for EncoderWish {
     }
 }
 
-impl Serialize for EncoderWish {
+impl Serialize for EncoderChoice {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         s.collect_str(self)
     }
 }
 
-impl<'de> Deserialize<'de> for EncoderWish {
+impl<'de> Deserialize<'de> for EncoderChoice {
     fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
         String::deserialize(d)?.parse().map_err(serde::de::Error::custom)
     }
 }
 
 #[cfg(feature = "schema")]
-impl schemars::JsonSchema for EncoderWish {
+impl schemars::JsonSchema for EncoderChoice {
     fn schema_name() -> std::borrow::Cow<'static, str> {
-        "EncoderWish".into()
+        "EncoderChoice".into()
     }
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
         schemars::json_schema!({"type": "string", "pattern": "^[A-Za-z0-9_-]+$"})
@@ -131,7 +131,7 @@ pub struct WriteOptions {
     /// Codec of the video.
     pub codec: Codec,
     /// Which of the codec's encoders.
-    pub encoder: EncoderWish,
+    pub encoder: EncoderChoice,
     /// Constant quality, in the codec's own scale (0 to 51, AV1 0 to 63); lower is better and larger. The default is 18
     /// for H.264, 20 for HEVC, 25 for AV1: no visible loss.
     pub crf: Option<f64>,
@@ -180,10 +180,10 @@ mod tests {
     }
 
     #[test]
-    fn wishes_print_what_they_read() {
+    fn an_encoder_choice_is_written_as_it_is_read() {
         for text in ["software", "auto", "hardware", "h264_nvenc", "libaom-av1"] {
-            assert_eq!(text.parse::<EncoderWish>().map(|w| w.to_string()), Ok(text.to_owned()));
+            assert_eq!(text.parse::<EncoderChoice>().map(|w| w.to_string()), Ok(text.to_owned()));
         }
-        assert!("".parse::<EncoderWish>().is_err() && "a b".parse::<EncoderWish>().is_err());
+        assert!("".parse::<EncoderChoice>().is_err() && "a b".parse::<EncoderChoice>().is_err());
     }
 }

@@ -3,6 +3,7 @@
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.
 
+mod aspect_ratio;
 pub mod calibration;
 mod crop;
 mod great_circle;
@@ -16,6 +17,7 @@ pub mod retarget;
 pub mod temporal;
 mod warp;
 
+pub use aspect_ratio::AspectRatio;
 pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
 pub use warp::{FittedLine, Forward, LineReport, PhotoWarp};

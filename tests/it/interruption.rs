@@ -33,9 +33,7 @@ use plumbline::shape::draw::{Style, Surface, SurfaceCamera, UpAxis, ViewDirectio
 use plumbline::shape::mesh::io::{WriteOptions, encode_model};
 use plumbline::shape::mesh::{MeshError, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, repair, shapes};
 use plumbline::shape::morph::composition::{ComposeOptions, Cut, compose};
-use plumbline::shape::morph::correspondence::{
-    CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions, correspond, refine,
-};
+use plumbline::shape::morph::correspondence::{CorrespondenceMethod, CorrespondenceOptions, correspond, refine};
 use plumbline::shape::morph::intersections::self_intersections;
 use plumbline::shape::morph::{MorphError, Trajectory, TrajectoryOptions, time_field};
 use plumbline::shape::surface::{
@@ -273,15 +271,9 @@ fn morphs_end_with_their_run() {
     let plane = |z| Cut::Plane { point: Point3::new(0.0, 0.0, z), normal: Vector3::z() };
     let joining = ComposeOptions { base: plane(0.1), part: plane(-0.1), landmarks: Vec::new(), band: 2 };
     assert_all(&[
-        ("registration", laid(CorrespondenceMethod::Registration(RegistrationOptions::default()))),
-        ("the sphere", laid(CorrespondenceMethod::Sphere(SphereOptions::default()))),
-        (
-            "the disk",
-            stops!(
-                correspond(&sheet, &sheet, &[], &CorrespondenceMethod::Disk(DiskOptions::default()), &run),
-                MorphError
-            ),
-        ),
+        ("registration", laid(CorrespondenceMethod::Registration.into())),
+        ("the sphere", laid(CorrespondenceMethod::Sphere.into())),
+        ("the disk", stops!(correspond(&sheet, &sheet, &[], &CorrespondenceMethod::Disk.into(), &run), MorphError)),
         ("refinement", stops!(refine(&first, &first, &second, 1e-3, 2, &run), MorphError)),
         ("a trajectory", stops!(Trajectory::new(&sheet, &other, &options, &run), MorphError)),
         ("a shape", stops!(trajectory.at(0.5, &run))),
@@ -403,7 +395,7 @@ fn long_calls_end_midway_and_soon() {
     });
     stops_midway("a correspondence", |run| {
         let (first, second) = (shapes::icosphere(4), shapes::icosphere(3));
-        let method = CorrespondenceMethod::Registration(RegistrationOptions::default());
+        let method = CorrespondenceOptions::from(CorrespondenceMethod::Registration);
         stops!(correspond(&first, &second, &[(0, 0), (1, 1), (2, 2), (3, 3)], &method, run), MorphError)
     });
     stops_midway("structure from motion", |run| {

@@ -348,7 +348,7 @@ fn faults_are_reported_with_their_file_and_leave_nothing() {
         assert_eq!(names(folder), before, "{message}");
     }
     for (args, message) in [
-        (["--method", "arab"], "`arab` is no method of deformation (expected `arap`"),
+        (["--method", "arab"], "a similar value exists: 'arap'"),
         (["--tolerance", "nan"], "out of range"),
         (["--roi=-1", "--overwrite"], "out of range"),
         (["--frames", "0"], "1..=9999"),

@@ -9,7 +9,7 @@ use super::options::{Given, Offer, Setting};
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::units::ClipTime;
-use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, RollingShutter, TrackSettings};
+use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, TrackSettings};
 
 /// Options that `stabilize` and `motion` share.
 #[derive(Debug, Args)]
@@ -24,9 +24,8 @@ pub(super) struct ClipArgs {
     pub(super) motion: Option<PathBuf>,
     #[command(flatten)]
     track: Given<Track>,
-    /// Rolling-shutter correction: auto, off, or the sensor's readout time in seconds
-    #[arg(long, default_value_t, value_name = "auto|off|SECONDS", help_heading = "Analysis")]
-    rolling_shutter: RollingShutter,
+    #[command(flatten)]
+    camera_motion: Given<CameraMotion>,
 
     #[command(flatten)]
     pub(super) job: JobArgs,
@@ -75,17 +74,25 @@ impl Offer for Track {
     const SETTINGS: &'static [Setting] = &[Setting::of("mask").under("Analysis")];
 }
 
+/// What they say of `video.motion`.
+struct CameraMotion;
+
+impl Offer for CameraMotion {
+    type Kind = MotionSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("rolling_shutter").value("auto|off|SECONDS").under("Analysis")];
+}
+
 impl ClipArgs {
     /// Stages `source` and `motion`, and `tracks` where the clip is tracked; `source`: the clip, `cameras`: those in space too.
     pub(super) fn analysis(&self, source: String, cameras: bool) -> Vec<StageEntry> {
         let decode = self.length.applied(DecodeSettings { path: source, ..self.decode.settings.clone() });
         let mut stages = vec![StageEntry::built("source", &decode)];
+        let rolling_shutter = self.camera_motion.settings.rolling_shutter;
         if let Some(file) = &self.motion {
-            let import =
-                MotionImportSettings { path: literal_path(file), rolling_shutter: self.rolling_shutter, cameras };
+            let import = MotionImportSettings { path: literal_path(file), rolling_shutter, cameras };
             stages.push(StageEntry::built("motion", &import).input("frames", "source"));
         } else {
-            let motion = MotionSettings { rolling_shutter: self.rolling_shutter, cameras };
+            let motion = MotionSettings { rolling_shutter, cameras };
             stages.push(StageEntry::built("tracks", &self.track.settings).input("frames", "source"));
             stages.push(StageEntry::built("motion", &motion).input("tracks", "tracks"));
         }

@@ -12,8 +12,6 @@ use clap::builder::{
 };
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches, ValueHint};
-use schemars::JsonSchema;
-use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
 use super::spelling::british;
@@ -281,15 +279,6 @@ fn described(words: &[(&str, Option<&str>)], aliases: &[(&'static str, &'static 
         value.aliases(others.chain(british(word)))
     };
     words.iter().map(value).collect()
-}
-
-/// Reads one of the words of a type, for options of the command line alone.
-pub(super) fn choice<T>() -> impl TypedValueParser<Value = T> + use<T>
-where
-    T: JsonSchema + DeserializeOwned + Clone + Send + Sync + 'static,
-{
-    let words = PossibleValuesParser::new(described(&choices(&schema_of::<T>(&[])), &[]));
-    words.try_map(|word| serde_json::from_value::<T>(Json::String(word)))
 }
 
 /// A default as it is written on the command line; numbers without exponents.

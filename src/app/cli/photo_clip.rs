@@ -1,4 +1,4 @@
-//! `rectify` and `retarget` on clips: the same wishes, as a graph over frames. A clip is told by its name.
+//! `rectify` and `retarget` on clips: the same options, as a graph over frames. A clip is recognized by its name.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use crate::stages::{
 
 /// Options that only clips have.
 #[derive(Debug, Args)]
-pub(super) struct ClipWishes {
+pub(super) struct PhotoClipArgs {
     /// Also hold the clip steady, in the same interpolation
     #[arg(long, help_heading = "Clips")]
     pub(super) stabilize: bool,
@@ -54,7 +54,7 @@ impl Offer for Encode {
     ];
 }
 
-impl ClipWishes {
+impl PhotoClipArgs {
     /// Refuses options of clips where there are only photos.
     pub(super) fn refuse_for_photos(&self) -> Result<(), Failure> {
         let (decode, encode) = (&self.decode.settings, &self.encode.settings);

@@ -7,10 +7,10 @@ use clap::Args;
 use super::failure::Failure;
 use super::job::{JobArgs, WeightsArg};
 use super::options::{Given, Offer, Setting};
+use super::render::RenderView;
 use super::run::run_or_print;
 use super::session::Session;
 use crate::pipeline::file::literal_path;
-use crate::pipeline::surfaces::ViewWish;
 use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
     ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
@@ -43,16 +43,8 @@ pub(super) struct PoseArgs {
     /// Also draw the last pose
     #[arg(long, value_name = "FILE.png", help_heading = "Writing")]
     render: Option<PathBuf>,
-    /// From where it is drawn: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
-    #[arg(
-        long,
-        default_value_t,
-        value_name = "VIEW",
-        allow_hyphen_values = true,
-        requires = "render",
-        help_heading = "Writing"
-    )]
-    view: ViewWish,
+    #[command(flatten)]
+    view: Given<RenderView>,
 
     #[command(flatten)]
     job: JobArgs,
@@ -107,7 +99,7 @@ impl PoseArgs {
         stages.push(posed);
         stages.push(StageEntry::built("out", &save).input("mesh", "posed"));
         if let Some(path) = &self.render {
-            let render = MeshRenderSettings { view: self.view, ..MeshRenderSettings::default() };
+            let render = MeshRenderSettings { view: self.view.settings.view, ..MeshRenderSettings::default() };
             let picture = ImageSaveSettings { path: literal_path(path), ..ImageSaveSettings::default() };
             stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
             stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));

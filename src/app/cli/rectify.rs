@@ -5,15 +5,17 @@ use clap::Args;
 use super::failure::Failure;
 use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
-use super::photo_clip::{ClipWishes, analysis, are_clips};
+use super::photo_clip::{PhotoClipArgs, analysis, are_clips};
 use super::run::run_or_print;
 use super::session::Session;
-use crate::pipeline::sizes::{CropWish, ProjectionWish, TargetSize, ViewAngles};
+use crate::pipeline::sizes::{TargetSize, ViewAngles};
 use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
     Border, ImageRenderSettings, ImportanceSettings, LensUndistortSettings, LinesDetectSettings, PhotoBorder,
     PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
 };
+use plumbline_camera::Projection;
+use plumbline_photo::rectify::{Crop, Target};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]
@@ -21,7 +23,7 @@ pub struct RectifyArgs {
     #[command(flatten)]
     photo: PhotoArgs,
     #[command(flatten)]
-    clips: ClipWishes,
+    clips: PhotoClipArgs,
 
     #[command(flatten)]
     lens: Given<Lens>,
@@ -33,7 +35,7 @@ pub struct RectifyArgs {
     /// What to make: optimized, perspective, stereographic, panini[:D], mercator, cylindrical or equirectangular;
     /// if left out, optimized for pictures and perspective for clips
     #[arg(long, value_name = "PROJECTION", help_heading = "Result")]
-    to: Option<ProjectionWish>,
+    to: Option<Target>,
     #[command(flatten)]
     view: Given<View>,
     #[command(flatten)]
@@ -106,15 +108,15 @@ impl RectifyArgs {
             lens: wanted.lens,
             fov: wanted.fov,
             fov_axis: wanted.fov_axis,
-            to: self.to.unwrap_or(ProjectionWish::Perspective),
+            to: self.to.clone().unwrap_or(Target::Fixed(Projection::Rectilinear)),
             view: wanted.view,
             crop: wanted.crop,
             size: wanted.size,
         };
         let border = match (wanted.crop, self.render.settings.border) {
-            (CropWish::None, PhotoBorder::Black) => Border::Black,
-            (CropWish::None, PhotoBorder::Mirror) => Border::Mirror,
-            (CropWish::None, PhotoBorder::Replicate) => Border::Replicate,
+            (Crop::None, PhotoBorder::Black) => Border::Black,
+            (Crop::None, PhotoBorder::Mirror) => Border::Mirror,
+            (Crop::None, PhotoBorder::Replicate) => Border::Replicate,
             _ => Border::Crop,
         };
         let render =
@@ -122,7 +124,7 @@ impl RectifyArgs {
         let mut stages = vec![StageEntry::built("lens", &settings).input("frames", "source")];
         if self.clips.stabilize {
             stages.extend(analysis(Some("lens")));
-            stages.extend(ClipWishes::steady());
+            stages.extend(PhotoClipArgs::steady());
             self.clips.pipeline("rectify", &self.photo, &render, &["lens", "warp"], stages)
         } else {
             self.clips.pipeline("rectify", &self.photo, &render, &["lens"], stages)
@@ -134,8 +136,8 @@ impl RectifyArgs {
         if self.rectangle {
             return self.of_stitched();
         }
-        let to = self.to.unwrap_or_default();
-        let settings = PhotoRectifySettings { to, ..self.settings() };
+        let to = self.to.clone().unwrap_or_default();
+        let settings = PhotoRectifySettings { to: to.clone(), ..self.settings() };
         let detect = LinesDetectSettings {
             lens: settings.lens.clone(),
             fov: settings.fov,
@@ -144,7 +146,7 @@ impl RectifyArgs {
         };
         self.photo.pipeline("rectify", &self.render.settings, &detect, |wanted| {
             let stage = wanted.connect(StageEntry::built("map", &settings).input("image", "photo"));
-            if to != ProjectionWish::Optimized {
+            if to != Target::Optimized {
                 return vec![stage];
             }
             let judged = StageEntry::built("salience", &ImportanceSettings::default()).input("image", "photo");
@@ -158,7 +160,7 @@ impl RectifyArgs {
         let given = [
             (wanted.lens != "auto", "--lens"),
             (wanted.view != ViewAngles::default(), "--view"),
-            (matches!(wanted.crop, CropWish::Rectangle | CropWish::None), "--crop rectangle or none"),
+            (matches!(wanted.crop, Crop::Rectangle | Crop::None), "--crop rectangle or none"),
         ];
         if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
             let help = "a stitched picture is warped as it is, without a lens";
@@ -166,7 +168,7 @@ impl RectifyArgs {
         }
         let shape = match (wanted.size, wanted.crop) {
             (Some(size), _) => Some(TargetSize::Size(size)),
-            (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
+            (None, Crop::Aspect(ratio)) => Some(TargetSize::Shape(ratio)),
             (None, _) => None,
         };
         let settings = PhotoRectangleSettings { size: shape };

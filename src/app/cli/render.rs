@@ -30,6 +30,15 @@ pub(super) struct RenderArgs {
     job: JobArgs,
 }
 
+/// What commands that also draw their result offer of `mesh.render`.
+pub(super) struct RenderView;
+
+impl Offer for RenderView {
+    type Kind = MeshRenderSettings;
+    const SETTINGS: &'static [Setting] =
+        &[Setting::of("view").value("VIEW").signed().requires("render").under("Writing")];
+}
+
 /// What it says of `mesh.render`.
 struct Render;
 

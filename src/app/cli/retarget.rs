@@ -6,7 +6,7 @@ use clap::Args;
 use super::failure::Failure;
 use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
-use super::photo_clip::{ClipWishes, analysis, are_clips};
+use super::photo_clip::{PhotoClipArgs, analysis, are_clips};
 use super::run::run_or_print;
 use super::session::Session;
 use crate::pipeline::{Exit, PipelineFile, StageEntry};
@@ -21,7 +21,7 @@ pub struct RetargetArgs {
     #[command(flatten)]
     photo: PhotoArgs,
     #[command(flatten)]
-    clips: ClipWishes,
+    clips: PhotoClipArgs,
 
     #[command(flatten)]
     shape: Given<Shape>,
@@ -74,7 +74,7 @@ impl RetargetArgs {
         stages.push(StageEntry::built("importance", &judged).input("frames", "source"));
         let render = RenderSettings { interpolation: self.render.settings.interpolation, ..RenderSettings::default() };
         if self.clips.stabilize {
-            stages.extend(ClipWishes::steady());
+            stages.extend(PhotoClipArgs::steady());
             stages.push(map.input("path", "path"));
             self.clips.pipeline("retarget", &self.photo, &render, &["warp", "map"], stages)
         } else {

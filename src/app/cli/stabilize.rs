@@ -7,7 +7,7 @@ use clap::Args;
 use super::clip::ClipArgs;
 use super::failure::Failure;
 use super::job::{batch, only_input};
-use super::options::{Given, Offer, Setting, choice};
+use super::options::{Given, Offer, Setting};
 use super::run::run_or_print;
 use super::session::Session;
 use super::target::TargetArgs;
@@ -15,10 +15,10 @@ use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, number_for};
+use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
-    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, PathMethod, RenderSettings,
-    ReportSettings, SmoothSettings, StMapSettings, WarpSettings, Zoom,
+    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, RenderSettings, ReportSettings,
+    SmoothSettings, StMapSettings, WarpSettings,
 };
 
 /// Options of `plumbline stabilize`.
@@ -34,29 +34,10 @@ pub struct StabilizeArgs {
     #[command(flatten)]
     clip: ClipArgs,
 
-    /// How freely a frame may be bent
-    #[arg(long, value_parser = choice::<ModelChoice>(), default_value_t, value_name = "MODE", help_heading = "Stabilization")]
-    mode: ModelChoice,
-    /// How the virtual camera moves
-    #[arg(long, value_parser = choice::<PathMethod>(), default_value_t, value_name = "METHOD", help_heading = "Stabilization")]
-    path: PathMethod,
-    /// Where the camera shall stand, instead of a method: wanted poses, and the input's own to align them by
-    #[arg(long, value_name = "FILE.json", conflicts_with = "path", help_heading = "Stabilization")]
-    path_file: Option<PathBuf>,
-    /// Keep the horizon level, as far as the crop allows
-    #[arg(long, help_heading = "Stabilization")]
-    horizon_lock: bool,
-    /// Time over which motion is evened out, 0.05 to 30
-    #[arg(long, default_value_t = SmoothSettings::default().smoothness, value_name = "SECONDS", help_heading = "Stabilization")]
-    #[arg(value_parser = |text: &str| number_for::<SmoothSettings>("smoothness", text))]
-    smoothness: f64,
-    /// Minimum fraction of the picture's width and height that is kept, 30% to 100%
-    #[arg(long, default_value_t = SmoothSettings::default().keep, value_name = "FRACTION", help_heading = "Stabilization")]
-    #[arg(alias = "min-crop", value_parser = |text: &str| number_for::<SmoothSettings>("keep", text))]
-    keep: f64,
-    /// How the picture is enlarged to hide the borders
-    #[arg(long, value_parser = choice::<Zoom>(), default_value_t, value_name = "HOW", help_heading = "Stabilization")]
-    zoom: Zoom,
+    #[command(flatten)]
+    warp: Given<Warp>,
+    #[command(flatten)]
+    smooth: Given<Smooth>,
     #[command(flatten)]
     render: Given<Render>,
     #[command(flatten)]
@@ -76,6 +57,29 @@ pub struct StabilizeArgs {
     /// Also write the map of every frame for compositors, as 32-bit EXR: R = x/W, G = 1 - y/H
     #[arg(long, value_name = "DIR", help_heading = "Extras")]
     export_stmap: Option<PathBuf>,
+}
+
+/// What it says of `video.warp`.
+struct Warp;
+
+impl Offer for Warp {
+    type Kind = WarpSettings;
+    const SETTINGS: &'static [Setting] = &[Setting::of("mode").value("MODE").under("Stabilization")];
+}
+
+/// What it says of `video.smooth`.
+struct Smooth;
+
+impl Offer for Smooth {
+    type Kind = SmoothSettings;
+    const SETTINGS: &'static [Setting] = &[
+        Setting::of("path").value("METHOD").under("Stabilization"),
+        Setting::of("path_file").value("FILE.json").conflicts("path").under("Stabilization"),
+        Setting::of("horizon_lock").under("Stabilization"),
+        Setting::of("smoothness").value("SECONDS").ranged().under("Stabilization"),
+        Setting::of("keep").value("FRACTION").ranged().under("Stabilization"),
+        Setting::of("zoom").under("Stabilization"),
+    ];
 }
 
 /// What it says of `video.render`.
@@ -165,23 +169,17 @@ impl StabilizeArgs {
     }
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {
-        let path = |p: &PathBuf| literal_path(p);
-        let in_space = match self.mode {
+        let smooth = &self.smooth.settings;
+        let in_space = match self.warp.settings.mode {
             ModelChoice::Auto => Some(InSpace::Auto),
             ModelChoice::ThreeD => Some(InSpace::Always),
             ModelChoice::Rotation => Some(InSpace::Rotation),
-            _ => self.path_file.is_some().then_some(InSpace::Always),
+            _ => smooth.path_file.is_some().then_some(InSpace::Always),
         };
         let smooth = SmoothSettings {
-            path: self.path,
-            horizon_lock: self.horizon_lock,
-            smoothness: self.smoothness,
-            keep: self.keep,
-            zoom: self.zoom,
             keep_inside: self.render.settings.border == Border::Crop,
             in_space: in_space.unwrap_or_default(),
-            path_file: self.path_file.as_ref().map(path).map(PathBuf::from),
-            ..SmoothSettings::default()
+            ..smooth.clone()
         };
         let mut stages = self.clip.analysis(source, in_space.is_some());
         if let Some(given) = &self.export_motion {
@@ -196,10 +194,9 @@ impl StabilizeArgs {
     }
 
     fn rendering(&self, output: &str) -> Result<Vec<StageEntry>, Failure> {
-        let warp = WarpSettings { mode: self.mode, ..WarpSettings::default() };
         let render = &self.render.settings;
         let mut stages = vec![
-            StageEntry::built("warp", &warp)
+            StageEntry::built("warp", &self.warp.settings)
                 .input("tracks", self.clip.tracks())
                 .input("path", "path")
                 .input("motion", "motion"),

@@ -1,4 +1,4 @@
-//! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `60%`, `16:9`, `panini:0.8`, `10,-5,0`.
+//! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `60%`, `16:9`, `10,-5,0`.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -9,11 +9,10 @@ use serde::de::Deserializer;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::units::number_or_text;
+use plumbline_photo::AspectRatio;
 
 /// Largest side of a picture that is rendered, px.
 pub const MAX_SIDE: u32 = 16_384;
-/// Most that a ratio may be from 1, either way.
-const MAX_RATIO: f64 = 100.0;
 
 /// Width and height, px, 1 to 16384 each. Written `"1600x1200"`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,56 +36,13 @@ pub enum PictureSize {
     Percent(f64),
 }
 
-/// Width to height. Written `"16:9"`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ratio {
-    /// Width, in any unit.
-    pub across: f64,
-    /// Height, in the same unit.
-    pub down: f64,
-}
-
 /// A size, or a shape. Written as a [`PictureSize`] or as `"9:16"`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TargetSize {
     /// A size in pixels, or relative to the picture.
     Size(PictureSize),
     /// A shape: the picture keeps one side and loses from the other.
-    Shape(Ratio),
-}
-
-/// What is cut away. Written `"auto"`, `"none"` or `"3:2"`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum CropWish {
-    /// Nothing where the border can be made straight; all outside the largest rectangle otherwise
-    #[default]
-    Auto,
-    /// All outside the largest rectangle that the picture fills
-    Rectangle,
-    /// Nothing: the border may be curved
-    None,
-    /// As auto, and of that the largest rectangle of this shape
-    Shape(Ratio),
-}
-
-/// How directions become a picture. Written `"optimized"`, `"perspective"`, `"panini:0.8"` …
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum ProjectionWish {
-    /// Straight lines straight, all else in shape
-    #[default]
-    Optimized,
-    /// All lines straight, edges stretched
-    Perspective,
-    /// All shapes true, lines bent
-    Stereographic,
-    /// Vertical lines straight, and those through the center; the distance of the eye, 0 to 10
-    Panini(f64),
-    /// Shapes true, vertical lines straight
-    Mercator,
-    /// Vertical lines straight
-    Cylindrical,
-    /// Longitude and latitude
-    Equirectangular,
+    Shape(AspectRatio),
 }
 
 /// Where the viewer looks, degrees from where the camera looked. Written `"YAW,PITCH,ROLL"`.
@@ -194,30 +150,6 @@ impl fmt::Display for PixelSize {
     }
 }
 
-impl Ratio {
-    /// Width over height.
-    pub fn value(self) -> f64 {
-        self.across / self.down
-    }
-}
-
-impl FromStr for Ratio {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("`{text}` is no shape (expected WIDTH:HEIGHT between 1:100 and 100:1, such as 16:9)");
-        let (w, h) = text.split_once(':').ok_or_else(wrong)?;
-        let ratio = positive(w).zip(positive(h)).map(|(across, down)| Self { across, down });
-        ratio.filter(|r| (1.0 / MAX_RATIO..=MAX_RATIO).contains(&r.value())).ok_or_else(wrong)
-    }
-}
-
-impl fmt::Display for Ratio {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}", self.across, self.down)
-    }
-}
-
 impl TargetSize {
     /// Pixels for a picture of `source` px: of a shape, the largest that is nowhere larger than the picture.
     pub fn pixels(self, source: (usize, usize)) -> (usize, usize) {
@@ -251,70 +183,6 @@ impl fmt::Display for TargetSize {
             Self::Size(size) => size.fmt(f),
             Self::Shape(ratio) => ratio.fmt(f),
         }
-    }
-}
-
-impl FromStr for CropWish {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.trim() {
-            "auto" => Ok(Self::Auto),
-            "rectangle" => Ok(Self::Rectangle),
-            "none" => Ok(Self::None),
-            shape => shape.parse().map(Self::Shape).map_err(|e| format!("{e}; or `auto`, `rectangle` or `none`")),
-        }
-    }
-}
-
-impl fmt::Display for CropWish {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Auto => f.write_str("auto"),
-            Self::Rectangle => f.write_str("rectangle"),
-            Self::None => f.write_str("none"),
-            Self::Shape(ratio) => ratio.fmt(f),
-        }
-    }
-}
-
-impl FromStr for ProjectionWish {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let text = text.trim();
-        match text {
-            "optimized" => return Ok(Self::Optimized),
-            "perspective" => return Ok(Self::Perspective),
-            "stereographic" => return Ok(Self::Stereographic),
-            "panini" => return Ok(Self::Panini(1.0)),
-            "mercator" => return Ok(Self::Mercator),
-            "cylindrical" => return Ok(Self::Cylindrical),
-            "equirectangular" => return Ok(Self::Equirectangular),
-            _ => {}
-        }
-        let distance = text.strip_prefix("panini:").and_then(|d| d.parse::<f64>().ok());
-        distance.filter(|d| (0.0..=10.0).contains(d)).map(Self::Panini).ok_or_else(|| {
-            format!(
-                "`{text}` is no projection (expected optimized, perspective, stereographic, panini, panini:D with D from 0 to 10, \
-                 mercator, cylindrical or equirectangular)"
-            )
-        })
-    }
-}
-
-impl fmt::Display for ProjectionWish {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Optimized => "optimized",
-            Self::Perspective => "perspective",
-            Self::Stereographic => "stereographic",
-            Self::Panini(1.0) => "panini",
-            Self::Panini(distance) => return write!(f, "panini:{distance}"),
-            Self::Mercator => "mercator",
-            Self::Cylindrical => "cylindrical",
-            Self::Equirectangular => "equirectangular",
-        })
     }
 }
 
@@ -399,8 +267,6 @@ as_text! {
     PictureSize: "a size such as \"1600x1200\", \"800x\", \"x600\" or \"60%\"", "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$";
     TargetSize: "a size such as \"1080x1920\", \"800x\", \"x600\" or \"60%\", or a shape such as \"9:16\"",
         "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$|^[0-9.]+:[0-9.]+$";
-    CropWish: "\"auto\", \"rectangle\", \"none\" or a shape such as \"3:2\"", "^auto$|^rectangle$|^none$|^[0-9.]+:[0-9.]+$";
-    ProjectionWish: "a projection such as \"optimized\" or \"panini:0.8\"", "^[a-z]+(:[0-9.]+)?$";
     ViewField: "\"WIDTH,HEIGHT\" in degrees", "^[0-9.]+,[0-9.]+$";
     ViewAngles: "\"YAW,PITCH,ROLL\" in degrees", "^-?[0-9.]+(,-?[0-9.]+){0,2}$";
 }
@@ -427,12 +293,6 @@ mod tests {
             round_trip::<PictureSize>(t);
             round_trip::<TargetSize>(t);
         }
-        for t in ["auto", "rectangle", "none", "3:2"] {
-            round_trip::<CropWish>(t);
-        }
-        for t in ["optimized", "panini", "panini:0.8", "equirectangular"] {
-            round_trip::<ProjectionWish>(t);
-        }
         for t in ["0,0,0", "10,-5.5,180"] {
             round_trip::<ViewAngles>(t);
         }
@@ -453,10 +313,6 @@ mod tests {
         }
         for text in ["0:1", "1:0", "nan:1", "1:1000", ":", "inf:inf"] {
             assert!(text.parse::<TargetSize>().is_err_and(|e| e.contains("16:9")), "{text}");
-        }
-        assert!("fill".parse::<CropWish>().is_err_and(|e| e.contains("`none`")));
-        for text in ["panini:", "panini:11", "panini:nan", "fisheye"] {
-            assert!(text.parse::<ProjectionWish>().is_err_and(|e| e.contains("panini:D")), "{text}");
         }
         for text in ["", "90", "0,50", "361,50", "90,180", "nan,50"] {
             assert!(text.parse::<ViewField>().is_err_and(|e| e.contains("WIDTH,HEIGHT")), "{text}");

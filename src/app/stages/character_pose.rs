@@ -1,11 +1,13 @@
 //! `character.pose`: a character in another pose, or in the poses of a movement.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Matrix4, Point3};
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use super::context::Context;
 use super::mesh::binding;
@@ -25,33 +27,42 @@ use plumbline_shape::character::{
 };
 use plumbline_shape::mesh::{Model, TriMesh};
 
-/// How the surface follows the joints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// How the surface follows the joints: a method, or a trained model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum SkinningWish {
-    /// Linear blend: as every viewer does; collapses under twist
-    Lbs,
-    /// Dual quaternions: keep the radius under twist, bulge at bends
-    #[default]
-    Dqs,
-    /// Optimized centers of rotation: neither
-    Cor,
-    /// Dual quaternions where joints twist, linear where they swing
-    Mixed,
-    /// As a model has learnt from examples
+pub enum SkinningChoice {
+    /// Regression by a trained model.
     Regression,
+    /// A method of the library.
+    #[serde(untagged)]
+    Method(SkinningMethod),
 }
 
-impl SkinningWish {
-    /// The method; none of its own for what a model has learnt.
+impl SkinningChoice {
+    /// The method; none where a trained model takes its place.
     pub fn method(self) -> Option<SkinningMethod> {
-        match self {
-            Self::Lbs => Some(SkinningMethod::LinearBlend),
-            Self::Dqs => Some(SkinningMethod::DualQuaternion),
-            Self::Cor => Some(SkinningMethod::CentersOfRotation),
-            Self::Mixed => Some(SkinningMethod::TwistSwing),
-            Self::Regression => None,
+        if let Self::Method(method) = self { Some(method) } else { None }
+    }
+}
+
+impl Default for SkinningChoice {
+    fn default() -> Self {
+        Self::Method(SkinningMethod::default())
+    }
+}
+
+impl JsonSchema for SkinningChoice {
+    fn schema_name() -> Cow<'static, str> {
+        "SkinningChoice".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = SkinningMethod::json_schema(generator);
+        if let Some(words) = schema.get_mut("oneOf").and_then(|words| words.as_array_mut()) {
+            let about = "As a model has learnt from examples";
+            words.push(json!({"type": "string", "const": "regression", "description": about}));
         }
+        schema
     }
 }
 
@@ -65,7 +76,7 @@ pub struct PoseSettings {
     /// The movement, by its name
     pub clip: Option<String>,
     /// How the surface follows the joints
-    pub skinning: SkinningWish,
+    pub skinning: SkinningChoice,
     /// The trained model (.skin) for regression, of this mesh and skeleton
     #[schemars(extend("format" = "path"))]
     pub model: Option<String>,
@@ -98,7 +109,7 @@ impl Default for PoseSettings {
         Self {
             pose: None,
             clip: None,
-            skinning: SkinningWish::default(),
+            skinning: SkinningChoice::default(),
             model: None,
             binding: WeightMethod::default(),
             weights: None,
@@ -142,7 +153,7 @@ impl Stage for PoseSettings {
                 "leave out `frames` or `rig`",
             ));
         }
-        if (self.skinning == SkinningWish::Regression) != self.model.is_some() {
+        if (self.skinning == SkinningChoice::Regression) != self.model.is_some() {
             let help = "give `skinning = \"regression\"` and `model`, or neither";
             found.push(conflict("model", "regression and a trained model belong together", help));
         }

@@ -11,19 +11,19 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use super::photo::lens::clip_lens;
-use super::photo::{target, view};
+use super::photo::view;
 use super::video_track::focal_px_of;
 use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, PictureSize, ProjectionWish, ViewAngles};
-use plumbline_camera::FieldAxis;
+use crate::pipeline::sizes::{PictureSize, ViewAngles};
+use plumbline_camera::{FieldAxis, Projection};
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_photo::PhotoWarp;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, rectify};
 use plumbline_video::stabilize::PointCarrier;
 
 /// Settings of `lens.undistort`.
@@ -39,11 +39,11 @@ pub struct LensUndistortSettings {
     /// Along which way the field of view is measured
     pub fov_axis: FieldAxis,
     /// How directions become the picture: perspective, stereographic, panini, panini:D, mercator, cylindrical, equirectangular or optimized
-    pub to: ProjectionWish,
+    pub to: Target,
     /// Where the viewer looks: yaw, pitch and roll in degrees
     pub view: ViewAngles,
     /// What is cut away: auto keeps the clip's shape, none keeps a curved border, or a shape such as 16:9
-    pub crop: CropWish,
+    pub crop: Crop,
     /// Size of the result: 1920x1080, 800x, x600 or 60%; that of the clip if left out
     pub size: Option<PictureSize>,
 }
@@ -54,9 +54,9 @@ impl Default for LensUndistortSettings {
             lens: String::new(),
             fov: None,
             fov_axis: FieldAxis::default(),
-            to: ProjectionWish::Perspective,
+            to: Target::Fixed(Projection::Rectilinear),
             view: ViewAngles::default(),
-            crop: CropWish::default(),
+            crop: Crop::default(),
             size: None,
         }
     }
@@ -120,16 +120,16 @@ fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndisto
 fn options(settings: &LensUndistortSettings, video: &VideoInfo) -> RectifyOptions {
     let own = OutputSize::Exact(video.width, video.height);
     RectifyOptions {
-        target: target(settings.to),
+        target: settings.to.clone(),
         view: view(settings.view),
         crop: match settings.crop {
-            CropWish::Auto | CropWish::Rectangle => Crop::Rectangle,
-            CropWish::None => Crop::None,
-            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
+            // A clip keeps its size, so that `auto` has no border to straighten.
+            Crop::Auto => Crop::Rectangle,
+            crop => crop,
         },
         size: match (settings.size, settings.crop) {
             (Some(PictureSize::Pixels(size)), _) => OutputSize::Exact(size.width as usize, size.height as usize),
-            (_, CropWish::Shape(_)) => OutputSize::Source,
+            (_, Crop::Aspect(_)) => OutputSize::Source,
             (_, _) => own,
         },
         ..RectifyOptions::default()
@@ -188,10 +188,9 @@ impl PointMap for Undistorted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
+    use plumbline_camera::{FieldOfView, Lens};
     use plumbline_num::run::Run;
     use plumbline_num::time::Timestamp;
-    use plumbline_photo::rectify::Target;
     use plumbline_video::track::{FrameQuality, FrameTracks, Observation};
 
     fn undistorted() -> Undistorted {

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::context::Context;
-use super::photo::lens::{self, Wish};
+use super::photo::lens::{self, LensRequest};
 use super::values::LineSet;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
@@ -72,8 +72,8 @@ impl Stage for LinesDetectSettings {
 const MAX_SIDE_PX: usize = 2800;
 
 fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
-    let lens = match Wish::of_lines(settings) {
-        Some(wish) => lens::find_unless_stitched(photo, &[], wish, run)?.map(Arc::new),
+    let lens = match LensRequest::of_lines(settings) {
+        Some(request) => lens::find_unless_stitched(photo, &[], request, run)?.map(Arc::new),
         None => None,
     };
     let mut luma = Plane::new(0, 0);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::context::Context;
-use super::mesh_morph::{MorphSettings, OverWish};
+use super::mesh_morph::MorphSettings;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, of_file, tell, write_report};
@@ -14,6 +14,7 @@ use super::values::Posed;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
+use plumbline_shape::morph::correspondence::CorrespondenceMethod;
 use plumbline_shape::morph::paint::Paint;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
 
@@ -74,7 +75,7 @@ impl Stage for BlendSettings {
     }
 
     fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), OverWish::default(), None)?;
+        let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), CorrespondenceMethod::default(), None)?;
         let in_paint = of_file(&self.paint);
         let paint = Paint::read(self.paint.as_ref()).map_err(&in_paint)?;
         let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;

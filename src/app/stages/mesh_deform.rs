@@ -16,10 +16,9 @@ use super::values::Posed;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::surfaces::MethodName;
 use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
-use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Start};
+use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Method, Start};
 
 /// Settings of `mesh.deform`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -29,7 +28,7 @@ pub struct MeshDeformSettings {
     #[schemars(extend("format" = "path"))]
     pub handles: String,
     /// How the rest of the surface follows
-    pub method: MethodName,
+    pub method: Method,
     /// What the methods may be told.
     #[serde(flatten)]
     pub options: DeformOptions,
@@ -60,7 +59,7 @@ impl Default for MeshDeformSettings {
     fn default() -> Self {
         Self {
             handles: String::new(),
-            method: MethodName::default(),
+            method: Method::default(),
             options: DeformOptions::default(),
             start: Start::default(),
             roi: None,
@@ -105,7 +104,7 @@ impl Stage for MeshDeformSettings {
             other => other,
         })?;
         bound.warnings.iter().for_each(|w| context.warn(w.clone()));
-        let deformer = Deformer::new(self.method.0, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
+        let deformer = Deformer::new(self.method, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
             .map_err(surface_error)?;
         let mut solver = PoseSolver { bound: &bound, deformer, settings: self, at: None };
         let mut poses = Vec::with_capacity(self.frames as usize);

@@ -12,32 +12,8 @@ use super::values::Posed;
 use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
-use plumbline_shape::morph::correspondence::{CorrespondenceMethod, DiskOptions, RegistrationOptions, SphereOptions};
+use plumbline_shape::morph::correspondence::CorrespondenceMethod;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions};
-
-/// How one mesh is laid over another.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum OverWish {
-    /// Deformed smoothly until it lies there: any mesh, never flawless
-    #[default]
-    Registration,
-    /// Through the sphere: closed meshes without handles, one to one
-    Sphere,
-    /// Through the disk: meshes with one boundary and without handles, one to one
-    Disk,
-}
-
-impl OverWish {
-    /// The option of the method.
-    pub fn option(self) -> CorrespondenceMethod {
-        match self {
-            Self::Registration => CorrespondenceMethod::Registration(RegistrationOptions::default()),
-            Self::Sphere => CorrespondenceMethod::Sphere(SphereOptions::default()),
-            Self::Disk => CorrespondenceMethod::Disk(DiskOptions::default()),
-        }
-    }
-}
 
 /// Settings of `mesh.morph`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,7 +33,7 @@ pub struct MorphSettings {
     #[schemars(range(min = 0, max = 1000))]
     pub untangle: u32,
     /// How the first mesh is laid over the second
-    pub over: OverWish,
+    pub over: CorrespondenceMethod,
     /// Add vertices until no feature of the second mesh is missed by more than this share of its size; none if left out
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub refine: Option<f64>,
@@ -73,7 +49,7 @@ impl Default for MorphSettings {
             frames: 9,
             options: TrajectoryOptions::default(),
             untangle: 8,
-            over: OverWish::default(),
+            over: CorrespondenceMethod::default(),
             refine: None,
             report: None,
         }
@@ -97,7 +73,7 @@ impl Stage for MorphSettings {
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
-        let by_landmarks = [("over", self.over != OverWish::default()), ("refine", self.refine.is_some())];
+        let by_landmarks = [("over", self.over != CorrespondenceMethod::default()), ("refine", self.refine.is_some())];
         let asked = by_landmarks.into_iter().filter(|(_, is_given)| *is_given && self.landmarks.is_none());
         let message =
             "without landmarks the meshes are two poses of one, and neither is laid over the other".to_owned();

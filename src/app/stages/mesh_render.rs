@@ -15,13 +15,14 @@ use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::PixelSize;
-use crate::pipeline::surfaces::{BackgroundColor, ViewWish};
+use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
 use plumbline_image::still::{ExifTags, Photo, frame_of_rgb};
 use plumbline_shape::character::io::read_rig;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::draw::{
-    CLAY, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, UpAxis, Wireframe, branch_marks, draw, node_marks,
+    CLAY, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, UpAxis, ViewDirection, Wireframe, branch_marks,
+    draw, node_marks,
 };
 use plumbline_shape::mesh::{Model, TriMesh};
 
@@ -33,7 +34,7 @@ pub struct MeshRenderSettings {
     /// Size of the picture, such as 1280x960
     pub size: PixelSize,
     /// From where: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
-    pub view: ViewWish,
+    pub view: ViewDirection,
     /// Which axis points up
     pub up: UpAxis,
     /// Triangles flat; else normals are smooth up to creases
@@ -62,7 +63,7 @@ impl Default for MeshRenderSettings {
     fn default() -> Self {
         Self {
             size: PixelSize { width: 1280, height: 960 },
-            view: ViewWish::default(),
+            view: ViewDirection::default(),
             up: UpAxis::default(),
             flat: false,
             wireframe: false,
@@ -141,7 +142,7 @@ impl Stage for MeshRenderSettings {
             (None, None) => Paint::Plain(CLAY),
         };
         let size = (self.size.width as usize, self.size.height as usize);
-        let camera = SurfaceCamera::fit(seen(&mesh), self.view.direction(), self.up, size);
+        let camera = SurfaceCamera::fit(seen(&mesh), self.view, self.up, size);
         let edges = self.wireframe.then(|| polygon_edges(&posed.model));
         let mut marks = if self.handles { marks(&posed, size) } else { Vec::new() };
         if let Some(path) = &self.skeleton {

@@ -63,7 +63,7 @@ mod video_warp;
 
 use std::sync::Arc;
 
-pub use character_pose::{PoseSettings, SkinningWish};
+pub use character_pose::{PoseSettings, SkinningChoice};
 pub use faces_detect::FacesDetectSettings;
 pub use faces_load::FacesLoadSettings;
 pub use image_grid::ImageGridSettings;
@@ -81,14 +81,14 @@ pub use mesh_compose::ComposeSettings;
 pub use mesh_deform::MeshDeformSettings;
 pub use mesh_load::MeshLoadSettings;
 pub use mesh_modes::MeshModesSettings;
-pub use mesh_morph::{MorphSettings, OverWish};
+pub use mesh_morph::MorphSettings;
 pub use mesh_render::MeshRenderSettings;
 pub use mesh_save::MeshSaveSettings;
 pub use photo_rectangle::PhotoRectangleSettings;
 pub use photo_rectify::PhotoRectifySettings;
 pub use photo_report::PhotoReportSettings;
 pub use photo_retarget::PhotoRetargetSettings;
-pub use plumbline_media::{Codec, EncoderWish};
+pub use plumbline_media::{Codec, EncoderChoice};
 pub use skeleton_extract::SkeletonExtractSettings;
 pub use skeleton_load::SkeletonLoadSettings;
 pub use skin_train::SkinTrainSettings;

@@ -7,26 +7,26 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
 use super::context::Context;
-use super::photo::lens::{self, Wish};
-use super::photo::{rectangle, rects, target, tell_lines, view};
+use super::photo::lens::{self, LensRequest};
+use super::photo::{rectangle, rects, tell_lines, view};
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{CropWish, PictureSize, ProjectionWish, TargetSize, ViewAngles, ViewField};
-use plumbline_camera::{FieldAxis, Lens};
+use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
+use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::line_detection::off_faces;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Window, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, Window, rectify};
 
 /// Settings of `photo.rectify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PhotoRectifySettings {
     /// How directions become the picture: optimized, perspective, stereographic, panini, panini:D, mercator, cylindrical or equirectangular
-    pub to: ProjectionWish,
+    pub to: Target,
     /// The lens: auto (EXIF, profiles, the lines themselves), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our own JSON), or a model such as equidistant, to be given with its field of view
     #[schemars(extend("format" = "lens"))]
     pub lens: String,
@@ -40,7 +40,7 @@ pub struct PhotoRectifySettings {
     /// How much the view shows, degrees, such as 100,75; all that the picture has if left out, and of panoramas 100,75
     pub view_field: Option<ViewField>,
     /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
-    pub crop: CropWish,
+    pub crop: Crop,
     /// Size of the result: 1600x1200, 800x, x600 or 60%; if left out, pictures stay as wide as they are, and clips keep their size
     pub size: Option<PictureSize>,
 }
@@ -48,13 +48,13 @@ pub struct PhotoRectifySettings {
 impl Default for PhotoRectifySettings {
     fn default() -> Self {
         Self {
-            to: ProjectionWish::default(),
+            to: Target::default(),
             lens: "auto".to_owned(),
             fov: None,
             fov_axis: FieldAxis::default(),
             view: ViewAngles::default(),
             view_field: None,
-            crop: CropWish::default(),
+            crop: Crop::default(),
             size: None,
         }
     }
@@ -92,9 +92,8 @@ impl Stage for PhotoRectifySettings {
         let lines = if set.found { off_faces(set.lines, &faces) } else { set.lines };
         let found = match set.lens {
             Some(found) => Some(found),
-            None => {
-                lens::find_unless_stitched(&photo, &lines, Wish::of_rectify(self), &context.job.run())?.map(Arc::new)
-            }
+            None => lens::find_unless_stitched(&photo, &lines, LensRequest::of_rectify(self), &context.job.run())?
+                .map(Arc::new),
         };
         let Some(found) = found else {
             let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
@@ -141,7 +140,7 @@ const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
 fn rectangle_size(settings: &PhotoRectifySettings) -> Option<TargetSize> {
     match (settings.size, settings.crop) {
         (Some(size), _) => Some(TargetSize::Size(size)),
-        (None, CropWish::Shape(ratio)) => Some(TargetSize::Shape(ratio)),
+        (None, Crop::Aspect(ratio)) => Some(TargetSize::Shape(ratio)),
         (None, _) => None,
     }
 }
@@ -159,15 +158,10 @@ fn tell_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
 
 fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
     RectifyOptions {
-        target: target(settings.to),
+        target: settings.to.clone(),
         view: view(settings.view),
         window: window(settings, lens),
-        crop: match settings.crop {
-            CropWish::Auto => Crop::Auto,
-            CropWish::Rectangle => Crop::Rectangle,
-            CropWish::None => Crop::None,
-            CropWish::Shape(ratio) => Crop::Aspect(ratio.value()),
-        },
+        crop: settings.crop,
         // A size relative to the result is known once that was made.
         size: settings.size.and_then(PictureSize::exact).map_or(OutputSize::Source, |(w, h)| OutputSize::Exact(w, h)),
         ..RectifyOptions::default()
@@ -177,8 +171,10 @@ fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
 /// What the view shows. Of a panorama no flat picture shows all, save for the panoramas themselves.
 fn window(settings: &PhotoRectifySettings, lens: &Lens) -> Option<Window> {
     let panoramic = lens.projection.is_panoramic();
-    let all =
-        matches!(settings.to, ProjectionWish::Mercator | ProjectionWish::Cylindrical | ProjectionWish::Equirectangular);
+    let all = matches!(
+        settings.to,
+        Target::Fixed(Projection::Mercator | Projection::Cylindrical | Projection::Equirectangular)
+    );
     let field = settings.view_field.or_else(|| (panoramic && !all).then_some(PANORAMA_VIEW))?;
     let half = |degrees: f64| 0.5 * degrees.to_radians();
     Some(Window { half_width: half(field.width), half_height: half(field.height) })

@@ -11,7 +11,7 @@ use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::units::BitRate;
-use plumbline_media::{Codec, EncoderWish, Output, check_encoder};
+use plumbline_media::{Codec, EncoderChoice, Output, check_encoder};
 
 /// Settings of `video.encode`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -23,7 +23,7 @@ pub struct EncodeSettings {
     /// How the pictures are coded
     pub codec: Codec,
     /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
-    pub encoder: EncoderWish,
+    pub encoder: EncoderChoice,
     /// Constant quality, 0 = best; the encoder's own default if left out
     #[schemars(range(min = 0.0, max = 63.0))]
     pub crf: Option<f64>,

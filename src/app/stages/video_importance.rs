@@ -153,10 +153,10 @@ pub(super) fn watchers(context: &Context<'_, '_>, decode: usize, video: &VideoIn
     let settings = |s: usize| context.stage(s).settings.clone();
     let mut found = Vec::new();
     for &stage in &context.pass.stages {
-        if let Some(wish) = settings(stage).get::<VideoImportanceSettings>()
+        if let Some(own) = settings(stage).get::<VideoImportanceSettings>()
             && context.edge(stage, "frames").is_some_and(|e| e.from == decode)
         {
-            found.push(Watching::new(stage, wish, video)?);
+            found.push(Watching::new(stage, own, video)?);
         }
     }
     Ok(found)

@@ -12,11 +12,12 @@ use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{PictureSize, Ratio, TargetSize};
+use crate::pipeline::sizes::{PictureSize, TargetSize};
 use crate::pipeline::summary::WindowSummary;
 use crate::stages::LensUndistortSettings;
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Homography, PointMap, Similarity2};
+use plumbline_photo::AspectRatio;
 use plumbline_photo::retarget::RetargetError;
 use plumbline_photo::temporal::{ClipData, ClipGrids, ClipRetargetOptions, retarget_clip};
 use plumbline_video::motion::ClipMotion;
@@ -104,9 +105,9 @@ fn lens_behind(graph: &Graph, stage: usize) -> Option<usize> {
 }
 
 /// The size of the coded picture that a player shows as asked: turned where the clip is, in its pixels, with even sides.
-fn coded_size(wish: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usize, usize) {
+fn coded_size(target: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usize, usize) {
     let turned = (video.rotation_deg / 90.0).round().rem_euclid(2.0) == 1.0;
-    match wish {
+    match target {
         TargetSize::Size(PictureSize::Pixels(size)) => {
             let (width, height) = (size.width as usize, size.height as usize);
             if turned { (height, width) } else { (width, height) }
@@ -116,10 +117,10 @@ fn coded_size(wish: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usi
             let (width, height) = if turned { (shown.1, shown.0) } else { shown };
             even_size((width as f64, height as f64), video)
         }
-        TargetSize::Shape(Ratio { across, down }) => {
+        TargetSize::Shape(AspectRatio { width: across, height: down }) => {
             let (across, down) = if turned { (down, across) } else { (across, down) };
             let pixel = video.sample_aspect.map_or(1.0, plumbline_media::Ratio::value);
-            let ratio = Ratio { across: across / pixel, down }.value();
+            let ratio = AspectRatio::new(across / pixel, down).value();
             let (width, height) = (size.0 as f64, size.1 as f64);
             even_size((width.min(height * ratio), height.min(width / ratio)), video)
         }

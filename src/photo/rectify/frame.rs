@@ -4,6 +4,7 @@ use nalgebra::Matrix2x3;
 
 use super::RectifyOptions;
 use super::error::RectifyError;
+use crate::aspect_ratio::AspectRatio;
 use crate::crop::Coverage;
 use crate::warp::{Forward, PhotoWarp};
 use plumbline_camera::Lens;
@@ -18,7 +19,7 @@ const CUT: f64 = 2.0 / RASTER as f64;
 /// Largest side of an output, px: what the renderer takes.
 const MAX_SIDE: f64 = 16_384.0;
 
-/// What is cut away.
+/// What is cut away: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Crop {
     /// Nothing where the picture's border can be made straight; all outside the largest rectangle otherwise.
@@ -27,7 +28,7 @@ pub enum Crop {
     /// All outside the largest rectangle that the picture fills.
     Rectangle,
     /// As [`Self::Auto`], and of that the largest rectangle with this ratio of width to height.
-    Aspect(f64),
+    Aspect(AspectRatio),
     /// Nothing: the output holds the whole picture, with its curved border.
     None,
 }
@@ -98,7 +99,7 @@ impl Unframed {
         };
         let coverage = Coverage::new(bounds, RASTER, covered);
         let largest = |kept: Option<&Rect>| match (options.crop, options.size, kept) {
-            (Crop::Aspect(aspect), _, _) => coverage.largest_of_shape(aspect, kept),
+            (Crop::Aspect(aspect), _, _) => coverage.largest_of_shape(aspect.value(), kept),
             (_, OutputSize::Exact(w, h), _) => coverage.largest_of_shape(w as f64 / h as f64, kept),
             (_, OutputSize::Source, Some(kept)) => coverage.largest_around(kept),
             (_, OutputSize::Source, None) => coverage.largest(),

@@ -12,6 +12,7 @@ mod chart;
 mod error;
 mod fixed;
 mod frame;
+mod notation;
 mod rectifier;
 mod solver;
 mod sphere_grid;
@@ -34,7 +35,7 @@ use plumbline_image::Plane;
 use plumbline_num::math::Rect;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
-/// What the output shall look like.
+/// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Target {
     /// The minimizer of the energy.
@@ -68,7 +69,7 @@ impl View {
 /// How to rectify.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RectifyOptions {
-    /// What the output shall look like.
+    /// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
     pub target: Target,
     /// Where the viewer looks.
     pub view: View,
@@ -127,7 +128,7 @@ fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
     if let OutputSize::Exact(w, h) = options.size {
         frame::check_size(w as f64, h as f64)?;
     }
-    let aspect = if let Crop::Aspect(aspect) = options.crop { aspect } else { 1.0 };
+    let aspect = if let Crop::Aspect(aspect) = options.crop { aspect.value() } else { 1.0 };
     let w = &options.weights;
     let check = OptionError::check;
     check((4.0..=512.0).contains(&(options.cells as f64)), "cells", options.cells as f64, "4 to 512")?;

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::chart::Chart;
 use super::*;
+use crate::AspectRatio;
 use crate::Orientation;
 use plumbline_camera::{FieldAxis, FieldOfView};
 use plumbline_image::grid::GridMesh;
@@ -214,7 +215,7 @@ fn the_frame_changes_without_a_solve() {
     view.set_frame(Crop::Auto, OutputSize::Exact(640, 640)).expect("a size");
     let square = view.warp().expect("a warp");
     assert_eq!((square.size, square.iterations), ((640, 640), before.iterations));
-    let error = view.set_frame(Crop::Aspect(-1.0), OutputSize::Source).expect_err("refused");
+    let error = view.set_frame(Crop::Aspect(AspectRatio::new(-1.0, 1.0)), OutputSize::Source).expect_err("refused");
     assert!(matches!(error, RectifyError::Option { .. }), "{error}");
 }
 
@@ -236,13 +237,13 @@ fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
             .iter()
             .all(|&(s, t)| frame.contains((warp.forward)(face.at(s, t)).expect("shown")))
     };
-    for crop in [Crop::Rectangle, Crop::Aspect(1.0), Crop::Aspect(2.0)] {
+    for crop in [Crop::Rectangle, Crop::Aspect(AspectRatio::new(1.0, 1.0)), Crop::Aspect(AspectRatio::new(2.0, 1.0))] {
         let kept = solved(&[face], crop);
         assert!(whole(&kept, &face) && kept.cut_faces.is_empty(), "{crop:?}");
     }
-    assert!(!whole(&solved(&[], Crop::Aspect(1.0)), &face), "unasked, the crop cuts it");
+    assert!(!whole(&solved(&[], Crop::Aspect(AspectRatio::new(1.0, 1.0))), &face), "unasked, the crop cuts it");
     let all = [face, at(1090.0, 30.0), at(20.0, 750.0), at(1090.0, 750.0)];
-    let square = solved(&all, Crop::Aspect(1.0));
+    let square = solved(&all, Crop::Aspect(AspectRatio::new(1.0, 1.0)));
     assert!(!square.cut_faces.is_empty() && square.cut_faces.len() < 4, "{:?}", square.cut_faces);
     assert!((0..4).all(|k| whole(&square, &all[k]) != square.cut_faces.contains(&k)));
     assert!(solved(&all, Crop::None).cut_faces.is_empty());
@@ -313,7 +314,7 @@ fn a_cropped_output_is_covered_and_a_straightened_one_shows_the_whole_picture() 
     let lens = fisheye();
     let lines = room(&lens);
     let picture = Rect::of_size(SIZE.0, SIZE.1);
-    for crop in [Crop::Rectangle, Crop::Auto, Crop::Aspect(1.0)] {
+    for crop in [Crop::Rectangle, Crop::Auto, Crop::Aspect(AspectRatio::new(1.0, 1.0))] {
         let options = RectifyOptions { crop, ..RectifyOptions::default() };
         let warp = rectify(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a warp");
         let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
@@ -357,7 +358,8 @@ fn a_view_of_nothing_and_options_out_of_range_are_refused() {
     assert_eq!(refused(RectifyOptions { view: behind, ..RectifyOptions::default() }), RectifyError::EmptyView);
     let error = refused(RectifyOptions { cells: 2, ..RectifyOptions::default() });
     assert!(matches!(error, RectifyError::Option(OptionError { name: "cells", .. })), "{error}");
-    let error = refused(RectifyOptions { crop: Crop::Aspect(f64::NAN), ..RectifyOptions::default() });
+    let error =
+        refused(RectifyOptions { crop: Crop::Aspect(AspectRatio::new(f64::NAN, 1.0)), ..RectifyOptions::default() });
     assert!(matches!(error, RectifyError::Option { .. }), "{error}");
     let error = refused(RectifyOptions { size: OutputSize::Exact(0, 10), ..RectifyOptions::default() });
     assert!(matches!(error, RectifyError::Size { .. }), "{error}");

@@ -19,6 +19,7 @@ mod occlusion;
 mod shade;
 #[cfg(test)]
 mod tests;
+mod view_text;
 mod visibility;
 
 pub use camera::{SurfaceCamera, UpAxis, ViewDirection};

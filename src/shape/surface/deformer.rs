@@ -16,7 +16,9 @@ use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
 /// A method of deformation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// As rigid as possible, spokes and rims.
     #[default]

@@ -195,8 +195,10 @@ mod tests {
             "{\"name\": \"a\", \"vertices\": {\"indices\": [2]}}, {\"name\": \"b\", \"vertices\": {\"indices\": [4]}}",
             &mesh,
         );
-        let told =
-            Bound::new(&torn, mesh.positions(), &solvable, None).err().expect("two wishes for one place").to_string();
+        let told = Bound::new(&torn, mesh.positions(), &solvable, None)
+            .err()
+            .expect("two targets for one position")
+            .to_string();
         assert!(told.contains("vertex 2 of handle \"a\" and vertex 4 of handle \"b\" are in the same place"), "{told}");
     }
 

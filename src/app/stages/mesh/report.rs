@@ -22,7 +22,7 @@ pub(crate) fn tell(
     let report = &last.report;
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs = solvable.report.changes().collect();
-        surface.deformation = Some(line(report, &settings.method.to_string(), solved.len()));
+        surface.deformation = Some(line(report, settings.method.name(), solved.len()));
     }
     for part in report.held_still.iter().take(3) {
         let first = solvable.source_of_vertex[part.vertex as usize];

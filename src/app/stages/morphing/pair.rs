@@ -9,10 +9,11 @@ use super::{morph_error, of_file, pose_of, tell};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
-use crate::stages::mesh_morph::OverWish;
 use crate::stages::values::Posed;
 use plumbline_shape::mesh::{Model, TriMesh};
-use plumbline_shape::morph::correspondence::{Landmarks, MapQuality, correspond, measure, refine};
+use plumbline_shape::morph::correspondence::{
+    CorrespondenceMethod, Landmarks, MapQuality, correspond, measure, refine,
+};
 use plumbline_shape::morph::{MorphError, same_connectivity};
 
 /// Rounds of refinement at most; each halves edges.
@@ -39,7 +40,7 @@ impl Pair {
         context: &mut Context<'_, '_>,
         [first, second]: [Posed; 2],
         landmarks: Option<&String>,
-        over: OverWish,
+        over: CorrespondenceMethod,
         tolerance: Option<f64>,
     ) -> Result<Self, RunError> {
         let [a, b] = [pose_of(&first)?, pose_of(&second)?];
@@ -75,14 +76,14 @@ impl Pair {
         b: &TriMesh,
         solvable: Solvable,
         pairs: &[(u32, u32)],
-        (over, tolerance): (OverWish, Option<f64>),
+        (over, tolerance): (CorrespondenceMethod, Option<f64>),
     ) -> Result<Self, RunError> {
         let mut pairs: Vec<(u32, u32)> =
             pairs.iter().filter_map(|&(v, w)| Some((solvable.vertex_of_source[v as usize]?, w))).collect();
         // Vertices that repair joined are one landmark.
         let mut seen = std::collections::BTreeSet::new();
         pairs.retain(|p| seen.insert(p.0));
-        let laid = correspond(&solvable.mesh, b, &pairs, &over.option(), &context.job.run()).map_err(morph_error)?;
+        let laid = correspond(&solvable.mesh, b, &pairs, &over.into(), &context.job.run()).map_err(morph_error)?;
         let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.laid, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
@@ -131,13 +132,13 @@ fn told(quality: &MapQuality, landmarks: usize) -> String {
 }
 
 /// What is told of triangles that face away from what is under them, and of landmarks that did not meet.
-fn faults(quality: &MapQuality, all: usize, over: OverWish) -> Option<String> {
+fn faults(quality: &MapQuality, all: usize, over: CorrespondenceMethod) -> Option<String> {
     let folded = quality.flipped + quality.collapsed;
     let folded = (folded > 0).then(|| match over {
-        OverWish::Registration => {
+        CorrespondenceMethod::Registration => {
             format!("{folded} of {all} triangles are folded where the first mesh lies over the second")
         }
-        OverWish::Sphere | OverWish::Disk => format!(
+        CorrespondenceMethod::Sphere | CorrespondenceMethod::Disk => format!(
             "{folded} of {all} triangles reach across places of the second mesh that face away from them: no vertex lies out of order, \
              but the first mesh is too coarse there"
         ),

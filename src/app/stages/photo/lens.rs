@@ -20,12 +20,12 @@ const MIN_LINES: usize = 3;
 
 /// What the user says of the lens.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wish<'s> {
+pub(crate) struct LensRequest<'s> {
     lens: &'s str,
     fov: Option<FieldOfView>,
 }
 
-impl<'s> Wish<'s> {
+impl<'s> LensRequest<'s> {
     fn new(lens: &'s str, fov: Option<f64>, axis: FieldAxis) -> Self {
         Self { lens, fov: fov.map(|degrees| FieldOfView::degrees(degrees, axis)) }
     }
@@ -51,22 +51,26 @@ pub(crate) struct Found {
 }
 
 /// The lens of a picture.
-pub(crate) fn find(photo: &Photo, marked: &[Line], wish: Wish<'_>, run: &Run) -> Result<Found, RunError> {
+pub(crate) fn find(photo: &Photo, marked: &[Line], request: LensRequest<'_>, run: &Run) -> Result<Found, RunError> {
     let size = (photo.frame.width as f64, photo.frame.height as f64);
     let facts = facts(photo.tags.clone(), size);
-    if wish.lens == "auto" { automatic(&facts, marked, size, wish.fov, run) } else { given(&facts, size, wish) }
+    if request.lens == "auto" {
+        automatic(&facts, marked, size, request.fov, run)
+    } else {
+        given(&facts, size, request)
+    }
 }
 
 /// The lens of a picture; `None` where none is known and the picture is a stitched one, which no lens took.
 pub(crate) fn find_unless_stitched(
     photo: &Photo,
     marked: &[Line],
-    wish: Wish<'_>,
+    request: LensRequest<'_>,
     run: &Run,
 ) -> Result<Option<Found>, RunError> {
     let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
-    match find(photo, marked, wish, run) {
-        Err(_) if wish.lens == "auto" && stitched() => Ok(None),
+    match find(photo, marked, request, run) {
+        Err(_) if request.lens == "auto" && stitched() => Ok(None),
         found => found.map(Some),
     }
 }
@@ -81,9 +85,9 @@ pub(crate) fn clip_lens(
     told_focal_px: impl FnOnce() -> Option<f64>,
 ) -> Result<Found, RunError> {
     let size = (width as f64, height as f64);
-    let wish = Wish::new(lens, fov, axis);
+    let request = LensRequest::new(lens, fov, axis);
     if lens == "auto" {
-        if let Some(fov) = wish.fov {
+        if let Some(fov) = request.fov {
             return named(Projection::Rectilinear, fov, size);
         }
         let focal = told_focal_px().ok_or_else(|| {
@@ -99,12 +103,12 @@ pub(crate) fn clip_lens(
     if Projection::named(lens).is_some() && fov.is_none() {
         return Err(RunError::Usage(format!("the lens `{lens}` needs a field of view: give --fov DEG (`fov`)")));
     }
-    given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, wish)
+    given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, request)
 }
 
 /// The lens that the user names.
-fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, RunError> {
-    match (wish.lens, Projection::named(wish.lens), wish.fov) {
+fn given(facts: &ExifFacts, size: (f64, f64), request: LensRequest<'_>) -> Result<Found, RunError> {
+    match (request.lens, Projection::named(request.lens), request.fov) {
         (_, Some(projection), Some(fov)) => named(projection, fov, size),
         (_, Some(Projection::Equirectangular), None) => {
             named(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)
@@ -112,7 +116,8 @@ fn given(facts: &ExifFacts, size: (f64, f64), wish: Wish<'_>) -> Result<Found, R
         (_, Some(projection), None) => {
             let claimed = facts.lens().map_err(|e| RunError::Usage(e.to_string()))?.lens;
             let fov = claimed.field_of_view(FieldAxis::Horizontal);
-            let missing = || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", wish.lens));
+            let missing =
+                || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", request.lens));
             named(projection, fov.ok_or_else(missing)?, size)
         }
         (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), facts, size),

@@ -9,15 +9,14 @@ use std::path::Path;
 
 use super::context::Context;
 use crate::pipeline::run_error::RunError;
-use crate::pipeline::sizes::{ProjectionWish, ViewAngles};
+use crate::pipeline::sizes::ViewAngles;
 use crate::pipeline::summary::LinesSummary;
-use plumbline_camera::Projection;
 use plumbline_image::Frame;
 use plumbline_image::feature::Face;
 use plumbline_image::still::{self, LoadOptions, Photo, StillError, flattened};
 use plumbline_num::math::Rect;
 use plumbline_photo::LineReport;
-use plumbline_photo::rectify::{Target, View};
+use plumbline_photo::rectify::View;
 
 /// Boxes around faces.
 pub(crate) fn rects(faces: Option<&[Face]>) -> Vec<Rect> {
@@ -58,19 +57,6 @@ pub(crate) fn painted_mask(path: &Path) -> Result<Frame, RunError> {
         return Ok(frame);
     }
     flattened(&frame, 0.5).map_err(|e| still_error(path, &e))
-}
-
-/// The wish in the terms of the method.
-pub(crate) fn target(wish: ProjectionWish) -> Target {
-    match wish {
-        ProjectionWish::Optimized => Target::Optimized,
-        ProjectionWish::Perspective => Target::Fixed(Projection::Rectilinear),
-        ProjectionWish::Stereographic => Target::Fixed(Projection::Stereographic),
-        ProjectionWish::Panini(d) => Target::Fixed(Projection::Panini(d)),
-        ProjectionWish::Mercator => Target::Fixed(Projection::Mercator),
-        ProjectionWish::Cylindrical => Target::Fixed(Projection::Cylindrical),
-        ProjectionWish::Equirectangular => Target::Fixed(Projection::Equirectangular),
-    }
 }
 
 /// Degrees to radians.

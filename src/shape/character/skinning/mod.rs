@@ -28,6 +28,7 @@ pub(super) mod tests;
 mod twist_swing;
 
 use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 pub use centers_of_rotation::centers_of_rotation;
 pub use packed::PackedSkin;
@@ -46,17 +47,24 @@ use twist_swing::TwistSwingPose;
 
 use plumbline_num::math::polar;
 
-/// How the joints' motions are blended.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How the motions of the joints are blended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SkinningMethod {
-    /// Matrices, linearly: fast, known everywhere, collapses under twist.
+    /// Linear blend: as every viewer does; collapses under twist
+    #[serde(rename = "lbs")]
     LinearBlend,
-    /// Rigid motions as dual quaternions, with scale and shear blended before them.
+    /// Dual quaternions: keep the radius under twist, bulge at bends
+    ///
+    /// Rigid motions are blended as dual quaternions, scale and shear linearly before them.
     #[default]
+    #[serde(rename = "dqs")]
     DualQuaternion,
-    /// Rotations about centers found beforehand.
+    /// Optimized centers of rotation: neither
+    #[serde(rename = "cor")]
     CentersOfRotation,
-    /// Dual quaternions where joints twist, linear where they swing.
+    /// Dual quaternions where joints twist, linear where they swing
+    #[serde(rename = "mixed")]
     TwistSwing,
 }
 

@@ -327,7 +327,7 @@ fn located(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{CorrespondenceMethod, correspond};
+    use super::super::{CorrespondenceMethod, CorrespondenceOptions, correspond};
     use super::*;
     use crate::mesh::shapes;
 
@@ -421,14 +421,8 @@ mod tests {
     fn a_surface_laid_over_itself_by_the_disk_lies_where_it_is() {
         for mesh in disks() {
             let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
-            let laid = correspond(
-                &mesh,
-                &mesh,
-                &landmarks,
-                &CorrespondenceMethod::Disk(DiskOptions::default()),
-                &Run::default(),
-            )
-            .unwrap();
+            let laid =
+                correspond(&mesh, &mesh, &landmarks, &CorrespondenceMethod::Disk.into(), &Run::default()).unwrap();
             for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
                 assert!((p - q).norm() < 1e-6 * mesh.diagonal());
             }
@@ -455,7 +449,7 @@ mod tests {
         for (corner, angle) in [([0.0, 0.0], 120.0), ([1.0, 0.0], 200.0), ([1.0, 1.0], 310.0), ([0.0, 1.0], 390.0)] {
             landmarks.push((nearest(&first, [corner[0], corner[1], 0.0]), on_equator(angle)));
         }
-        let method = CorrespondenceMethod::Disk(DiskOptions::default());
+        let method = CorrespondenceOptions::from(CorrespondenceMethod::Disk);
         let laid = correspond(&first, &second, &landmarks, &method, &Run::default()).unwrap();
         assert_eq!((laid.quality.landmark_error, laid.quality.collapsed), (0.0, 0));
         // A triangle with all corners on the jagged rim of the second spans it as a chord, and may face anywhere.

@@ -14,6 +14,7 @@ mod tests;
 mod unfolding;
 
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 pub use disk::{DiskOptions, disk_map, over_disks};
 #[cfg(feature = "schema")]
@@ -32,19 +33,35 @@ use crate::mesh::TriMesh;
 use plumbline_num::run::Run;
 
 /// How one mesh is laid over another.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum CorrespondenceMethod {
-    /// Deformed smoothly until it lies there: any topology, never flawless.
-    Registration(RegistrationOptions),
-    /// Over the sphere: closed surfaces without handles; one to one.
-    Sphere(SphereOptions),
-    /// Over the disk: surfaces with one boundary, without handles; one to one.
-    Disk(DiskOptions),
+    /// Deformed smoothly until it lies there: any mesh, never flawless
+    #[default]
+    Registration,
+    /// Through the sphere: closed meshes without handles, one to one
+    Sphere,
+    /// Through the disk: meshes with one boundary and without handles, one to one
+    Disk,
 }
 
-impl Default for CorrespondenceMethod {
-    fn default() -> Self {
-        Self::Registration(RegistrationOptions::default())
+/// Options of [`correspond`]: a method, and the options of each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CorrespondenceOptions {
+    /// The method; the options of the others are not used.
+    pub method: CorrespondenceMethod,
+    /// Options of the registration.
+    pub registration: RegistrationOptions,
+    /// Options of the map through the sphere.
+    pub sphere: SphereOptions,
+    /// Options of the map through the disk.
+    pub disk: DiskOptions,
+}
+
+impl From<CorrespondenceMethod> for CorrespondenceOptions {
+    fn from(method: CorrespondenceMethod) -> Self {
+        Self { method, ..Self::default() }
     }
 }
 
@@ -68,13 +85,13 @@ pub fn correspond(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
-    method: &CorrespondenceMethod,
+    options: &CorrespondenceOptions,
     run: &Run,
 ) -> Result<Correspondence, MorphError> {
-    let places = match method {
-        CorrespondenceMethod::Registration(options) => register(first, second, landmarks, options, run)?,
-        CorrespondenceMethod::Sphere(options) => over_spheres(first, second, landmarks, options, run)?,
-        CorrespondenceMethod::Disk(options) => over_disks(first, second, landmarks, options, run)?,
+    let places = match options.method {
+        CorrespondenceMethod::Registration => register(first, second, landmarks, &options.registration, run)?,
+        CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, &options.sphere, run)?,
+        CorrespondenceMethod::Disk => over_disks(first, second, landmarks, &options.disk, run)?,
     };
     let positions: Vec<Point3<f64>> = places.iter().map(|p| p.point).collect();
     let laid = first.with_positions(positions)?;

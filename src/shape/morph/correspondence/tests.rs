@@ -21,7 +21,7 @@ fn a_surface_laid_over_itself_lies_where_it_is_wherever_that_is() {
     let moved = mesh.with_positions(mesh.positions().iter().map(|p| map * p).collect()).unwrap();
     let landmarks = own(&mesh, mesh.vertex_count() / 9);
     for second in [&mesh, &moved] {
-        let laid = correspond(&mesh, second, &landmarks, &CorrespondenceMethod::default(), &Run::default()).unwrap();
+        let laid = correspond(&mesh, second, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
         assert!(farthest(&laid.laid, second) < 1e-6, "{}", farthest(&laid.laid, second));
         assert_eq!((laid.quality.flipped, laid.quality.collapsed, laid.quality.landmark_error), (0, 0, 0.0));
         assert!((laid.quality.stretch - 1.0).abs() < 1e-6);
@@ -36,7 +36,7 @@ fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
     let bent = |p: &Point3<f64>| Point3::new(1.6 * p.x + 0.3 * p.z * p.z, 0.9 * p.y, p.z * (1.0 + 0.2 * p.x));
     let second = fine.with_positions(fine.positions().iter().map(bent).collect()).unwrap();
     let landmarks: Vec<(u32, u32)> = (0..12).map(|v| (v, v)).collect();
-    let laid = correspond(&ball, &second, &landmarks, &CorrespondenceMethod::default(), &Run::default()).unwrap();
+    let laid = correspond(&ball, &second, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
     assert_eq!(laid.quality.landmark_error, 0.0);
     assert_eq!((laid.quality.flipped, laid.quality.collapsed), (0, 0));
     let target = registration::Target::new(&second).unwrap();
@@ -53,7 +53,7 @@ fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
 fn a_piece_without_a_landmark_goes_along() {
     let both = shapes::disjoint(&[shapes::icosphere(2), shapes::icosphere(1)]);
     let landmarks: Vec<(u32, u32)> = (0..10).map(|v| (v, v)).collect();
-    let laid = correspond(&both, &both, &landmarks, &CorrespondenceMethod::default(), &Run::default()).unwrap();
+    let laid = correspond(&both, &both, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
     assert!(farthest(&laid.laid, &both) < 1e-6);
 }
 
@@ -61,7 +61,7 @@ fn a_piece_without_a_landmark_goes_along() {
 fn too_few_landmarks_and_surfaces_of_nothing_are_refused() {
     let mesh = shapes::icosphere(1);
     let refused = |second: &TriMesh, landmarks: &[(u32, u32)]| {
-        correspond(&mesh, second, landmarks, &CorrespondenceMethod::default(), &Run::default()).unwrap_err()
+        correspond(&mesh, second, landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap_err()
     };
     assert_eq!(refused(&mesh, &[(0, 0), (1, 1)]), MorphError::Landmarks { given: 2, expected: 3 });
     let points = TriMesh::new(mesh.positions().to_vec(), Vec::new()).unwrap();
@@ -74,6 +74,6 @@ fn too_few_landmarks_and_surfaces_of_nothing_are_refused() {
         })
         .map(|v| (v, v))
         .collect();
-    let on_line = correspond(&bar, &bar, &line, &CorrespondenceMethod::default(), &Run::default()).unwrap_err();
+    let on_line = correspond(&bar, &bar, &line, &CorrespondenceOptions::default(), &Run::default()).unwrap_err();
     assert!(matches!(on_line, MorphError::Landmarks { .. }), "{on_line}");
 }

@@ -1,6 +1,6 @@
 use nalgebra::Point3;
 
-use super::super::{CorrespondenceMethod, correspond};
+use super::super::{CorrespondenceMethod, CorrespondenceOptions, correspond};
 use super::*;
 use crate::mesh::shapes;
 use plumbline_num::run::Run;
@@ -36,7 +36,7 @@ fn shapes_without_handles_lie_on_the_sphere_one_to_one() {
 fn a_surface_laid_over_itself_by_the_sphere_lies_where_it_is() {
     for mesh in shapes_of_genus_0() {
         let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
-        let method = CorrespondenceMethod::Sphere(SphereOptions::default());
+        let method = CorrespondenceOptions::from(CorrespondenceMethod::Sphere);
         let laid = correspond(&mesh, &mesh, &landmarks, &method, &Run::default()).unwrap();
         for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
             assert!((p - q).norm() < 1e-6 * mesh.diagonal());
@@ -61,14 +61,7 @@ fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
         .flat_map(|k| [(k, 1.0), (k, -1.0)])
         .map(|(k, s)| (extreme(&first, k, s), extreme(&second, k, s)))
         .collect();
-    let laid = correspond(
-        &first,
-        &second,
-        &landmarks,
-        &CorrespondenceMethod::Sphere(SphereOptions::default()),
-        &Run::default(),
-    )
-    .unwrap();
+    let laid = correspond(&first, &second, &landmarks, &CorrespondenceMethod::Sphere.into(), &Run::default()).unwrap();
     assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
     assert_eq!(laid.quality.collapsed, 0);
     // Every place on its triangle.
@@ -113,7 +106,7 @@ fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
     let (first, second) = (with_limbs(3, 4.0), with_limbs(4, 6.0));
     let axes = (0..3).flat_map(|k| [Vector3::ith(k, 1.0), Vector3::ith(k, -1.0)]);
     let landmarks: Vec<(u32, u32)> = axes.map(|d| (farthest(&first, &d), farthest(&second, &d))).collect();
-    let method = CorrespondenceMethod::Sphere(SphereOptions::default());
+    let method = CorrespondenceOptions::from(CorrespondenceMethod::Sphere);
     for landmarks in [&landmarks[..], &landmarks[..2]] {
         let laid = correspond(&first, &second, landmarks, &method, &Run::default()).unwrap();
         assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
