@@ -61,6 +61,7 @@ impl Offer for Posing {
         Setting::of("skinning").value("METHOD").under("Posing"),
         Setting::of("model").value("FILE.skin").conflicts("weights").under("Posing"),
         Setting::of("details").value("HOLD").under("Posing"),
+        Setting::of("ik").value("METHOD").under("Posing"),
         Setting::of("iterations").under("Posing"),
         Setting::of("start").value("SECONDS").requires("clip").signed().under("Posing"),
         Setting::of("end").value("SECONDS").requires("clip").signed().under("Posing"),

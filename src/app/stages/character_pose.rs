@@ -16,7 +16,7 @@ use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
-use plumbline_shape::character::ik::between;
+use plumbline_shape::character::ik::{IkMethod, between};
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
@@ -96,6 +96,8 @@ pub struct PoseSettings {
     pub start: Option<f64>,
     /// Where the movement ends, s; its last key if left out
     pub end: Option<f64>,
+    /// How the targets of a pose file are sought
+    pub ik: IkMethod,
     /// Steps toward the targets of a pose file, at most
     #[schemars(range(min = 1, max = 100_000))]
     pub iterations: u32,
@@ -117,6 +119,7 @@ impl Default for PoseSettings {
             frames: 1,
             start: None,
             end: None,
+            ik: IkMethod::default(),
             iterations: 200,
             rig: false,
         }
@@ -242,7 +245,8 @@ fn poses(
             RunError::Input(format!("{}: {e}", path.display()))
         };
         let wanted = TargetPose::read(path, character).map_err(refused)?;
-        let found = wanted.solve(character, settings.iterations as usize, &context.job.run()).map_err(refused)?;
+        let found =
+            wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run()).map_err(refused)?;
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
             let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {

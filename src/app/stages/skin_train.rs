@@ -19,6 +19,7 @@ use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
+use plumbline_shape::character::ik::IkMethod;
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{
@@ -342,7 +343,7 @@ impl Poses {
         let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", pose.display()));
         let wanted = TargetPose::read(pose, character).map_err(|e| of_file(&e))?;
         let steps = PoseSettings::default().iterations as usize;
-        let found = wanted.solve(character, steps, run).map_err(|e| of_file(&e))?;
+        let found = wanted.solve(character, IkMethod::LeastSquares, steps, run).map_err(|e| of_file(&e))?;
         let globals = subject.skeleton.globals(&found.pose).map_err(|e| of_file(&e))?;
         character.skin.joint_matrices(&globals).map_err(|e| of_file(&e))
     }

@@ -14,23 +14,47 @@ use super::frames::Frames;
 use super::two_bone::turn;
 use super::{IkError, within_limits};
 use crate::character::{Pose, Skeleton};
+use plumbline_num::run::Run;
 
 /// Turns `joints` above a tip (all where there are fewer) until it is within `tolerance` of a place, in units of the model, or
 /// for as many rounds. The pose and the rounds that it took.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Character`.
+/// [`IkError`]: `Unknown`, `NotFinite`, `Character`, `Interrupted`.
+///
+/// ```
+/// use nalgebra::{Point3, Vector3};
+/// use plumbline_num::math::Trs;
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::character::ik::ccd;
+/// use plumbline_shape::character::{Joint, Skeleton};
+///
+/// let joint = |k: u32| Joint {
+///     name: format!("joint {k}"),
+///     parent: k.checked_sub(1),
+///     rest: Trs::from_translation(Vector3::x() * f64::from(k.min(1))),
+///     limits: None,
+/// };
+/// let arm = Skeleton::new((0..4).map(joint).collect())?;
+/// let at = Point3::new(1.0, 1.5, 0.5);
+/// let (pose, rounds) = ccd(&arm, &arm.rest_pose(), (3, 3), &at, (200, 1e-6), &Run::default())?;
+/// let tip = arm.globals(&pose)?[3].transform_point(&Point3::origin());
+/// assert!(rounds < 200 && (tip - at).norm() <= 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn ccd(
     skeleton: &Skeleton,
     pose: &Pose,
     (tip, joints): (u32, usize),
     at: &Point3<f64>,
     (rounds, tolerance): (usize, f64),
+    run: &Run,
 ) -> Result<(Pose, usize), IkError> {
     let chain = chain(skeleton, tip, joints, at)?;
     let mut pose = within_limits(skeleton, pose);
     let mut frames = Frames::of(skeleton, &pose)?;
     for round in 0..rounds {
+        run.check()?;
         if (frames.at(tip) - at).norm() <= tolerance {
             return Ok((pose, round));
         }

@@ -37,6 +37,16 @@ pub enum IkError {
         /// The target, numbered from 0.
         target: usize,
     },
+    /// Settings: a target that the chosen algorithm cannot seek.
+    #[error("target {target} is not for the method {method}: {problem}; the method least-squares takes it")]
+    Method {
+        /// The target, numbered from 0.
+        target: usize,
+        /// Name of the method.
+        method: &'static str,
+        /// Why not.
+        problem: &'static str,
+    },
     /// Input: what the pose is refused for.
     #[error(transparent)]
     Character(#[from] CharacterError),

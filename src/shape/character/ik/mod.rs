@@ -17,7 +17,8 @@
 //! because joints only turn. What the targets leave open stays as it was at the start, as the damping has it; where joints shall
 //! be drawn to rest instead, `½ μ² Σ ‖turn from rest‖²` is added for a first run, and a second without it meets the targets.
 //!
-//! Beside it stand the closed form for two bones ([`two_bone`]), cyclic coordinate descent ([`ccd()`]) and FABRIK ([`fabrik()`]).
+//! Other methods ([`IkMethod`]) seek positions, one target after the other: the closed form for two bones ([`two_bone`]), cyclic
+//! coordinate descent ([`ccd()`]) and FABRIK ([`fabrik()`]).
 //!
 //! # Reference
 //! S. R. Buss, *Introduction to Inverse Kinematics with Jacobian Transpose, Pseudoinverse and Damped Least Squares Methods*, 2004.
@@ -30,12 +31,14 @@ mod fabrik;
 mod frames;
 mod least_squares;
 mod residual;
+mod single_chain;
 #[cfg(test)]
 mod tests;
 mod two_bone;
 mod variables;
 
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::{Pose, Skeleton};
 use plumbline_num::optim::levenberg_marquardt::{DampingOptions, minimize};
@@ -100,9 +103,47 @@ impl Target {
     }
 }
 
+/// The algorithm of inverse kinematics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum IkMethod {
+    /// Damped least squares: all targets of all kinds together
+    ///
+    /// Joint limits hold at every step.
+    #[default]
+    LeastSquares,
+    /// Cyclic coordinate descent: positions only
+    ///
+    /// One target after the other, joint limits included.
+    Ccd,
+    /// Forward and backward reaching: positions only
+    ///
+    /// One target after the other; joint limits are applied to the result of each.
+    Fabrik,
+    /// Closed form for two bones: positions, with poles
+    ///
+    /// The two joints above a target, or those that a pole of the same joint names; limits are applied to the result of each.
+    TwoBone,
+}
+
+impl IkMethod {
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LeastSquares => "least-squares",
+            Self::Ccd => "ccd",
+            Self::Fabrik => "fabrik",
+            Self::TwoBone => "two-bone",
+        }
+    }
+}
+
 /// How targets are sought.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkOptions {
+    /// The algorithm.
+    pub method: IkMethod,
     /// Steps at most.
     pub iterations: usize,
     /// Done when a step lowers the cost by no more than this share.
@@ -115,7 +156,7 @@ pub struct IkOptions {
 
 impl Default for IkOptions {
     fn default() -> Self {
-        Self { iterations: 200, tolerance: 1e-9, rest: 0.0, locked: Vec::new() }
+        Self { method: IkMethod::default(), iterations: 200, tolerance: 1e-9, rest: 0.0, locked: Vec::new() }
     }
 }
 
@@ -145,7 +186,31 @@ const BENT: f64 = 0.3;
 /// Turns joints of a pose so that targets are met as well as possible. Joints outside of their limits are brought inside first.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Character`, `Interrupted`.
+/// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Method`, `Character`, `Interrupted`.
+///
+/// ```
+/// use nalgebra::{Point3, Vector3};
+/// use plumbline_num::math::Trs;
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::character::ik::{IkMethod, IkOptions, Target, solve};
+/// use plumbline_shape::character::{Joint, Skeleton};
+///
+/// // Three bones of length 1 in a row, and a position for their end.
+/// let joint = |k: u32| Joint {
+///     name: format!("joint {k}"),
+///     parent: k.checked_sub(1),
+///     rest: Trs::from_translation(Vector3::x() * f64::from(k.min(1))),
+///     limits: None,
+/// };
+/// let arm = Skeleton::new((0..4).map(joint).collect())?;
+/// let targets = [Target::position(3, Point3::new(1.0, 1.5, 0.5))];
+/// for method in [IkMethod::LeastSquares, IkMethod::Ccd, IkMethod::Fabrik, IkMethod::TwoBone] {
+///     let options = IkOptions { method, ..IkOptions::default() };
+///     let found = solve(&arm, &arm.rest_pose(), &targets, &options, &Run::default())?;
+///     assert!(found.missed[0] < 1e-5, "{method:?}: {}", found.missed[0]);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn solve(
     skeleton: &Skeleton,
     start: &Pose,
@@ -155,6 +220,9 @@ pub fn solve(
 ) -> Result<IkSolution, IkError> {
     check(skeleton, targets)?;
     let allowed = within_limits(skeleton, start);
+    if options.method != IkMethod::LeastSquares {
+        return single_chain::solve(skeleton, allowed, targets, options, run);
+    }
     let frames = Frames::of(skeleton, &allowed)?;
     let variables = Variables::of(skeleton, targets, options);
     let run_with = |pose: Pose, rest: f64, iterations: usize| {

@@ -94,7 +94,7 @@ fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
                 let on_the_way = between(&skeleton, &pose, &found, f64::from(k) / 10.0).expect("valid");
                 assert!(within(&skeleton, &on_the_way));
             }
-            let (by_descent, _) = ccd(&skeleton, &pose, (4, 9), &at, (20, 1e-6)).expect("valid");
+            let (by_descent, _) = ccd(&skeleton, &pose, (4, 9), &at, (20, 1e-6), &Run::default()).expect("valid");
             assert!(within(&skeleton, &by_descent));
             pose = found;
         }
@@ -180,9 +180,11 @@ fn i5_bones_keep_their_lengths() {
         let found = solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default(), &Run::default())
             .expect("valid")
             .pose;
-        let [(a, _), (b, _)] =
-            [ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9)), fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9))]
-                .map(|r| r.expect("valid"));
+        let [(a, _), (b, _)] = [
+            ccd(&skeleton, &rest, (4, 9), &at, (30, 1e-9), &Run::default()),
+            fabrik(&skeleton, &rest, (4, 9), &at, (30, 1e-9), &Run::default()),
+        ]
+        .map(|r| r.expect("valid"));
         for pose in [found, a, b] {
             for (found, length) in bone_lengths(&skeleton, &pose).iter().zip(lengths) {
                 assert!((found - length).abs() < 1e-12 * 2.2);
@@ -320,4 +322,29 @@ fn faults_are_told_with_target_and_value() {
     assert!(told(Target { weight: 0.0, ..at.clone() }).starts_with("the weight 0 of target 0 is invalid"));
     let pole = Goal::Pole { root: 1, middle: 0, at: Point3::origin() };
     assert!(told(Target { goal: pole, ..at }).starts_with("the joints of target 0 are no chain"));
+}
+
+#[test]
+fn methods_of_single_chains_meet_positions_and_refuse_other_goals() {
+    let skeleton = chain(&[0.7, 0.5, 0.6], None);
+    let rest = skeleton.rest_pose();
+    let solve_by = |method, targets: &[Target], locked| {
+        let options = IkOptions { method, locked, ..IkOptions::default() };
+        solve(&skeleton, &rest, targets, &options, &Run::default())
+    };
+    let two = Target { chain: Some(2), ..Target::position(3, Point3::new(1.2, 0.4, 0.5)) };
+    let pole = Goal::Pole { root: 1, middle: 2, at: Point3::new(0.9, -3.0, 0.2) };
+    let toward = Target { goal: pole, ..two.clone() };
+    for method in [IkMethod::Ccd, IkMethod::Fabrik, IkMethod::TwoBone] {
+        let found = solve_by(method, std::slice::from_ref(&two), Vec::new()).expect("valid");
+        assert!(found.missed[0] < 1e-5 && found.converged, "{method:?}: {}", found.missed[0]);
+        assert_eq!(found.pose.locals[0], rest.locals[0], "{method:?}: beyond the chain");
+        let turned = Target { goal: Goal::Orientation(UnitQuaternion::identity()), ..two.clone() };
+        let refused = solve_by(method, &[turned], Vec::new()).expect_err("an orientation").to_string();
+        assert!(refused.starts_with(&format!("target 0 is not for the method {}: ", method.name())), "{refused}");
+        let locked = solve_by(method, std::slice::from_ref(&two), vec![2]).expect_err("locked").to_string();
+        assert!(locked.contains("a joint of the chain is locked"), "{locked}");
+    }
+    let both = solve_by(IkMethod::TwoBone, &[two, toward], Vec::new()).expect("valid");
+    assert!(both.missed.iter().all(|missed| *missed < 1e-5), "{:?}", both.missed);
 }

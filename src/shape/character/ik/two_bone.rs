@@ -20,6 +20,26 @@ use crate::character::{Pose, Skeleton};
 ///
 /// # Errors
 /// [`IkError`]: `Unknown`, `NotFinite`, `Chain`, `Character`.
+///
+/// ```
+/// use nalgebra::{Point3, Vector3};
+/// use plumbline_num::math::Trs;
+/// use plumbline_shape::character::ik::two_bone;
+/// use plumbline_shape::character::{Joint, Skeleton};
+///
+/// let joint = |k: u32| Joint {
+///     name: format!("joint {k}"),
+///     parent: k.checked_sub(1),
+///     rest: Trs::from_translation(Vector3::x() * f64::from(k.min(1))),
+///     limits: None,
+/// };
+/// let arm = Skeleton::new((0..3).map(joint).collect())?;
+/// let at = Point3::new(1.0, 1.2, 0.5);
+/// let pose = two_bone(&arm, &arm.rest_pose(), [0, 1, 2], &at, Some(&Point3::new(0.0, 5.0, 0.0)))?;
+/// let tip = arm.globals(&pose)?[2].transform_point(&Point3::origin());
+/// assert!((tip - at).norm() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn two_bone(
     skeleton: &Skeleton,
     pose: &Pose,

@@ -22,7 +22,7 @@ mod tests;
 
 use std::path::Path;
 
-use super::ik::{IkOptions, IkSolution, Target, solve};
+use super::ik::{IkMethod, IkOptions, IkSolution, Target, solve};
 use super::{Character, Outside, Pose};
 
 #[cfg(feature = "schema")]
@@ -71,8 +71,14 @@ impl TargetPose {
     ///
     /// # Errors
     /// [`PoseFileError::Ik`], [`PoseFileError::Interrupted`].
-    pub fn solve(&self, character: &Character, iterations: usize, run: &Run) -> Result<IkSolution, PoseFileError> {
-        let options = IkOptions { iterations, locked: self.locked.clone(), ..IkOptions::default() };
+    pub fn solve(
+        &self,
+        character: &Character,
+        method: IkMethod,
+        iterations: usize,
+        run: &Run,
+    ) -> Result<IkSolution, PoseFileError> {
+        let options = IkOptions { method, iterations, locked: self.locked.clone(), ..IkOptions::default() };
         Ok(solve(&character.skeleton, &self.start, &self.targets, &options, run)?)
     }
 }

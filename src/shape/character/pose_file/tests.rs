@@ -4,6 +4,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::*;
 use crate::character::clip::{Between, rotations};
+use crate::character::ik::IkMethod;
 use crate::character::{Clip, Curve, Joint, MorphShape, Skeleton, Skin, SkinWeights, Track};
 use crate::mesh::{Model, TriMesh};
 use plumbline_num::math::Trs;
@@ -54,7 +55,7 @@ fn turns_follow_the_clip_and_targets_the_turns() {
 #[test]
 fn targets_are_reached() {
     let wanted = parse(r#", "targets": [{"joint": "foot", "position": [1.2, 0.4, 0.3]}]"#).expect("valid");
-    let found = wanted.solve(&character(), 100, &Run::default()).expect("valid");
+    let found = wanted.solve(&character(), IkMethod::default(), 100, &Run::default()).expect("valid");
     assert!(found.missed[0] < 1e-6, "{}", found.missed[0]);
 }
 

@@ -1,0 +1,71 @@
+//! Targets one after the other, each by the joints of its own chain: what [`IkMethod::Ccd`], [`IkMethod::Fabrik`] and
+//! [`IkMethod::TwoBone`] share.
+
+use nalgebra::Point3;
+
+use super::frames::Frames;
+use super::{Goal, IkError, IkMethod, IkOptions, IkSolution, Target, ccd, fabrik, residual, two_bone, within_limits};
+use crate::character::{Pose, Skeleton};
+use plumbline_num::run::Run;
+
+/// A target is met within this fraction of the length of its chain: the tolerance of the iterations.
+const TOLERANCE: f64 = 1e-6;
+
+/// Seeks the targets in their order, from a pose within limits; those that come later may move what earlier ones met.
+pub(super) fn solve(
+    skeleton: &Skeleton,
+    initial: Pose,
+    targets: &[Target],
+    options: &IkOptions,
+    run: &Run,
+) -> Result<IkSolution, IkError> {
+    let (mut pose, mut iterations, mut converged) = (initial, 0, true);
+    for (number, target) in targets.iter().enumerate() {
+        let refused = |problem| IkError::Method { target: number, method: options.method.name(), problem };
+        let at = match &target.goal {
+            Goal::Position { point, at } if *point == Point3::origin() => at,
+            // The poles of a closed form are taken together with its positions.
+            Goal::Pole { .. } if options.method == IkMethod::TwoBone => continue,
+            _ => return Err(refused("it brings the origins of joints to positions, nothing else")),
+        };
+        let parent = |j: u32| skeleton.joints()[j as usize].parent;
+        let joints = target.chain.unwrap_or(usize::MAX);
+        let mut chain = std::iter::successors(parent(target.joint), |&j| parent(j)).take(joints);
+        if chain.any(|j| options.locked.contains(&j)) {
+            return Err(refused("a joint of the chain is locked"));
+        }
+        let tolerance = TOLERANCE * Frames::of(skeleton, &pose)?.scale(target);
+        let (solved, taken) = match options.method {
+            IkMethod::TwoBone => (of_two_bones(skeleton, &pose, (number, target, at), targets)?, 1),
+            IkMethod::Fabrik => {
+                fabrik(skeleton, &pose, (target.joint, joints), at, (options.iterations, tolerance), run)?
+            }
+            IkMethod::Ccd | IkMethod::LeastSquares => {
+                ccd(skeleton, &pose, (target.joint, joints), at, (options.iterations, tolerance), run)?
+            }
+        };
+        pose = within_limits(skeleton, &solved);
+        iterations = iterations.max(taken);
+        converged &= options.method == IkMethod::TwoBone || taken < options.iterations;
+    }
+    let missed = residual::missed(skeleton, targets, &Frames::of(skeleton, &pose)?);
+    Ok(IkSolution { pose, missed, iterations, converged })
+}
+
+/// The closed form: root and middle are those of a pole of the same joint, or the two joints above it.
+fn of_two_bones(
+    skeleton: &Skeleton,
+    pose: &Pose,
+    (number, target, at): (usize, &Target, &Point3<f64>),
+    targets: &[Target],
+) -> Result<Pose, IkError> {
+    let pole = targets.iter().filter(|other| other.joint == target.joint).find_map(|other| match &other.goal {
+        Goal::Pole { root, middle, at } => Some((*root, *middle, at)),
+        _ => None,
+    });
+    let parent = |j: u32| skeleton.joints()[j as usize].parent;
+    let above = || parent(target.joint).and_then(|middle| parent(middle).map(|root| (root, middle)));
+    let (root, middle) =
+        pole.map(|(root, middle, _)| (root, middle)).or_else(above).ok_or(IkError::Chain { target: number })?;
+    two_bone(skeleton, pose, [root, middle, target.joint], at, pole.map(|(.., at)| at))
+}
