@@ -34,7 +34,7 @@ fn write(folder: &Path, name: &str, text: &str) {
 fn a_system_is_solved_reported_and_drawn() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "a.mtx", &grid(12, 0.25));
-    for method in ["auto", "cholesky", "simplicial", "ldlt", "lu", "qr", "cg"] {
+    for method in ["auto", "cholesky", "simplicial", "ldlt", "lu", "qr", "cg", "gauss-seidel"] {
         let args = ["solve", "a.mtx", "--method", method, "--ordering", "nd", "-o", "x.mtx", "--report", "r.json"];
         let output = plumbline_in(folder.path(), &args);
         assert_eq!(output.status.code(), Some(0), "{method}: {}", err(&output));
@@ -52,6 +52,31 @@ fn a_system_is_solved_reported_and_drawn() {
     let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--picture", "p.png"]);
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     assert!(std::fs::read(folder.path().join("p.png")).expect("written").starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn low_rank_changes_solve_the_changed_system() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "a.mtx", &grid(12, 0.25));
+    let header = "%%MatrixMarket matrix coordinate real general";
+    write(folder.path(), "more.mtx", &format!("{header}\n2 144 3\n1 5 2.0\n1 90 -1.0\n2 17 3.0\n"));
+    write(folder.path(), "less.mtx", &format!("{header}\n1 144 1\n1 17 2.0\n"));
+    for changes in [&["--update", "more.mtx"][..], &["--update", "more.mtx", "--downdate", "less.mtx"]] {
+        let args = [&["solve", "a.mtx", "--report", "r.json"][..], changes].concat();
+        let output = plumbline_in(folder.path(), &args);
+        assert_eq!(output.status.code(), Some(0), "{changes:?}: {}", err(&output));
+        let report = std::fs::read_to_string(folder.path().join("r.json")).expect("written");
+        let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+        assert!(report["solutions"][0]["error"].as_f64() < Some(1e-9), "{report}");
+        assert_eq!(report["method"], "low-rank update");
+    }
+    write(folder.path(), "narrow.mtx", &format!("{header}\n1 7 1\n1 1 2.0\n"));
+    let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--update", "narrow.mtx"]);
+    assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+    assert!(err(&output).contains("narrow.mtx: has 7 columns (expected 144)"), "{}", err(&output));
+    write(folder.path(), "all.mtx", &format!("{header}\n1 144 1\n1 17 9.0\n"));
+    let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--downdate", "all.mtx"]);
+    assert_eq!(output.status.code(), Some(65), "{}", err(&output));
 }
 
 #[test]

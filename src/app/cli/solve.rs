@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::failure::Failure;
 use super::print;
 use crate::pipeline::Exit;
-use crate::pipeline::solve::{Approach, Method, SolveJob, solve};
+use crate::pipeline::solve::{Approach, Method as Factorization, SolveJob, solve};
 
 /// Options of `plumbline solve`.
 #[derive(Debug, Args)]
@@ -23,7 +23,13 @@ pub(super) struct SolveArgs {
     ordering: Order,
     /// How to solve
     #[arg(long, value_enum, default_value = "auto")]
-    method: Way,
+    method: Method,
+    /// Add UᵀU to a positive definite matrix, by low-rank updates of its factor
+    #[arg(long, value_name = "U.mtx", conflicts_with = "method")]
+    update: Option<PathBuf>,
+    /// Subtract UᵀU from a positive definite matrix, by low-rank downdates of its factor
+    #[arg(long, value_name = "U.mtx", conflicts_with = "method")]
+    downdate: Option<PathBuf>,
     /// Write the solution, Matrix Market
     #[arg(short, long, value_name = "X.mtx")]
     output: Option<PathBuf>,
@@ -48,7 +54,7 @@ enum Order {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Way {
+enum Method {
     /// Cholesky, LDLt, LU or QR: the cheapest that the matrix allows
     Auto,
     /// LLt in blocks of columns
@@ -63,24 +69,29 @@ enum Way {
     Qr,
     /// Conjugate gradients with incomplete Cholesky
     Cg,
+    /// Gauss-Seidel sweeps: for matrices with a dominant diagonal
+    GaussSeidel,
 }
 
 impl SolveArgs {
     pub(super) fn run(self) -> Result<Exit, Failure> {
         let approach = match self.method {
-            Way::Auto => Approach::Direct(Method::Auto),
-            Way::Cholesky => Approach::Direct(Method::Cholesky),
-            Way::Simplicial => Approach::Direct(Method::SimplicialCholesky),
-            Way::Ldlt => Approach::Direct(Method::Ldlt),
-            Way::Lu => Approach::Direct(Method::Lu),
-            Way::Qr => Approach::Direct(Method::Qr),
-            Way::Cg => Approach::ConjugateGradients,
+            Method::Auto => Approach::Direct(Factorization::Auto),
+            Method::Cholesky => Approach::Direct(Factorization::Cholesky),
+            Method::Simplicial => Approach::Direct(Factorization::SimplicialCholesky),
+            Method::Ldlt => Approach::Direct(Factorization::Ldlt),
+            Method::Lu => Approach::Direct(Factorization::Lu),
+            Method::Qr => Approach::Direct(Factorization::Qr),
+            Method::Cg => Approach::ConjugateGradients,
+            Method::GaussSeidel => Approach::GaussSeidel,
         };
         let job = SolveJob {
             matrix: self.matrix,
             rhs: self.rhs,
             ordering: self.ordering as usize,
             approach,
+            update: self.update,
+            downdate: self.downdate,
             output: self.output,
             report: self.report,
             picture: self.picture,

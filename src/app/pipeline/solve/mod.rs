@@ -14,8 +14,8 @@ use plumbline_media::AtomicFile;
 use plumbline_num::run::Run;
 pub use plumbline_num::sparse::Method;
 use plumbline_num::sparse::{
-    FactorStructure, GeneralMatrix, IncompleteCholesky, Ordering, Pattern, SparseError, Stop, backward_error,
-    conjugate_gradients, read_matrix_market, write_matrix_market,
+    FactorStructure, GaussSeidel, GeneralMatrix, IncompleteCholesky, Ordering, Pattern, SparseBuilder, SparseError,
+    Stop, Updated, backward_error, conjugate_gradients, read_matrix_market, write_matrix_market,
 };
 
 /// Largest file that is read, bytes: a matrix of some ten million entries.
@@ -39,6 +39,8 @@ pub enum Approach {
     Direct(Method),
     /// By conjugate gradients with incomplete Cholesky.
     ConjugateGradients,
+    /// By Gauss–Seidel sweeps.
+    GaussSeidel,
 }
 
 /// What to solve, how, and what to write.
@@ -52,6 +54,10 @@ pub struct SolveJob {
     pub ordering: usize,
     /// How.
     pub approach: Approach,
+    /// Rows `U`, Matrix Market: `UᵀU` is added to the matrix.
+    pub update: Option<PathBuf>,
+    /// Rows `U`, Matrix Market: `UᵀU` is subtracted from the matrix.
+    pub downdate: Option<PathBuf>,
     /// Where the solution goes.
     pub output: Option<PathBuf>,
     /// Where the report goes, JSON.
@@ -66,7 +72,9 @@ pub struct SolveJob {
 /// [`RunError::Input`] where a file is not a matrix or the system has no solution, [`RunError::Usage`] where files or methods
 /// do not fit each other, [`RunError::Output`].
 pub fn solve(job: &SolveJob) -> Result<String, RunError> {
-    let a = read(&job.matrix)?;
+    let unchanged = read(&job.matrix)?;
+    let changes = changes(job, unchanged.columns())?;
+    let a = if changes.is_empty() { unchanged.clone() } else { changed(&unchanged, &changes, job)? };
     let (b, given) = match &job.rhs {
         Some(path) => (dense(&read(path)?, &a, path)?, true),
         None => (a.multiply(&vec![1.0; a.columns()]), false),
@@ -78,7 +86,8 @@ pub fn solve(job: &SolveJob) -> Result<String, RunError> {
     }
     let structures = structures(pattern.as_ref()).map_err(|e| said(&job.matrix, &e))?;
     let began = Instant::now();
-    let solved = solved(job, &a, &b).map_err(|e| said(&job.matrix, &e))?;
+    let solved = if changes.is_empty() { solved(job, &a, &b) } else { updated(job, &unchanged, &changes, &b) };
+    let solved = solved.map_err(|e| said(&job.matrix, &e))?;
     let seconds = began.elapsed().as_secs_f64();
     let report = report(job, &a, &b, given, &structures, &solved, seconds);
     if let Some(path) = &job.output {
@@ -147,10 +156,66 @@ struct Solved {
     steps: usize,
 }
 
+/// A row `u` and its sign: `± uᵀu` is added to the matrix.
+type Change = (Vec<(usize, f64)>, f64);
+
+/// Most entries that all changes together may add to the matrix: four gibibytes of them.
+const MAX_CHANGED: usize = 1 << 28;
+
+fn changes(job: &SolveJob, unknowns: usize) -> Result<Vec<Change>, RunError> {
+    let mut changes = Vec::new();
+    for (path, sign) in [(&job.update, 1.0), (&job.downdate, -1.0)] {
+        let Some(path) = path else { continue };
+        let u = read(path)?;
+        if u.columns() != unknowns {
+            let text = format!("{}: has {} columns (expected {unknowns})", path.display(), u.columns());
+            return Err(RunError::Usage(text));
+        }
+        let mut rows = vec![Vec::new(); u.rows()];
+        u.entries().for_each(|(i, j, v)| rows[i].push((j, v)));
+        changes.extend(rows.into_iter().map(|row| (row, sign)));
+    }
+    let entries = changes.iter().fold(0_usize, |sum, (row, _)| sum.saturating_add(row.len().saturating_mul(row.len())));
+    if entries > MAX_CHANGED {
+        let text =
+            format!("the changes add {entries} entries to the matrix (at most {MAX_CHANGED}): give sparser rows");
+        return Err(RunError::Usage(text));
+    }
+    Ok(changes)
+}
+
+/// The matrix with its changes, to judge the solution by.
+fn changed(a: &GeneralMatrix, changes: &[Change], job: &SolveJob) -> Result<GeneralMatrix, RunError> {
+    let mut sum = SparseBuilder::new(a.rows(), a.columns());
+    a.entries().for_each(|(i, j, v)| {
+        sum.add_entry(i, j, v);
+    });
+    for (row, sign) in changes {
+        for &(i, u) in row {
+            row.iter().for_each(|&(j, v)| {
+                sum.add_entry(i, j, sign * u * v);
+            });
+        }
+    }
+    sum.build().map_err(|e| said(&job.matrix, &e))
+}
+
+/// Factors the matrix as it is in the file and takes the changes in by low-rank updates.
+fn updated(job: &SolveJob, a: &GeneralMatrix, changes: &[Change], b: &[f64]) -> Result<Solved, SparseError> {
+    let run = Run::default();
+    let mut system = Updated::new(a.symmetric()?, ORDERINGS[job.ordering].1.clone(), &run)?;
+    for (row, sign) in changes {
+        system.add(row, *sign, &run)?;
+    }
+    let mut x = b.to_vec();
+    system.solve(&mut x);
+    Ok(Solved { x, method: "low-rank update", condition: None, steps: changes.len() })
+}
+
 fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
     let ordering = &ORDERINGS[job.ordering].1;
     let (m, n) = (a.rows(), a.columns());
-    let Approach::Direct(method) = job.approach else { return iterated(a, b) };
+    let Approach::Direct(method) = job.approach else { return iterated(job.approach, a, b) };
     let mut factor = a.factor(method, ordering, &Run::default())?;
     let mut x = factor.solve(b)?;
     let mut steps = 0;
@@ -169,16 +234,26 @@ fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, Sparse
     Ok(Solved { x, method: name, condition: factor.condition(a), steps })
 }
 
-fn iterated(a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+fn iterated(approach: Approach, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
     let a = a.symmetric()?;
-    let mut preconditioner = IncompleteCholesky::new(&a)?;
+    let (stop, run) = (Stop::default(), Run::default());
     let mut x = vec![0.0; b.len()];
     let mut steps = 0;
-    for (b, x) in b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1))) {
-        let report = conjugate_gradients(&a, b, x, &mut preconditioner, &Stop::default(), &Run::default())?;
-        steps = steps.max(report.iterations);
-    }
-    Ok(Solved { x, method: "cg", condition: None, steps })
+    let columns = b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1)));
+    let method = if approach == Approach::GaussSeidel {
+        let relaxation = GaussSeidel::new(&a)?;
+        for (b, x) in columns {
+            steps = steps.max(relaxation.solve(b, x, &stop, &run)?.iterations);
+        }
+        "gauss-seidel"
+    } else {
+        let mut preconditioner = IncompleteCholesky::new(&a)?;
+        for (b, x) in columns {
+            steps = steps.max(conjugate_gradients(&a, b, x, &mut preconditioner, &stop, &run)?.iterations);
+        }
+        "cg"
+    };
+    Ok(Solved { x, method, condition: None, steps })
 }
 
 fn report(
