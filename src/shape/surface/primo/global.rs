@@ -4,8 +4,8 @@
 //! the energy quadratic in `6 m` (Gauss–Newton, the paper's global step); its minimizer is a direction along which the energy
 //! falls. Near the minimum the second derivative of the turning itself is added, where the matrix stays positive definite
 //! with it: what gained a digit in four steps then gains all in two. Velocities are made rigid motions
-//! by turning about the axis `ω` by `arctan ‖tω‖`, as fast at `t = 0`; the step `t` is halved until the energy falls by a
-//! share of what was foretold.
+//! by turning about the axis `ω` by `arctan ‖tω‖`, as fast at `t = 0`; the step `t` is halved until the energy falls enough
+//! ([`plumbline_num::optim::newton`]).
 //!
 //! The paper moves along a helix; ours turns about the center and translates, which is the same to first order.
 
@@ -15,16 +15,13 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::clusters::{Clusters, FIXED};
 use super::shell::{BodyPose, Joint, Shell};
+use plumbline_num::optim::newton::{DescentEnd, DescentOptions, DescentProblem, descend};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// Added to the diagonal, as a share of its greatest entry: rotations that no joint feels (a hinge of no thickness, a body
 /// on one spring) stay put. More slows the last digits.
 const DAMPING: f64 = 1e-10;
-/// Share of the foretold gain that a step must bring (Armijo).
-const SUFFICIENT: f64 = 1e-4;
-/// Halvings before a direction is given up: what is left is rounding.
-const HALVINGS: usize = 30;
 
 /// Minimizer of the energy over the velocities of clusters: structure found once, values with every step.
 #[derive(Debug)]
@@ -78,27 +75,15 @@ impl Global {
         run: &Run,
     ) -> Result<f64, SparseError> {
         let centers = centers(clusters, poses);
-        self.linearize(shell, clusters, poses, &centers, curved);
-        if self.factor.factor(&self.matrix, run).is_err() {
-            run.check()?;
-            self.linearize(shell, clusters, poses, &centers, false);
-            self.factor.factor(&self.matrix, run)?;
+        let (trial, velocity, failed) = (Vec::new(), Vec::new(), None);
+        let mut at =
+            Linearized { global: self, shell, clusters, poses, centers, before, curved, run, trial, velocity, failed };
+        let one = DescentOptions { max_iterations: 1, tolerance: 0.0, floor: 0.0 };
+        let report = descend(&mut at, &one, run)?;
+        match at.failed.filter(|_| report.end == DescentEnd::NoDirection) {
+            Some(error) => Err(error),
+            None => Ok(report.energies.last().copied().unwrap_or(before)),
         }
-        let mut velocity: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
-        self.factor.solve_in_place(&mut velocity);
-        // Half of the energy is what was linearized.
-        let slope: f64 = 2.0 * self.gradient.iter().zip(&velocity).map(|(g, v)| g * v).sum::<f64>();
-        let mut t = 1.0;
-        for _ in 0..HALVINGS {
-            let trial = moved(clusters, poses, &centers, &velocity, t);
-            let energy = shell.energy(&trial);
-            if energy <= before + SUFFICIENT * t * slope {
-                *poses = trial;
-                return Ok(energy);
-            }
-            t *= 0.5;
-        }
-        Ok(before)
     }
 
     /// Gradient of half the energy by the velocities of the clusters, at rest: `(ω, v)` of each.
@@ -181,6 +166,56 @@ impl Global {
                 }
             }
         }
+    }
+}
+
+/// The energy about the present poses, for one step of Newton's method.
+struct Linearized<'a> {
+    global: &'a mut Global,
+    shell: &'a Shell,
+    clusters: &'a Clusters,
+    poses: &'a mut Vec<BodyPose>,
+    centers: Vec<Vector3<f64>>,
+    /// Energy of the poses.
+    before: f64,
+    curved: bool,
+    run: &'a Run,
+    velocity: Vec<f64>,
+    /// The poses of the last step length tried.
+    trial: Vec<BodyPose>,
+    /// Why Gauss–Newton's matrix could not be factored.
+    failed: Option<SparseError>,
+}
+
+impl DescentProblem for Linearized<'_> {
+    fn energy(&mut self) -> f64 {
+        self.before
+    }
+
+    /// Newton's matrix first, where it is asked for; any shift stands for Gauss–Newton's, which is positive definite.
+    fn direction(&mut self, shift: f64) -> Option<f64> {
+        if self.failed.is_some() {
+            return None;
+        }
+        let curved = self.curved && shift == 0.0;
+        self.global.linearize(self.shell, self.clusters, self.poses, &self.centers, curved);
+        if let Err(error) = self.global.factor.factor(&self.global.matrix, self.run) {
+            self.failed = (!curved).then_some(error);
+            return None;
+        }
+        self.velocity = self.global.gradient.iter().map(|g| -g).collect();
+        self.global.factor.solve_in_place(&mut self.velocity);
+        // Half of the energy is what was linearized.
+        Some(2.0 * self.global.gradient.iter().zip(&self.velocity).map(|(g, v)| g * v).sum::<f64>())
+    }
+
+    fn energy_along(&mut self, alpha: f64) -> f64 {
+        self.trial = moved(self.clusters, self.poses, &self.centers, &self.velocity, alpha);
+        self.shell.energy(&self.trial)
+    }
+
+    fn step(&mut self, _alpha: f64) {
+        std::mem::swap(self.poses, &mut self.trial);
     }
 }
 
