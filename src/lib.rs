@@ -5,10 +5,10 @@
 //! of a surface (a *deformation*) minimize an energy under constraints,
 //!
 //! ```text
-//! E(x) = Σᵣ wᵣ ‖Σⱼ aᵣⱼ xⱼ − bᵣ‖²      s.t.  x_f = c_f  for f in the fixed set,
+//! E(x) = Σᵣ wᵣ ‖Σⱼ aᵣⱼ xⱼ − bᵣ‖²      s.t.  x_f = c_f  for the fixed vertices f,
 //! ```
 //!
-//! and pixels are sampled exactly once. [`prelude`] has the names that most programs need.
+//! whose sparse matrix is factored once and solved many times ([`num::energy`]); pixels are sampled exactly once. [`prelude`] has the names that most programs need.
 //!
 //! | module | holds | where to begin |
 //! | --- | --- | --- |

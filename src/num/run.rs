@@ -67,7 +67,7 @@ impl Run {
     }
 
     /// `found`, unless the run has ended: for results of parts that were cut short without a word. A run that has ended stays
-    /// so, hence one look at the end tells of all of them.
+    /// so, hence one check at the end is for all of them.
     ///
     /// # Errors
     /// As [`Run::check`].

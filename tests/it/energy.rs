@@ -1,12 +1,12 @@
 //! Laws of the energy core, with dense algebra as oracle.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Vector1, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2};
 use plumbline::num::energy::{
-    Convergence, EnergyError, FixedSet, LeastSquares, LocalGlobal, Loss, Ordering, PlaneExpr, QuadraticEnergy,
-    Reweighted, Term, Value,
+    Complex, ConstrainedLaplacian, Convergence, EnergyError, FIXED, FactoredLaplacian, Loss, Ordering, QuadraticEnergy,
 };
 use plumbline::num::math::Vec2;
 use plumbline::num::run::Run;
+use plumbline::num::sparse::SparseError;
 
 use crate::allocations::allocations_of;
 
@@ -40,39 +40,65 @@ fn edge_weight(k: usize) -> f64 {
     0.5 + (k % 5) as f64 / 3.0
 }
 
-/// `Σ w ‖(xᵢ − xⱼ) − (restᵢ − restⱼ)‖²` and its terms.
-fn springs() -> (LeastSquares<2>, Vec<Term>) {
-    let mut e = LeastSquares::<2>::new(N);
-    let terms = edges()
-        .into_iter()
-        .enumerate()
-        .map(|(k, (i, j))| e.add(edge_weight(k), e.var(i) - e.var(j) - (rest(i) - rest(j))))
-        .collect();
-    (e, terms)
+const CORNERS: [usize; 3] = [0, COLS - 1, N - 1];
+
+fn weighted() -> impl Iterator<Item = (usize, usize, f64)> + Clone {
+    edges().into_iter().enumerate().map(|(k, (i, j))| (i, j, edge_weight(k)))
 }
 
-fn corners() -> FixedSet {
-    FixedSet::new([N - 1, 0, COLS - 1, 0])
+/// `Σ w ‖(xᵢ − xⱼ) − (restᵢ − restⱼ)‖²` with fixed corners.
+fn springs(ordering: &Ordering) -> FactoredLaplacian {
+    let laplacian = ConstrainedLaplacian::new(N, weighted(), |i| CORNERS.contains(&i)).expect("in range");
+    laplacian.factor(ordering, &Run::default()).expect("constrained at the corners")
+}
+
+/// The minimizer for edges of these vectors and fixed values.
+fn solve(
+    solver: &mut FactoredLaplacian,
+    edge: impl Fn(usize, usize) -> Vec2,
+    value: impl Fn(usize) -> Vec2,
+) -> Vec<Vec2> {
+    let mut sums = vec![Vec2::zeros(); N];
+    for (i, j, w) in weighted() {
+        sums[i] += w * edge(i, j);
+        sums[j] -= w * edge(i, j);
+    }
+    for &(unknown, vertex, w) in solver.coupling() {
+        sums[solver.free()[unknown as usize] as usize] += w * value(vertex as usize);
+    }
+    let mut b: Vec<[f64; 2]> = solver.free().iter().map(|&i| sums[i as usize].into()).collect();
+    solver.solve(&mut b);
+    let unknowns = solver.unknowns().iter().enumerate();
+    unknowns.map(|(i, &k)| if k == FIXED { value(i) } else { b[k as usize].into() }).collect()
+}
+
+fn at_rest(i: usize, j: usize) -> Vec2 {
+    rest(i) - rest(j)
+}
+
+fn energy(x: &[Vec2], edge: impl Fn(usize, usize) -> Vec2) -> f64 {
+    weighted().map(|(i, j, w)| w * (x[i] - x[j] - edge(i, j)).norm_squared()).sum()
 }
 
 fn bent(i: usize) -> Vec2 {
     rest(i) + Vec2::new((i as f64).sin(), 0.3 * i as f64)
 }
 
+fn close(x: &[Vec2], y: &[Vec2]) -> bool {
+    x.iter().zip(y).all(|(x, y)| (x - y).norm() < 1e-12 * N as f64)
+}
+
 #[test]
 fn the_minimizer_is_the_dense_one() {
-    let (e, _) = springs();
-    let fixed = corners();
-    let mut factored = e.factor(&fixed, &Run::default()).expect("held at the corners");
-    let x = factored.solve(&factored.targets(), &fixed.values(bent)).expect("same set");
-    let free: Vec<usize> = (0..N).filter(|i| !fixed.unknowns().contains(i)).collect();
+    let x = solve(&mut springs(&Ordering::Amd), at_rest, bent);
+    let free: Vec<usize> = (0..N).filter(|i| !CORNERS.contains(i)).collect();
     let (mut a, mut b) = (DMatrix::<f64>::zeros(edges().len(), N), DMatrix::<f64>::zeros(edges().len(), 2));
     for (k, (i, j)) in edges().into_iter().enumerate() {
         let w = edge_weight(k).sqrt();
         (a[(k, i)], a[(k, j)]) = (w, -w);
         b.set_row(k, &((rest(i) - rest(j)) * w).transpose());
     }
-    for &i in fixed.unknowns() {
+    for i in CORNERS {
         let column = a.column(i) * bent(i).transpose();
         b -= column;
     }
@@ -82,49 +108,68 @@ fn the_minimizer_is_the_dense_one() {
         let err = (x[i].transpose() - expected.row(k)).norm();
         assert!(err < 1e-12 * N as f64, "unknown {i}: {err}");
     }
-    fixed.unknowns().iter().for_each(|&i| assert_eq!(x[i], bent(i), "given values are kept exactly"));
+    CORNERS.iter().for_each(|&i| assert_eq!(x[i], bent(i), "fixed values are kept exactly"));
 }
 
 #[test]
 fn at_the_minimum_every_step_costs() {
-    let (e, _) = springs();
-    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
-    let targets = factored.targets();
-    let x = factored.solve(&targets, &corners().values(bent)).expect("same set");
-    let least = factored.energy(&targets, &x);
-    for i in (0..N).filter(|i| !corners().unknowns().contains(i)) {
+    let x = solve(&mut springs(&Ordering::Amd), at_rest, bent);
+    let least = energy(&x, at_rest);
+    for i in (0..N).filter(|i| !CORNERS.contains(i)) {
         for step in [Vec2::new(0.1, 0.0), Vec2::new(-0.1, 0.0), Vec2::new(0.0, 0.1), Vec2::new(0.0, -0.1)] {
             let mut y = x.clone();
             y[i] += step;
-            assert!(factored.energy(&targets, &y) > least + 1e-3, "unknown {i}");
+            assert!(energy(&y, at_rest) > least + 1e-3, "unknown {i}");
         }
     }
 }
 
 #[test]
 fn translation_of_the_given_values_translates_the_rest() {
-    let (e, _) = springs();
-    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
-    let targets = factored.targets();
-    let x = factored.solve(&targets, &corners().values(bent)).expect("same set");
+    let mut solver = springs(&Ordering::Amd);
+    let x = solve(&mut solver, at_rest, bent);
     let shift = Vec2::new(3.0, -8.0);
-    let y = factored.solve(&targets, &corners().values(|i| bent(i) + shift)).expect("same set");
+    let y = solve(&mut solver, at_rest, |i| bent(i) + shift);
     let worst = x.iter().zip(&y).map(|(x, y)| (y - x - shift).norm()).fold(0.0, f64::max);
     assert!(worst < 1e-12 * N as f64, "{worst}");
-    let at_rest = factored.solve(&targets, &corners().values(rest)).expect("same set");
-    assert!(factored.energy(&targets, &at_rest) < 1e-24, "the rest shape costs nothing");
+    assert!(energy(&solve(&mut solver, at_rest, rest), at_rest) < 1e-24, "the rest shape costs nothing");
 }
 
+/// A soft constraint of growing weight approaches the hard one, and is the term `μ |x − t|²` on the way.
 #[test]
-fn the_clear_and_the_fast_path_agree() {
-    // D = 1 with terms that mix x and y; the fast path takes the same rows as elements.
-    let mut clear = LeastSquares::<1>::new(2 * N);
-    let mut rows: Vec<(Vec<usize>, Vec<f64>, f64, f64)> = vec![];
+fn a_soft_constraint_pulls_by_its_weight() {
+    let hard = solve(&mut springs(&Ordering::Amd), |_, _| Vec2::zeros(), bent);
+    let mut last = f64::INFINITY;
+    for weight in [1.0, 1e3, 1e6, 1e9] {
+        let soft = CORNERS.into_iter().map(|i| (i, i, weight));
+        let laplacian = ConstrainedLaplacian::new(N, weighted().chain(soft), |_| false).expect("in range");
+        let mut solver = laplacian.factor(&Ordering::Amd, &Run::default()).expect("constrained");
+        let mut x: Vec<[f64; 2]> = vec![[0.0; 2]; N];
+        CORNERS.iter().for_each(|&i| x[i] = (weight * bent(i)).into());
+        solver.solve(&mut x);
+        let x: Vec<Vec2> = x.into_iter().map(Vec2::from).collect();
+        let cost = |x: &[Vec2]| {
+            let pull = CORNERS.iter().map(|&i| weight * (x[i] - bent(i)).norm_squared());
+            energy(x, |_, _| Vec2::zeros()) + pull.sum::<f64>()
+        };
+        for i in 0..N {
+            let mut y = x.clone();
+            y[i] += Vec2::new(0.01, -0.01);
+            assert!(cost(&y) > cost(&x), "weight {weight}, vertex {i}");
+        }
+        let apart = x.iter().zip(&hard).map(|(x, y)| (x - y).norm()).fold(0.0, f64::max);
+        assert!(apart < 0.5 * last, "weight {weight}: {apart}");
+        last = apart;
+    }
+    assert!(last < 1e-6, "{last}");
+}
+
+/// Rows over few of `2 N` scalar unknowns that mix x with y: unknowns, coefficients, weight, right-hand side.
+fn mixed_rows() -> Vec<(Vec<usize>, Vec<f64>, f64, f64)> {
+    let mut rows = vec![];
     for (k, (i, j)) in edges().into_iter().enumerate() {
         let (u, v, w) = (0.3, 0.8, edge_weight(k));
-        let side = clear.point(j) - clear.point(i);
         let next = (j + 3) % N;
-        clear.add2(w, clear.point(next) - (clear.point(i) + u * side.clone() + v * side.r90()) - bent(k % N));
         // x: xₙ − (1−u) xᵢ − u xⱼ − v (yⱼ − yᵢ);  y: yₙ − (1−u) yᵢ − u yⱼ + v (xⱼ − xᵢ)
         for (own, other, sign, b) in [(0, 1, 1.0, bent(k % N).x), (1, 0, -1.0, bent(k % N).y)] {
             let mut row = vec![0.0; 2 * N];
@@ -137,13 +182,20 @@ fn the_clear_and_the_fast_path_agree() {
             rows.push((used.clone(), used.iter().map(|&c| row[c]).collect(), w, b));
         }
     }
-    for i in 0..N {
-        clear.add2(0.01, clear.point(i) - Vec2::new(0.5, 0.5));
-    }
-    let none = FixedSet::none();
-    let mut factored = clear.factor(&none, &Run::default()).expect("held by targets");
-    let x = factored.solve(&factored.targets(), &none.values(|_| Vector1::zeros())).expect("same set");
+    rows
+}
 
+#[test]
+fn a_quadratic_energy_has_the_dense_minimizer_and_allocates_nothing() {
+    let rows = mixed_rows();
+    let (mut a, mut b) = (DMatrix::<f64>::identity(2 * N, 2 * N) * 0.01, DVector::repeat(2 * N, 0.005));
+    for (used, coefficients, w, target) in &rows {
+        for (&i, p) in used.iter().zip(coefficients) {
+            b[i] += w * p * target;
+            used.iter().zip(coefficients).for_each(|(&j, q)| a[(i, j)] += w * p * q);
+        }
+    }
+    let x = a.cholesky().expect("positive definite").solve(&b);
     let mut fast =
         QuadraticEnergy::<f64>::new(2 * N, rows.iter().map(|r| &r.0[..]), &Ordering::Natural).expect("in range");
     let fill = |fast: &mut QuadraticEnergy<f64>| {
@@ -155,126 +207,100 @@ fn the_clear_and_the_fast_path_agree() {
     };
     fill(&mut fast);
     let y = fast.minimize(&Run::default()).expect("regular");
-    let worst = x.iter().zip(y).map(|(x, y)| (x.x - y).abs()).fold(0.0, f64::max);
+    let worst = x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-10 && y.iter().any(|y| (y - 0.5).abs() > 1.0), "{worst}");
     let count = allocations_of(|| {
         fill(&mut fast);
         fast.minimize(&Run::default()).expect("regular");
     });
-    assert_eq!(count, 0, "the fast path allocates nothing");
+    assert_eq!(count, 0, "refilling, factoring and solving allocate nothing");
 }
 
 #[test]
-fn solves_and_reweightings_allocate_nothing() {
-    let (e, _) = springs();
-    let fixed = corners();
-    let mut factored = e.factor(&fixed, &Run::default()).expect("regular");
-    let (targets, values) = (factored.targets(), fixed.values(bent));
-    let mut x = vec![Value::<2>::zeros(); N];
-    factored.solve_into(&targets, &values, &mut x).expect("same set");
-    let count = allocations_of(|| {
-        factored.reweight(|_, w| 2.0 * w, &Run::default()).expect("regular");
-        factored.solve_into(&targets, &values, &mut x).expect("same set");
-    });
-    assert_eq!(count, 0);
+fn solves_of_a_factored_laplacian_allocate_nothing() {
+    let mut solver = springs(&Ordering::Amd);
+    let mut b = vec![[1.0, 2.0]; solver.free().len()];
+    solver.solve(&mut b);
+    assert_eq!(allocations_of(|| solver.solve(&mut b)), 0);
+    let mut one = vec![1.0; b.len()];
+    assert_eq!(allocations_of(|| solver.solve_scalar(&mut one)), 0);
 }
 
 #[test]
-fn reweighting_equals_a_new_energy() {
-    let (e, terms) = springs();
-    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
-    factored.reweight(|t, w| if t == terms[4] { 0.0 } else { w * 3.0 }, &Run::default()).expect("regular");
-    let mut other = LeastSquares::<2>::new(N);
-    for (k, (i, j)) in edges().into_iter().enumerate().filter(|&(k, _)| k != 4) {
-        other.add(3.0 * edge_weight(k), other.var(i) - other.var(j) - (rest(i) - rest(j)));
-    }
-    let mut fresh = other.factor(&corners(), &Run::default()).expect("regular");
-    let values = corners().values(bent);
-    let x = factored.solve(&factored.targets(), &values).expect("same set");
-    let y = fresh.solve(&fresh.targets(), &values).expect("same set");
-    assert!(x.iter().zip(&y).all(|(x, y)| (x - y).norm() < 1e-12 * N as f64));
+fn refilling_with_other_weights_equals_a_new_energy() {
+    let elements: Vec<[usize; 2]> = edges().into_iter().map(|(i, j)| [i.min(j), i.max(j)]).collect();
+    let new = || QuadraticEnergy::<f64>::new(N, elements.iter().map(|e| &e[..]), &Ordering::Amd).expect("in range");
+    let fill = |energy: &mut QuadraticEnergy<f64>, factor: f64, without: Option<usize>| {
+        energy.clear();
+        for k in (0..elements.len()).filter(|k| Some(*k) != without) {
+            energy.add(k, factor * edge_weight(k), &[1.0, -1.0], k as f64);
+        }
+        energy.add_everywhere(0.1, 0.0);
+    };
+    let mut used = new();
+    fill(&mut used, 1.0, None);
+    used.minimize(&Run::default()).expect("regular");
+    fill(&mut used, 3.0, Some(4));
+    let mut fresh = new();
+    fill(&mut fresh, 3.0, Some(4));
+    let x = used.minimize(&Run::default()).expect("regular").to_vec();
+    assert_eq!(x, fresh.minimize(&Run::default()).expect("regular"));
 }
 
 #[test]
-fn placed_unknowns_give_the_same_solution() {
-    let (e, _) = springs();
+fn positions_of_the_vertices_give_another_order_and_the_same_solution() {
     let positions: Vec<[f64; 3]> = (0..N).map(rest).map(|p| [p.x, p.y, 0.0]).collect();
-    let values = corners().values(bent);
-    let mut a = e.factor(&corners(), &Run::default()).expect("regular");
-    let mut b = e.factor_placed(&corners(), &positions, &Run::default()).expect("regular");
-    let (x, y) = (a.solve(&a.targets(), &values).expect("ok"), b.solve(&b.targets(), &values).expect("ok"));
-    assert!(x.iter().zip(&y).all(|(x, y)| (x - y).norm() < 1e-12 * N as f64));
+    let x = solve(&mut springs(&Ordering::Amd), at_rest, bent);
+    assert!(close(&x, &solve(&mut springs(&Ordering::NestedDissection(positions)), at_rest, bent)));
 }
 
 #[test]
-fn expressions_keep_the_algebra_of_vectors() {
-    let mut e = LeastSquares::<1>::new(4);
-    let n = Vec2::new(0.6, 0.8);
-    let p: PlaneExpr = e.point(0);
-    // (2p − q·2 + k)·n with p = (3, 1), q = (1, 1): 2·2·0.6 + 0 + k·n.
-    let t = e.add(1.0, (2.0 * p.clone() - e.point(1) * 2.0 + Vec2::new(1.0, 2.0)).dot(n));
-    let r = e.add2(1.0, -p.r90() + Vec2::new(0.5, 0.0));
-    let all = FixedSet::new(0..4);
-    let mut factored = e.factor(&all, &Run::default()).expect("nothing is free");
-    let x = factored.solve(&factored.targets(), &all.values(|i| Vector1::new([3.0, 1.0, 1.0, 1.0][i]))).expect("ok");
-    let squared = |t| factored.squared_residual(t, &factored.targets(), &x);
-    assert!((squared(t) - (2.4_f64 + 0.6 + 1.6).powi(2)).abs() < 1e-12, "{}", squared(t));
-    // −R₉₀ (3, 1) = (−1, 3)
-    assert!((squared(r) - (0.25 + 9.0)).abs() < 1e-12, "{}", squared(r));
-    assert!((factored.energy(&factored.targets(), &x) - squared(t) - squared(r)).abs() < 1e-12);
+fn a_complex_unknown_is_a_point_of_the_plane() {
+    // Each edge is wanted as its rotated and scaled rest edge: one complex row, or two real ones.
+    let elements: Vec<[usize; 2]> = edges().into_iter().map(|(i, j)| [i.min(j), i.max(j)]).collect();
+    let both: Vec<[usize; 4]> = elements.iter().map(|[i, j]| [2 * i, 2 * i + 1, 2 * j, 2 * j + 1]).collect();
+    let mut complex =
+        QuadraticEnergy::<Complex>::new(N, elements.iter().map(|e| &e[..]), &Ordering::Amd).expect("in range");
+    let mut real = QuadraticEnergy::<f64>::new(2 * N, both.iter().map(|e| &e[..]), &Ordering::Amd).expect("in range");
+    for k in 0..elements.len() {
+        let (a, b, w) = (Complex::new(0.6, 0.8), bent(k % N), edge_weight(k));
+        complex.add(k, w, &[a, Complex::new(-1.0, 0.0)], Complex::new(b.x, b.y));
+        real.add(k, w, &[a.re, -a.im, -1.0, 0.0], b.x);
+        real.add(k, w, &[a.im, a.re, 0.0, -1.0], b.y);
+    }
+    complex.add_everywhere(0.01, Complex::new(0.5, 0.5));
+    real.add_everywhere(0.01, 0.5);
+    let x = complex.minimize(&Run::default()).expect("regular").to_vec();
+    let y = real.minimize(&Run::default()).expect("regular");
+    let worst = x.iter().zip(y.as_chunks().0).map(|(x, [re, im])| (x.re - re).hypot(x.im - im)).fold(0.0, f64::max);
+    assert!(worst < 1e-10, "{worst}");
 }
 
 #[test]
 fn bad_energies_are_refused_with_their_reason() {
-    let (e, _) = springs();
-    let error = |r: Result<_, EnergyError>| {
-        r.map(|_: plumbline::num::energy::Factored<2>| ()).expect_err("refused").to_string()
+    let factor = |laplacian: ConstrainedLaplacian, ordering: &Ordering| {
+        laplacian.factor(ordering, &Run::default()).map(|_| ()).expect_err("refused")
     };
-    assert_eq!(
-        error(e.factor(&FixedSet::none(), &Run::default())),
-        "nothing holds the component of 35 unknown(s) that contains unknown 0: fix one of them or give it a target"
-    );
-    let mut two = LeastSquares::<2>::new(N + 3);
-    for (i, j) in edges().into_iter().chain([(N, N + 1), (N + 1, N + 2)]) {
-        two.add(1.0, two.var(i) - two.var(j));
-    }
-    assert_eq!(
-        two.factor(&corners(), &Run::default()).expect_err("floats"),
-        EnergyError::Unconstrained { unknowns: vec![N, N + 1, N + 2] }
-    );
-    let mut bad = LeastSquares::<2>::new(3);
-    bad.add(1.0, bad.var(0));
-    bad.add(-2.0, bad.var(1));
-    assert_eq!(
-        error(bad.factor(&FixedSet::none(), &Run::default())),
-        "term 1 has weight -2 (expected a finite number, 0 or more)"
-    );
-    let mut nan = LeastSquares::<2>::new(3);
-    nan.add(1.0, nan.var(0) - Vector2::new(f64::NAN, 0.0));
-    assert_eq!(
-        error(nan.factor(&FixedSet::none(), &Run::default())),
-        "term 0 has a coefficient or target that is not finite"
-    );
-    let mut beyond = LeastSquares::<2>::new(3);
-    beyond.add(1.0, beyond.var(3));
-    assert_eq!(
-        error(beyond.factor(&FixedSet::none(), &Run::default())),
-        "unknown 3 does not exist (the energy has 3, numbered from 0)"
-    );
-    let mut factored = e.factor(&corners(), &Run::default()).expect("regular");
-    let other = FixedSet::new([1]).values(bent);
-    assert_eq!(
-        factored.solve(&factored.targets(), &other).expect_err("another set").to_string(),
-        "1 fixed value(s) do not belong to the fixed set of 3"
-    );
-    let few =
-        LeastSquares::<2>::new(3).factor(&FixedSet::new(0..3), &Run::default()).expect("nothing is free").targets();
-    assert_eq!(
-        factored.solve(&few, &corners().values(bent)).expect_err("another energy").to_string(),
-        format!("0 target(s) do not belong to an energy of {} row(s)", edges().len())
-    );
-    assert!(matches!(factored.reweight(|_, _| f64::NAN, &Run::default()), Err(EnergyError::Weight { term: 0, .. })));
-    assert!(matches!(factored.reweight(|_, _| 0.0, &Run::default()), Err(EnergyError::Unconstrained { .. })));
+    let free = |terms: &[(usize, usize, f64)]| {
+        ConstrainedLaplacian::new(N, weighted().chain(terms.iter().copied()), |_| false).expect("in range")
+    };
+    let SparseError::Singular { component } = factor(free(&[]), &Ordering::Amd) else { panic!("nothing is fixed") };
+    assert_eq!(component.unknowns, (0..N).collect::<Vec<_>>());
+    let two = weighted().chain([(N, N + 1, 1.0), (N + 1, N + 2, 1.0)]);
+    let two = ConstrainedLaplacian::new(N + 3, two, |i| CORNERS.contains(&i)).expect("in range");
+    let SparseError::Singular { component } = factor(two, &Ordering::Amd) else { panic!("three vertices are free") };
+    assert_eq!(component.unknowns, [N, N + 1, N + 2]);
+    assert!(matches!(factor(free(&[(1, 1, -200.0)]), &Ordering::Amd), SparseError::NotPositiveDefinite { .. }));
+    assert!(matches!(factor(free(&[(1, 1, f64::NAN)]), &Ordering::Amd), SparseError::NotFinite { .. }));
+    let beyond = ConstrainedLaplacian::new(N, [(0, N, 1.0)].into_iter(), |_| false).expect_err("beyond");
+    assert_eq!(beyond, SparseError::OutOfRange { index: N, unknowns: N });
+    let short = factor(free(&[(0, 0, 1.0)]), &Ordering::NestedDissection(vec![[0.0; 3]; 3]));
+    assert_eq!(short, SparseError::OutOfRange { index: 3, unknowns: N });
+    let mut energy = QuadraticEnergy::<f64>::new(2, [&[0, 1][..]].into_iter(), &Ordering::Amd).expect("in range");
+    energy.add(0, 1.0, &[1.0, -1.0], 0.0);
+    assert!(matches!(energy.minimize(&Run::default()), Err(EnergyError::Solve(SparseError::Singular { .. }))));
+    energy.add(0, 1.0, &[f64::NAN, 0.0], 0.0);
+    assert!(matches!(energy.minimize(&Run::default()), Err(EnergyError::Solve(SparseError::NotFinite { .. }))));
 }
 
 /// Rotation nearest to a 2×2 matrix.
@@ -283,67 +309,55 @@ fn rotation(m: Matrix2<f64>) -> Matrix2<f64> {
     Matrix2::new(angle.cos(), -angle.sin(), angle.sin(), angle.cos())
 }
 
-/// As-rigid-as-possible: each unknown's edges turn by one rotation.
-fn arap() -> (LeastSquares<2>, Vec<(usize, usize, Term)>) {
-    let mut e = LeastSquares::<2>::new(N);
-    let mut directed = vec![];
-    for (i, j) in edges() {
-        for (i, j) in [(i, j), (j, i)] {
-            let term = e.add(1.0, e.var(i) - e.var(j) - (rest(i) - rest(j)));
-            directed.push((i, j, term));
-        }
+/// As rigid as possible: the edges of each vertex rotate by the rotation that fits them best.
+fn rotations(x: &[Vec2]) -> Vec<Matrix2<f64>> {
+    let mut covariance = vec![Matrix2::zeros(); N];
+    for (i, j, w) in weighted() {
+        let moment = w * (x[i] - x[j]) * at_rest(i, j).transpose();
+        covariance[i] += moment;
+        covariance[j] += moment;
     }
-    (e, directed)
+    covariance.into_iter().map(rotation).collect()
 }
 
-fn fit_rotations(
-    directed: &[(usize, usize, Term)],
-) -> impl FnMut(&[Value<2>], &mut plumbline::num::energy::Targets<2>) + '_ {
-    move |x, targets| {
-        let mut covariance = vec![Matrix2::zeros(); N];
-        for &(i, j, _) in directed {
-            covariance[i] += (x[i] - x[j]) * (rest(i) - rest(j)).transpose();
-        }
-        for &(i, j, term) in directed {
-            targets[term] = rotation(covariance[i]) * (rest(i) - rest(j));
-        }
-    }
+/// `Σ w |(xᵢ − xⱼ) − Rᵥ (restᵢ − restⱼ)|²` over edges and both of their ends `v`.
+fn rigidity(x: &[Vec2], rotations: &[Matrix2<f64>]) -> f64 {
+    let of = |v: usize| energy(x, |i, j| rotations[if v == 0 { i } else { j }] * at_rest(i, j));
+    of(0) + of(1)
 }
 
 #[test]
 fn alternation_never_raises_the_energy_and_finds_a_rigid_motion() {
-    let (e, directed) = arap();
-    let ends = FixedSet::new([0, COLS - 1]);
-    let mut factored = e.factor(&ends, &Run::default()).expect("regular");
-    let turn = rotation(Matrix2::new(0.6, -0.8, 0.8, 0.6));
-    let mut x: Vec<Vec2> = (0..N).map(rest).collect();
+    let mut solver = springs(&Ordering::Amd);
+    let motion = rotation(Matrix2::new(0.6, -0.8, 0.8, 0.6));
+    let mut x: Vec<Vec2> = (0..N).map(|i| if CORNERS.contains(&i) { motion * rest(i) } else { rest(i) }).collect();
     let criterion = Convergence { max_iterations: 5000, tolerance: 1e-9 };
-    let report = LocalGlobal::new(&mut factored)
-        .minimize(&ends.values(|i| turn * rest(i)), &mut x, &criterion, fit_rotations(&directed), &Run::default())
-        .expect("regular");
-    assert!(report.converged && report.iterations + 1 == report.energies.len(), "{report:?}");
-    for pair in report.energies.windows(2) {
+    let mut fitted = rotations(&x);
+    let mut energies = vec![rigidity(&x, &fitted)];
+    while energies.len() <= criterion.max_iterations && !criterion.reached(&energies) {
+        // The minimizer for the mean of both ends' rotations is that of the energy.
+        let edge = |i: usize, j: usize| 0.5 * (fitted[i] + fitted[j]) * at_rest(i, j);
+        x = solve(&mut solver, edge, |i| motion * rest(i));
+        fitted = rotations(&x);
+        energies.push(rigidity(&x, &fitted));
+    }
+    for pair in energies.windows(2) {
         assert!(pair[1] <= pair[0] * (1.0 + 1e-12) + 1e-24, "{pair:?}");
     }
-    let worst = (0..N).map(|i| (x[i] - turn * rest(i)).norm()).fold(0.0, f64::max);
-    assert!(worst < 1e-4, "{worst}, {} rounds", report.iterations);
+    let worst = (0..N).map(|i| (x[i] - motion * rest(i)).norm()).fold(0.0, f64::max);
+    assert!(worst < 1e-4, "{worst}, {} iterations", energies.len() - 1);
 }
 
 #[test]
-fn running_out_of_iterations_is_reported() {
-    let (e, directed) = arap();
-    let ends = FixedSet::new([0, COLS - 1]);
-    let mut factored = e.factor(&ends, &Run::default()).expect("regular");
-    let mut x: Vec<Vec2> = (0..N).map(rest).collect();
-    let values = ends.values(|i| 1.5 * bent(i));
-    let mut driver = LocalGlobal::new(&mut factored);
+fn a_criterion_is_checked_and_compares_the_last_two_energies() {
     let two = Convergence { max_iterations: 2, tolerance: 0.0 };
-    let report = driver.minimize(&values, &mut x, &two, fit_rotations(&directed), &Run::default()).expect("regular");
-    assert!(!report.converged && report.iterations == 2, "{report:?}");
+    assert!(two.check().is_ok());
     for bad in [Convergence { max_iterations: 0, ..two }, Convergence { tolerance: f64::NAN, ..two }] {
-        let refused = driver.minimize(&values, &mut x, &bad, fit_rotations(&directed), &Run::default());
-        assert!(matches!(refused, Err(EnergyError::Option { .. })));
+        assert!(matches!(bad.check(), Err(EnergyError::Option { .. })));
     }
+    let tenth = Convergence { tolerance: 0.1, ..two };
+    assert!(!tenth.reached(&[5.0]) && !tenth.reached(&[5.0, 1.0]) && tenth.reached(&[5.0, 1.0, 0.95]));
+    assert!(two.reached(&[1.0, 1.0]) && two.reached(&[1.0, f64::NAN]));
 }
 
 const LOSSES: [Loss; 3] = [Loss::Huber(0.2), Loss::Cauchy(0.2), Loss::GemanMcClure(0.2)];
@@ -361,64 +375,77 @@ fn a_loss_is_the_square_of_small_residuals_and_its_weight_the_derivative() {
     }
 }
 
+/// Minimizes `Σ ρ(|xᵢ − bᵢ|²) + Σ |xᵢ₋₁ − 2xᵢ + xᵢ₊₁ − kᵢ|²` of a chain by reweighting; the energy after each iteration.
+fn reweighted(loss: Option<Loss>, observed: &[Vec2], bend: impl Fn(usize) -> Vec2, x: &mut [Vec2]) -> Vec<f64> {
+    let n = observed.len();
+    let elements: Vec<Vec<usize>> = (0..n).map(|i| vec![i]).chain((1..n - 1).map(|i| vec![i - 1, i, i + 1])).collect();
+    let mut chain =
+        QuadraticEnergy::<Complex>::new(n, elements.iter().map(|e| &e[..]), &Ordering::Natural).expect("in range");
+    let complex = |p: Vec2| Complex::new(p.x, p.y);
+    let cost = |x: &[Vec2]| {
+        let data = (0..n).map(|i| (x[i] - observed[i]).norm_squared()).map(|s| loss.map_or(s, |l| l.value(s)));
+        let smooth = (1..n - 1).map(|i| (x[i - 1] - 2.0 * x[i] + x[i + 1] - bend(i)).norm_squared());
+        data.sum::<f64>() + smooth.sum::<f64>()
+    };
+    let mut energies = vec![cost(x)];
+    let criterion = Convergence { max_iterations: 300, tolerance: 1e-10 };
+    while energies.len() <= criterion.max_iterations && !criterion.reached(&energies) {
+        chain.clear();
+        for i in 0..n {
+            let weight = loss.map_or(1.0, |l| l.weight((x[i] - observed[i]).norm_squared()));
+            chain.add(i, weight, &[Complex::new(1.0, 0.0)], complex(observed[i]));
+        }
+        for i in 1..n - 1 {
+            chain.add(n + i - 1, 1.0, &[1.0, -2.0, 1.0].map(|a| Complex::new(a, 0.0)), complex(bend(i)));
+        }
+        let solved = chain.minimize(&Run::default()).expect("regular");
+        x.iter_mut().zip(solved).for_each(|(x, z)| *x = Vec2::new(z.re, z.im));
+        energies.push(cost(x));
+    }
+    energies
+}
+
 #[test]
 fn robust_terms_ignore_outliers_and_never_raise_their_energy() {
     // A smooth chain observed at every link; a few observations are wild.
     let n = 40;
     let truth = |i: usize| Vec2::new(0.1 * i as f64, (i as f64 / 9.0).sin());
     let wild = |i: usize| i % 9 == 4;
-    let mut e = LeastSquares::<2>::new(n);
-    let observed: Vec<Term> = (0..n)
-        .map(|i| truth(i) + if wild(i) { Vec2::new(5.0, -7.0) } else { Vec2::zeros() })
-        .enumerate()
-        .map(|(i, b)| e.add(1.0, e.var(i) - b))
-        .collect();
-    for i in 1..n - 1 {
-        let bend = truth(i - 1) - truth(i) * 2.0 + truth(i + 1);
-        e.add(1.0, e.var(i - 1) - 2.0 * e.var(i) + e.var(i + 1) - bend);
-    }
-    let none = FixedSet::none();
-    let values = none.values(|_| Vec2::zeros());
-    let mut factored = e.factor(&none, &Run::default()).expect("regular");
-    let targets = factored.targets();
+    let observed: Vec<Vec2> =
+        (0..n).map(|i| truth(i) + if wild(i) { Vec2::new(5.0, -7.0) } else { Vec2::zeros() }).collect();
+    let bend = |i: usize| truth(i - 1) - truth(i) * 2.0 + truth(i + 1);
     let worst = |x: &[Vec2]| (0..n).map(|i| (x[i] - truth(i)).norm()).fold(0.0, f64::max);
-    let quadratic = factored.solve(&targets, &values).expect("regular");
-    assert!(worst(&quadratic) > 1.0, "least squares follows outliers: {}", worst(&quadratic));
-    let mut start = quadratic.clone();
+    let mut x = vec![Vec2::zeros(); n];
+    reweighted(None, &observed, bend, &mut x);
+    assert!(worst(&x) > 1.0, "least squares follows outliers: {}", worst(&x));
+    // Geman–McClure is not convex: its initial guess is the solution with Cauchy's loss.
     for (loss, bound) in LOSSES.into_iter().zip([0.2, 0.03, 0.01]) {
-        let convergence = Convergence { max_iterations: 300, tolerance: 1e-10 };
-        let driver = Reweighted { loss, terms: &observed, convergence };
-        let mut x = start.clone();
-        let report = driver.minimize(&mut factored, &targets, &values, &mut x, &Run::default()).expect("regular");
+        let energies = reweighted(Some(loss), &observed, bend, &mut x);
         assert!(worst(&x) < bound, "{loss:?} is off by {}", worst(&x));
-        for pair in report.energies.windows(2) {
+        for pair in energies.windows(2) {
             assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{loss:?}: {pair:?}");
         }
-        let again = factored.solve(&targets, &values).expect("regular");
-        assert!(again.iter().zip(&quadratic).all(|(a, q)| (a - q).norm() < 1e-12), "first weights are back");
-        start = x; // Geman–McClure is not convex: it starts where Cauchy ended
     }
-    let bad = Reweighted { loss: Loss::Huber(-1.0), terms: &observed, convergence: Convergence::default() };
-    let refused = bad.minimize(&mut factored, &targets, &values, &mut start, &Run::default()).expect_err("refused");
-    assert_eq!(refused.to_string(), "loss scale -1 is invalid (expected above 0, finite)");
 }
 
 #[test]
 fn both_coordinates_of_a_plane_term_have_one_robust_weight() {
-    let mut e = LeastSquares::<1>::new(2);
-    let terms: Vec<Term> =
-        [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)].map(|(x, y)| e.add2(1.0, e.point(0) - Vec2::new(x, y))).to_vec();
-    let mut factored = e.factor(&FixedSet::none(), &Run::default()).expect("regular");
-    let targets = factored.targets();
-    let values = FixedSet::none().values(|_| Vector1::zeros());
-    let mut x = vec![Vector1::zeros(); 2];
-    let driver = Reweighted { loss: Loss::Cauchy(0.5), terms: &terms, convergence: Convergence::default() };
-    let report = driver.minimize(&mut factored, &targets, &values, &mut x, &Run::default()).expect("regular");
-    let robust: f64 = [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)]
-        .iter()
-        .map(|(px, py)| Loss::Cauchy(0.5).value((x[0].x - px).powi(2) + (x[1].x - py).powi(2)))
-        .sum();
-    assert!((report.energies.last().expect("some") - robust).abs() < 1e-12);
-    let step = DVector::from_vec(vec![x[0].x, x[1].x]).norm();
-    assert!(step < 0.3, "the far point hardly pulls: {step}");
+    let points = [(0.0, 0.0), (0.0, 0.1), (3.0, 4.0)].map(|(x, y)| Vec2::new(x, y));
+    let mut energy = QuadraticEnergy::<Complex>::new(1, [&[0][..]].into_iter().cycle().take(3), &Ordering::Natural)
+        .expect("in range");
+    let loss = Loss::Cauchy(0.5);
+    let mut x = Vec2::new(1.0, 1.0);
+    for _ in 0..300 {
+        energy.clear();
+        for (k, p) in points.iter().enumerate() {
+            energy.add(k, loss.weight((x - p).norm_squared()), &[Complex::new(1.0, 0.0)], Complex::new(p.x, p.y));
+        }
+        let z = energy.minimize(&Run::default()).expect("regular")[0];
+        x = Vec2::new(z.re, z.im);
+    }
+    let cost = |x: Vec2| points.iter().map(|p| loss.value((x - p).norm_squared())).sum::<f64>();
+    for step in [Vec2::new(1e-3, 0.0), Vec2::new(-1e-3, 0.0), Vec2::new(0.0, 1e-3), Vec2::new(0.0, -1e-3)] {
+        assert!(cost(x + step) > cost(x), "{x:?}");
+    }
+    assert!(x.norm() < 0.3, "the far point hardly pulls: {x:?}");
 }

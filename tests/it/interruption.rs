@@ -9,7 +9,7 @@ use plumbline::camera::{Lens, Projection};
 use plumbline::image::feature::{FaceDetector, FaceOptions, Importance, ImportanceError, ImportanceOptions};
 use plumbline::image::render::{RenderError, complete};
 use plumbline::image::{Frame, Layout, PixelFormat, Plane};
-use plumbline::num::energy::{EnergyError, FixedSet, LeastSquares};
+use plumbline::num::energy::ConstrainedLaplacian;
 use plumbline::num::math::{Point2, Trs, Vec2};
 use plumbline::num::optim::qp::{Affine, QpError, QuadraticProgram};
 use plumbline::num::run::{Budget, Interrupt, Progress, Run, Stopped};
@@ -170,16 +170,14 @@ fn systems_end_with_their_run() {
     for method in methods {
         assert!(stops!(matrix.factor(method, &Elimination::Amd, &run), SparseError), "{method:?}");
     }
-    let mut energy = LeastSquares::<1>::new(3);
-    for i in 0..3 {
-        energy.add(1.0, energy.var(i));
-    }
+    let soft = (0..3).map(|i| (i, i, 1.0));
+    let laplacian = ConstrainedLaplacian::new(3, soft, |_| false).expect("in range");
     let mut program = QuadraticProgram::new(2);
     program.add_square(1.0, Affine::var(0) - Affine::var(1));
     program.require_at_most_zero(Affine::var(0) - Affine::constant(1.0));
     assert_all(&[
         ("normal equations", stops!(matrix.factor_ata(None, &Elimination::Amd, &run), SparseError)),
-        ("least squares", stops!(energy.factor(&FixedSet::none(), &run), EnergyError)),
+        ("a Laplacian", stops!(laplacian.factor(&Elimination::Amd, &run), SparseError)),
         ("a quadratic program", stops!(program.solve(&run), QpError)),
     ]);
 }

@@ -130,8 +130,8 @@ fn a_singular_system_names_its_component() {
     let first = laplacian(4, 3, 0.5);
     let second = laplacian(3, 3, 0.0);
     let mut triplets: Vec<(usize, usize, f64)> =
-        first.pattern().places().map(|(i, j, s)| (i, j, first.values()[s])).collect();
-    triplets.extend(second.pattern().places().map(|(i, j, s)| (i + 12, j + 12, second.values()[s])));
+        first.pattern().entries().map(|(i, j, s)| (i, j, first.values()[s])).collect();
+    triplets.extend(second.pattern().entries().map(|(i, j, s)| (i + 12, j + 12, second.values()[s])));
     for scale in [1e-12, 1.0, 1e12] {
         let scaled: Vec<_> = triplets.iter().map(|&(i, j, v)| (i, j, v * if i < 12 { scale } else { 1.0 })).collect();
         let a = SparseMatrix::from_triplets(21, &scaled).expect("in range");

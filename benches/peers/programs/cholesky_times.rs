@@ -24,7 +24,7 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
     let mut x = b.clone();
     let solve = least(|| {
         x.copy_from_slice(&b);
-        compact.solve_3(&mut x);
+        compact.solve_points(&mut x);
     });
     let nnz = cholesky.nnz();
     println!("{{\"nnz\": {nnz}, \"analyze\": {analyze}, \"factor\": {factor}, \"solve\": {solve}}}");

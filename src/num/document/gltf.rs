@@ -12,9 +12,9 @@ use serde_json::{Map, Value, json};
 
 /// The first bytes of a binary file.
 pub const MAGIC: &[u8; 4] = b"glTF";
-/// Kind of the chunk that holds the document.
+/// Kind of the chunk with the document.
 pub const JSON_CHUNK: u32 = 0x4E4F_534A;
-/// Kind of the chunk that holds the buffer.
+/// Kind of the chunk with the buffer.
 pub const BINARY_CHUNK: u32 = 0x004E_4942;
 /// Target of views of vertex attributes.
 pub const ARRAY_BUFFER: u32 = 34_962;
@@ -92,8 +92,9 @@ impl GltfBuffer {
         let chunks = [(JSON_CHUNK, &text), (BINARY_CHUNK, &self.bytes)];
         let chunks = chunks.iter().filter(|(_, bytes)| !bytes.is_empty());
         let total = 12 + chunks.clone().map(|(_, bytes)| 8 + bytes.len()).sum::<usize>();
-        let size =
-            |n: usize| u32::try_from(n).map_err(|_| io::Error::other("GLB holds at most 4 GiB; write PLY instead"));
+        let size = |n: usize| {
+            u32::try_from(n).map_err(|_| io::Error::other("a GLB file has at most 4 GiB; write PLY instead"))
+        };
         out.write_all(MAGIC)?;
         out.write_all(&2_u32.to_le_bytes())?;
         out.write_all(&size(total)?.to_le_bytes())?;

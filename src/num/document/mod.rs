@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Every reader of such a file goes through [`Kind`]: the size is checked before anything is read, format and version before
-//! the content, so that a file of another kind or of a newer program is told apart from one that is malformed.
+//! the content, so that a file of another kind or of a newer program is distinguished from one that is malformed.
 
 pub mod gltf;
 
@@ -81,7 +81,7 @@ pub enum DocumentError {
     },
 }
 
-/// Enough of a file to tell what it is.
+/// Enough of a file to identify it.
 #[derive(Deserialize)]
 struct Header {
     format: String,

@@ -13,8 +13,8 @@
 //! S = D − Bᵀ K⁻¹ B,      S q = d − Bᵀ K⁻¹ r,      K u = r − B q
 //! ```
 //!
-//! So a border of another size, or one that meets other elements, costs no new analysis. `K` by itself holds what the border
-//! could let go (`q = 0`); it is positive definite wherever the whole is.
+//! So a border of another size, or one that meets other elements, costs no new analysis. `K` alone is the energy
+//! with `q = 0`; it is positive definite wherever the whole is.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -216,8 +216,8 @@ mod tests {
                 reference.add(*element, 2.0, &row, *b);
                 bordered.add_shared(*element, 2.0, a, &meets, *b);
             }
-            let x = reference.minimize(&Run::default()).expect("held").to_vec();
-            let u = bordered.minimize(&Run::default()).expect("held").to_vec();
+            let x = reference.minimize(&Run::default()).expect("constrained").to_vec();
+            let u = bordered.minimize(&Run::default()).expect("constrained").to_vec();
             let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
             assert!(near(&x[..n], &u) && near(&x[n..n + border], bordered.border()), "a border of {border}");
             // Superposition: a target that one more term has is answered by the response to it.
@@ -225,14 +225,14 @@ mod tests {
             unit[7] = 0.5;
             let response = bordered.response(&unit);
             bordered.add(7, 1e-20, &[1.0, 0.0], 0.5e20);
-            let both = bordered.minimize(&Run::default()).expect("held").to_vec();
+            let both = bordered.minimize(&Run::default()).expect("constrained").to_vec();
             let sum: Vec<f64> = u.iter().zip(&response).map(|(u, r)| u + r).collect();
             assert!(near(&both, &sum), "a border of {border}");
         }
     }
 
     #[test]
-    fn a_border_that_nothing_holds_is_refused() {
+    fn an_unconstrained_border_is_refused() {
         let parts = [[0_usize, 1]];
         let mut energy =
             BorderedEnergy::new(2, parts.iter().map(<[usize; 2]>::as_slice), &Ordering::Amd).expect("elements");

@@ -1,41 +1,29 @@
-//! The energy core: sparse weighted least squares, factored once and solved many times.
+//! Quadratic energies with a sparse matrix: assembled, factored, solved many times.
 //!
 //! ```text
-//! E(x) = Σᵣ wᵣ ‖Σⱼ aᵣⱼ xⱼ − bᵣ‖²      s.t.  x_f = c_f  for f in the fixed set
+//! E(x) = Σᵣ wᵣ |Σⱼ aᵣⱼ xⱼ − bᵣ|²      Σᵣ wᵣ aᵣᴴ aᵣ x = Σᵣ wᵣ aᵣᴴ bᵣ
 //! ```
 //!
-//! There are two doors. [`LeastSquares`] reads like the paper: residuals are expressions, unknowns are points of `D`
-//! coordinates that act alike (or, for `D` = 1, scalars that terms may mix: [`PlaneExpr`]). [`QuadraticEnergy`] is the fast
-//! one: coefficients go straight into a matrix whose pattern is known, nothing is allocated. They give the same minimizer.
-//! [`BorderedEnergy`] adds to the fast one a few unknowns that rows of many elements share.
+//! | energy | its matrix | who minimizes it |
+//! | --- | --- | --- |
+//! | [`ConstrainedLaplacian`] | fixed; hard and soft constraints; many right-hand sides | deformation, skin weights, morphing |
+//! | [`QuadraticEnergy`] | fixed pattern, values refilled before every solve without an allocation | image warps, retargeting, rectangling |
+//! | [`BorderedEnergy`] | the same, with a few unknowns that rows of many elements share | rectifying |
 //!
-//! Three things may change, each at its own price: targets `b` and fixed values `c` at every [`Factored::solve`], weights
-//! at a [`Factored::reweight`] (one numeric factorization), the fixed *set* and the rows only with a new
-//! [`LeastSquares::factor`]. [`LocalGlobal`] and [`Reweighted`] alternate the first two with a fit of the caller's or a
-//! robust loss.
+//! [`Convergence`] says when an iteration over such solves stops, [`Loss`] what outliers cost. Energies that are not quadratic are
+//! minimized by [`crate::optim`].
 
 mod bordered;
+mod convergence;
 mod error;
-mod expr;
-mod factored;
-mod fixed;
-mod least_squares;
-mod local_global;
-mod plane_expr;
+mod laplacian;
+mod loss;
 mod quadratic;
-mod robust;
 
 pub use crate::sparse::{Complex, Ordering, Scalar};
 pub use bordered::BorderedEnergy;
+pub use convergence::Convergence;
 pub use error::EnergyError;
-pub use expr::Expr;
-pub use factored::{Factored, Targets};
-pub use fixed::{FixedSet, FixedValues};
-pub use least_squares::{LeastSquares, Term};
-pub use local_global::{Convergence, LocalGlobal, Report};
-pub use plane_expr::PlaneExpr;
+pub use laplacian::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
+pub use loss::Loss;
 pub use quadratic::QuadraticEnergy;
-pub use robust::{Loss, Reweighted};
-
-/// The value of one unknown: `D` coordinates.
-pub type Value<const D: usize> = nalgebra::SVector<f64, D>;

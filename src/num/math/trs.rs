@@ -16,9 +16,9 @@ use super::nearest_rotation;
 pub struct Trs {
     /// Where the origin goes.
     pub translation: Vector3<f64>,
-    /// The turn.
+    /// The rotation.
     pub rotation: UnitQuaternion<f64>,
-    /// Factors along the axes, before the turn; negative ones mirror.
+    /// Factors along the axes, before the rotation; negative ones mirror.
     pub scale: Vector3<f64>,
 }
 

@@ -25,9 +25,11 @@ use crate::sparse::{Cholesky, SparseMatrix};
 /// Vectors per block: as many equal eigenvalues as rotations about an axis and mirrors bring, twice over. Solves with four
 /// right-hand sides cost little more than two with one.
 const BLOCK: usize = 4;
-/// Norm under which what is left of a vector, a unit before it was made orthogonal, is rounding.
+/// Norm of a unit vector after it was made orthogonal below which the rest is rounding: a million roundings. Smaller takes rounding for new
+/// directions, larger drops directions that are new.
 const DEPENDENT: f64 = 1e-10;
-/// Passes of orthogonalization.
+/// Passes of orthogonalization: after one, vectors that lose most of their length are orthogonal to few digits; after two, all are to
+/// working precision (Giraud, Langou, Rozložník 2005).
 const PASSES: usize = 2;
 
 /// How far to go.
@@ -35,7 +37,7 @@ const PASSES: usize = 2;
 pub struct LanczosOptions {
     /// Residual under which a pair is accepted, > 0 (see [`Eigenpairs::residuals`]).
     pub tolerance: f64,
-    /// Blocks at most, all restarts together, ≥ 1.
+    /// Maximum number of blocks, all restarts together, ≥ 1.
     pub max_blocks: usize,
     /// Seed of the first block.
     pub seed: u64,
@@ -99,12 +101,14 @@ impl ShiftedPencil<'_> {
         let mut blocks = 0;
         while count > 0 && blocks < options.max_blocks {
             run.step(blocks as f64 / options.max_blocks as f64)?;
+            // Extend the space by the block and its image under `C`.
             let width = block.len();
             space.take(&mut block);
             let mut image: Vec<Vec<f64>> = space.basis[space.basis.len() - width..].to_vec();
             self.apply(&roots, &mut image);
             block = space.project(image);
             blocks += 1;
+            // Ritz pairs: always where the space is full, else after every third block.
             let full = space.basis.len() + block.len() > largest || block.is_empty();
             let ritz = if full || blocks % 3 == 0 { Some(space.ritz(&block)) } else { None };
             let Some(ritz) = ritz else { continue };
@@ -113,6 +117,7 @@ impl ShiftedPencil<'_> {
             {
                 break;
             }
+            // Thick restart: keep the best vectors.
             if full && space.basis.len() > count + BLOCK {
                 space.restart(&ritz, count + BLOCK);
             }
@@ -356,7 +361,7 @@ mod tests {
     fn dense_values(a: &SparseMatrix, mass: &[f64]) -> Vec<f64> {
         let n = a.n();
         let mut full = DMatrix::zeros(n, n);
-        for (i, j, s) in a.pattern().places() {
+        for (i, j, s) in a.pattern().entries() {
             let v = a.values()[s] / (mass[i] * mass[j]).sqrt();
             full[(i, j)] = v;
             full[(j, i)] = v;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A step is taken where the gain ratio `ϱ` is positive; `λ` then falls by up to a third, the more the better the quadratic
-//! model foretold the gain, and rises ever faster while steps fail. What `x` is, and how the damped system is solved, is the
+//! model predicted the gain, and rises ever faster while steps fail. What `x` is, and how the damped system is solved, is the
 //! problem's own business.
 //!
 //! # Reference
@@ -30,16 +30,16 @@ pub trait DampedProblem {
     fn accept(&mut self);
 }
 
-/// When to stop, and where damping starts.
+/// When to stop, and the initial damping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DampingOptions {
     /// First `λ`, relative to the diagonal of `H`, > 0.
     pub lambda: f64,
-    /// Done when an accepted step lowers `E + floor` by less than this share, and the model had promised no more; ≥ 0.
+    /// Done when an accepted step lowers `E + floor` by less than this fraction, and the model had predicted no more; ≥ 0.
     pub tolerance: f64,
     /// `E` that counts as zero, ≥ 0.
     pub floor: f64,
-    /// Most steps tried, the failed ones included.
+    /// Maximum number of steps tried, the failed ones included.
     pub max_iterations: usize,
 }
 
@@ -54,18 +54,19 @@ impl Default for DampingOptions {
 pub struct DampingReport {
     /// Steps tried, the failed ones included.
     pub iterations: usize,
-    /// `E` at the start.
+    /// `E` of the initial guess.
     pub initial_cost: f64,
     /// `E` at the end.
     pub cost: f64,
-    /// The last step gained nothing to speak of.
+    /// The last step gained less than the tolerance.
     pub converged: bool,
 }
 
-/// Damping beyond which the step is nil in double precision.
-const HOPELESS: f64 = 1e16;
-/// Damping below which the step is Gauss–Newton's in double precision.
-const NEGLIGIBLE: f64 = 1e-12;
+/// Largest damping tried: beyond it the step changes no digit of `x` in double precision, whatever the scale, since damping is relative to
+/// the diagonal of `H`.
+const MAX_DAMPING: f64 = 1e16;
+/// Smallest damping: four digits above rounding, so that singular directions stay damped; smaller changes no step that is determined.
+const MIN_DAMPING: f64 = 1e-12;
 
 /// Minimizes from the problem's present point, where `E` is `cost`.
 ///
@@ -80,31 +81,33 @@ pub fn minimize(
     let mut report = DampingReport { iterations: 0, initial_cost: cost, cost, converged: false };
     let (mut lambda, mut growth) = (options.lambda, 2.0);
     let mut stale = true;
-    while report.iterations < options.max_iterations && !report.converged && lambda < HOPELESS {
+    while report.iterations < options.max_iterations && !report.converged && lambda < MAX_DAMPING {
         run.check()?;
         if std::mem::take(&mut stale) {
             problem.linearize();
         }
+        // The step under the present damping; more damping where there is none.
         report.iterations += 1;
-        let promised = problem.propose(lambda).filter(|gain| gain.is_finite());
+        let predicted = problem.propose(lambda).filter(|gain| gain.is_finite());
         let small = options.tolerance * (report.cost + options.floor);
-        let Some(promised) = promised else {
+        let Some(predicted) = predicted else {
             (lambda, growth) = (lambda * growth, growth * 2.0);
             continue;
         };
+        // Nielsen: damping follows the ratio of gained to predicted decrease.
         let trial = problem.trial_cost();
         let gain = report.cost - trial;
         if gain > 0.0 {
             problem.accept();
             stale = true;
             report.cost = trial;
-            report.converged = gain <= small && promised <= small;
-            let model_error = 2.0 * gain / promised - 1.0;
-            lambda = (lambda * (1.0 - model_error.powi(3)).max(1.0 / 3.0)).max(NEGLIGIBLE);
+            report.converged = gain <= small && predicted <= small;
+            let model_error = 2.0 * gain / predicted - 1.0;
+            lambda = (lambda * (1.0 - model_error.powi(3)).max(1.0 / 3.0)).max(MIN_DAMPING);
             growth = 2.0;
         } else {
-            // A promise below rounding that is not kept is no failure.
-            report.converged = promised <= small.max(report.cost * f64::EPSILON);
+            // A predicted gain below rounding that does not come is no failure.
+            report.converged = predicted <= small.max(report.cost * f64::EPSILON);
             (lambda, growth) = (lambda * growth, growth * 2.0);
         }
     }

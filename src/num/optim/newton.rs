@@ -33,9 +33,9 @@ pub trait DescentProblem {
 /// When to stop, and what counts as descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DescentOptions {
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_iterations: usize,
-    /// Converged where the model promises to lower `E` by no more than this share of `|E| + floor`: `−½ gᵀp`; > 0.
+    /// Converged where the model promises to lower `E` by no more than this fraction of `|E| + floor`: `−½ gᵀp`; > 0.
     pub tolerance: f64,
     /// Energy that counts as zero, ≥ 0.
     pub floor: f64,
@@ -63,7 +63,7 @@ pub enum DescentEnd {
 /// How a descent went.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DescentReport {
-    /// Energy at the start and after each step; never rises.
+    /// Energy of the initial guess and after each step; never rises.
     pub energies: Vec<f64>,
     /// Why it ended.
     pub end: DescentEnd,
@@ -75,23 +75,49 @@ impl DescentReport {
         self.energies.len() - 1
     }
 
-    /// Ended at a minimum, as far as the tolerance tells.
+    /// Ended at a minimum, within the tolerance.
     pub fn converged(&self) -> bool {
         self.end == DescentEnd::Converged
     }
 }
 
-/// Share of the promised descent that a step must keep. Nearly any descent will do: demanding more costs trials, less admits
-/// steps that gain nothing.
+/// Fraction of the predicted decrease that a step must reach (Armijo). Nearly any decrease will do: demanding more costs trials,
+/// less admits steps that gain nothing. The usual value (Nocedal & Wright, section 3.1).
 const ARMIJO: f64 = 1e-4;
-/// First shift tried where `H` itself is refused, relative to `D`.
+/// First shift tried where `H` itself is refused, relative to `D`: nine more shifts, each eight times the last, reach 10⁴; a smaller
+/// first one only adds factorizations that fail.
 const FIRST_SHIFT: f64 = 1e-4;
-/// A shift that leaves nothing of `H`.
-const LAST_SHIFT: f64 = 1e12;
-/// Halvings of a step at most: what is left is below the rounding of `x`.
-const HALVINGS: u32 = 40;
+/// Largest shift tried: beside it `H` is rounding in all but four digits, so that a refusal means that numbers are not finite.
+const MAX_SHIFT: f64 = 1e12;
+/// Maximum number of halvings of a step: 2⁻⁴⁰ of it is near the rounding of `x`.
+const MAX_HALVINGS: u32 = 40;
 
 /// Descends from the problem's present point.
+///
+/// ```
+/// use plumbline_num::optim::newton::{DescentOptions, DescentProblem, descend};
+/// use plumbline_num::run::Run;
+///
+/// // E(x) = x⁴/4 − x, whose minimum is at 1.
+/// struct Quartic { x: f64, step: f64 }
+/// impl DescentProblem for Quartic {
+///     fn energy(&mut self) -> f64 { self.energy_along(0.0) }
+///     fn direction(&mut self, shift: f64) -> Option<f64> {
+///         let (gradient, hessian) = (self.x.powi(3) - 1.0, 3.0 * self.x.powi(2) + shift);
+///         self.step = -gradient / hessian;
+///         (hessian > 0.0).then_some(gradient * self.step)
+///     }
+///     fn energy_along(&mut self, alpha: f64) -> f64 {
+///         let x = self.x + alpha * self.step;
+///         x.powi(4) / 4.0 - x
+///     }
+///     fn step(&mut self, alpha: f64) { self.x += alpha * self.step }
+/// }
+/// let mut problem = Quartic { x: 3.0, step: 0.0 };
+/// let report = descend(&mut problem, &DescentOptions::default(), &Run::default())?;
+/// assert!(report.converged() && (problem.x - 1.0).abs() < 1e-6);
+/// # Ok::<(), plumbline_num::run::Stopped>(())
+/// ```
 ///
 /// # Errors
 /// [`Stopped`]; the problem is then at the last point reached.
@@ -101,7 +127,7 @@ pub fn descend(
     run: &Run,
 ) -> Result<DescentReport, Stopped> {
     let mut energies = vec![problem.energy()];
-    let mut shift = 0.0;
+    let mut shift: f64 = 0.0;
     let end = loop {
         run.check()?;
         let energy = energies[energies.len() - 1];
@@ -116,27 +142,23 @@ pub fn descend(
             break DescentEnd::Converged;
         }
         let Some((alpha, lower)) = search(problem, energy, slope) else {
-            // A promise below the rounding of `E` cannot be seen to be kept.
-            let unseen = -slope <= 1e3 * f64::EPSILON * energy.abs();
-            break if unseen { DescentEnd::Converged } else { DescentEnd::NoDescent };
+            // A predicted decrease below the rounding of `E` cannot be measured.
+            let below_rounding = -slope <= 1e3 * f64::EPSILON * energy.abs();
+            break if below_rounding { DescentEnd::Converged } else { DescentEnd::NoDescent };
         };
         problem.step(alpha);
         energies.push(lower);
-        // A full step vouches for the model.
-        shift = if alpha == 1.0 && shift > FIRST_SHIFT {
-            shift / 8.0
-        } else if alpha == 1.0 {
-            0.0
-        } else {
-            shift
-        };
+        // A full step confirms the model: less shift next time.
+        if alpha == 1.0 {
+            shift = if shift > FIRST_SHIFT { shift / 8.0 } else { 0.0 };
+        }
     };
     Ok(DescentReport { energies, end })
 }
 
 /// The direction under the least shift, from the present one upwards, that descends.
 fn find_direction(problem: &mut impl DescentProblem, shift: &mut f64) -> Option<f64> {
-    while *shift <= LAST_SHIFT {
+    while *shift <= MAX_SHIFT {
         if let Some(slope) = problem.direction(*shift).filter(|slope| *slope <= 0.0) {
             return Some(slope);
         }
@@ -147,7 +169,7 @@ fn find_direction(problem: &mut impl DescentProblem, shift: &mut f64) -> Option<
 
 /// The first of the steps 1, ½, ¼ … that lowers the energy enough, and the energy there.
 fn search(problem: &mut impl DescentProblem, energy: f64, slope: f64) -> Option<(f64, f64)> {
-    (0..HALVINGS).map(|k| 0.5_f64.powi(k as i32)).find_map(|alpha| {
+    (0..MAX_HALVINGS).map(|k| 0.5_f64.powi(k as i32)).find_map(|alpha| {
         let there = problem.energy_along(alpha);
         (there <= energy + ARMIJO * alpha * slope && there < energy).then_some((alpha, there))
     })
@@ -244,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_minimized_is_told() {
+    fn an_energy_without_a_minimum_is_reported() {
         let nan = |_: Vector2<f64>| (f64::NAN, Vector2::zeros(), Matrix2::identity());
         assert_eq!(
             descend(&mut from(0.0, 0.0, nan), &DescentOptions::default(), &Run::default())

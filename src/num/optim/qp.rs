@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The program is written expression by expression ([`Affine`]) and solved by the interior-point method of Clarabel;
-//! this is the only file that names that crate. The solution lies within `1e-6` (relative) of every constraint, not
+//! this is the only file that names that crate. The solution is within `1e-6` (relative) of every constraint, not
 //! exactly inside: callers that need exactness move the last hair themselves. Where rounding stops the iteration early, a
 //! point that meets the constraints to `1e-4` and the minimum to a thousandth is taken for solved.
 //!
@@ -23,7 +23,7 @@ use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, Nonnegat
 /// differences.
 const FEASIBILITY: [f64; 2] = [1e-6, 1e-4];
 
-/// Gap between the objective and its lower bound, as a share of it (or absolute, where it is below 1), at which an iteration
+/// Gap between the objective and its lower bound, as a fraction of it (or absolute, where it is below 1), at which an iteration
 /// that rounding has stopped counts as done. With no constraint active, long chains of differences stop near `1e-4`.
 const EARLY_GAP: f64 = 1e-3;
 

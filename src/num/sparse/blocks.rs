@@ -15,7 +15,8 @@ use super::etree::{Elimination, NONE};
 use super::permuted::Permuted;
 use super::{Pattern, Permutation};
 
-/// Share of zeros up to which a merged block is kept, by its number of columns at most.
+/// Fraction of zeros up to which a merged block is kept, by its maximum number of columns: zeros cost multiplications, narrow blocks the
+/// speed of the dense kernels, hence more of them are accepted in narrow blocks (the scheme of CHOLMOD).
 const RELAXATION: [(u32, f64); 4] = [(4, 0.4), (16, 0.2), (48, 0.1), (u32::MAX, 0.05)];
 
 /// Adjacent columns and the rows below them.
@@ -53,7 +54,7 @@ impl Blocks {
         (0..self.len()).map(|s| self.get(s))
     }
 
-    /// The block whose columns hold the first row below each, [`NONE`] at roots.
+    /// The block whose columns contain the first row below each, [`NONE`] at roots.
     pub(super) fn parents(&self) -> Vec<u32> {
         let mut block_of = vec![NONE; self.firsts.last().map_or(0, |&n| n as usize)];
         for (s, block) in self.iter().enumerate() {
@@ -166,7 +167,7 @@ impl Groups {
         (starts, list)
     }
 
-    /// Merges children into parents where that is cheap, those with the most rows first.
+    /// Merges children into parents where that is inexpensive, those with the most rows first.
     fn merge(&mut self) {
         let (starts, mut children) = self.children();
         for p in 0..self.list.len() {
@@ -178,7 +179,7 @@ impl Groups {
                 let entries = child.entries + parent.entries;
                 let stored = u64::from(width) * u64::from(width + 1) / 2 + u64::from(width) * u64::from(parent.below);
                 let zeros = (stored - entries) as f64 / stored as f64;
-                if RELAXATION.iter().any(|&(columns, share)| width <= columns && zeros <= share) {
+                if RELAXATION.iter().any(|&(columns, fraction)| width <= columns && zeros <= fraction) {
                     (self.list[p].merged, self.list[p].entries) = (width, entries);
                     self.list[c as usize].into = p as u32;
                 }
@@ -289,7 +290,7 @@ impl Groups {
     }
 }
 
-/// True where `row` lies from `end` on and is met for the first time by block `s`.
+/// True where `row` is at or after `end` and is met for the first time by block `s`.
 fn take(row: u32, end: u32, s: usize, mark: &mut [u32]) -> bool {
     row >= end && std::mem::replace(&mut mark[row as usize], s as u32) != s as u32
 }

@@ -179,7 +179,7 @@ impl<T: Scalar> Cholesky<T> {
         })
     }
 
-    /// A pivot was not positive: rounding of a zero, or truly negative? A shift far above rounding tells.
+    /// A pivot was not positive: rounding of a zero, or truly negative? A shift far above rounding decides.
     fn explain(&mut self, a: &SparseMatrix<T>, failed: usize, run: &Run) -> SparseError {
         let component = a.component_of(self.old(failed));
         self.refill(a.values());

@@ -16,7 +16,8 @@
 
 use super::etree::NONE;
 use super::sweep::{Lanes, MAX_WIDTH, Panels};
-use super::{Cholesky, Permutation};
+use super::{Cholesky, Ordering, Permutation, SparseError, SparseMatrix};
+use crate::run::Run;
 
 /// The factor `L` of `P A Pᵀ = L Lᵀ` without padding, for solves only.
 ///
@@ -42,6 +43,17 @@ impl CompactFactor {
         };
         this.refill(cholesky);
         this
+    }
+
+    /// Analyzes, factors and copies a positive definite matrix whose values do not change.
+    ///
+    /// # Errors
+    /// As [`Cholesky::analyze`] and [`Cholesky::factor`].
+    pub fn of(matrix: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
+        let ordering = if matrix.n() == 0 { &Ordering::Natural } else { ordering };
+        let mut cholesky = Cholesky::analyze(matrix.pattern(), ordering)?;
+        cholesky.factor(matrix, run)?;
+        Ok(Self::new(&cholesky))
     }
 
     /// Takes the values of the same analysis factored anew. Allocates nothing.
@@ -116,16 +128,6 @@ impl CompactFactor {
         }
     }
 
-    /// Solves for three right-hand sides at once: the coordinates of each point. Allocates the first time only.
-    pub fn solve_3(&mut self, b: &mut [[f64; 3]]) {
-        self.solve_points(b);
-    }
-
-    /// Solves for two right-hand sides at once. Allocates the first time only.
-    pub fn solve_2(&mut self, b: &mut [[f64; 2]]) {
-        self.solve_points(b);
-    }
-
     /// Solves for columns of `n` entries one after another, four at a time. Allocates the first time only.
     pub fn solve_columns(&mut self, columns: &mut [f64]) {
         let n = self.n();
@@ -153,7 +155,8 @@ impl CompactFactor {
         }
     }
 
-    fn solve_points<const D: usize>(&mut self, b: &mut [[f64; D]]) {
+    /// Solves for `D` ≤ 4 right-hand sides at once: the coordinates of each point. Allocates the first time only.
+    pub fn solve_points<const D: usize>(&mut self, b: &mut [[f64; D]]) {
         assert!(b.len() == self.n(), "{} values for {} unknowns", b.len(), self.n());
         self.four.resize(self.n(), Lanes::default());
         for (to, &old) in self.four.iter_mut().zip(self.order.old_from_new()) {
@@ -211,13 +214,11 @@ fn panels_of(cholesky: &Cholesky) -> Panels {
 
 #[cfg(test)]
 mod tests {
-    use crate::run::Run;
     use std::sync::Arc;
 
     use super::*;
-    use crate::sparse::{Ordering, SparseMatrix};
 
-    fn held_grid(side: usize) -> SparseMatrix {
+    fn fixed_grid(side: usize) -> SparseMatrix {
         let mut triplets = vec![];
         for i in 0..side * side {
             triplets.push((i, i, 5.0 + (i as f64).sin()));
@@ -234,7 +235,7 @@ mod tests {
     #[test]
     fn the_copy_solves_as_the_factor_does() {
         for side in [1, 2, 5, 13, 40] {
-            let a = held_grid(side);
+            let a = fixed_grid(side);
             let n = side * side;
             for ordering in [Ordering::Natural, Ordering::Amd] {
                 let mut cholesky = Cholesky::analyze(&Arc::clone(a.pattern()), &ordering).expect("valid");
@@ -246,7 +247,7 @@ mod tests {
                 let mut y = b.clone();
                 compact.solve(&mut y);
                 let mut z: Vec<[f64; 3]> = b.iter().map(|&b| [b, 2.0 * b, -b]).collect();
-                compact.solve_3(&mut z);
+                compact.solve_points(&mut z);
                 let mut w: Vec<f64> =
                     [1.0, -3.0, 0.5, 2.0, 4.0].iter().flat_map(|s| b.iter().map(move |b| s * b)).collect();
                 compact.solve_columns(&mut w);

@@ -47,7 +47,7 @@ pub fn inverse_norm_1(
         x.fill(0.0);
         x[steepest] = 1.0;
     }
-    // A vector with alternating, growing entries finds what cancels along the way.
+    // A vector with alternating, growing entries finds what cancels in the sum.
     let wave = |i: usize| (1.0 + i as f64 / (n.max(2) - 1) as f64) * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let y = solve(&(0..n).map(wave).collect::<Vec<_>>());
     best.max(2.0 * norm_1(&y) / (3.0 * n as f64))
@@ -110,6 +110,6 @@ pub fn backward_error(a: &GeneralMatrix, b: &[f64], x: &[f64]) -> f64 {
         r[i] -= v * x[j];
         scale[i] += v.abs() * x[j].abs();
     }
-    let share = |(r, s): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / s };
-    r.iter().zip(&scale).map(share).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { f64::max(a, b) })
+    let ratio = |(r, s): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / s };
+    r.iter().zip(&scale).map(ratio).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { f64::max(a, b) })
 }

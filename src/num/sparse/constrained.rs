@@ -8,9 +8,9 @@
 //! ```
 //!
 //! Elimination keeps the system definite, and smaller; it takes fixed values only. Multipliers take any equations and say
-//! with `λ` what force holds them, at the price of an indefinite system.
+//! with `λ` the force of each constraint, at the price of an indefinite system.
 
-use super::{Cholesky, Factor, GeneralMatrix, Method, Ordering, Permutation, SparseBuilder, SparseError, SparseMatrix};
+use super::{Cholesky, Factor, GeneralMatrix, Method, Ordering, SparseBuilder, SparseError, SparseMatrix};
 use crate::run::Run;
 
 /// A symmetric positive definite system in which some unknowns are given.
@@ -18,7 +18,7 @@ use crate::run::Run;
 pub struct Eliminated {
     /// Reduced number of each free unknown.
     reduced: Vec<Option<u32>>,
-    free: Vec<usize>,
+    free: Vec<u32>,
     fixed: Vec<usize>,
     /// `A_uf` as `(free, fixed, value)`, both by their place in the lists.
     coupling: Vec<(u32, u32, f64)>,
@@ -30,7 +30,7 @@ impl Eliminated {
     ///
     /// # Errors
     /// [`SparseError::OutOfRange`] for an unknown that does not exist or is fixed twice; [`SparseError::Singular`] with the
-    /// numbers of `A` where the fixed ones do not hold the rest.
+    /// numbers of `A` where the fixed ones leave a component unconstrained.
     pub fn new(a: &SparseMatrix, fixed: &[usize], ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
         let n = a.n();
         let mut place = vec![None; n];
@@ -38,11 +38,11 @@ impl Eliminated {
             let slot = place.get_mut(f).filter(|slot| slot.is_none());
             *slot.ok_or(SparseError::OutOfRange { index: f, unknowns: n })? = Some(k as u32);
         }
-        let free: Vec<usize> = (0..n).filter(|&i| place[i].is_none()).collect();
+        let free: Vec<u32> = (0..n as u32).filter(|&i| place[i as usize].is_none()).collect();
         let mut reduced = vec![None; n];
-        free.iter().enumerate().for_each(|(k, &i)| reduced[i] = Some(k as u32));
+        free.iter().zip(0..).for_each(|(&i, k)| reduced[i as usize] = Some(k));
         let (mut inner, mut coupling) = (Vec::new(), Vec::new());
-        for (i, j, s) in a.pattern().places() {
+        for (i, j, s) in a.pattern().entries() {
             let v = a.values()[s];
             match (reduced[i], reduced[j], place[i], place[j]) {
                 (Some(i), Some(j), ..) => inner.push((i as usize, j as usize, v)),
@@ -51,7 +51,7 @@ impl Eliminated {
             }
         }
         let inner = SparseMatrix::from_triplets(free.len(), &inner)?;
-        let mut cholesky = Cholesky::analyze(inner.pattern(), &restricted(ordering, &free, &reduced)?)?;
+        let mut cholesky = Cholesky::analyze(inner.pattern(), &ordering.restricted(&free, n)?)?;
         cholesky.factor(&inner, run).map_err(|error| error.renumbered(&free))?;
         Ok(Self { reduced, free, fixed: fixed.to_vec(), coupling, cholesky })
     }
@@ -66,13 +66,13 @@ impl Eliminated {
                 return Err(SparseError::Columns { given, expected });
             }
         }
-        let mut rhs: Vec<f64> = self.free.iter().map(|&i| b[i]).collect();
+        let mut rhs: Vec<f64> = self.free.iter().map(|&i| b[i as usize]).collect();
         for &(i, f, v) in &self.coupling {
             rhs[i as usize] -= v * values[f as usize];
         }
         self.cholesky.solve_in_place(&mut rhs);
         let mut x = vec![0.0; b.len()];
-        self.free.iter().zip(&rhs).for_each(|(&i, &v)| x[i] = v);
+        self.free.iter().zip(&rhs).for_each(|(&i, &v)| x[i as usize] = v);
         self.fixed.iter().zip(values).for_each(|(&i, &v)| x[i] = v);
         Ok(x)
     }
@@ -80,33 +80,6 @@ impl Eliminated {
     /// The factor of `A_uu`.
     pub fn cholesky(&self) -> &Cholesky {
         &self.cholesky
-    }
-}
-
-/// The ordering of all unknowns for the free ones alone.
-fn restricted(ordering: &Ordering, free: &[usize], reduced: &[Option<u32>]) -> Result<Ordering, SparseError> {
-    let wrong = |len: usize| SparseError::OutOfRange { index: len, unknowns: reduced.len() };
-    Ok(match ordering {
-        Ordering::NestedDissection(p) if p.len() == reduced.len() => {
-            Ordering::NestedDissection(free.iter().map(|&i| p[i]).collect())
-        }
-        Ordering::Given(p) if p.len() == reduced.len() => {
-            let kept = p.old_from_new().iter().filter_map(|&old| reduced[old as usize]).collect();
-            Ordering::Given(Permutation::new(kept).ok_or_else(|| wrong(p.len()))?)
-        }
-        Ordering::NestedDissection(p) => return Err(wrong(p.len())),
-        Ordering::Given(p) => return Err(wrong(p.len())),
-        other => other.clone(),
-    })
-}
-
-impl SparseError {
-    /// The same fault, its unknowns named by `old[k]` instead of `k`.
-    fn renumbered(mut self, old: &[usize]) -> Self {
-        if let Self::Singular { component } | Self::NotPositiveDefinite { component } = &mut self {
-            component.unknowns.iter_mut().for_each(|k| *k = old[*k]);
-        }
-        self
     }
 }
 

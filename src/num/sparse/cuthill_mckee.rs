@@ -1,7 +1,7 @@
 //! Reverse Cuthill–McKee: an order that keeps every non-zero near the diagonal.
 //!
 //! Number the unknowns by breadth-first search from one at the rim of its component, the neighbors of each by ascending
-//! degree, and turn the numbering around. Fill then stays within the envelope of a narrow band: for long, thin systems,
+//! degree, and reverse the numbering. Fill then stays within the envelope of a narrow band: for long, thin systems,
 //! and for seeing what a band costs beside a dissection (`O(n^{3/2})` entries in the plane, against `O(n log n)`).
 //!
 //! # Reference
@@ -37,6 +37,7 @@ pub(super) fn reverse_cuthill_mckee(pattern: &Pattern) -> Permutation {
     if fill(&other) < fill(&one) { other } else { one }
 }
 
+/// Not numbered yet.
 const UNSEEN: u32 = u32::MAX;
 
 struct Search {

@@ -20,14 +20,14 @@ const LEAF: usize = 16;
 pub(super) fn nested_dissection(pattern: &Pattern, positions: &[[f64; 3]]) -> Permutation {
     let (start, neighbors) = pattern.adjacency();
     let mut unknowns: Vec<u32> = (0..pattern.n() as u32).collect();
-    let mut dissection = Dissection { start, neighbors, positions, side: vec![Side::Outside; pattern.n()] };
+    let mut dissection = Dissection { start, neighbors, positions, side: vec![Side::Other; pattern.n()] };
     dissection.order(&mut unknowns);
     Permutation::from_old_from_new(unknowns)
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
-    Outside,
+    Other,
     Low,
     High,
 }
@@ -57,7 +57,7 @@ impl Dissection<'_> {
             high[kept..].to_vec()
         };
         for &v in set.iter() {
-            self.side[v as usize] = Side::Outside;
+            self.side[v as usize] = Side::Other;
         }
         let (mut low_len, mut high_len) = (cut, set.len() - cut);
         if low_border <= high_border {

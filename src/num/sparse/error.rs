@@ -12,7 +12,7 @@ pub struct Component {
 impl std::fmt::Display for Component {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let first = self.unknowns.first().copied().unwrap_or(0);
-        write!(f, "component of {} unknown(s) that holds unknown {first}", self.unknowns.len())
+        write!(f, "component of {} unknown(s) that contains unknown {first}", self.unknowns.len())
     }
 }
 
@@ -21,7 +21,7 @@ impl std::fmt::Display for Component {
 #[non_exhaustive]
 pub enum SparseError {
     /// Numerics: the system leaves something free.
-    #[error("the system is singular: the {component} is held by nothing; fix one of its unknowns or give it a weight")]
+    #[error("the system is singular: the {component} has no constraint; fix one of its unknowns or give it a weight")]
     Singular {
         /// The part of the system that contains the vanishing pivot.
         component: Component,
@@ -67,8 +67,8 @@ pub enum SparseError {
         unknowns: usize,
     },
     /// Input: an entry beyond the shape of its matrix.
-    #[error("entry ({row}, {col}) lies outside the {rows}×{columns} matrix (numbered from 0)")]
-    Outside {
+    #[error("entry ({row}, {col}) is outside the {rows}×{columns} matrix (numbered from 0)")]
+    OutOfBounds {
         /// Row of the entry.
         row: usize,
         /// Column of the entry.
@@ -135,4 +135,14 @@ pub enum SparseError {
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+impl SparseError {
+    /// The same fault, its unknowns named by `old[k]` instead of `k`.
+    pub(crate) fn renumbered(mut self, old: &[u32]) -> Self {
+        if let Self::Singular { component } | Self::NotPositiveDefinite { component } = &mut self {
+            component.unknowns.iter_mut().for_each(|k| *k = old[*k] as usize);
+        }
+        self
+    }
 }

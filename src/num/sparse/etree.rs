@@ -10,6 +10,7 @@
 
 use super::{Pattern, Permutation};
 
+/// No parent, no child, no sibling.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Parent of each column of the factor of `P A Pᵀ`, [`NONE`] at roots.
@@ -20,7 +21,7 @@ fn elimination_tree(pattern: &Pattern, order: &Permutation) -> Vec<u32> {
     for row in 0..n {
         let old = order.old_from_new()[row] as usize;
         for &neighbor in &neighbors[start[old] as usize..start[old + 1] as usize] {
-            // Climb from each column left of `row` to its root, compressing the path on the way.
+            // Climb from each column left of `row` to its root, compressing the path.
             let mut j = order.new_from_old()[neighbor as usize];
             while j != NONE && (j as usize) < row {
                 let next = ancestor[j as usize];
@@ -137,7 +138,7 @@ impl Elimination {
     }
 }
 
-/// Last node on the way up from `k`, compressing that way.
+/// Last node on the path up from `k`, compressing that path.
 fn root_of(ancestor: &mut [u32], k: u32) -> u32 {
     let mut root = k;
     while ancestor[root as usize] != root {

@@ -15,10 +15,10 @@ use faer::{Accum, MatMut, MatRef, Par};
 
 use super::Scalar;
 
-/// Multiplications of a front from which the dense kernels are faster than our loops.
+/// Multiplications of a front from which the dense kernels are faster than our loops: a square front of 29 columns.
 const LARGE: usize = 24_000;
 
-/// Columns of a strip.
+/// Columns of a strip: wider leaves more of the work to the loops, narrower makes the products too thin for the dense kernels.
 const STRIP: usize = 32;
 
 /// A dense front: the panel of its columns, `rows` values each, and what remains below, both by columns.

@@ -35,7 +35,7 @@ impl SparseBuilder {
     /// The matrix.
     ///
     /// # Errors
-    /// [`SparseError::Outside`] for an entry beyond the shape, [`SparseError::NotFinite`] for one that is not a number,
+    /// [`SparseError::OutOfBounds`] for an entry beyond the shape, [`SparseError::NotFinite`] for one that is not a number,
     /// [`SparseError::TooLarge`] past 2³¹ rows, columns or entries.
     pub fn build(&self) -> Result<GeneralMatrix, SparseError> {
         let (rows, columns) = (self.rows, self.columns);
@@ -45,7 +45,7 @@ impl SparseBuilder {
         }
         for &(row, col, value, _) in &self.entries {
             if row >= rows || col >= columns {
-                return Err(SparseError::Outside { row, col, rows, columns });
+                return Err(SparseError::OutOfBounds { row, col, rows, columns });
             }
             if !value.is_finite() {
                 return Err(SparseError::NotFinite { row, col });
@@ -199,7 +199,7 @@ impl GeneralMatrix {
 impl From<&SparseMatrix> for GeneralMatrix {
     fn from(a: &SparseMatrix) -> Self {
         let mut builder = SparseBuilder::new(a.n(), a.n());
-        for (i, j, s) in a.pattern().places() {
+        for (i, j, s) in a.pattern().entries() {
             builder.add_entry(i, j, a.values()[s]);
             if i != j {
                 builder.add_entry(j, i, a.values()[s]);
@@ -242,7 +242,7 @@ mod tests {
     #[test]
     fn entries_outside_and_numbers_that_are_none_are_refused() {
         let outside = SparseBuilder::new(3, 2).add_entry(1, 2, 1.0).build().expect_err("column 2 of 2");
-        assert_eq!(outside.to_string(), "entry (1, 2) lies outside the 3×2 matrix (numbered from 0)");
+        assert_eq!(outside.to_string(), "entry (1, 2) is outside the 3×2 matrix (numbered from 0)");
         let nan = SparseBuilder::new(3, 2).set_entry(1, 1, f64::NAN).build().expect_err("NaN");
         assert_eq!(nan.to_string(), "entry (1, 1) of the matrix is not finite");
         let sum =

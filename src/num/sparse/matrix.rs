@@ -81,13 +81,13 @@ impl<T: Scalar> SparseMatrix<T> {
         if self.values.iter().all(|v| v.finite()) {
             return None;
         }
-        self.pattern.places().find(|&(_, _, s)| !self.values[s].finite()).map(|(i, j, _)| (i, j))
+        self.pattern.entries().find(|&(_, _, s)| !self.values[s].finite()).map(|(i, j, _)| (i, j))
     }
 
     /// All unknowns that non-zero entries join to `unknown`.
     pub fn component_of(&self, unknown: usize) -> Component {
         let mut neighbors = vec![Vec::new(); self.n()];
-        for (i, j, s) in self.pattern.places() {
+        for (i, j, s) in self.pattern.entries() {
             if i != j && self.values[s] != T::default() {
                 neighbors[i].push(j);
                 neighbors[j].push(i);

@@ -10,8 +10,9 @@ use std::fmt::Write as _;
 
 use super::{GeneralMatrix, SparseBuilder, SparseError};
 
-/// Rows and columns that a file may have beyond its entries: empty ones, for which memory is needed all the same.
-const EMPTY: usize = 1 << 20;
+/// Rows and columns that a file may have beyond its entries: empty ones, for which memory is needed all the same. A file of a hundred
+/// bytes cannot ask for more than some megabytes.
+const MAX_EMPTY: usize = 1 << 20;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Symmetry {
@@ -107,7 +108,7 @@ impl Body {
         if self.header.symmetry != Symmetry::General && rows != columns {
             return Err(fault(self.at, format!("{rows}×{columns} is not square, as the symmetry demands")));
         }
-        if rows.max(columns) > entries.saturating_add(EMPTY) {
+        if rows.max(columns) > entries.saturating_add(MAX_EMPTY) {
             return Err(fault(self.at, format!("{rows}×{columns} is too large for {entries} entries")));
         }
         Ok(())
@@ -163,7 +164,7 @@ impl Body {
         let value = if self.header.pattern { 1.0 } else { self.header.value(words[2])? };
         match self.header.symmetry {
             Symmetry::Symmetric | Symmetry::Skew if i < j => {
-                Err(format!("entry ({}, {}) lies above the diagonal of a symmetric matrix", i + 1, j + 1))
+                Err(format!("entry ({}, {}) is above the diagonal of a symmetric matrix", i + 1, j + 1))
             }
             Symmetry::Skew if i == j => Err(format!("a skew-symmetric matrix has no entry ({}, {})", i + 1, j + 1)),
             _ => Ok(((i, j), value)),
@@ -271,7 +272,7 @@ mod tests {
             (coordinate("2 2 1\n1 1\n"), "line 3: an entry has 2 words (expected 3)"),
             (
                 "%%MatrixMarket matrix coordinate real symmetric\n2 2 1\n1 2 1\n".into(),
-                "line 3: entry (1, 2) lies above the diagonal",
+                "line 3: entry (1, 2) is above the diagonal",
             ),
             ("%%MatrixMarket matrix coordinate real symmetric\n2 3 0\n".into(), "line 2: 2×3 is not square"),
             (

@@ -5,9 +5,9 @@
 //! once, [`Cholesky::factor`] whenever values change (no allocation), [`Cholesky::solve_in_place`] for each right-hand side,
 //! or, where there are many of them, [`CompactFactor`].
 //!
-//! For matrices of any kind there is a second door: a [`SparseBuilder`] collects entries, [`GeneralMatrix::factor`] finds the
+//! For matrices of any kind a [`SparseBuilder`] collects entries, [`GeneralMatrix::factor`] finds the
 //! factorization that fits ([`Method`]), [`GeneralMatrix::factor_ata`] solves weighted least squares, [`Eliminated`] and
-//! [`Multipliers`] hold constraints, [`Updated`] adds and removes them, [`conjugate_gradients`] does without a factor.
+//! [`Multipliers`] impose constraints, [`Updated`] adds and removes them, [`conjugate_gradients`] does without a factor.
 //! [`Factor::condition`] and [`Factor::refine`] say how far a solution can be trusted.
 //!
 //! Symmetric matrices are stored as their lower triangle, compressed by columns, rows ascending, every diagonal entry present.

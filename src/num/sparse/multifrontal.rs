@@ -8,7 +8,7 @@
 //! panel     ←  L,   U ← U − M Mᴴ      (M the rows of L below the block's own)
 //! ```
 //!
-//! In the order of elimination the children of a block are what lies on top of a stack. Against collecting updates column by
+//! In the order of elimination the children of a block are the top of a stack. Against collecting updates column by
 //! column from all earlier blocks there are fewer and larger products, which is what counts on surfaces: most blocks are of a
 //! few columns.
 //!
@@ -95,7 +95,7 @@ impl<T: Scalar> Multifrontal<T> {
         self.list.last().map_or(0, |block| block.values + block.width() * block.rows())
     }
 
-    /// Where the panel of block `s` lies among the values: columns of all its rows.
+    /// The range of the panel of block `s` among the values: columns of all its rows.
     pub(super) fn panel(&self, s: usize) -> std::ops::Range<usize> {
         let block = &self.list[s];
         block.values..block.values + block.width() * block.rows()
@@ -111,7 +111,8 @@ impl<T: Scalar> Multifrontal<T> {
                 if own < parent.width {
                     return own as u32;
                 }
-                let (k, _) = above.find(|&(_, &r)| r == row).expect("a parent's front holds the rows of its children");
+                let (k, _) =
+                    above.find(|&(_, &r)| r == row).expect("a parent's front contains the rows of its children");
                 (parent.width + k) as u32
             }));
         }

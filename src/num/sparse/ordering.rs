@@ -21,7 +21,7 @@ pub enum Ordering {
     /// several factorizations. For systems refactored many times, or too large for the fill of [`Self::Amd`].
     GraphDissection,
     /// Geometric nested dissection by the position of each unknown, in any unit (unknowns of one vertex share it; plane
-    /// positions leave the third coordinate 0). The best order for grids and surfaces, and the cheapest to find.
+    /// positions leave the third coordinate 0). The best order for grids and surfaces, and the least expensive to find.
     NestedDissection(Vec<[f64; 3]>),
     /// An order of the caller's.
     Given(Permutation),
@@ -79,6 +79,25 @@ impl Permutation {
 }
 
 impl Ordering {
+    /// The ordering of `n` unknowns for some of them alone: `kept`, ascending.
+    pub(crate) fn restricted(&self, kept: &[u32], n: usize) -> Result<Self, SparseError> {
+        let other_size = |size: usize| SparseError::OutOfRange { index: size, unknowns: n };
+        Ok(match self {
+            Self::NestedDissection(p) if p.len() == n => {
+                Self::NestedDissection(kept.iter().map(|&i| p[i as usize]).collect())
+            }
+            Self::Given(p) if p.len() == n => {
+                let mut number = vec![None; n];
+                kept.iter().zip(0..).for_each(|(&i, k)| number[i as usize] = Some(k));
+                let order = p.old_from_new().iter().filter_map(|&old| number[old as usize]).collect();
+                Self::Given(Permutation::new(order).ok_or_else(|| other_size(kept.len()))?)
+            }
+            Self::NestedDissection(p) => return Err(other_size(p.len())),
+            Self::Given(p) => return Err(other_size(p.len())),
+            other => other.clone(),
+        })
+    }
+
     /// The elimination order for a pattern, not yet postordered.
     pub(super) fn permutation(&self, pattern: &Pattern) -> Result<Permutation, SparseError> {
         let n = pattern.n();

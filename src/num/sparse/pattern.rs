@@ -74,14 +74,14 @@ impl Pattern {
     }
 
     /// Iterates over `(row, column, slot)`, columns ascending, rows ascending within each.
-    pub fn places(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
         (0..self.n()).flat_map(move |j| self.column(j).map(move |s| (self.row_idx[s] as usize, j, s)))
     }
 
     /// Neighbors of each unknown in both triangles, without itself: `(starts, neighbors)`.
     pub(super) fn adjacency(&self) -> (Vec<u32>, Vec<u32>) {
         let mut start = vec![0_u32; self.n() + 1];
-        for (i, j, _) in self.places().filter(|&(i, j, _)| i != j) {
+        for (i, j, _) in self.entries().filter(|&(i, j, _)| i != j) {
             start[i + 1] += 1;
             start[j + 1] += 1;
         }
@@ -90,7 +90,7 @@ impl Pattern {
         }
         let mut next = start.clone();
         let mut neighbors = vec![0; start[self.n()] as usize];
-        for (i, j, _) in self.places().filter(|&(i, j, _)| i != j) {
+        for (i, j, _) in self.entries().filter(|&(i, j, _)| i != j) {
             for (from, to) in [(i, j), (j, i)] {
                 neighbors[next[from] as usize] = to as u32;
                 next[from] += 1;

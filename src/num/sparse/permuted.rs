@@ -21,7 +21,7 @@ impl Permuted {
     pub(super) fn new(pattern: &Pattern, order: &Permutation) -> Self {
         let new = order.new_from_old();
         let entries: Vec<(u32, u32, u32)> = pattern
-            .places()
+            .entries()
             .map(|(i, j, slot)| {
                 let (row, col) = (new[i], new[j]);
                 let flag = if row < col { MIRRORED } else { 0 };
@@ -45,7 +45,7 @@ impl Permuted {
         self.starts[j] as usize..self.starts[j + 1] as usize
     }
 
-    /// For each entry, the slot of the pattern, and whether it is the mirror image of what stands there.
+    /// For each entry, the slot of the pattern, and whether it is the mirror image of the entry there.
     pub(super) fn sources(&self) -> impl ExactSizeIterator<Item = (usize, bool)> + '_ {
         self.source.iter().map(|&from| ((from & !MIRRORED) as usize, from & MIRRORED != 0))
     }

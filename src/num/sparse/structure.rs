@@ -1,6 +1,6 @@
 //! Where the Cholesky factor of a pattern is non-zero, without factoring.
 //!
-//! Row `i` of `L` has an entry in every column on the way up the elimination tree from the columns in which row `i` of `A`
+//! Row `i` of `L` has an entry in every column on the path up the elimination tree from the columns in which row `i` of `A`
 //! has one (Davis 2006, section 4.2): its places can be named one after another in memory of the order of `n`.
 
 use super::etree::{Elimination, NONE};
@@ -100,7 +100,7 @@ mod tests {
                 let new = structure.order().new_from_old();
                 // Elimination by hand: each column couples all rows below it that it has.
                 let mut full = DMatrix::from_element(n, n, false);
-                for (i, j, _) in pattern.places() {
+                for (i, j, _) in pattern.entries() {
                     let (i, j) = (new[i] as usize, new[j] as usize);
                     full[(i.max(j), i.min(j))] = true;
                 }

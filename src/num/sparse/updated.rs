@@ -14,7 +14,7 @@
 //! ```
 //!
 //! The system refactors where the changes pending have cost as much as a factorization would, or where their total
-//! per solve passes a solve's own cost, `4 n r > 4 nnz(L)`. Removing what held the system leaves it singular: the inner
+//! per solve passes a solve's own cost, `4 n r > 4 nnz(L)`. Removing its last constraint leaves the system singular: the inner
 //! matrix is then singular too, the system is refactored and the component named.
 //!
 //! # Reference
@@ -39,6 +39,24 @@ struct Change {
 }
 
 /// A system under changing constraints.
+///
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_num::sparse::{Ordering, SparseMatrix, Updated};
+///
+/// // A chain of three, fixed softly at its first unknown; a second constraint `4 (x₂ − 1)²` comes and goes.
+/// let chain = [(0, 0, 2.0), (1, 1, 2.0), (2, 2, 1.0), (1, 0, -1.0), (2, 1, -1.0)];
+/// let mut system = Updated::new(SparseMatrix::from_triplets(3, &chain)?, Ordering::Amd, &Run::default())?;
+/// system.add(&[(2, 1.0)], 4.0, &Run::default())?;
+/// let mut x = [0.0, 0.0, 4.0];
+/// system.solve(&mut x);
+/// assert!((x[2] - 12.0 / 13.0).abs() < 1e-12 && (x[0] - x[1] / 2.0).abs() < 1e-12);
+/// system.add(&[(2, 1.0)], -4.0, &Run::default())?;
+/// let mut x = [1.0, 0.0, 0.0];
+/// system.solve(&mut x);
+/// assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-12));
+/// # Ok::<(), plumbline_num::sparse::SparseError>(())
+/// ```
 #[derive(Debug)]
 pub struct Updated {
     ordering: Ordering,
@@ -52,7 +70,7 @@ pub struct Updated {
 }
 
 impl Updated {
-    /// Factors the system as it stands.
+    /// Factors the system as it is.
     ///
     /// # Errors
     /// As [`Cholesky::factor`].
@@ -116,7 +134,7 @@ impl Updated {
         self.cholesky.flops() + if grows { ANALYSIS_PER_ENTRY * self.cholesky.nnz() as f64 } else { 0.0 }
     }
 
-    /// Factors `S⁻¹ + Uᵀ Z`; false where it is singular, or `A′` no longer positive definite, as its determinant tells:
+    /// Factors `S⁻¹ + Uᵀ Z`; false where it is singular, or `A′` no longer positive definite, by the sign of its determinant:
     /// `det A′ = det A · det S · det(S⁻¹ + Uᵀ Z)`, and each change moves at most one eigenvalue past zero.
     fn factor_inner(&mut self) -> bool {
         let r = self.pending.len();
@@ -129,11 +147,11 @@ impl Updated {
             .abs()
             .zip_map(&DVector::from_iterator(r, self.pending.iter().map(|c| 1.0 / c.weight.abs())), f64::max);
         // `1 + s uᵀ A⁻¹ u` near zero: removing the change leaves nothing in some direction.
-        let sound = (0..r).all(|k| inner[(k, k)].abs() > LOST * scale[k]);
+        let sound = (0..r).all(|k| inner[(k, k)].abs() > MIN_PIVOT * scale[k]);
         let lu = inner.lu();
         let u = lu.u();
         let definite = lu.determinant() * self.pending.iter().map(|c| c.weight.signum()).product::<f64>() > 0.0;
-        let kept = sound && definite && (0..r).all(|k| u[(k, k)].abs() > LOST * scale[k]);
+        let kept = sound && definite && (0..r).all(|k| u[(k, k)].abs() > MIN_PIVOT * scale[k]);
         if kept {
             self.inner = Some(lu);
         }
@@ -144,7 +162,7 @@ impl Updated {
     fn refactor_with(&mut self, change: &Change, run: &Run) -> Result<(), SparseError> {
         let changes = || self.pending.iter().chain([change]).flat_map(pairs);
         let mut triplets: Vec<(usize, usize, f64)> =
-            self.base.pattern().places().map(|(i, j, s)| (i, j, self.base.values()[s])).collect();
+            self.base.pattern().entries().map(|(i, j, s)| (i, j, self.base.values()[s])).collect();
         triplets.extend(changes());
         let base = SparseMatrix::from_triplets(self.n(), &triplets)?;
         let mut cholesky = Cholesky::analyze(base.pattern(), &self.ordering)?;
@@ -156,23 +174,24 @@ impl Updated {
         Ok(())
     }
 
-    /// Replaces `b` by the solution of the system as it now stands.
+    /// Replaces `b` by the solution of the system with all changes.
     pub fn solve(&mut self, b: &mut [f64]) {
         self.cholesky.solve_in_place(b);
         let Some(inner) = &self.inner else { return };
         for x in b.chunks_exact_mut(self.base.n()) {
             let along = |c: &Change| c.terms.iter().map(|&(i, a)| a * x[i]).sum::<f64>();
-            let mut share = DVector::from_iterator(self.pending.len(), self.pending.iter().map(along));
-            inner.solve_mut(&mut share);
-            for (change, share) in self.pending.iter().zip(share.iter()) {
-                x.iter_mut().zip(&change.solved).for_each(|(x, z)| *x -= share * z);
+            let mut coefficients = DVector::from_iterator(self.pending.len(), self.pending.iter().map(along));
+            inner.solve_mut(&mut coefficients);
+            for (change, c) in self.pending.iter().zip(coefficients.iter()) {
+                x.iter_mut().zip(&change.solved).for_each(|(x, z)| *x -= c * z);
             }
         }
     }
 }
 
-/// Below this share of its terms a pivot of the inner matrix has lost too many digits to be used.
-const LOST: f64 = 1e-8;
+/// Below this fraction of its terms a pivot of the inner matrix has lost half of its digits to cancellation: the system is factored anew.
+/// Larger refactors where the update was precise enough, smaller returns solutions of few digits.
+const MIN_PIVOT: f64 = 1e-8;
 
 /// Entries of `s u uᵀ`, lower triangle; equal unknowns in `u` meet on the diagonal.
 fn pairs(change: &Change) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
@@ -188,7 +207,7 @@ fn pairs(change: &Change) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
 mod tests {
     use super::*;
 
-    fn held_grid(side: usize) -> SparseMatrix {
+    fn fixed_grid(side: usize) -> SparseMatrix {
         let mut triplets = vec![(0, 0, 1.0)];
         for i in 0..side * side {
             let mut edge = |j: usize| triplets.extend([(i, i, 1.0), (j, j, 1.0), (i, j, -1.0)]);
@@ -203,7 +222,7 @@ mod tests {
     }
 
     fn with(a: &SparseMatrix, changes: &[(Vec<(usize, f64)>, f64)]) -> SparseMatrix {
-        let mut triplets: Vec<_> = a.pattern().places().map(|(i, j, s)| (i, j, a.values()[s])).collect();
+        let mut triplets: Vec<_> = a.pattern().entries().map(|(i, j, s)| (i, j, a.values()[s])).collect();
         for (terms, weight) in changes {
             triplets.extend(pairs(&Change { terms: terms.clone(), weight: *weight, solved: Vec::new() }));
         }
@@ -212,8 +231,8 @@ mod tests {
 
     #[test]
     fn a_changed_system_solves_as_one_made_with_the_changes() {
-        let a = held_grid(25);
-        let mut updated = Updated::new(a.clone(), Ordering::Amd, &Run::default()).expect("held");
+        let a = fixed_grid(25);
+        let mut updated = Updated::new(a.clone(), Ordering::Amd, &Run::default()).expect("constrained");
         let mut changes: Vec<(Vec<(usize, f64)>, f64)> = Vec::new();
         let b: Vec<f64> = (0..625).map(|i| f64::from(i).cos()).collect();
         for k in 0..40 {
@@ -224,7 +243,7 @@ mod tests {
                 _ => changes[changes.len() - 3].0.clone(),
             };
             let weight = if k % 4 == 3 { -changes[changes.len() - 3].1 } else { 1.0 + f64::from(k as u32) };
-            updated.add(&terms, weight, &Run::default()).expect("stays held");
+            updated.add(&terms, weight, &Run::default()).expect("stays constrained");
             changes.push((terms, weight));
             let mut x = b.clone();
             updated.solve(&mut x);
@@ -238,7 +257,7 @@ mod tests {
 
     #[test]
     fn taking_away_what_holds_a_system_is_refused_and_changes_nothing() {
-        let mut updated = Updated::new(held_grid(12), Ordering::Amd, &Run::default()).expect("held");
+        let mut updated = Updated::new(fixed_grid(12), Ordering::Amd, &Run::default()).expect("constrained");
         let error = updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect_err("floats");
         assert!(matches!(&error, SparseError::Singular { component } if component.unknowns.len() == 144), "{error}");
         assert!(matches!(
@@ -253,14 +272,14 @@ mod tests {
         let mut x = vec![0.0; 144];
         x[0] = 1.0;
         updated.solve(&mut x);
-        assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-10), "still held by its first unknown");
+        assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-10), "still constrained at its first unknown");
     }
 
     #[test]
     fn a_held_place_may_move_from_one_end_to_the_other() {
-        let mut updated = Updated::new(held_grid(12), Ordering::Amd, &Run::default()).expect("held");
-        updated.add(&[(143, 1.0)], 5.0, &Run::default()).expect("held twice");
-        updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect("held by the other end");
+        let mut updated = Updated::new(fixed_grid(12), Ordering::Amd, &Run::default()).expect("constrained");
+        updated.add(&[(143, 1.0)], 5.0, &Run::default()).expect("constrained twice");
+        updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect("constrained at the other end");
         let mut x = vec![0.0; 144];
         x[143] = 10.0;
         updated.solve(&mut x);

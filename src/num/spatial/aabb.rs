@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// By how much, relative, a ray may seem to leave a box before it enters it: rounding must not lose a triangle that lies in the
+/// By how much, relative, a ray may seem to leave a box before it enters it: rounding must not lose a triangle in the
 /// side of its box. Too small loses hits, too large only opens more boxes.
 const SLACK: f64 = 1e-12;
 
@@ -37,7 +37,7 @@ impl Ray {
 }
 
 impl Aabb {
-    /// The box that holds nothing.
+    /// The box that contains nothing.
     pub fn empty() -> Self {
         let far = Vector3::repeat(f64::INFINITY);
         Self { low: far.into(), high: (-far).into() }

@@ -1,7 +1,7 @@
 //! A bounding volume hierarchy: boxes around boxes around items.
 //!
-//! Items are halved at the median of the widest axis until few are left; a node stands before its left half, so that the tree is
-//! one array. Items stand in the order of the leaves: item `k` of the tree is item `order()[k]` of the caller.
+//! Items are halved at the median of the widest axis until few are left; a node comes before its left half, so that the tree is
+//! one array. Items are in the order of the leaves: item `k` of the tree is item `order()[k]` of the caller.
 
 use std::ops::Range;
 

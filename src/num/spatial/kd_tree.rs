@@ -1,6 +1,6 @@
 //! The nearest of many points: a balanced k-d tree without pointers.
 //!
-//! The middle point of a range by the widest axis stands in its middle; what is left and right of it are the two halves. Built
+//! The middle point of a range by the widest axis is in its middle; the ranges left and right of it are the two halves. Built
 //! in `O(n log² n)`, asked in `O(log n)`.
 
 use nalgebra::Point3;
@@ -12,7 +12,7 @@ pub struct KdTree {
     nodes: Vec<(Point3<f64>, u32, u8)>,
 }
 
-/// Ranges up to this length are searched one by one.
+/// Ranges up to this length are searched one by one: shorter ones cost more steps down the tree, longer ones more distances.
 const LEAF: usize = 8;
 
 impl KdTree {

@@ -83,9 +83,9 @@ mod tests {
         assert_eq!(paths.length, length);
         assert!(length[39].is_infinite() && paths.back_from(39) == [39]);
         for v in (0..39).filter(|v| length[*v as usize].is_finite()) {
-            let way = paths.back_from(v);
-            assert!([3, 8].contains(way.last().unwrap()));
-            for step in way.windows(2) {
+            let path = paths.back_from(v);
+            assert!([3, 8].contains(path.last().unwrap()));
+            for step in path.windows(2) {
                 let edge = length[step[0] as usize] - length[step[1] as usize];
                 assert!(edges.contains(&(step[1], step[0], edge)));
             }

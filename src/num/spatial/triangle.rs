@@ -22,7 +22,7 @@ pub struct Crossing {
     pub u: f64,
     /// Barycentric coordinate of `c`.
     pub v: f64,
-    /// Whether the ray goes the way of the normal `(b − a) × (c − a)`.
+    /// Whether the ray goes along the normal `(b − a) × (c − a)`.
     pub leaves: bool,
 }
 
@@ -34,7 +34,7 @@ impl Crossing {
     }
 }
 
-/// The point of a triangle nearest to `p`, by the part of the plane (corner, edge, inside) in which `p` lies.
+/// The point of a triangle nearest to `p`, by the part of the plane (corner, edge, inside) that contains `p`.
 ///
 /// # Reference
 /// C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5.

@@ -1,4 +1,4 @@
-//! Sets that grow together: what edges or triangles connect, what lies in one place.
+//! Sets that grow together: what edges or triangles connect, what is at one position.
 
 /// A partition of `0..n`; each set is named by its lowest element.
 pub struct UnionFind {
@@ -29,7 +29,7 @@ impl UnionFind {
 
     /// The lowest element of the set of each.
     pub fn roots(mut self) -> Vec<u32> {
-        // Going up only ever leads down in number, so what stands before is final.
+        // Going up only ever leads down in number, so what comes before is final.
         for v in 0..self.up.len() {
             self.up[v] = self.up[self.up[v] as usize];
         }
@@ -41,7 +41,7 @@ impl UnionFind {
         self.up.iter().enumerate().filter(|&(v, &up)| v as u32 != up).count()
     }
 
-    /// [`Self::root`], with the way there halved for the next time.
+    /// [`Self::root`], with the path there halved for the next time.
     fn shortened(&mut self, mut v: u32) -> u32 {
         while self.up[v as usize] != v {
             let up = self.up[self.up[v as usize] as usize];

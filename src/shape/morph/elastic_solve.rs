@@ -10,19 +10,17 @@
 use nalgebra::{Point3, Vector3};
 
 use super::MorphError;
+use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseMatrix};
+use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::numbered_components;
-
-const PINNED: u32 = u32::MAX;
 
 /// A factored Laplacian of a surface.
 #[derive(Debug)]
 pub(super) struct ElasticSolve {
     triangles: Vec<[u32; 3]>,
     half: Vec<[f64; 3]>,
-    unknown: Vec<u32>,
-    factor: Option<CompactFactor>,
+    system: FactoredLaplacian,
     /// Piece of each vertex; without meaning where vertices are held.
     piece: Vec<u32>,
     pieces: usize,
@@ -63,22 +61,14 @@ impl ElasticSolve {
         pieces: usize,
         run: &Run,
     ) -> Result<Self, MorphError> {
-        let free: Vec<usize> = (0..at.len()).filter(|&v| !held[v]).collect();
-        let mut unknown = vec![PINNED; at.len()];
-        free.iter().enumerate().for_each(|(k, &v)| unknown[v] = k as u32);
-        let mut triplets = Vec::with_capacity(6 * triangles.len());
-        for (t, h) in triangles.iter().zip(&half) {
-            for k in 0..3 {
-                let (i, j) = (unknown[t[(k + 1) % 3] as usize], unknown[t[(k + 2) % 3] as usize]);
-                triplets.extend([i, j].into_iter().filter(|&v| v != PINNED).map(|v| (v as usize, v as usize, h[k])));
-                if i != PINNED && j != PINNED {
-                    triplets.push((i as usize, j as usize, -h[k]));
-                }
-            }
-        }
-        let places = free.iter().map(|&v| at[v].coords.into()).collect();
-        let factor = factored(free.len(), &triplets, places, run)?;
-        Ok(Self { triangles: triangles.to_vec(), half, unknown, factor, piece, pieces })
+        let edges = triangles
+            .iter()
+            .zip(&half)
+            .flat_map(|(t, h)| (0..3).map(move |k| (t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize, h[k])));
+        let laplacian = ConstrainedLaplacian::new(at.len(), edges, |v| held[v])?;
+        let positions = at.iter().map(|p| p.coords.into()).collect();
+        let system = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+        Ok(Self { triangles: triangles.to_vec(), half, system, piece, pieces })
     }
 
     /// Weights of edges, by the corner opposite.
@@ -99,9 +89,9 @@ impl ElasticSolve {
         forces: &[Vector3<f64>],
         x: &mut [Point3<f64>],
     ) {
-        let Some(factor) = &mut self.factor else { return };
-        let mut rhs = vec![[0.0; 3]; factor.n()];
-        for (force, &k) in forces.iter().zip(&self.unknown) {
+        let unknown = self.system.unknowns();
+        let mut rhs = vec![[0.0; 3]; self.system.free().len()];
+        for (force, &k) in forces.iter().zip(unknown) {
             if let Some(sum) = rhs.get_mut(k as usize) {
                 *sum = (*force).into();
             }
@@ -112,14 +102,14 @@ impl ElasticSolve {
                 let (i, j) = (v[(k + 1) % 3] as usize, v[(k + 2) % 3] as usize);
                 let missing = (wanted[k] - (x[j] - x[i])) * h[k];
                 for (v, sign) in [(j, 1.0), (i, -1.0)] {
-                    if let Some(sum) = rhs.get_mut(self.unknown[v] as usize) {
+                    if let Some(sum) = rhs.get_mut(unknown[v] as usize) {
                         (0..3).for_each(|c| sum[c] += sign * missing[c]);
                     }
                 }
             }
         }
-        factor.solve_3(&mut rhs);
-        for (x, &k) in x.iter_mut().zip(&self.unknown) {
+        self.system.solve(&mut rhs);
+        for (x, &k) in x.iter_mut().zip(self.system.unknowns()) {
             if let Some(step) = rhs.get(k as usize) {
                 *x += Vector3::from(*step);
             }
@@ -128,7 +118,7 @@ impl ElasticSolve {
 
     /// Weights of the edges at each vertex, summed.
     pub(super) fn diagonal(&self) -> Vec<f64> {
-        let mut sums = vec![0.0; self.unknown.len()];
+        let mut sums = vec![0.0; self.piece.len()];
         for (v, h) in self.triangles.iter().zip(&self.half) {
             (0..3).for_each(|k| sums[v[k] as usize] += h[(k + 1) % 3] + h[(k + 2) % 3]);
         }
@@ -152,21 +142,4 @@ impl ElasticSolve {
     pub(super) fn pieces(&self) -> (&[u32], usize) {
         (&self.piece, self.pieces)
     }
-}
-
-/// The factor of a positive definite matrix of `n` unknowns at these places.
-pub(super) fn factored(
-    n: usize,
-    triplets: &[(usize, usize, f64)],
-    places: Vec<[f64; 3]>,
-    run: &Run,
-) -> Result<Option<CompactFactor>, MorphError> {
-    if n == 0 {
-        return Ok(None);
-    }
-    let matrix = SparseMatrix::from_triplets(n, triplets)?;
-    run.check()?;
-    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::NestedDissection(places))?;
-    cholesky.factor(&matrix, run)?;
-    Ok(Some(CompactFactor::new(&cholesky)))
 }

@@ -12,8 +12,9 @@ use nalgebra::Point3;
 use super::MorphError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Eliminated, Ordering};
+use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::numbered_components;
 
 /// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
@@ -33,23 +34,14 @@ pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64, run: 
     painted.iter().zip(&piece).filter(|(p, _)| p.is_some()).for_each(|(_, piece)| reached[*piece as usize] = true);
     let given: Vec<Option<f64>> =
         painted.iter().zip(&piece).map(|(p, piece)| p.or((!reached[*piece as usize]).then_some(elsewhere))).collect();
-    let fixed: Vec<usize> = (0..given.len()).filter(|&v| given[v].is_some()).collect();
-    if fixed.len() == given.len() {
-        return Ok(given.into_iter().flatten().collect());
-    }
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
     let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
     let mean = weights.weights().iter().sum::<f64>() / weights.weights().len().max(1) as f64;
-    let mut triplets = Vec::with_capacity(3 * weights.edges().len());
-    for (i, j, w) in weights.iter() {
-        let w = w.max(MIN_WEIGHT * mean);
-        triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
-    }
-    let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(mesh.vertex_count(), &triplets)?;
-    let places = mesh.positions().iter().map(|p: &Point3<f64>| p.coords.into()).collect();
-    let mut solver = Eliminated::new(&matrix, &fixed, &Ordering::NestedDissection(places), run)?;
-    let values: Vec<f64> = fixed.iter().filter_map(|&v| given[v]).collect();
-    Ok(solver.solve(&vec![0.0; mesh.vertex_count()], &values)?)
+    let edges = weights.iter().map(|(i, j, w)| (i, j, w.max(MIN_WEIGHT * mean)));
+    let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), edges, |v| given[v].is_some())?;
+    let positions = mesh.positions().iter().map(|p: &Point3<f64>| p.coords.into()).collect();
+    let mut solver = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+    Ok(solver.interpolate(|v| [given[v].unwrap_or_default()]).as_flattened().to_vec())
 }
 
 #[cfg(test)]

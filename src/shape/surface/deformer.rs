@@ -245,7 +245,7 @@ impl Deformer {
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
-        fabric: &Fabric,
+        fabric: &Fabric<'_>,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
         Ok(Self { solver: Box::new(Primo::of_fabric(mesh, handles, options, fabric, run)?) })

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Handles, Hold, SurfaceError};
 use crate::mesh::TriMesh;
+pub(super) use plumbline_num::energy::FIXED;
 use plumbline_num::spatial::components;
 
 /// What happens to a part of the surface that no handle is on.
@@ -28,9 +29,6 @@ pub struct Part {
     /// Number of its vertices.
     pub vertices: usize,
 }
-
-/// No unknown: held exactly or standing still.
-pub(super) const FIXED: u32 = u32::MAX;
 
 /// The vertices of a mesh, sorted by what may move them.
 #[derive(Clone, Debug)]

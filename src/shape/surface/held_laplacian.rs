@@ -8,22 +8,19 @@
 //! All three coordinates share the factor. It depends on the mesh and on which vertices are held; a solve costs two
 //! triangular substitutions.
 
-use super::held::{FIXED, Held};
+use super::held::Held;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
+use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseError, SparseMatrix};
+use plumbline_num::sparse::{Ordering, SparseError};
 
 /// The factored system.
 #[derive(Debug)]
 pub(super) struct HeldLaplacian {
-    free: Vec<u32>,
-    /// `(unknown, vertex, q w)` of edges between a free and a fixed vertex.
-    borders: Vec<(u32, u32, f64)>,
+    system: FactoredLaplacian,
     /// `(unknown, number of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
-    /// None where nothing is free.
-    factor: Option<CompactFactor>,
     points: Vec<[f64; 3]>,
 }
 
@@ -31,51 +28,22 @@ impl HeldLaplacian {
     /// Factors `q L` of these weights; `q > 0`.
     ///
     /// # Errors
-    /// As [`Cholesky::analyze`] and [`Cholesky::factor`].
+    /// As [`ConstrainedLaplacian::new`] and [`ConstrainedLaplacian::factor`].
     pub(super) fn new(weights: &EdgeWeights, q: f64, held: &Held, run: &Run) -> Result<Self, SparseError> {
-        let n = held.free.len();
-        let unknowns = |i: usize, j: usize| (held.unknown[i], held.unknown[j]);
-        let inner = weights.iter().filter_map(|(i, j, w)| match unknowns(i, j) {
-            (FIXED, _) | (_, FIXED) => None,
-            (i, j) => Some((i as usize, j as usize, w)),
-        });
-        let pattern = std::sync::Arc::new(Pattern::new(n, inner.map(|(i, j, _)| (i, j)))?);
-        let mut matrix = SparseMatrix::zeros(std::sync::Arc::clone(&pattern));
-        let diagonal = pattern.column_starts();
-        let mut next: Vec<u32> = diagonal[..n].iter().map(|s| s + 1).collect();
-        let mut borders = Vec::new();
-        let values = matrix.values_mut();
-        for (i, j, w) in weights.iter() {
-            let w = q * w;
-            let (a, b) = unknowns(i, j);
-            for (unknown, other, vertex) in [(a, b, j), (b, a, i)] {
-                if unknown != FIXED {
-                    values[diagonal[unknown as usize] as usize] += w;
-                    if other == FIXED {
-                        borders.push((unknown, vertex as u32, w));
-                    }
-                }
-            }
-            // Edges ascend as the slots below the diagonal do: free vertices are numbered in ascending order.
-            if a != FIXED && b != FIXED {
-                values[next[a as usize] as usize] = -w;
-                next[a as usize] += 1;
-            }
-        }
-        let soft = |&(k, weight): &(usize, f64)| (held.unknown[held.handles.vertices()[k] as usize], k, weight);
-        let soft: Vec<(u32, usize, f64)> = held.soft.iter().map(soft).collect();
-        for &(unknown, _, weight) in &soft {
-            values[diagonal[unknown as usize] as usize] += weight;
-        }
-        let factor = factored(&matrix, run)?;
-        Ok(Self { free: held.free.clone(), borders, soft, factor, points: vec![[0.0; 3]; n] })
+        let vertex = |k: usize| held.handles.vertices()[k] as usize;
+        let soft_terms = held.soft.iter().map(|&(k, weight)| (vertex(k), vertex(k), weight));
+        let terms = weights.iter().map(|(i, j, w)| (i, j, q * w)).chain(soft_terms);
+        let system = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| held.unknown[v] == FIXED)?
+            .factor(&Ordering::Amd, run)?;
+        let soft = held.soft.iter().map(|&(k, weight)| (held.unknown[vertex(k)], k, weight)).collect();
+        Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })
     }
 
     /// What the held vertices add to the right-hand side: `−A_fh x_h + μ t`, one entry per unknown. `x` holds the fixed
     /// vertices where they are wanted, `targets` the positions of all handles.
     pub(super) fn pull(&self, x: &[Lanes], targets: &[Lanes]) -> Vec<Lanes> {
-        let mut pull = vec![Lanes::ZERO; self.free.len()];
-        for &(unknown, vertex, w) in &self.borders {
+        let mut pull = vec![Lanes::ZERO; self.points.len()];
+        for &(unknown, vertex, w) in self.system.coupling() {
             pull[unknown as usize] += Lanes::splat(w) * x[vertex as usize];
         }
         for &(unknown, k, weight) in &self.soft {
@@ -87,7 +55,7 @@ impl HeldLaplacian {
     /// `μ |x − t|²` summed.
     pub(super) fn soft_energy(&self, x: &[Lanes], targets: &[Lanes]) -> f64 {
         let of = |&(unknown, k, weight): &(u32, usize, f64)| {
-            let d = x[self.free[unknown as usize] as usize] - targets[k];
+            let d = x[self.free()[unknown as usize] as usize] - targets[k];
             weight * d.dot(d)
         };
         self.soft.iter().map(of).sum()
@@ -95,13 +63,13 @@ impl HeldLaplacian {
 
     /// Unknowns that are vertices, ascending.
     pub(super) fn free(&self) -> &[u32] {
-        &self.free
+        self.system.free()
     }
 
     /// Adds `μ (x − t)` to the entries of the softly held unknowns.
     pub(super) fn add_soft(&self, x: &[Lanes], targets: &[Lanes], g: &mut [Lanes]) {
         for &(unknown, k, weight) in &self.soft {
-            g[unknown as usize] += Lanes::splat(weight) * (x[self.free[unknown as usize] as usize] - targets[k]);
+            g[unknown as usize] += Lanes::splat(weight) * (x[self.free()[unknown as usize] as usize] - targets[k]);
         }
     }
 
@@ -117,9 +85,7 @@ impl HeldLaplacian {
         for (point, v) in self.points.iter_mut().zip(v.iter()) {
             *point = v.xyz();
         }
-        if let Some(factor) = &mut self.factor {
-            factor.solve_3(&mut self.points);
-        }
+        self.system.solve(&mut self.points);
         for (v, &point) in v.iter_mut().zip(&self.points) {
             *v = Lanes::point(point);
         }
@@ -127,24 +93,12 @@ impl HeldLaplacian {
 
     /// Moves the free vertices of `x` to the minimizer for the pull `b` of the vertices and that of the handles.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
-        for ((point, &v), pull) in self.points.iter_mut().zip(&self.free).zip(pull) {
+        for ((point, &v), pull) in self.points.iter_mut().zip(self.system.free()).zip(pull) {
             *point = (b[v as usize] + *pull).xyz();
         }
-        if let Some(factor) = &mut self.factor {
-            factor.solve_3(&mut self.points);
-        }
-        for (&point, &v) in self.points.iter().zip(&self.free) {
+        self.system.solve(&mut self.points);
+        for (&point, &v) in self.points.iter().zip(self.system.free()) {
             x[v as usize] = Lanes::point(point);
         }
     }
-}
-
-/// The factor of a matrix, for many solves; none for a system without unknowns.
-pub(super) fn factored(matrix: &SparseMatrix, run: &Run) -> Result<Option<CompactFactor>, SparseError> {
-    if matrix.n() == 0 {
-        return Ok(None);
-    }
-    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-    cholesky.factor(matrix, run)?;
-    Ok(Some(CompactFactor::new(&cholesky)))
 }

@@ -22,11 +22,10 @@ use super::SurfaceError;
 use super::bound::Bound;
 use super::detail_preserving::{DetailPreserving, laplacian};
 use super::held::FIXED;
-use super::held_laplacian::factored;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{CompactFactor, Pattern, SparseMatrix};
+use plumbline_num::sparse::{CompactFactor, Ordering, Pattern, SparseMatrix};
 
 /// ε, relative to the size of the energy's own terms: far above rounding, far below what a picture shows.
 const FAINT: f64 = 1e-8;
@@ -41,7 +40,7 @@ pub(super) struct SimilarityEditing {
     weights: Vec<f64>,
     edges: EdgeWeights,
     faint: f64,
-    factor: Option<CompactFactor>,
+    factor: CompactFactor,
 }
 
 impl SimilarityEditing {
@@ -100,7 +99,7 @@ impl SimilarityEditing {
                 matrix.values_mut()[pattern.column_starts()[3 * unknown + c] as usize] += weight;
             }
         }
-        Ok(Self { rows, weights, edges, faint, factor: factored(&matrix, run)? })
+        Ok(Self { rows, weights, edges, faint, factor: CompactFactor::of(&matrix, &Ordering::Amd, run)? })
     }
 
     /// The minimizer and its energy, seen in a frame that turns with the surface: there the turns left are small.
@@ -139,9 +138,7 @@ impl SimilarityEditing {
             }
             let mut step: Vec<f64> =
                 bound.held.free.iter().flat_map(|&v| <[f64; 3]>::from(slope[v as usize])).collect();
-            if let Some(factor) = &mut self.factor {
-                factor.solve(&mut step);
-            }
+            self.factor.solve(&mut step);
             for (step, &v) in step.as_chunks().0.iter().zip(&bound.held.free) {
                 x[v as usize] -= Lanes::point(*step);
             }

@@ -47,7 +47,7 @@ struct Eliminated {
     rows: Vec<u32>,
     /// `(d, e)` for each: its diagonal entry of `D`, and the entry beside it where it is the first of two.
     pivots: Vec<(f64, f64)>,
-    /// Columns of `L`, each of all rows; what lies above its diagonal is not read.
+    /// Columns of `L`, each of all rows; the part above its diagonal is not read.
     columns: Vec<f64>,
 }
 
@@ -290,9 +290,9 @@ impl Front {
         let column = &mut head[k * size..];
         let pivot = column[k];
         for (j, other) in tail.chunks_exact_mut(size).enumerate() {
-            let share = column[k + 1 + j] / pivot;
-            if share != 0.0 {
-                other[k + 1..].iter_mut().zip(&column[k + 1..]).for_each(|(v, c)| *v -= share * c);
+            let ratio = column[k + 1 + j] / pivot;
+            if ratio != 0.0 {
+                other[k + 1..].iter_mut().zip(&column[k + 1..]).for_each(|(v, c)| *v -= ratio * c);
             }
         }
         column[k + 1..].iter_mut().for_each(|v| *v /= pivot);

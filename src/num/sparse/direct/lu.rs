@@ -11,7 +11,7 @@
 //! are there, and nothing more.
 //!
 //! The pivot is the largest entry. Where the matrix is nearly symmetric in structure its columns are ordered as for a
-//! symmetric one, and the diagonal entry is taken unless it is smaller by [`DIAGONAL_SHARE`]: that order's fill is then mostly
+//! symmetric one, and the diagonal entry is taken unless it is smaller by [`DIAGONAL_THRESHOLD`]: that order's fill is then mostly
 //! kept. Else columns are ordered by COLAMD, which bounds the fill of any choice of pivots.
 //!
 //! # Reference
@@ -24,11 +24,13 @@ use crate::sparse::etree::NONE;
 use crate::sparse::ordering::column_degree;
 use crate::sparse::{GeneralMatrix, Ordering, Permutation, SparseError};
 
-/// Share of the largest entry from which a diagonal one is taken as pivot.
-const DIAGONAL_SHARE: f64 = 0.1;
+/// Fraction of the largest entry of its column from which a diagonal one is taken as pivot. Smaller keeps more of the planned order and
+/// lets rounding grow more, at most by the inverse of it per step; 0.1 is the usual compromise (UMFPACK).
+const DIAGONAL_THRESHOLD: f64 = 0.1;
 
-/// Share of entries with a mirror image from which a matrix is ordered as a symmetric one.
-const SYMMETRIC_SHARE: f64 = 0.5;
+/// Fraction of entries with a mirror image from which a matrix is ordered as a symmetric one: the union with the mirror image then has
+/// at most half as many entries again. It decides speed alone.
+const SYMMETRIC_FRACTION: f64 = 0.5;
 
 /// A triangular factor by columns, its diagonal apart.
 #[derive(Debug, Default)]
@@ -69,9 +71,9 @@ pub(super) struct Lu {
 impl Lu {
     /// The factors of a square matrix; a column without a pivot as [`SparseError::Undetermined`].
     pub(super) fn new(a: &GeneralMatrix, ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
-        let symmetric = symmetry(a) >= SYMMETRIC_SHARE;
+        let symmetric = symmetry(a) >= SYMMETRIC_FRACTION;
         let columns = if symmetric { ordering.permutation(&a.symmetric_pattern()?)? } else { column_degree(a)? };
-        let mut work = Elimination::new(a, if symmetric { DIAGONAL_SHARE } else { f64::INFINITY });
+        let mut work = Elimination::new(a, if symmetric { DIAGONAL_THRESHOLD } else { f64::INFINITY });
         for &column in columns.old_from_new() {
             run.check()?;
             work.eliminate(column as usize)?;
@@ -152,7 +154,7 @@ struct Elimination<'a> {
     /// Pivots reached, in postorder, and the other rows.
     known: Vec<u32>,
     open: Vec<u32>,
-    /// Pivots on the way down, each with the next entry to visit.
+    /// Pivots on the path down, each with the next entry to visit.
     path: Vec<(u32, usize)>,
 }
 
@@ -252,7 +254,7 @@ impl<'a> Elimination<'a> {
         (size(row) > 0.0).then_some(row)
     }
 
-    /// Where `u_jk` and `l_kj` both stand, all rows of column `j` that are no pivots yet are reached through `k` as well:
+    /// Where `u_jk` and `l_kj` are both stored, all rows of column `j` that are no pivots yet are reached through `k` as well:
     /// later searches need visit only those that are.
     fn prune(&mut self, row: u32) {
         for at in self.upper.starts[self.pivots.len() - 1]..self.upper.rows.len() {

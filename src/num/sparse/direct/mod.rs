@@ -8,7 +8,7 @@
 //! | LU, partial pivoting | any square matrix | rows move |
 //! | QR (Householder) | least squares, `m ≥ n`; no squaring of the condition number as in `AᵀA` | – |
 //!
-//! LU, QR and the column-by-column Cholesky do not tell a tiny pivot from a small one: all but the supernodal one are therefore
+//! LU, QR and the column-by-column Cholesky do not distinguish a tiny pivot from a small one: all but the supernodal one are therefore
 //! probed with a known solution before they are handed out. Where no digit of that solution comes back the matrix is called
 //! singular, and [`Method::Auto`] goes on to the next method.
 //!
@@ -62,7 +62,7 @@ enum Kind {
     Qr(Box<Qr>),
 }
 
-/// Share of a probe's solution that may be wrong: more, and not even its leading digit can be trusted.
+/// Relative error that a probe's solution may have: more, and not even its leading digit can be trusted.
 const PROBE_TOLERANCE: f64 = 0.1;
 
 impl GeneralMatrix {

@@ -9,7 +9,7 @@
 //! make it upper trapezoidal, the first rows are rows of `R`, the others go to the parent, and rows that vanish are done with.
 //! `Q` is kept as its reflections.
 //!
-//! The rows of `A` need not be multiplied out for the structure: all columns of a row lie on one way up the tree, so joining
+//! The rows of `A` need not be multiplied out for the structure: all columns of a row lie on one path up the tree, so joining
 //! each to the first of them gives the same tree.
 //!
 //! # Reference
@@ -38,7 +38,7 @@ struct Reduced {
     width: usize,
     /// Its other columns.
     rest: Vec<u32>,
-    /// Rows of the matrix in whose place its rows stand.
+    /// Rows of the matrix that its rows replace.
     rows: Vec<u32>,
     /// Rows of `R`, column by column of the front, `width` values each.
     r: Vec<f64>,
@@ -227,9 +227,9 @@ fn make_reflection(x: &mut [f64]) -> f64 {
 /// `b ← (I − τ v vᵀ) b`, `v` without its first entry 1.
 fn reflect(v: &[f64], tau: f64, b: &mut [f64]) {
     let Some((first, rest)) = b.split_first_mut() else { return };
-    let share = tau * (*first + dot(v, rest));
-    *first -= share;
-    rest.iter_mut().zip(v).for_each(|(b, v)| *b -= share * v);
+    let scaled = tau * (*first + dot(v, rest));
+    *first -= scaled;
+    rest.iter_mut().zip(v).for_each(|(b, v)| *b -= scaled * v);
 }
 
 /// Inner product in eight sums, so that they need not wait for each other.

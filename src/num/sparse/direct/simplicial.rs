@@ -6,7 +6,7 @@
 //! L_{<i,<i} lᵢ = a_{<i,i} ,     l_ii = √(a_ii − lᵢᵀ lᵢ) ,
 //! ```
 //!
-//! and is non-zero in the columns on the way up the elimination tree from those of row `i` of `A`.
+//! and is non-zero in the columns on the path up the elimination tree from those of row `i` of `A`.
 //!
 //! # Reference
 //! Davis 2006, section 4.7 (up-looking Cholesky).

@@ -1,4 +1,4 @@
-//! Gauss–Seidel relaxation: each unknown in turn takes the value that satisfies its own equation.
+//! Gauss–Seidel relaxation: each unknown in order takes the value that satisfies its own equation.
 //!
 //! ```text
 //! xᵢ ← (bᵢ − Σ_{j≠i} aᵢⱼ xⱼ) / aᵢᵢ
@@ -13,6 +13,17 @@ use crate::run::{Run, Stopped};
 use crate::sparse::{GeneralMatrix, SparseError, SparseMatrix};
 
 /// A symmetric matrix by rows, ready for relaxation.
+///
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_num::sparse::{GaussSeidel, SparseMatrix, Stop};
+///
+/// let a = SparseMatrix::from_triplets(2, &[(0, 0, 4.0), (1, 1, 3.0), (1, 0, 1.0)])?;
+/// let mut x = [0.0; 2];
+/// let report = GaussSeidel::new(&a)?.solve(&[6.0, 7.0], &mut x, &Stop::default(), &Run::default())?;
+/// assert!(report.converged && (x[0] - 1.0).abs() < 1e-9 && (x[1] - 2.0).abs() < 1e-9);
+/// # Ok::<(), plumbline_num::sparse::SparseError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct GaussSeidel {
     rows: GeneralMatrix,

@@ -33,7 +33,7 @@ impl Preconditioner for Plain {
     }
 }
 
-/// The diagonal alone: `M = diag A`. Takes differing scales of the unknowns out of the way.
+/// The diagonal alone: `M = diag A`. Removes differing scales of the unknowns.
 #[derive(Clone, Debug)]
 pub struct Jacobi {
     inverse: Vec<f64>,
@@ -78,7 +78,7 @@ impl Preconditioner for Cholesky {
 /// When an iterative solution is good enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// Steps at most.
+    /// Maximum number of iterations.
     pub max_iterations: usize,
     /// Done where `‖b − A x‖ ≤ tolerance · ‖b‖`; dimensionless, > 0.
     pub tolerance: f64,
@@ -93,7 +93,7 @@ impl Default for Stop {
 /// How an iterative solution went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IterativeReport {
-    /// Steps done.
+    /// Number of iterations.
     pub iterations: usize,
     /// `‖b − A x‖ / ‖b‖` at the end, computed from `x` itself.
     pub residual: f64,
@@ -101,10 +101,10 @@ pub struct IterativeReport {
     pub converged: bool,
 }
 
-/// Solves `A x = b` from the start `x` by preconditioned conjugate gradients.
+/// Solves `A x = b` from the initial guess `x` by preconditioned conjugate gradients.
 ///
 /// # Errors
-/// [`SparseError::NotPositiveDefinite`] where a direction of no or negative curvature turns up; `x` is then the last
+/// [`SparseError::NotPositiveDefinite`] where a direction has no or negative curvature; `x` is then the last
 /// approximation, as it is with [`SparseError::Interrupted`].
 pub fn conjugate_gradients(
     a: &SparseMatrix,
@@ -157,8 +157,8 @@ mod tests {
     use super::*;
     use crate::sparse::{Ordering, SparseBuilder};
 
-    /// Laplacian of a `side²` grid, held at one corner; unknowns in units that differ by up to 10³.
-    fn held_grid(side: usize) -> SparseMatrix {
+    /// Laplacian of a `side²` grid, constrained at one corner; unknowns in units that differ by up to 10³.
+    fn fixed_grid(side: usize) -> SparseMatrix {
         let n = side * side;
         let unit = |i: usize| 10f64.powi((i % 4) as i32);
         let mut a = SparseBuilder::new(n, n);
@@ -188,9 +188,9 @@ mod tests {
 
     #[test]
     fn the_nearer_the_preconditioner_the_fewer_the_steps() {
-        let a = held_grid(30);
+        let a = fixed_grid(30);
         let mut cholesky = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("valid");
-        cholesky.factor(&a, &Run::default()).expect("held");
+        cholesky.factor(&a, &Run::default()).expect("constrained");
         let plain = steps(&a, &mut Plain);
         let jacobi = steps(&a, &mut Jacobi::new(&a).expect("positive"));
         let incomplete = steps(&a, &mut IncompleteCholesky::new(&a).expect("positive"));
@@ -212,8 +212,8 @@ mod tests {
     }
 
     #[test]
-    fn running_out_of_steps_is_told() {
-        let a = held_grid(10);
+    fn reaching_the_iteration_limit_is_reported() {
+        let a = fixed_grid(10);
         let stop = Stop { max_iterations: 3, tolerance: 1e-12 };
         let report = conjugate_gradients(&a, &[1.0; 100], &mut [0.0; 100], &mut Plain, &stop, &Run::default())
             .expect("definite");

@@ -8,14 +8,13 @@
 //! fall by `e` over `σ r`. Within a trunk the way of a curve says little below the width of the trunk, within a finger much: the same
 //! `σ` is right for both. A large mass `m` holds a node.
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 
 use super::error::ExtractionError;
 use super::web::Web;
+use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
+use plumbline_num::sparse::{Cholesky, Ordering};
 
 /// Mass of a node that is held.
 const HELD: f64 = 1e6;
@@ -44,29 +43,20 @@ impl Fairing {
         let slot = |v: u32| number[v as usize] as usize;
         let edges =
             || alive.iter().flat_map(|v| web.neighbors(*v).iter().filter(move |u| *v < **u).map(move |u| (*v, *u)));
-        let places: Vec<_> = edges().map(|(a, b)| (slot(a), slot(b))).collect();
-        let pattern = Arc::new(Pattern::new(alive.len(), places).map_err(ExtractionError::from_sparse)?);
-        let at = alive.iter().map(|v| web.nodes[*v as usize].coords.into()).collect();
-        let mut factor =
-            Cholesky::analyze(&pattern, &Ordering::NestedDissection(at)).map_err(ExtractionError::from_sparse)?;
-        factor.reserve_columns(3);
-        let mut matrix = SparseMatrix::zeros(pattern);
         let masses: Vec<f64> = alive.iter().map(|v| if held(*v) { HELD } else { 1.0 }).collect();
-        let mut add = |i: usize, j: usize, value: f64| {
-            let slot = matrix.pattern().slot(i.max(j), i.min(j)).or_else(|| matrix.pattern().slot(i.min(j), i.max(j)));
-            matrix.values_mut()[slot.expect("edges make the pattern")] += value;
-        };
-        for (i, mass) in masses.iter().enumerate() {
-            add(i, i, *mass);
-        }
-        for (a, b) in edges() {
+        let weighted = edges().map(|(a, b)| {
             let r = 0.5 * (radii[a as usize] + radii[b as usize]);
-            let weight = (share * r / web.length(a, b).max(MIN_LENGTH)).powi(2);
-            add(slot(a), slot(a), weight);
-            add(slot(b), slot(b), weight);
-            add(slot(a), slot(b), -weight);
-        }
-        factor.factor(&matrix, run).map_err(ExtractionError::from_sparse)?;
+            (slot(a), slot(b), (share * r / web.length(a, b).max(MIN_LENGTH)).powi(2))
+        });
+        let terms = masses.iter().enumerate().map(|(i, mass)| (i, i, *mass)).chain(weighted);
+        let at = alive.iter().map(|v| web.nodes[*v as usize].coords.into()).collect();
+        let factored = ConstrainedLaplacian::new(alive.len(), terms, |_| false).and_then(|laplacian| {
+            let mut factor = Cholesky::analyze(laplacian.matrix().pattern(), &Ordering::NestedDissection(at))?;
+            factor.reserve_columns(3);
+            factor.factor(laplacian.matrix(), run)?;
+            Ok(factor)
+        });
+        let factor = factored.map_err(ExtractionError::from_sparse)?;
         Ok(Self { number, masses, factor })
     }
 

@@ -195,7 +195,7 @@ mod tests {
         system.set(&complex, &d, &w);
         system.set(&complex, &w, &d);
         let mut outside = wanted.clone();
-        for (i, j, slot) in system.matrix.pattern().places() {
+        for (i, j, slot) in system.matrix.pattern().entries() {
             let (found, wanted) = (system.matrix.values()[slot], wanted[(i, j)]);
             assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "({i}, {j}): {found}, not {wanted}");
             outside[(i, j)] = 0.0;

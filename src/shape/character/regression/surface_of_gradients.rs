@@ -12,8 +12,9 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::super::CharacterError;
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering};
+use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::UnionFind;
 
 /// The factored Laplacian.
@@ -24,7 +25,7 @@ pub(super) struct SurfaceOfGradients {
     half: Vec<[f64; 3]>,
     /// `μ s_i`, above 0.
     hold: Vec<f64>,
-    factor: CompactFactor,
+    system: FactoredLaplacian,
     right: Vec<[f64; 3]>,
 }
 
@@ -36,21 +37,16 @@ impl SurfaceOfGradients {
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
         let shares = shares(&barycentric_areas(mesh), &pieces(&edges));
         let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(MIN_WEIGHT)).collect();
-        let mut matrix = edges.laplacian()?;
-        let starts = matrix.pattern().column_starts().to_vec();
-        for (start, hold) in starts.iter().zip(&hold) {
-            // The diagonal is the first of a column.
-            matrix.values_mut()[*start as usize] += hold;
-        }
-        let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-        cholesky.factor(&matrix, run)?;
+        let soft = hold.iter().enumerate().map(|(v, &w)| (v, v, w));
+        let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), edges.iter().chain(soft), |_| false)?;
+        let system = laplacian.factor(&Ordering::Amd, run)?;
         Ok(Self {
             rest: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),
             half: cotangents.half().to_vec(),
             right: vec![[0.0; 3]; hold.len()],
             hold,
-            factor: CompactFactor::new(&cholesky),
+            system,
         })
     }
 
@@ -98,7 +94,7 @@ impl SurfaceOfGradients {
                 }
             }
         }
-        self.factor.solve_3(&mut self.right);
+        self.system.solve(&mut self.right);
         self.right.iter().map(|x| Point3::from(*x)).collect()
     }
 }

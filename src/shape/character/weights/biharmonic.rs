@@ -31,6 +31,7 @@ use super::heat::{Source, sources};
 use super::welded::Welded;
 use super::{Row, WeightReport, heat};
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, SparseMatrix};
 
@@ -106,8 +107,6 @@ impl System {
         if free.is_empty() {
             return Ok(None);
         }
-        let mut number = vec![u32::MAX; anchors.len()];
-        free.iter().zip(0..).for_each(|(&v, u)| number[v] = u);
         run.check()?;
         let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(MAX_COTANGENT);
         let areas = barycentric_areas(mesh);
@@ -115,23 +114,10 @@ impl System {
         let areas: Vec<f64> = areas.iter().map(|a| a.max(MIN_AREA * mean)).collect();
         let inverse: Vec<f64> = areas.iter().map(|a| 1.0 / a).collect();
         let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).squared(&inverse);
-        let mut triplets = Vec::new();
-        let mut pull = Vec::new();
-        for (i, j, w) in edges.iter() {
-            for (a, b) in [(i, j), (j, i)] {
-                let u = number[a];
-                if u == u32::MAX {
-                    continue;
-                }
-                triplets.push((u as usize, u as usize, w));
-                match anchors[b] {
-                    Some(joint) => pull.push((u, joint, w)),
-                    None if number[b] < u => triplets.push((u as usize, number[b] as usize, -w)),
-                    None => {}
-                }
-            }
-        }
-        let smoothness = SparseMatrix::from_triplets(free.len(), &triplets)?;
+        let laplacian = ConstrainedLaplacian::new(anchors.len(), edges.iter(), |v| free.binary_search(&v).is_err())?;
+        let anchored = |&(u, v, w): &(u32, u32, f64)| anchors[v as usize].map(|joint| (u, joint, w));
+        let pull = laplacian.coupling().iter().filter_map(anchored).collect();
+        let smoothness = laplacian.matrix().clone();
         let mass: Vec<f64> = free.iter().map(|&v| areas[v]).collect();
         let rho = (LENGTH * mesh.diagonal()).powi(-4);
         run.check()?;

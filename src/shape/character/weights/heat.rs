@@ -24,8 +24,9 @@ use super::bone_distance::nearest;
 use super::visibility::Occluders;
 use super::welded::Welded;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::{Run, Stopped};
-use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError};
+use plumbline_num::sparse::{Ordering, SparseError};
 
 /// Bones whose distances differ by less than this fraction are equally near.
 const EQUALLY_NEAR: f64 = 1e-4;
@@ -57,15 +58,11 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
     // Unknowns: vertices of pieces that see a bone.
     let is_warm = |v: usize| warm[welded.piece_of(v) as usize];
     let unknown: Vec<usize> = (0..sources.len()).filter(|&v| is_warm(v)).collect();
-    let mut number = vec![u32::MAX; sources.len()];
-    for (u, &v) in unknown.iter().enumerate() {
-        number[v] = u as u32;
-    }
     let mut rows = vec![Row::new(); sources.len()];
     if unknown.is_empty() {
         return Ok(rows);
     }
-    let (mut factor, flow) = factored(welded, &sources, &unknown, &number, run)?;
+    let (mut factor, flow) = factored(welded, &sources, &unknown, is_warm, run)?;
     let mut heated = vec![Vec::new(); joints];
     for (u, &v) in unknown.iter().enumerate() {
         for &b in &sources[v].bones {
@@ -78,7 +75,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
         for &(u, heat) in heated {
             temperature[u] += heat;
         }
-        factor.solve(&mut temperature);
+        factor.solve_scalar(&mut temperature);
         for (&v, &w) in unknown.iter().zip(&temperature) {
             if w > COLD {
                 rows[v].push((joint as u32, w));
@@ -93,9 +90,9 @@ fn factored(
     welded: &Welded,
     sources: &[Source],
     unknown: &[usize],
-    number: &[u32],
+    is_warm: impl Fn(usize) -> bool,
     run: &Run,
-) -> Result<(CompactFactor, Vec<f64>), SparseError> {
+) -> Result<(FactoredLaplacian, Vec<f64>), SparseError> {
     let mesh = welded.mesh();
     run.check()?;
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(MAX_COTANGENT);
@@ -109,22 +106,12 @@ fn factored(
         if sources[v].bones.is_empty() { 0.0 } else { area / sources[v].d2.max(least) }
     });
     let flow: Vec<f64> = flow.collect();
-    let mut triplets: Vec<(usize, usize, f64)> = flow.iter().enumerate().map(|(u, f)| (u, u, *f)).collect();
-    for (i, j, w) in edges.iter() {
-        let (a, b) = (number[i], number[j]);
-        if a == u32::MAX || b == u32::MAX {
-            continue;
-        }
-        // A piece must hold together even where all cotangents along an edge vanish.
-        let w = w.max(1e-9);
-        let (a, b) = (a as usize, b as usize);
-        triplets.extend([(a, a, w), (b, b, w), (a.max(b), a.min(b), -w)]);
-    }
-    let matrix = plumbline_num::sparse::SparseMatrix::from_triplets(unknown.len(), &triplets)?;
+    // A piece must hold together even where all cotangents along an edge vanish.
+    let edges = edges.iter().map(|(i, j, w)| (i, j, w.max(1e-9)));
+    let terms = unknown.iter().zip(&flow).map(|(&v, &f)| (v, v, f)).chain(edges);
+    let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |v| !is_warm(v))?;
     run.check()?;
-    let mut cholesky = Cholesky::analyze(matrix.pattern(), &Ordering::Amd)?;
-    cholesky.factor(&matrix, run)?;
-    Ok((CompactFactor::new(&cholesky), flow))
+    Ok((laplacian.factor(&Ordering::Amd, run)?, flow))
 }
 
 /// The nearest visible bones of every welded vertex.

@@ -102,7 +102,7 @@ impl EdgeWeights {
     }
 
     /// Iterates over `(i, j, w_ij)`, `i < j`.
-    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, f64)> + Clone + '_ {
         self.edges.iter().zip(&self.weights).map(|(&[i, j], &w)| (i as usize, j as usize, w))
     }
 
@@ -151,7 +151,7 @@ mod tests {
             assert!((w - if (i, j) == (0, 2) { 0.0 } else { 0.5 }).abs() < 1e-15);
         }
         let laplacian = weights.laplacian().unwrap();
-        for (i, j, s) in laplacian.pattern().clone().places() {
+        for (i, j, s) in laplacian.pattern().clone().entries() {
             let expected = if i == j {
                 1.0
             } else if (j, i) == (0, 2) {

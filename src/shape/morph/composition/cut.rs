@@ -22,10 +22,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::correspondence::divided;
-use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
+use plumbline_num::sparse::Ordering;
 
 /// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself. Less leaves slivers, whose normals
 /// are ragged after the transition; more moves the cut visibly away from the plane.
@@ -416,14 +417,11 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: 
     let time = (DIFFUSION * length / edges.len() as f64).powi(2);
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
     let least = mesh.area() * 1e-12 / mesh.vertex_count() as f64;
-    let mut triplets: Vec<_> = masses.iter().enumerate().map(|(v, m)| (v, v, m.max(least))).collect();
-    for (i, j, w) in EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).iter() {
-        let w = w.max(0.0) * time;
-        triplets.extend([(i, i, w), (j, j, w), (i, j, -w)]);
-    }
-    let places = mesh.positions().iter().map(|p| p.coords.into()).collect();
-    if let Some(mut factor) = factored(rhs.len(), &triplets, places, run)? {
-        factor.solve(&mut rhs);
-    }
+    let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
+    let masses = masses.iter().enumerate().map(|(v, m)| (v, v, m.max(least)));
+    let terms = masses.chain(weights.iter().map(|(i, j, w)| (i, j, w.max(0.0) * time)));
+    let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |_| false)?;
+    let positions = mesh.positions().iter().map(|p| p.coords.into()).collect();
+    laplacian.factor(&Ordering::NestedDissection(positions), run)?.solve_scalar(&mut rhs);
     Ok(rhs.into_iter().map(|u| u - 0.5).collect())
 }

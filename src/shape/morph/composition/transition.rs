@@ -20,11 +20,12 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::MorphError;
-use super::super::elastic_solve::{ElasticSolve, factored};
+use super::super::elastic_solve::ElasticSolve;
 use super::super::trajectory::{Frame, opposite_edges};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use plumbline_num::run::Run;
+use plumbline_num::sparse::{CompactFactor, Ordering, SparseMatrix};
 
 /// Rounds of rotations and positions. The gap is small against the band: more do not show.
 const ROUNDS: usize = 8;
@@ -112,9 +113,8 @@ impl Transition<'_> {
             }
         }
         let places = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
-        if let Some(mut factor) = factored(free.len(), &triplets, places, run)? {
-            factor.solve_3(&mut rhs);
-        }
+        let matrix = SparseMatrix::from_triplets(free.len(), &triplets)?;
+        CompactFactor::of(&matrix, &Ordering::NestedDissection(places), run)?.solve_points(&mut rhs);
         let mut moved = now.positions().to_vec();
         free.iter().zip(&rhs).for_each(|(&v, step)| moved[v] += Vector3::from(*step));
         Ok(moved)

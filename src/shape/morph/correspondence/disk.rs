@@ -22,10 +22,11 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::super::MorphError;
 use super::super::bvh::{Bvh, Nearest};
-use super::super::elastic_solve::factored;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use crate::mesh::{HalfEdges, TriMesh};
+use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::numbered_components;
 
 /// How surfaces are laid over each other by the disk.
@@ -270,29 +271,12 @@ fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64], run: &Run) -> Result<Ve
     for (v, angle) in rim.iter().zip(angles) {
         at[*v as usize] = Some(Vector2::new(angle.cos(), angle.sin()));
     }
-    let mut unknown = vec![None; n];
-    let free: Vec<usize> = (0..n).filter(|&v| at[v].is_none()).collect();
-    free.iter().enumerate().for_each(|(k, &v)| unknown[v] = Some(k));
     let weights = EdgeWeights::cotangent(n, &Cotangents::new(mesh, CotangentRule::Clamped));
-    let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
-    for (i, j, w) in weights.iter() {
-        let w = w.max(MIN_WEIGHT);
-        for (a, b) in [(i, j), (j, i)] {
-            let Some(row) = unknown[a] else { continue };
-            triplets.push((row, row, w));
-            if let Some(place) = at[b] {
-                (0..2).for_each(|c| rhs[row][c] += w * place[c]);
-            } else if let Some(column) = unknown[b].filter(|c| *c < row) {
-                triplets.push((row, column, -w));
-            }
-        }
-    }
-    let places = free.iter().map(|&v| mesh.positions()[v].coords.into()).collect();
-    if let Some(mut factor) = factored(free.len(), &triplets, places, run)? {
-        factor.solve_3(&mut rhs);
-    }
-    let solved = |v: usize| unknown[v].map_or_else(Vector2::zeros, |k| Vector2::new(rhs[k][0], rhs[k][1]));
-    Ok((0..n).map(|v| at[v].unwrap_or_else(|| solved(v))).collect())
+    let edges = weights.iter().map(|(i, j, w)| (i, j, w.max(MIN_WEIGHT)));
+    let laplacian = ConstrainedLaplacian::new(n, edges, |v| at[v].is_some())?;
+    let positions = mesh.positions().iter().map(|p| p.coords.into()).collect();
+    let mut solver = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+    Ok(solver.interpolate(|v| at[v].unwrap_or_default().into()).into_iter().map(Vector2::from).collect())
 }
 
 /// Places on the second of points on the disk.

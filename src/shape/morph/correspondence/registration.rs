@@ -263,7 +263,7 @@ impl System {
             (0..3).for_each(|c| rhs[k as usize][c] -= value * place[c]);
         }
         self.cholesky.factor(&matrix, run)?;
-        CompactFactor::new(&self.cholesky).solve_3(&mut rhs);
+        CompactFactor::new(&self.cholesky).solve_points(&mut rhs);
         let place = |v: usize| match (self.unknown[v], self.fixed[v]) {
             (Some(k), _) => Point3::from(rhs[k as usize]),
             (None, fixed) => fixed.unwrap_or(self.start[v]),

@@ -100,7 +100,7 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
     let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
     let (mass, n) = (masses(&mesh), h.n());
     let mut full = DMatrix::zeros(n, n);
-    for (i, j, s) in h.pattern().places() {
+    for (i, j, s) in h.pattern().entries() {
         full[(i, j)] = h.values()[s] / (mass[i] * mass[j]).sqrt();
         full[(j, i)] = full[(i, j)];
     }
