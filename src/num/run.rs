@@ -131,7 +131,7 @@ impl fmt::Debug for Interrupt {
     }
 }
 
-/// A listener of progress. The default one hears nothing.
+/// A listener of progress. The default one ignores it.
 #[derive(Clone, Default)]
 pub struct Progress {
     listener: Option<Arc<dyn Fn(f64) + Send + Sync>>,

@@ -30,7 +30,7 @@ impl DualQuaternion {
         Self { real: Quaternion::identity(), dual: Quaternion::from_imag(Vector3::zeros()) }
     }
 
-    /// Zero, where sums start.
+    /// Zero, the empty sum.
     pub fn zero() -> Self {
         Self { real: Quaternion::from_imag(Vector3::zeros()), dual: Quaternion::from_imag(Vector3::zeros()) }
     }
@@ -41,7 +41,7 @@ impl DualQuaternion {
         Self { real, dual: Quaternion::from_imag(*translation) * real * 0.5 }
     }
 
-    /// `Σ wᵢ q̂ᵢ` with each sign turned toward that of the largest weight (the first of equals), as a motion; `None` where the
+    /// `Σ wᵢ q̂ᵢ` with each sign made that of the largest weight (the first of equals), as a motion; `None` where the
     /// sum vanishes.
     ///
     /// The pivot makes the blend depend neither on the order nor on the signs in which the motions come.

@@ -4,7 +4,7 @@
 //! R(M) = argmax tr(Rᵀ M)   over R ∈ SO(3)
 //! ```
 //!
-//! With `M = U Σ Vᵀ` it is `U diag(1, 1, det UVᵀ) Vᵀ`: the polar factor, with the direction of the least singular value turned
+//! With `M = U Σ Vᵀ` it is `U diag(1, 1, det UVᵀ) Vᵀ`: the polar factor, with the direction of the least singular value reversed
 //! over where that factor would be a reflection. For `M = Σ w e′ eᵀ` it is the rotation that carries the `e` best to the `e′`.
 //!
 //! # Reference
@@ -27,7 +27,7 @@ pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// `U diag(1, 1, det UVᵀ) Vᵀ` of the singular vectors of a matrix, those of its least singular value last: the orthogonal matrix
-/// `UVᵀ`, turned over where it is a reflection.
+/// `UVᵀ`, reversed in its last direction where it is a reflection.
 pub fn without_reflection(mut u: Matrix3<f64>, v_t: &Matrix3<f64>) -> Matrix3<f64> {
     if (u * v_t).determinant() < 0.0 {
         u.column_mut(2).neg_mut();

@@ -348,7 +348,7 @@ mod tests {
     /// The Laplacian of a ring of `n` plus a diagonal, with its factor after a shift.
     fn pencil(n: usize, diagonal: impl Fn(usize) -> f64, mass: &[f64], shift: f64) -> (SparseMatrix, Cholesky) {
         let entries: Vec<_> = (0..n).flat_map(|i| [(i, i, 2.0 + diagonal(i)), ((i + 1) % n, i, -1.0)]).collect();
-        let a = SparseMatrix::from_triplets(n, &entries).expect("places inside");
+        let a = SparseMatrix::from_triplets(n, &entries).expect("entries inside");
         let mut shifted = a.clone();
         for (i, m) in mass.iter().enumerate() {
             shifted.values_mut()[a.pattern().column(i).start] += shift * m;

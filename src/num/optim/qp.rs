@@ -18,7 +18,7 @@ use crate::run::{Run, Stopped};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 
-/// Largest residual of constraints and of stationarity, and what a second attempt puts up with. The solver also takes a
+/// Largest residual of constraints and of stationarity, and what a second attempt accepts. The solver also takes a
 /// hundred times as much for divergence and gives up: at `1e-8` it does so for rounding alone on chains of some hundred
 /// differences.
 const FEASIBILITY: [f64; 2] = [1e-6, 1e-4];

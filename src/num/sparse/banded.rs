@@ -5,7 +5,7 @@
 //! M = ⎣ B  C ⎦   B: b×n and C: b×b dense, b small
 //! ```
 //!
-//! Columns of `A` lie one after another, each from its diagonal downwards, with a fixed pitch. Seen with a column stride one
+//! Columns of `A` are stored one after another, each from its diagonal downwards, with a fixed pitch. Seen with a column stride one
 //! less than that pitch, any block within the band is an ordinary strided matrix, so blocked elimination runs on dense
 //! kernels; elimination leaves the band and the border as they are.
 //!

@@ -250,9 +250,9 @@ impl Groups {
     fn blocks(&self, permuted: &Permuted) -> Blocks {
         let n = permuted.starts.len() - 1;
         let place_of: Vec<u32> = {
-            let mut place = vec![NONE; self.list.len()];
-            self.order.iter().enumerate().for_each(|(k, &g)| place[g as usize] = k as u32);
-            place
+            let mut position = vec![NONE; self.list.len()];
+            self.order.iter().enumerate().for_each(|(k, &g)| position[g as usize] = k as u32);
+            position
         };
         let (mut first_child, mut sibling) = (vec![NONE; self.order.len()], vec![NONE; self.order.len()]);
         let mut mark = vec![NONE; n];

@@ -4,8 +4,8 @@
 //! factoring, wrong for thousands of solves with few right-hand sides, which are bound by the memory they pass. Here
 //!
 //! * columns of equal structure share one list of rows: their *panel*, at most [`MAX_WIDTH`] columns wide;
-//! * a panel's entries lie row by row, so that a row of the unknowns is loaded and stored once per panel;
-//! * the right-hand sides of one unknown lie side by side in one vector register;
+//! * a panel's entries are stored row by row, so that a row of the unknowns is loaded and stored once per panel;
+//! * the right-hand sides of one unknown are side by side in one vector register;
 //! * the permutation is part of copying in and out.
 //!
 //! `L x = b` passes the panels forwards, `Lᵀ x = b` backwards ([`super::sweep`]).
@@ -77,21 +77,21 @@ impl CompactFactor {
                 for k in 0..columns.len() {
                     for (c, column) in columns[..=k].iter().enumerate() {
                         let l = column[own + k];
-                        *to.next().expect("as many values as places") = if c == k { 1.0 / l } else { l };
+                        *to.next().expect("as many values as positions") = if c == k { 1.0 / l } else { l };
                     }
                 }
                 // Both lists ascend: one pass finds each row of the panel among those of the block.
                 let mut at = 0;
                 for &row in below {
                     let row = row as usize;
-                    let place = if row < block.first + width {
+                    let position = if row < block.first + width {
                         row - block.first
                     } else {
                         at += block.rows[at..].iter().take_while(|&&r| (r as usize) < row).count();
                         width + at
                     };
                     for column in columns {
-                        *to.next().expect("as many values as places") = column[place];
+                        *to.next().expect("as many values as positions") = column[position];
                     }
                 }
             }

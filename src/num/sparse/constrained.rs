@@ -20,7 +20,7 @@ pub struct Eliminated {
     reduced: Vec<Option<u32>>,
     free: Vec<u32>,
     fixed: Vec<usize>,
-    /// `A_uf` as `(free, fixed, value)`, both by their place in the lists.
+    /// `A_uf` as `(free, fixed, value)`, both by their position in the lists.
     coupling: Vec<(u32, u32, f64)>,
     cholesky: Cholesky,
 }
@@ -33,18 +33,18 @@ impl Eliminated {
     /// numbers of `A` where the fixed ones leave a component unconstrained.
     pub fn new(a: &SparseMatrix, fixed: &[usize], ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
         let n = a.n();
-        let mut place = vec![None; n];
+        let mut position = vec![None; n];
         for (k, &f) in fixed.iter().enumerate() {
-            let slot = place.get_mut(f).filter(|slot| slot.is_none());
+            let slot = position.get_mut(f).filter(|slot| slot.is_none());
             *slot.ok_or(SparseError::OutOfRange { index: f, unknowns: n })? = Some(k as u32);
         }
-        let free: Vec<u32> = (0..n as u32).filter(|&i| place[i as usize].is_none()).collect();
+        let free: Vec<u32> = (0..n as u32).filter(|&i| position[i as usize].is_none()).collect();
         let mut reduced = vec![None; n];
         free.iter().zip(0..).for_each(|(&i, k)| reduced[i as usize] = Some(k));
         let (mut inner, mut coupling) = (Vec::new(), Vec::new());
         for (i, j, s) in a.pattern().entries() {
             let v = a.values()[s];
-            match (reduced[i], reduced[j], place[i], place[j]) {
+            match (reduced[i], reduced[j], position[i], position[j]) {
                 (Some(i), Some(j), ..) => inner.push((i as usize, j as usize, v)),
                 (Some(i), _, _, Some(f)) | (_, Some(i), Some(f), _) => coupling.push((i, f, v)),
                 _ => {}

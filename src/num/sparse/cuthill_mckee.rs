@@ -6,7 +6,7 @@
 //!
 //! # Reference
 //! E. Cuthill, J. McKee, *Reducing the bandwidth of sparse symmetric matrices*, ACM 1969; A. George, J. W. H. Liu, *Computer
-//! Solution of Large Sparse Positive Definite Systems*, 1981, chapter 4 (the search for a start at the rim).
+//! Solution of Large Sparse Positive Definite Systems*, 1981, chapter 4 (the search for an initial vertex at the rim).
 
 use super::{FactorStructure, Pattern, Permutation};
 

@@ -92,7 +92,7 @@ impl Elimination {
     ///
     /// `rows_of(j)` are the rows of column `j` of the permuted lower triangle. Row `i` of the factor is the subtree of
     /// columns between `i` and the leaves it has entries in; a column counts the leaves below it that start such a subtree,
-    /// less the places where two branches of one subtree meet (Gilbert, Ng, Peyton 1994).
+    /// less the columns where two branches of one subtree meet (Gilbert, Ng, Peyton 1994).
     pub(super) fn column_counts<I: IntoIterator<Item = u32>>(&self, rows_of: impl Fn(usize) -> I) -> Vec<u32> {
         let n = self.parent.len();
         let first = self.first_descendants();

@@ -4,7 +4,7 @@ use super::{Pattern, SparseError, SparseMatrix};
 
 /// Collects the entries of an `m×n` matrix in any order.
 ///
-/// A place may be named more than once: [`Self::add_entry`] sums, [`Self::set_entry`] replaces what was said of the place
+/// An entry may be named more than once: [`Self::add_entry`] sums, [`Self::set_entry`] replaces what was said of the entry
 /// before. Nothing is checked until [`Self::build`].
 #[derive(Clone, Debug, Default)]
 pub struct SparseBuilder {
@@ -187,7 +187,7 @@ impl GeneralMatrix {
         if rows == columns { Ok(rows) } else { Err(SparseError::NotSquare { rows, columns }) }
     }
 
-    /// The places of `A + Aᵀ`.
+    /// The entries of `A + Aᵀ`.
     ///
     /// # Errors
     /// [`SparseError::NotSquare`].

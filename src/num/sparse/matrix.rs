@@ -33,7 +33,7 @@ impl<T: Scalar> SparseMatrix<T> {
         Ok(a)
     }
 
-    /// The places that may be non-zero.
+    /// The entries that may be non-zero.
     pub fn pattern(&self) -> &Arc<Pattern> {
         &self.pattern
     }

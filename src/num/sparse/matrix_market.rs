@@ -141,8 +141,8 @@ impl Body {
             if read > entries {
                 return Err(fault(number, format!("there are more than the {entries} entries announced")));
             }
-            let (place, value) = self.entry(line, rows, columns).map_err(|problem| fault(number, problem))?;
-            self.put(&mut builder, place, value);
+            let (entry, value) = self.entry(line, rows, columns).map_err(|problem| fault(number, problem))?;
+            self.put(&mut builder, entry, value);
         }
         if read < entries {
             return Err(fault(self.last, format!("the file ends after {read} of {entries} entries")));

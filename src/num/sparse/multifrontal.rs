@@ -63,10 +63,10 @@ impl Block {
 #[derive(Debug)]
 pub(super) struct Multifrontal<T> {
     list: Vec<Block>,
-    /// For each row below a block, its place among the rows of the parent's front.
+    /// For each row below a block, its position among the rows of the parent's front.
     relative: Vec<u32>,
-    /// For each entry of the permuted matrix, its place among the factor's values.
-    place: Vec<usize>,
+    /// For each entry of the permuted matrix, its position among the factor's values.
+    position: Vec<usize>,
     stack: Vec<T>,
     /// Blocks whose `U` is on the stack, and where.
     waiting: Vec<(u32, usize)>,
@@ -83,9 +83,10 @@ impl<T: Scalar> Multifrontal<T> {
             planned
         };
         let list = blocks.iter().zip(blocks.parents()).map(plan).collect();
-        let mut this = Self { list, relative: Vec::new(), place: Vec::new(), stack: Vec::new(), waiting: Vec::new() };
+        let mut this =
+            Self { list, relative: Vec::new(), position: Vec::new(), stack: Vec::new(), waiting: Vec::new() };
         this.relative = this.relate(blocks);
-        this.place = this.places(blocks, permuted);
+        this.position = this.positions(blocks, permuted);
         this.reserve();
         this
     }
@@ -119,8 +120,8 @@ impl<T: Scalar> Multifrontal<T> {
         relative
     }
 
-    fn places(&self, blocks: &Blocks, permuted: &Permuted) -> Vec<usize> {
-        let mut place = Vec::with_capacity(permuted.rows.len());
+    fn positions(&self, blocks: &Blocks, permuted: &Permuted) -> Vec<usize> {
+        let mut position = Vec::with_capacity(permuted.rows.len());
         for (block, planned) in blocks.iter().zip(&self.list) {
             let end = block.first + block.width;
             for j in block.first..end {
@@ -128,15 +129,15 @@ impl<T: Scalar> Multifrontal<T> {
                 for &row in permuted.column(j) {
                     let row = row as usize;
                     if row < end {
-                        place.push(column + row - block.first);
+                        position.push(column + row - block.first);
                     } else {
                         at += block.rows[at..].iter().take_while(|&&r| (r as usize) < row).count();
-                        place.push(column + block.width + at);
+                        position.push(column + block.width + at);
                     }
                 }
             }
         }
-        place
+        position
     }
 
     /// Makes room for the stack at its highest.
@@ -161,8 +162,8 @@ impl<T: Scalar> Multifrontal<T> {
     /// Factors the permuted matrix whose entries are `a` into the panels `l`, looking at the run before each block.
     pub(super) fn factor(&mut self, a: &[T], l: &mut [T], run: &Run) -> Result<(), Halt> {
         l.fill(T::default());
-        for (&place, &value) in self.place.iter().zip(a) {
-            l[place] = value;
+        for (&position, &value) in self.position.iter().zip(a) {
+            l[position] = value;
         }
         self.waiting.clear();
         let mut top = 0;

@@ -35,12 +35,12 @@ impl GeneralMatrix {
         run: &Run,
     ) -> Result<NormalEquations, SparseError> {
         let transposed = self.transposed();
-        let mut places = Vec::new();
+        let mut entries = Vec::new();
         for row in 0..self.rows() {
             let columns: Vec<usize> = transposed.column(row).map(|(j, _)| j).collect();
-            places.extend(columns.iter().enumerate().flat_map(|(k, &i)| columns[..k].iter().map(move |&j| (i, j))));
+            entries.extend(columns.iter().enumerate().flat_map(|(k, &i)| columns[..k].iter().map(move |&j| (i, j))));
         }
-        let pattern = Arc::new(Pattern::new(self.columns(), places)?);
+        let pattern = Arc::new(Pattern::new(self.columns(), entries)?);
         let mut this = NormalEquations {
             weights: vec![1.0; self.rows()],
             normal: SparseMatrix::zeros(Arc::clone(&pattern)),

@@ -1,8 +1,8 @@
-//! The places of a symmetric matrix that may be non-zero.
+//! The entries of a symmetric matrix that may be non-zero.
 
 use super::SparseError;
 
-/// Lower triangle of a symmetric `n×n` pattern, compressed by columns: rows ascending, every diagonal place present.
+/// Lower triangle of a symmetric `n×n` pattern, compressed by columns: rows ascending, every diagonal entry present.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     col_ptr: Vec<u32>,
@@ -10,16 +10,16 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// The pattern that holds each place `(i, j)` (either triangle, repeats allowed) and the diagonal.
+    /// The pattern that contains each entry `(i, j)` (either triangle, repeats allowed) and the diagonal.
     ///
     /// # Errors
-    /// [`SparseError::OutOfRange`] for an index ≥ `n`; [`SparseError::TooLarge`] past 2³¹ places.
-    pub fn new(n: usize, places: impl IntoIterator<Item = (usize, usize)>) -> Result<Self, SparseError> {
+    /// [`SparseError::OutOfRange`] for an index ≥ `n`; [`SparseError::TooLarge`] past 2³¹ entries.
+    pub fn new(n: usize, entries: impl IntoIterator<Item = (usize, usize)>) -> Result<Self, SparseError> {
         if n > i32::MAX as usize {
             return Err(SparseError::TooLarge { size: n });
         }
         let mut lower: Vec<(u32, u32)> = (0..n as u32).map(|i| (i, i)).collect();
-        for (i, j) in places {
+        for (i, j) in entries {
             if i.max(j) >= n {
                 return Err(SparseError::OutOfRange { index: i.max(j), unknowns: n });
             }
@@ -45,7 +45,7 @@ impl Pattern {
         self.col_ptr.len() - 1
     }
 
-    /// Number of stored places (lower triangle with diagonal).
+    /// Number of stored entries (lower triangle with diagonal).
     pub fn nnz(&self) -> usize {
         self.row_idx.len()
     }
@@ -65,7 +65,7 @@ impl Pattern {
         &self.col_ptr
     }
 
-    /// Slot of the place `(i, j)`, given in either triangle; `None` where it is a structural zero.
+    /// Slot of the entry `(i, j)`, given in either triangle; `None` where it is a structural zero.
     pub fn slot(&self, i: usize, j: usize) -> Option<usize> {
         let (row, col) = (i.max(j), i.min(j));
         let range = self.column(col);

@@ -1,12 +1,12 @@
 //! Where the Cholesky factor of a pattern is non-zero, without factoring.
 //!
 //! Row `i` of `L` has an entry in every column on the path up the elimination tree from the columns in which row `i` of `A`
-//! has one (Davis 2006, section 4.2): its places can be named one after another in memory of the order of `n`.
+//! has one (Davis 2006, section 4.2): its entries can be named one after another in memory of the order of `n`.
 
 use super::etree::{Elimination, NONE};
 use super::{Ordering, Pattern, Permutation, SparseError};
 
-/// The structure of a factor: its order, its size, its places.
+/// The structure of a factor: its order, its size, its entries.
 #[derive(Debug)]
 pub struct FactorStructure<'a> {
     pattern: &'a Pattern,
@@ -33,7 +33,7 @@ impl<'a> FactorStructure<'a> {
         this
     }
 
-    /// The elimination order, postordered: exchanges that leave fill and arithmetic alone. [`Self::for_each`] names places in
+    /// The elimination order, postordered: exchanges that leave fill and arithmetic alone. [`Self::for_each`] names entries in
     /// this numbering.
     pub fn order(&self) -> &Permutation {
         &self.elimination.order
@@ -62,7 +62,7 @@ impl<'a> FactorStructure<'a> {
         self.neighbors[range].iter().map(|&w| order.new_from_old()[w as usize])
     }
 
-    /// Calls `visit(row, column, whether A has an entry there)` for each place of `L`, row by row.
+    /// Calls `visit(row, column, whether A has an entry there)` for each entry of `L`, row by row.
     pub fn for_each(&self, mut visit: impl FnMut(usize, usize, bool)) {
         let n = self.pattern.n();
         let (mut seen, mut own) = (vec![NONE; n], vec![NONE; n]);
@@ -92,8 +92,8 @@ mod tests {
     fn places_and_counts_are_those_of_elimination() {
         let mut rng = fastrand::Rng::with_seed(4);
         for n in [1, 2, 9, 40] {
-            let places: Vec<(usize, usize)> = (0..2 * n).map(|_| (rng.usize(..n), rng.usize(..n))).collect();
-            let pattern = Pattern::new(n, places).expect("in range");
+            let entries: Vec<(usize, usize)> = (0..2 * n).map(|_| (rng.usize(..n), rng.usize(..n))).collect();
+            let pattern = Pattern::new(n, entries).expect("in range");
             for ordering in [Ordering::Natural, Ordering::Amd, Ordering::ReverseCuthillMcKee, Ordering::GraphDissection]
             {
                 let structure = FactorStructure::new(&pattern, &ordering).expect("valid");

@@ -16,7 +16,7 @@ pub struct KdTree {
 const LEAF: usize = 8;
 
 impl KdTree {
-    /// The tree of points; they are known by their places in the list.
+    /// The tree of points; they are identified by their indices in the list.
     pub fn new(points: &[Point3<f64>]) -> Self {
         let mut nodes: Vec<_> = points.iter().zip(0..).map(|(p, i)| (*p, i, 0)).collect();
         divide(&mut nodes);

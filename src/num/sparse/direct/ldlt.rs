@@ -75,7 +75,7 @@ impl Ldlt {
             }
         }
         let parents = blocks.parents();
-        let mut place = vec![0_u32; a.n()];
+        let mut position = vec![0_u32; a.n()];
         let mut waiting: Vec<Remainder> = Vec::new();
         let mut fronts = Vec::with_capacity(blocks.len());
         for (s, block) in blocks.iter().enumerate() {
@@ -85,14 +85,14 @@ impl Ldlt {
             let delayed = children.iter().flat_map(|c| &c.rows[..c.delayed]).copied();
             let candidates = delayed.chain((block.first..block.first + block.width).map(|j| j as u32));
             let mut front = Front::new(candidates.collect(), block.rows);
-            front.rows.iter().enumerate().for_each(|(k, &row)| place[row as usize] = k as u32);
+            front.rows.iter().enumerate().for_each(|(k, &row)| position[row as usize] = k as u32);
             for j in block.first..block.first + block.width {
                 for s in permuted.range(j) {
-                    front.add(place[permuted.rows[s] as usize] as usize, place[j] as usize, entries[s]);
+                    front.add(position[permuted.rows[s] as usize] as usize, position[j] as usize, entries[s]);
                 }
             }
             for child in &children {
-                child.add_to(&mut front, &place);
+                child.add_to(&mut front, &position);
             }
             let is_root = block.rows.is_empty();
             let pivots = front.eliminate(|i| if is_root { ROUNDING * scale[i as usize] } else { 0.0 });
@@ -199,7 +199,7 @@ impl Front {
         Self { rows, candidates, panel, below: square }
     }
 
-    /// Adds to the entry at places `i` and `j` and to its mirror image.
+    /// Adds to the entry at positions `i` and `j` and to its mirror image.
     fn add(&mut self, i: usize, j: usize, value: f64) {
         let (i, j, size) = (i.max(j), i.min(j), self.rows.len());
         if j >= self.candidates {
@@ -357,12 +357,12 @@ impl Front {
 }
 
 impl Remainder {
-    fn add_to(&self, front: &mut Front, place: &[u32]) {
+    fn add_to(&self, front: &mut Front, position: &[u32]) {
         let size = self.rows.len();
         for j in 0..size {
             for i in j..size {
                 let value = self.values[j * size + i];
-                front.add(place[self.rows[i] as usize] as usize, place[self.rows[j] as usize] as usize, value);
+                front.add(position[self.rows[i] as usize] as usize, position[self.rows[j] as usize] as usize, value);
             }
         }
     }

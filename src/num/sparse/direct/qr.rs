@@ -72,22 +72,22 @@ impl Qr {
             }
         }
         let parents = blocks.parents();
-        let mut place = vec![0_u32; a.columns()];
+        let mut position = vec![0_u32; a.columns()];
         let mut left: Vec<(usize, Remainder)> = Vec::new();
         let mut fronts: Vec<Reduced> = Vec::with_capacity(blocks.len());
         for (s, block) in blocks.iter().enumerate() {
             run.check()?;
             let own = block.first..block.first + block.width;
             let names = || own.clone().map(|j| j as u32).chain(block.rows.iter().copied());
-            names().enumerate().for_each(|(k, j)| place[j as usize] = k as u32);
+            names().enumerate().for_each(|(k, j)| position[j as usize] = k as u32);
             let children = left.split_off(left.iter().rposition(|(c, _)| parents[*c] != s as u32).map_or(0, |k| k + 1));
             let mut front = Front::new(block.width + block.rows.len());
             for &i in own.clone().flat_map(|j| &starting_in[j]) {
                 let entries = rows.column(i as usize);
-                front.rows.push((i, entries.map(|(j, v)| (place[columns.new_from_old()[j] as usize], v)).collect()));
+                front.rows.push((i, entries.map(|(j, v)| (position[columns.new_from_old()[j] as usize], v)).collect()));
             }
             for (child, remainder) in &children {
-                remainder.add_to(&mut front, &fronts[*child].rest, &place);
+                remainder.add_to(&mut front, &fronts[*child].rest, &position);
             }
             let (reduced, remainder) = front.reduce(block.first, block.width, block.rows.to_vec());
             if let Some(k) = reduced.vanished() {
@@ -146,15 +146,15 @@ impl Reduced {
 }
 
 impl Remainder {
-    fn add_to(&self, front: &mut Front, columns: &[u32], place: &[u32]) {
+    fn add_to(&self, front: &mut Front, columns: &[u32], position: &[u32]) {
         for (k, &i) in self.rows.iter().enumerate() {
             let entries = columns.iter().zip(self.values.chunks_exact(self.rows.len())).skip(k);
-            front.rows.push((i, entries.map(|(&j, column)| (place[j as usize], column[k])).collect()));
+            front.rows.push((i, entries.map(|(&j, column)| (position[j as usize], column[k])).collect()));
         }
     }
 }
 
-/// Rows that are to be reduced together, entries by the place of their columns.
+/// Rows that are to be reduced together, entries by the position of their columns.
 struct Front {
     columns: usize,
     rows: Vec<(u32, Vec<(u32, f64)>)>,

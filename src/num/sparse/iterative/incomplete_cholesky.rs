@@ -1,7 +1,7 @@
 //! Incomplete Cholesky factorization without fill: `A ≈ L Lᵀ` with the pattern of `A`.
 //!
 //! Where a pivot is not positive, which can happen though `A` is positive definite, the diagonal is raised by a growing
-//! fraction `α` and the factorization begun anew (Manteuffel).
+//! fraction `α` and the factorization is started anew (Manteuffel).
 //!
 //! # Reference
 //! J. A. Meijerink, H. A. van der Vorst, Math. Comp. 31 (1977); T. A. Manteuffel, *An incomplete factorization technique for
@@ -47,7 +47,7 @@ impl IncompleteCholesky {
         self.shift
     }
 
-    /// Right-looking: each column, once final, is subtracted from those it meets, where they have a place for it.
+    /// Right-looking: each column, once final, is subtracted from those it meets, where the pattern has the entry.
     fn try_factor(&mut self, a: &SparseMatrix) -> Result<(), usize> {
         self.values.clear();
         self.values.extend_from_slice(a.values());
@@ -125,9 +125,9 @@ mod tests {
     #[test]
     fn a_breakdown_raises_the_diagonal_and_an_indefinite_matrix_is_refused() {
         // Kershaw's matrix: positive definite, yet the third pivot of its incomplete factor is negative.
-        let places = [(1, 0, -2.0), (2, 1, -2.0), (3, 2, -2.0), (3, 0, 2.0)];
+        let entries = [(1, 0, -2.0), (2, 1, -2.0), (3, 2, -2.0), (3, 0, 2.0)];
         let mut triplets: Vec<_> = (0..4).map(|i| (i, i, 3.0)).collect();
-        triplets.extend(places);
+        triplets.extend(entries);
         let a = SparseMatrix::from_triplets(4, &triplets).expect("in range");
         let factor = IncompleteCholesky::new(&a).expect("shifted");
         assert!(factor.shift() > 0.0 && factor.shift() < 1.0, "{}", factor.shift());
