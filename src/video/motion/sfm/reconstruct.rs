@@ -1,20 +1,23 @@
-//! From tracks to cameras, and an honest word on what they are worth.
+//! From tracks to cameras, and a verdict on them.
 //!
-//! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what the pairs say:
+//! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what most pairs show:
 //!
-//! - depth between them: a map grown from the best pair ([`super::mapper`]), or, where it loses keyframes or turns away from
-//!   what the pairs say, all keyframes placed at once ([`super::rescue`]); completed with all frames;
-//! - one plane: the same, from the poses that the plane allows, the better of them kept;
+//! - depth: a map grown from the best pair ([`super::mapper`]), or, where that is not accepted, all keyframes placed at once
+//!   ([`super::global_mapping`]); completed with all frames;
+//! - one plane: a map grown from the poses that the plane allows, the best of them kept;
 //! - no parallax: rotations only, points at infinity, no translation made up.
+//!
+//! Each of the two mappers is needed (`docs/ABLATIONS.md`): six of 46 clips and made-up shots have cameras from the first one
+//! alone, two from the second one alone.
 
 use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures};
+use super::global_mapping::map_globally;
 use super::keyframes::keyframes;
 use super::mapper::{GROWN, Last, LensPrior, MIN_INLIERS, Mapper};
-use super::rescue::{agrees, averaged, place_all};
 use super::turning::{focal_of_turns, turn_cameras};
 use super::two_view::TwoViewVerdict;
-use super::verdict::{MIN_ANGLE, SfmVerdict, foretells, judged};
+use super::verdict::{MIN_ANGLE, SfmVerdict, judged, predicts};
 use super::view_graph::{Edge, shared_focal, view_graph};
 use super::zoom::zoom_between;
 use super::{Scene, TrackTable};
@@ -24,33 +27,36 @@ use plumbline_num::run::{Run, Stopped};
 
 /// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
-/// How far the usual one may be off, as a factor.
-const USUAL_DOUBT: f64 = 2.2;
-/// Standard deviation of `ln f` after a vote of the pairs, at least.
-const VOTED_SIGMA: f64 = 0.1;
-/// Standard deviation of `k₁` in clips of unknown lenses.
+/// Factor by which the usual focal length may be off: from 0.45 widths (wide-angle) to 2.2 widths (a short telephoto lens).
+const USUAL_FOCAL_FACTOR: f64 = 2.2;
+/// Standard deviation of `ln f` after the estimate from pairs, at least: pairs agree with each other under a common error.
+const MIN_PAIR_SIGMA: f64 = 0.1;
+/// Standard deviation of `k₁` in clips of unknown lenses: phones have up to 0.1, action cameras more.
 const SIGMA_K1: f64 = 0.1;
-/// Standard deviation of `ln f` after the turns have told it: they tell it well or not at all.
-const TURNED_SIGMA: f64 = 0.3;
-/// Share of the cost that a readout must leave at most to be believed.
-const CLEAR_GAIN: f64 = 0.97;
-/// Readouts that are believed, frame periods: one below bends less than tracks are accurate; none is longer than a frame, a
+/// The same before a plane, in fractions of it: there `k₁` trades against tilt.
+const PLANAR_K1_FRACTION: f64 = 0.1;
+/// Standard deviation of `ln f` after the estimate from rotations: they determine it well or not at all.
+const ROTATION_SIGMA: f64 = 0.3;
+/// Ratio of the cost with a readout to the cost without one, below which the readout is kept.
+const MAX_READOUT_COST: f64 = 0.97;
+/// Readouts that are kept, frame periods: one below bends less than tracks are accurate; none is longer than a frame, a
 /// little allowed for noise.
 const MIN_READOUT: f64 = 0.05;
 /// See [`MIN_READOUT`].
 const MAX_READOUT: f64 = 1.2;
-/// Points per frame (median) below which nothing is tried.
+/// Points per frame (median) below which nothing is tried: two views of half of them see 20 in common, the fewest that a
+/// registration rests on.
 const MIN_POINTS: usize = 40;
 /// Sightings per frame by which wrong points are told from right ones and a readout is found.
-const FEW_SIGHTINGS: usize = 160;
+const ROUGH_SIGHTINGS: usize = 160;
 /// Sightings per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
 /// accurate by 400 than by all thousand, by 240 a quarter.
-const ENOUGH_SIGHTINGS: usize = 400;
-/// Residuals of turns over those with depths made up, RMS, up to which a camera is taken to have turned only: a depth and a
+const FINE_SIGHTINGS: usize = 400;
+/// RMS residual of rotations over that with depths, up to which a camera is taken to have rotated only: a depth and a
 /// translation too many take up a third of the noise of short tracks.
 const MAX_ROTATION_LOSS: f64 = 1.5;
-/// Seeds tried before a map is given up.
-const SEEDS: usize = 3;
+/// Seed pairs tried before a map is given up.
+const MAX_SEEDS: usize = 3;
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,7 +67,7 @@ pub struct SfmOptions {
     pub rolling_shutter: bool,
 }
 
-/// A reconstruction and what it is worth.
+/// A reconstruction and its quality.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
     /// Cameras and points; without any where the verdict says so.
@@ -80,38 +86,42 @@ pub struct Reconstruction {
 /// [`Stopped`].
 pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Result<Reconstruction, Stopped> {
     let width = f64::from(table.width.max(table.height));
-    let (focal, sigma) = options.focal.unwrap_or((USUAL_FOCAL * width, USUAL_DOUBT.ln()));
+    let focal = options.focal.map_or(USUAL_FOCAL * width, |(focal, _)| focal);
     let guess = Intrinsics::centered(focal, table.width, table.height);
-    let few =
-        median(&mut (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect::<Vec<_>>()).unwrap_or(0.0);
-    if few < MIN_POINTS as f64 || table.frames() < 3 {
-        return Ok(nothing(table, guess, SfmVerdict::TooFewPoints, format!("{few:.0} points in most frames")));
+    let mut counts: Vec<f64> = (0..table.frames()).map(|f| table.in_frame(f).len() as f64).collect();
+    let points = median(&mut counts).unwrap_or(0.0);
+    if points < MIN_POINTS as f64 || table.frames() < 3 {
+        return Ok(without_cameras(
+            table,
+            guess,
+            SfmVerdict::TooFewPoints,
+            format!("{points:.0} points in most frames"),
+        ));
     }
     run.step(0.0)?;
     let keys = keyframes(table, &guess);
-    let edges = view_graph(table, &keys, &guess, sigma.exp(), run)?;
+    let mut shot = Shot { table, options, run, guess, keys, edges: Vec::new() };
+    shot.edges = shot.pairs(&guess, shot.lens_prior(USUAL_FOCAL_FACTOR.ln()))?;
     run.step(0.1)?;
-    let found = match Kind::of(&edges) {
-        Kind::General => with_depth(table, options, &keys, &edges, guess, run)?,
-        Kind::Planar => planar(table, options, &keys, &edges, guess, run)?,
-        Kind::Rotation => rotation_only(table, options, &keys, &edges, guess, run)?,
-        Kind::Nothing => nothing(table, guess, SfmVerdict::Failed, "no two keyframes agree on any motion".to_owned()),
+    let found = match Kind::of(&shot.edges) {
+        Kind::General => shot.general_or_rotation()?,
+        Kind::Planar => shot.planar()?,
+        Kind::Rotation => shot.rotation_only()?,
+        Kind::Nothing => shot.failed("no two keyframes agree on any motion"),
     };
     if found.verdict != SfmVerdict::Failed {
         return Ok(found);
     }
-    Ok(match zoom_between(&edges, &guess, run)? {
-        Some(factor) => nothing(
-            table,
-            guess,
-            SfmVerdict::Zoom,
-            format!("the focal length changes, by {factor:.2} in a second or so"),
-        ),
+    Ok(match zoom_between(&shot.edges, &guess, run)? {
+        Some(factor) => {
+            let reason = format!("the focal length changes, by {factor:.2} in a second or so");
+            without_cameras(table, guess, SfmVerdict::Zoom, reason)
+        }
         None => found,
     })
 }
 
-/// What most pairs of keyframes say.
+/// What most pairs of keyframes show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     General,
@@ -123,10 +133,10 @@ enum Kind {
 impl Kind {
     /// Depth needs one strong pair: between near keyframes it need not show.
     fn of(edges: &[Edge]) -> Self {
-        let count = |verdict| edges.iter().filter(|e| e.view.verdict == verdict).count();
         let deep = edges.iter().filter(|e| is_seed(e)).count();
-        let (general, planar) = (count(TwoViewVerdict::General), count(TwoViewVerdict::Planar));
-        let rotation = count(TwoViewVerdict::RotationOnly);
+        let general = count(edges, TwoViewVerdict::General);
+        let planar = count(edges, TwoViewVerdict::Planar);
+        let rotation = count(edges, TwoViewVerdict::RotationOnly);
         if deep > 0 && 4 * general >= planar + rotation {
             Self::General
         } else if planar > rotation {
@@ -139,92 +149,163 @@ impl Kind {
     }
 }
 
+fn count(edges: &[Edge], verdict: TwoViewVerdict) -> usize {
+    edges.iter().filter(|e| e.view.verdict == verdict).count()
+}
+
 fn is_seed(edge: &Edge) -> bool {
     edge.view.verdict == TwoViewVerdict::General
         && edge.view.median_angle >= MIN_ANGLE
         && edge.inliers() >= 2 * MIN_INLIERS
 }
 
-/// A map of a scene with depth; where the depth foretells nothing and turns explain the tracks about as well, those.
-fn with_depth(
-    table: &TrackTable,
-    options: &SfmOptions,
-    keys: &[usize],
-    edges: &[Edge],
-    guess: Intrinsics,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let found = general(table, options, keys, edges, guess, run)?;
-    if found.verdict != SfmVerdict::Failed || foretells(&found.figures) {
-        return Ok(found);
-    }
-    let turning = rotation_only(table, options, keys, edges, guess, run)?;
-    let nothing_else = found.figures.points == 0;
-    let as_well = nothing_else || turning.figures.rms_px <= MAX_ROTATION_LOSS * found.figures.rms_px;
-    Ok(if turning.verdict == SfmVerdict::RotationOnly && as_well { turning } else { found })
-}
-
-/// A map of a scene with depth, whatever that is worth.
-fn general(
-    table: &TrackTable,
-    options: &SfmOptions,
-    keys: &[usize],
-    edges: &[Edge],
-    guess: Intrinsics,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let (camera, lens) = match (options.focal, shared_focal(table, edges, run)?) {
-        (None, Some(vote)) => {
-            let sigma = vote.sigma_ln.max(VOTED_SIGMA);
-            let camera = Intrinsics { focal: vote.focal, ..guess };
-            (camera, LensPrior { sigma_ln_focal: sigma, sigma_k1: SIGMA_K1 })
-        }
-        (given, _) => {
-            let sigma = given.map_or(USUAL_DOUBT.ln(), |(_, sigma)| sigma);
-            (guess, LensPrior { sigma_ln_focal: sigma, sigma_k1: SIGMA_K1 })
-        }
-    };
-    let edges = view_graph(table, keys, &camera, lens.sigma_ln_focal.exp(), run)?;
-    let mut seeds: Vec<&Edge> = edges.iter().filter(|e| is_seed(e)).collect();
+/// The strongest of the pairs that `may_be` seeds.
+fn seeds(edges: &[Edge], may_be: impl Fn(&Edge) -> bool) -> impl Iterator<Item = &Edge> {
+    let mut seeds: Vec<&Edge> = edges.iter().filter(|e| may_be(e)).collect();
     seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let starts = seeds.into_iter().take(SEEDS).map(|seed| (seed, seed.view.poses[0]));
-    let empty = Mapper::new(table, keys, camera, lens, run);
-    let mapper = grown(&empty, starts, |_| Ok(0.0), run)?;
-    run.step(0.4)?;
-    let averaged = averaged(keys, &edges, run)?;
-    let whole = mapper.as_ref().is_some_and(|m| m.registered().len() == keys.len() && agrees(m, keys, &averaged));
-    let found = mapper.map(|m| finished(table, m, options, SfmVerdict::ThreeD, run)).transpose()?;
-    if whole {
-        return Ok(found.expect("a map was found"));
+    seeds.into_iter().take(MAX_SEEDS)
+}
+
+/// A shot, its keyframes and their pairs.
+struct Shot<'a> {
+    table: &'a TrackTable,
+    options: &'a SfmOptions,
+    run: &'a Run,
+    /// The lens as given, or the usual one.
+    guess: Intrinsics,
+    keys: Vec<usize>,
+    edges: Vec<Edge>,
+}
+
+impl<'a> Shot<'a> {
+    /// The focal length is known as well as the options say, and to `sigma_ln_focal` where they do not.
+    fn lens_prior(&self, sigma_ln_focal: f64) -> LensPrior {
+        let sigma_ln_focal = self.options.focal.map_or(sigma_ln_focal, |(_, sigma)| sigma);
+        LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 }
     }
-    // Turning cameras have places too, made up ones, and they take as long to find.
-    let general = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).count();
-    let mut all = empty.clone();
-    let placed = 2 * general >= edges.len() && place_all(table, &mut all, keys, &averaged, run)?;
-    let rescued = placed.then(|| finished(table, all, options, SfmVerdict::ThreeD, run)).transpose()?;
-    Ok(match (found, rescued) {
-        (Some(found), Some(rescued)) => better(found, rescued),
-        (found, rescued) => found.or(rescued).unwrap_or_else(|| {
-            nothing(table, camera, SfmVerdict::Failed, "no pair of keyframes carries a map".to_owned())
-        }),
-    })
+
+    fn pairs(&self, camera: &Intrinsics, lens: LensPrior) -> Result<Vec<Edge>, Stopped> {
+        view_graph(self.table, &self.keys, camera, lens.sigma_ln_focal.exp(), self.run)
+    }
+
+    /// An empty map over the keyframes.
+    fn mapper(&self, camera: Intrinsics, lens: LensPrior) -> Mapper<'a> {
+        Mapper::new(self.table, &self.keys, camera, lens, self.run)
+    }
+
+    fn failed(&self, reason: &str) -> Reconstruction {
+        without_cameras(self.table, self.guess, SfmVerdict::Failed, reason.to_owned())
+    }
+
+    /// A map of a scene with depth; where the depth predicts nothing and rotations explain the tracks about as well, those.
+    fn general_or_rotation(&self) -> Result<Reconstruction, Stopped> {
+        let found = self.general()?;
+        if found.verdict != SfmVerdict::Failed || predicts(&found.figures) {
+            return Ok(found);
+        }
+        let rotation = self.rotation_only()?;
+        let nothing_else = found.figures.points == 0;
+        let as_well = nothing_else || rotation.figures.rms_px <= MAX_ROTATION_LOSS * found.figures.rms_px;
+        Ok(if rotation.verdict == SfmVerdict::RotationOnly && as_well { rotation } else { found })
+    }
+
+    /// A map of a scene with depth, accepted or not.
+    fn general(&self) -> Result<Reconstruction, Stopped> {
+        let (camera, lens) = self.lens_of_pairs()?;
+        let edges = self.pairs(&camera, lens)?;
+        let empty = self.mapper(camera, lens);
+        let guesses = seeds(&edges, is_seed).map(|seed| (seed, seed.view.poses[0]));
+        let grown = grown(&empty, guesses, |_| Ok(0.0), self.run)?;
+        self.run.step(0.4)?;
+        let grown = grown.map(|m| self.completed(m, SfmVerdict::ThreeD)).transpose()?;
+        // A rotating camera has positions too, made up ones, and they take as long to find.
+        let deep = 2 * count(&edges, TwoViewVerdict::General) >= edges.len();
+        if !deep || grown.as_ref().is_some_and(|g| g.verdict.has_cameras()) {
+            return Ok(grown.unwrap_or_else(|| self.failed("no pair of keyframes carries a map")));
+        }
+        let mut mapper = empty;
+        let placed = map_globally(self.table, &mut mapper, &self.keys, &edges, self.run)?;
+        let placed = placed.then(|| self.completed(mapper, SfmVerdict::ThreeD)).transpose()?;
+        let worth = |r: &Reconstruction| (r.verdict.has_cameras(), r.figures.registered, -r.figures.rms_px);
+        Ok(match (grown, placed) {
+            (Some(grown), Some(placed)) => {
+                if worth(&placed) > worth(&grown) {
+                    placed
+                } else {
+                    grown
+                }
+            }
+            (grown, placed) => placed.or(grown).unwrap_or_else(|| self.failed("no pair of keyframes carries a map")),
+        })
+    }
+
+    /// The lens as given, or with the focal length on which the pairs with depth agree.
+    fn lens_of_pairs(&self) -> Result<(Intrinsics, LensPrior), Stopped> {
+        let estimate = match self.options.focal {
+            Some(_) => None,
+            None => shared_focal(self.table, &self.edges, self.run)?,
+        };
+        let Some(estimate) = estimate else { return Ok((self.guess, self.lens_prior(USUAL_FOCAL_FACTOR.ln()))) };
+        let camera = Intrinsics { focal: estimate.focal, ..self.guess };
+        Ok((camera, self.lens_prior(estimate.sigma_ln.max(MIN_PAIR_SIGMA))))
+    }
+
+    /// A map of a plane, from the best of the poses that its homographies allow.
+    fn planar(&self) -> Result<Reconstruction, Stopped> {
+        let lens = LensPrior { sigma_k1: PLANAR_K1_FRACTION * SIGMA_K1, ..self.lens_prior(MIN_PAIR_SIGMA) };
+        let planes = seeds(&self.edges, |e| e.view.verdict == TwoViewVerdict::Planar);
+        let guesses = planes.flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
+        let residual = |mapper: &mut Mapper<'_>| {
+            let report = mapper.adjust_all(false, GROWN)?;
+            Ok(report.map_or(f64::INFINITY, |r| r.median_px))
+        };
+        match grown(&self.mapper(self.guess, lens), guesses, residual, self.run)? {
+            Some(mapper) => self.completed(mapper, SfmVerdict::Planar),
+            None => Ok(self.failed("no pose explains the plane that the points move as")),
+        }
+    }
+
+    /// The cameras of a shot that shows no parallax.
+    fn rotation_only(&self) -> Result<Reconstruction, Stopped> {
+        let focal = if self.options.focal.is_some() { None } else { focal_of_turns(&self.edges, &self.guess) };
+        let camera = Intrinsics { focal: focal.unwrap_or(self.guess.focal), ..self.guess };
+        let mut mapper = self.mapper(camera, self.lens_prior(ROTATION_SIGMA));
+        mapper.admit(&(0..self.table.frames()).collect::<Vec<_>>());
+        turn_cameras(self.table, &mut mapper, &self.keys, &self.edges, self.run)?;
+        self.concluded(mapper, SfmVerdict::RotationOnly)
+    }
+
+    /// Registers the frames between keyframes, adjusts everything and judges the result.
+    fn completed(&self, mut mapper: Mapper<'_>, verdict: SfmVerdict) -> Result<Reconstruction, Stopped> {
+        let all: Vec<usize> = (0..self.table.frames()).collect();
+        mapper.admit(&all);
+        let missing: Vec<usize> = all.into_iter().filter(|&f| mapper.scene.poses[f].is_none()).collect();
+        for frame in missing {
+            mapper.register(frame)?;
+        }
+        mapper.triangulate_new()?;
+        self.concluded(mapper, verdict)
+    }
+
+    /// Adjusts, measures and judges a map of all frames.
+    fn concluded(&self, mut mapper: Mapper<'_>, verdict: SfmVerdict) -> Result<Reconstruction, Stopped> {
+        self.run.step(0.7)?;
+        let report = adjusted(&mut mapper, self.options.rolling_shutter, verdict == SfmVerdict::RotationOnly)?;
+        let figures = figures(self.table, &mapper.scene, report.and_then(|r| r.sigma_ln_focal), self.run)?;
+        let (verdict, reason) = judged(&figures, mapper.scene.intrinsics.k1, verdict, self.table.unit_px());
+        Ok(Reconstruction { scene: mapper.scene, verdict, reason, figures })
+    }
 }
 
-/// Of two maps the one that is believed, of more frames, of smaller residuals.
-fn better(a: Reconstruction, b: Reconstruction) -> Reconstruction {
-    let worth = |r: &Reconstruction| (r.verdict.has_cameras(), r.figures.registered, -r.figures.rms_px);
-    if worth(&b) > worth(&a) { b } else { a }
-}
-
-/// The map that loses fewest keyframes, `cost` added, of those that grow from the `starts`.
+/// The map that loses fewest keyframes, `cost` added, of those that grow from pairs with a relative pose.
 fn grown<'a, 'e>(
     empty: &Mapper<'a>,
-    starts: impl Iterator<Item = (&'e Edge, CameraPose)>,
+    guesses: impl Iterator<Item = (&'e Edge, CameraPose)>,
     cost: impl Fn(&mut Mapper<'a>) -> Result<f64, Stopped>,
     run: &Run,
 ) -> Result<Option<Mapper<'a>>, Stopped> {
     let mut best: Option<(f64, Mapper<'a>)> = None;
-    for (seed, pose) in starts {
+    for (seed, pose) in guesses {
         let mut mapper = empty.clone();
         run.check()?;
         if !mapper.seed(seed.first, seed.second, pose)? {
@@ -242,88 +323,20 @@ fn grown<'a, 'e>(
     Ok(best.map(|(_, mapper)| mapper))
 }
 
-/// A map of a plane, from the best of the poses that its homographies allow.
-fn planar(
-    table: &TrackTable,
-    options: &SfmOptions,
-    keys: &[usize],
-    edges: &[Edge],
-    guess: Intrinsics,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let sigma = options.focal.map_or(VOTED_SIGMA, |(_, sigma)| sigma);
-    let lens = LensPrior { sigma_ln_focal: sigma, sigma_k1: 0.1 * SIGMA_K1 };
-    let mut seeds: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::Planar).collect();
-    seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    let starts = seeds.into_iter().take(SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
-    let miss = |mapper: &mut Mapper<'_>| {
-        let report = mapper.adjust_all(false, GROWN)?;
-        Ok(report.map_or(f64::INFINITY, |r| r.median_px))
-    };
-    let Some(mapper) = grown(&Mapper::new(table, keys, guess, lens, run), starts, miss, run)? else {
-        let reason = "no pose explains the plane that the points move as".to_owned();
-        return Ok(nothing(table, guess, SfmVerdict::Failed, reason));
-    };
-    finished(table, mapper, options, SfmVerdict::Planar, run)
-}
-
-/// Registers the frames between keyframes, adjusts everything and judges the result.
-fn finished(
-    table: &TrackTable,
-    mut mapper: Mapper<'_>,
-    options: &SfmOptions,
-    verdict: SfmVerdict,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let all: Vec<usize> = (0..table.frames()).collect();
-    mapper.admit(&all);
-    let missing: Vec<usize> = all.into_iter().filter(|&f| mapper.scene.poses[f].is_none()).collect();
-    for frame in missing {
-        mapper.register(frame)?;
-    }
-    mapper.triangulate_new()?;
-    run.step(0.7)?;
-    let (mapper, report) = settled(mapper, options, false)?;
-    concluded(table, mapper, report, verdict, run)
-}
-
-/// The cameras of a shot that shows no parallax.
-fn rotation_only(
-    table: &TrackTable,
-    options: &SfmOptions,
-    keys: &[usize],
-    edges: &[Edge],
-    guess: Intrinsics,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let focal = if options.focal.is_some() { None } else { focal_of_turns(edges, &guess) };
-    let camera = Intrinsics { focal: focal.unwrap_or(guess.focal), ..guess };
-    let sigma_ln_focal = options.focal.map_or(TURNED_SIGMA, |(_, sigma)| sigma);
-    let mut mapper = Mapper::new(table, keys, camera, LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 }, run);
-    mapper.admit(&(0..table.frames()).collect::<Vec<_>>());
-    turn_cameras(table, &mut mapper, keys, edges, run)?;
-    run.step(0.7)?;
-    let (mapper, report) = settled(mapper, options, true)?;
-    concluded(table, mapper, report, SfmVerdict::RotationOnly, run)
-}
-
-/// Adjusts a complete map; with a readout where one is allowed and the residuals show it.
-fn settled<'a>(
-    mut mapper: Mapper<'a>,
-    options: &SfmOptions,
-    turning: bool,
-) -> Result<(Mapper<'a>, Option<BundleReport>), Stopped> {
+/// Adjusts a map of all frames twice: roughly, which finds wrong points and, where `rolling` is looked for, whether a readout
+/// explains the residuals; and, without the wrong points, to the end.
+fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, turning: bool) -> Result<Option<BundleReport>, Stopped> {
     let rough = Last { turning, ..Last::ROUGH };
-    let mut sample = mapper.sample(FEW_SIGHTINGS);
-    let still = mapper.finish(&mut sample, rough)?;
-    let mut rolling = false;
-    if let Some(still) = still.filter(|_| options.rolling_shutter) {
-        let mut moving = sample.clone();
-        let found = mapper.finish(&mut moving, Last { rolling: true, ..rough })?;
-        rolling = found.is_some_and(|r| r.cost < CLEAR_GAIN * still.cost)
-            && (MIN_READOUT..MAX_READOUT).contains(&moving.scene.readout);
-        if rolling {
-            sample = moving;
+    let mut sample = mapper.sample(ROUGH_SIGHTINGS);
+    let global = mapper.finish(&mut sample, rough)?;
+    let mut has_readout = false;
+    if let Some(global) = global.filter(|_| rolling) {
+        let mut with_readout = sample.clone();
+        let report = mapper.finish(&mut with_readout, Last { rolling, ..rough })?;
+        has_readout = report.is_some_and(|r| r.cost < MAX_READOUT_COST * global.cost)
+            && (MIN_READOUT..MAX_READOUT).contains(&with_readout.scene.readout);
+        if has_readout {
+            sample = with_readout;
         }
     }
     mapper.take_cameras(sample)?;
@@ -331,28 +344,14 @@ fn settled<'a>(
     if !turning {
         mapper.triangulate_new()?;
     }
-    let mut sample = mapper.sample(ENOUGH_SIGHTINGS);
-    let report = mapper.finish(&mut sample, Last { rolling, turning, ..Last::FINE })?;
+    let mut sample = mapper.sample(FINE_SIGHTINGS);
+    let report = mapper.finish(&mut sample, Last { rolling: has_readout, turning, ..Last::FINE })?;
     mapper.take_cameras(sample)?;
     mapper.discard_wrong();
-    Ok((mapper, report))
+    Ok(report)
 }
 
-/// Measures and judges a finished map.
-fn concluded(
-    table: &TrackTable,
-    mapper: Mapper<'_>,
-    report: Option<BundleReport>,
-    verdict: SfmVerdict,
-    run: &Run,
-) -> Result<Reconstruction, Stopped> {
-    let figures = figures(table, &mapper.scene, report.and_then(|r| r.sigma_ln_focal), run)?;
-    let (verdict, reason) =
-        judged(&figures, mapper.scene.intrinsics.k1, verdict, f64::from(table.width.max(table.height)) / 640.0);
-    Ok(Reconstruction { scene: mapper.scene, verdict, reason, figures })
-}
-
-fn nothing(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: String) -> Reconstruction {
+fn without_cameras(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: String) -> Reconstruction {
     let scene = Scene {
         intrinsics: camera,
         readout: 0.0,

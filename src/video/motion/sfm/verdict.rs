@@ -60,7 +60,7 @@ impl SfmVerdict {
 }
 
 /// Whether the depths of a map are more than made up.
-pub(super) fn foretells(f: &SfmFigures) -> bool {
+pub(super) fn predicts(f: &SfmFigures) -> bool {
     if f.foretold < MIN_PREDICTED {
         return f.angle > 0.0 && f.angle * f.focal >= MIN_PARALLAX * f.rms_px;
     }
@@ -69,7 +69,7 @@ pub(super) fn foretells(f: &SfmFigures) -> bool {
 
 /// Whether a camera moved before a plane: homographies foretell as well, under angles that nobody makes up.
 fn is_plane(f: &SfmFigures) -> bool {
-    f.foretold >= MIN_PREDICTED && !foretells(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
+    f.foretold >= MIN_PREDICTED && !predicts(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
 }
 
 fn no_depth(f: &SfmFigures) -> String {
@@ -90,7 +90,7 @@ pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px
         failed(format!("points lie {:.1} px beside where the cameras see them", f.rms_px))
     } else if !(f.coverage >= MIN_COVERAGE) {
         failed(format!("still points on {:.0} % of the picture only", 100.0 * f.coverage))
-    } else if verdict == SfmVerdict::ThreeD && !foretells(f) && !is_plane(f) {
+    } else if verdict == SfmVerdict::ThreeD && !predicts(f) && !is_plane(f) {
         failed(no_depth(f))
     } else if verdict == SfmVerdict::ThreeD && !f.sigma_ln_focal.is_some_and(|s| s <= MAX_SIGMA_LN_FOCAL) {
         failed("the focal length cannot be told".to_owned())
