@@ -3,6 +3,9 @@
 //! Near a camera the reprojection error of a point has minima far from the truth, which a robust loss deepens: a few
 //! observations fit, the others count as outliers. From a rough start some points fall into one. They are searched anew from
 //! the ray of their anchor's observation, at several depths.
+//!
+//! A made-up walk (23 % wrong sightings, tracks of 27 frames) has cameras in 22 of 73 frames; without this search it has none
+//! (`docs/ABLATIONS.md`).
 
 use super::judgment::Judgment;
 use super::parameters::Ray;
