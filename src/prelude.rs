@@ -35,7 +35,9 @@ pub use crate::shape::character::{Character, CurveSkeleton, Joint, Pose, Skeleto
 pub use crate::shape::mesh::{Model, ReadLimits, TriMesh, read_model, write_model};
 pub use crate::shape::morph::composition::{ComposeOptions, Composition, Cut, compose};
 pub use crate::shape::morph::{Trajectory, TrajectoryOptions, interpolate};
-pub use crate::shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start, deform};
+pub use crate::shape::surface::{
+    Convergence, DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method, deform,
+};
 pub use crate::video::stabilize::{
     Analysis, ClipInfo, FrameSource, Plan, StabilizeError, Stabilizer, StabilizerOptions,
 };

@@ -37,8 +37,8 @@ use plumbline::shape::morph::correspondence::{CorrespondenceMethod, Corresponden
 use plumbline::shape::morph::intersections::self_intersections;
 use plumbline::shape::morph::{MorphError, Trajectory, TrajectoryOptions, time_field};
 use plumbline::shape::surface::{
-    Convergence, DeformOptions, Deformer, HandlePose, Handles, Hierarchy, Hold, Method as Deformation, ModesOptions,
-    Start, SurfaceError, modes,
+    Constraint, Convergence, DeformOptions, Deformer, HandlePose, Handles, Hierarchy, InitialGuess,
+    Method as Deformation, ModesOptions, SurfaceError, modes,
 };
 use plumbline::video::motion::sfm::synthetic::{Shot, ShotOptions};
 use plumbline::video::motion::sfm::{
@@ -94,7 +94,7 @@ fn ends(mesh: &TriMesh) -> (Handles, HandlePose) {
         |z: f64| (0..mesh.vertex_count() as u32).filter(move |v| (mesh.positions()[*v as usize].z - z).abs() < 1e-9);
     let mut held: Vec<u32> = at(low).chain(at(high)).collect();
     held.sort_unstable();
-    let handles = Handles::new(held.iter().map(|v| (*v, Hold::Exact))).expect("each once");
+    let handles = Handles::new(held.iter().map(|v| (*v, Constraint::Hard))).expect("each once");
     let moved = |v: &u32| {
         let p = mesh.positions()[*v as usize];
         if p.z > 0.5 * (low + high) { p + Vector3::new(1.0, 0.0, -0.5) } else { p }
@@ -197,7 +197,7 @@ fn surfaces_and_characters_end_with_their_run() {
         );
         let mut deformer =
             Deformer::new(method, &mesh, &handles, &options, &Run::default()).expect("held at both ends");
-        for start in [Start::Auto, Start::Coarse, Start::Spread, Start::Rest] {
+        for start in [InitialGuess::Auto, InitialGuess::Coarse, InitialGuess::Spread, InitialGuess::Rest] {
             let stopped = stops!(deformer.deform(&pose, start, &convergence, &run), SurfaceError);
             assert!(stopped, "{} from {start:?}", method.name());
         }
@@ -378,9 +378,11 @@ fn long_calls_end_midway_and_soon() {
     let mut deformer =
         Deformer::new(Deformation::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("held");
     let few = Convergence { max_iterations: 5, ..convergence };
-    let before = deformer.deform(&pose, Start::Spread, &few, &Run::default()).expect("held").positions;
-    stops_midway("deforming", |run| stops!(deformer.deform(&pose, Start::Spread, &convergence, run), SurfaceError));
-    let after = deformer.deform(&pose, Start::Spread, &few, &Run::default()).expect("held").positions;
+    let before = deformer.deform(&pose, InitialGuess::Spread, &few, &Run::default()).expect("held").positions;
+    stops_midway("deforming", |run| {
+        stops!(deformer.deform(&pose, InitialGuess::Spread, &convergence, run), SurfaceError)
+    });
+    let after = deformer.deform(&pose, InitialGuess::Spread, &few, &Run::default()).expect("held").positions;
     assert_eq!(before, after, "the deformer may be used again as if nothing had been");
     stops_midway("skeleton extraction", |run| {
         let observer =

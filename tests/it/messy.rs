@@ -5,7 +5,9 @@ use nalgebra::{Point3, Vector3};
 use plumbline::num::run::Run;
 use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, MeshFormat, Model, ReadLimits, RepairOptions, TriMesh, Weld, repair, shapes};
-use plumbline::shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start, Unheld};
+use plumbline::shape::surface::{
+    Convergence, DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method, Unconstrained,
+};
 
 /// Every seventh triangle turned over.
 fn flipped() -> TriMesh {
@@ -67,11 +69,11 @@ fn bent(mesh: &TriMesh) -> Vec<Point3<f64>> {
     let lift = Vector3::new(0.0, 0.2, 0.1) * (high - low).norm();
     let places: Vec<_> =
         handles.vertices().iter().map(|&v| if moved.contains(&v) { at(v) + lift } else { at(v) }).collect();
-    let options = DeformOptions { unheld: Unheld::Still, ..DeformOptions::default() };
+    let options = DeformOptions { unconstrained: Unconstrained::Keep, ..DeformOptions::default() };
     let mut deformer = Deformer::new(Method::default(), mesh, &handles, &options, &Run::default())
         .expect("what repair leaves can be deformed");
     let pose = HandlePose::new(places);
-    deformer.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).expect("it ends").positions
+    deformer.deform(&pose, InitialGuess::Spread, &Convergence::default(), &Run::default()).expect("it ends").positions
 }
 
 #[test]

@@ -332,7 +332,7 @@ fn faults_are_reported_with_their_file_and_leave_nothing() {
     let before = names(folder);
     for (mesh, handles, output, status, message) in [
         ("bar.obj", "beyond.json", "o.obj", 65, "beyond.json: handle \"tip\": the mesh has no vertex 100000"),
-        ("bar.obj", "twice.json", "o.obj", 65, "twice.json: vertex 0 belongs to handle 1 and to handle 2"),
+        ("bar.obj", "twice.json", "o.obj", 65, "twice.json: vertex 0 is in handle 1 and in handle 2"),
         ("bar.obj", "broken.json", "o.obj", 65, "broken.json: not a file of handles: EOF"),
         ("bar.obj", "missing.json", "o.obj", 65, "missing.json: "),
         ("nan.obj", "good.json", "o.obj", 65, "nan.obj: "),

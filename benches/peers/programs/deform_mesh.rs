@@ -14,7 +14,8 @@ use nalgebra::Point3;
 use plumbline::num::run::Run;
 use plumbline::shape::mesh::{ReadLimits, read_model};
 use plumbline::shape::surface::{
-    Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, PrimoOptions, Solver, Start, Turning,
+    Convergence, DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method, PrimoOptions, RotationEstimation,
+    Solver,
 };
 
 #[derive(Parser)]
@@ -59,14 +60,14 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
         bending: a.bending,
         smoothness: a.smoothness,
         primo: PrimoOptions { thickness: a.thickness, ..PrimoOptions::default() },
-        turning: if a.alternating { Turning::Alternating } else { Turning::Spread },
+        rotation_estimation: if a.alternating { RotationEstimation::Alternating } else { RotationEstimation::Spread },
         ..Default::default()
     };
     let start = match a.start.as_str() {
-        "rest" => Start::Rest,
-        "spread" => Start::Spread,
-        "coarse" => Start::Coarse,
-        _ => Start::Auto,
+        "rest" => InitialGuess::Rest,
+        "spread" => InitialGuess::Spread,
+        "coarse" => InitialGuess::Coarse,
+        _ => InitialGuess::Auto,
     };
     let convergence = Convergence { max_iterations: a.iterations, tolerance: a.tolerance };
     let (mut bind_s, mut deform_s, mut last) = (0.0, 0.0, None);
@@ -96,7 +97,7 @@ pub(super) fn main() -> Result<(), Box<dyn Error>> {
         "volume_ratio": report.shape.volume_ratio,
         "negative_weights": report.negative_weights,
         "degenerate_faces": report.degenerate_faces,
-        "held_still": report.held_still.len(),
+        "held_still": report.fixed_components.len(),
     });
     {
         println!("{told}");

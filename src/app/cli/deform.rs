@@ -51,8 +51,8 @@ impl Offer for Deform {
         Setting::of("solver").under("Method"),
         Setting::of("start").value("FROM").under("Method"),
         Setting::of("laplacian").value("WHAT").under("Method"),
-        Setting::of("turning").value("FROM").under("Method"),
-        Setting::of("unheld").under("Method"),
+        Setting::of("rotation_estimation").value("HOW").under("Method"),
+        Setting::of("unconstrained").under("Method"),
         Setting::of("frames").under("Writing"),
         Setting::of("report").value("FILE.html|FILE.json").under("Writing"),
     ];

@@ -48,7 +48,7 @@ impl Offer for Morph {
         Setting::of("frames"),
         Setting::of("landmarks").under("Method"),
         Setting::of("refine").value("SHARE").requires("landmarks").under("Method"),
-        Setting::of("rounds").under("Method"),
+        Setting::of("iterations").under("Method"),
         Setting::of("untangle").under("Method"),
         Setting::of("over").requires("landmarks").under("Method"),
         Setting::of("whole_turns").signed().under("Method"),

@@ -45,7 +45,7 @@ impl Default for BlendSettings {
         Self {
             paint: String::new(),
             landmarks: None,
-            rounds: TrajectoryOptions::default().rounds as u32,
+            rounds: TrajectoryOptions::default().iterations as u32,
             frames: 1,
             report: None,
         }
@@ -81,7 +81,7 @@ impl Stage for BlendSettings {
         let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;
         let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())
             .map_err(morph_error)?;
-        let options = TrajectoryOptions { rounds: self.rounds as usize, whole_turns: 0 };
+        let options = TrajectoryOptions { iterations: self.rounds as usize, whole_turns: 0 };
         let mut trajectory =
             Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());

@@ -18,7 +18,7 @@ use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
-use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, Method, Start};
+use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, InitialGuess, Method};
 
 /// Settings of `mesh.deform`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,7 +33,7 @@ pub struct MeshDeformSettings {
     #[serde(flatten)]
     pub options: DeformOptions,
     /// Where rounds start; a pose after the first one starts from the one before
-    pub start: Start<'static>,
+    pub start: InitialGuess<'static>,
     /// The surface moves up to this far from handles that move, along edges, in units of the mesh; all of it if left out
     #[schemars(range(min = 0.0))]
     pub roi: Option<f64>,
@@ -61,7 +61,7 @@ impl Default for MeshDeformSettings {
             handles: String::new(),
             method: Method::default(),
             options: DeformOptions::default(),
-            start: Start::default(),
+            start: InitialGuess::default(),
             roi: None,
             iterations: DONE.max_iterations as u32,
             tolerance: DONE.tolerance,
@@ -183,7 +183,7 @@ impl PoseSolver<'_, '_> {
             max_iterations: iterations.min(self.settings.iterations as usize),
             tolerance: self.settings.tolerance,
         };
-        let start = if self.at.is_some() { Start::Last } else { self.settings.start };
+        let start = if self.at.is_some() { InitialGuess::Last } else { self.settings.start };
         let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run).map_err(surface_error)?;
         self.at = Some(time);
         Ok(deformed)

@@ -108,7 +108,7 @@ impl Stage for MorphSettings {
         if let Some(worse) = shapes.worse_than_linear() {
             context.warn(worse);
         }
-        let turn = trajectory.turn_of_whole().norm().to_degrees();
+        let turn = trajectory.global_rotation().norm().to_degrees();
         tell(context, format!("{} shapes, turning by {turn:.1}° as a whole{}", self.frames, shapes.intersections()));
         let report = json!({
             "version": 1,

@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion};
 use super::skinning::joint_rotations;
 use super::{CharacterError, SkinWeights};
 use crate::mesh::TriMesh;
-use crate::surface::{DeformOptions, DetailPreserving, HandlePose, Handles, Hold};
+use crate::surface::{Constraint, DeformOptions, DetailPreserving, HandlePose, Handles};
 use plumbline_num::run::Run;
 
 /// The factor that refines a skinned surface, by whichever method it is skinned.
@@ -43,7 +43,7 @@ impl DetailRefiner {
         if given != vertices {
             return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
         }
-        let handles = Handles::new((0..vertices as u32).map(|v| (v, Hold::Soft(hold))))?;
+        let handles = Handles::new((0..vertices as u32).map(|v| (v, Constraint::Soft(hold))))?;
         let solver = DetailPreserving::new(mesh, &handles, &DeformOptions::default(), run)?;
         Ok(Self { weights: weights.clone(), solver })
     }

@@ -1,4 +1,4 @@
-//! The nearest place of a surface, and pairs of triangles that may meet, by a tree of boxes.
+//! Closest points on a surface and overlapping pairs of triangles, by a bounding volume hierarchy.
 
 use nalgebra::Point3;
 
@@ -6,20 +6,20 @@ use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::{Aabb, BoxTree, closest_point_on_triangle};
 
-/// A place on a surface.
+/// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
+pub struct SurfacePoint {
     /// The triangle.
     pub triangle: u32,
     /// Its barycentric coordinates, which sum to 1.
     pub weights: [f64; 3],
-    /// Where it is.
+    /// Its position.
     pub point: Point3<f64>,
-    /// How far, squared.
+    /// Squared distance from the query point.
     pub squared: f64,
 }
 
-/// A hierarchy of boxes over the triangles of a mesh.
+/// A bounding volume hierarchy over the triangles of a mesh.
 #[derive(Clone, Debug)]
 pub struct Bvh {
     tree: BoxTree,
@@ -35,19 +35,19 @@ impl Bvh {
         Self { tree, corners }
     }
 
-    /// The place nearest to a point among the triangles that are wanted; of equally near ones that of the lowest number. `None`
-    /// where none is.
-    pub fn nearest(&self, point: &Point3<f64>, wanted: impl Fn(u32) -> bool) -> Option<Nearest> {
-        let mut best: Option<Nearest> = None;
+    /// The closest point among the accepted triangles; of equally near ones that of the lowest triangle. `None` if no triangle is
+    /// accepted.
+    pub fn nearest(&self, point: &Point3<f64>, accept: impl Fn(u32) -> bool) -> Option<SurfacePoint> {
+        let mut best: Option<SurfacePoint> = None;
         self.tree.near(point, f64::INFINITY, |items| {
             for (corners, &t) in self.corners[items.clone()].iter().zip(&self.tree.order()[items]) {
                 let weights = closest_point_on_triangle(point, corners).weights;
                 let [a, b, c] = corners;
-                let place = a + (b - a) * weights[1] + (c - a) * weights[2];
-                let squared = (place - point).norm_squared();
-                let better = |b: Nearest| (squared, t) < (b.squared, b.triangle);
-                if best.is_none_or(better) && wanted(t) {
-                    best = Some(Nearest { triangle: t, weights, point: place, squared });
+                let closest = a + (b - a) * weights[1] + (c - a) * weights[2];
+                let squared = (closest - point).norm_squared();
+                let better = |b: SurfacePoint| (squared, t) < (b.squared, b.triangle);
+                if best.is_none_or(better) && accept(t) {
+                    best = Some(SurfacePoint { triangle: t, weights, point: closest, squared });
                 }
             }
             best.map_or(f64::INFINITY, |b| b.squared)
@@ -55,7 +55,7 @@ impl Bvh {
         best
     }
 
-    /// Visits each pair of triangles `t < u` whose boxes meet.
+    /// Visits each pair of triangles `t < u` with overlapping boxes.
     pub(super) fn pairs(&self, mut visit: impl FnMut(u32, u32), run: &Run) -> Result<(), Stopped> {
         let overlapping = |i: usize, j: usize| {
             if Aabb::around(&self.corners[i]).overlaps(&Aabb::around(&self.corners[j])) {
@@ -75,7 +75,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn the_nearest_place_is_the_one_that_looking_everywhere_finds() {
+    fn the_closest_point_is_that_of_an_exhaustive_search() {
         let mesh = shapes::cactus(8);
         let bvh = Bvh::new(&mesh);
         let mut rng = fastrand::Rng::with_seed(4);

@@ -1,11 +1,11 @@
-//! Positions whose edges are as given, as nearly as can be: one factor, any number of right-hand sides.
+//! Poisson reconstruction of positions from edge vectors: one factor, any number of right-hand sides.
 //!
 //! ```text
 //! min Σ_t Σ_{e ∈ t} h_e |xᵢ − xⱼ − d_e|²       ⇔       L x = Σ ± h d
 //! ```
 //!
-//! Where vertices are held, `x` is found for the rest. Otherwise `L` leaves every piece of the surface free to move, and the
-//! weighted mean of each piece's vertices is given instead.
+//! With constrained vertices, `x` is solved for the others. Without them `L` determines each connected component up to a
+//! translation, which [`ElasticSolve::center`] fixes by the weighted mean of its vertices.
 
 use nalgebra::{Point3, Vector3};
 
@@ -21,26 +21,26 @@ pub(super) struct ElasticSolve {
     triangles: Vec<[u32; 3]>,
     half: Vec<[f64; 3]>,
     system: FactoredLaplacian,
-    /// Piece of each vertex; without meaning where vertices are held.
-    piece: Vec<u32>,
-    pieces: usize,
+    /// Connected component of each vertex; unused with constrained vertices.
+    component: Vec<u32>,
+    components: usize,
 }
 
 impl ElasticSolve {
-    /// All pieces free.
+    /// Without constraints.
     pub(super) fn free(
         triangles: &[[u32; 3]],
         half: Vec<[f64; 3]>,
         at: &[Point3<f64>],
         run: &Run,
     ) -> Result<Self, MorphError> {
-        let (piece, pieces) = numbered_components(at.len(), triangles);
-        let mut met = vec![false; pieces];
-        let held: Vec<bool> = piece.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
-        Self::new(triangles, half, at, &held, piece, pieces, run)
+        let (component, components) = numbered_components(at.len(), triangles);
+        let mut met = vec![false; components];
+        let held: Vec<bool> = component.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
+        Self::new(triangles, half, at, &held, component, components, run)
     }
 
-    /// Some vertices held; each piece must have one.
+    /// With constrained vertices, at least one per component.
     pub(super) fn held(
         triangles: &[[u32; 3]],
         half: Vec<[f64; 3]>,
@@ -48,8 +48,8 @@ impl ElasticSolve {
         held: &[bool],
         run: &Run,
     ) -> Result<Self, MorphError> {
-        let (piece, pieces) = numbered_components(at.len(), triangles);
-        Self::new(triangles, half, at, held, piece, pieces, run)
+        let (component, components) = numbered_components(at.len(), triangles);
+        Self::new(triangles, half, at, held, component, components, run)
     }
 
     fn new(
@@ -57,8 +57,8 @@ impl ElasticSolve {
         half: Vec<[f64; 3]>,
         at: &[Point3<f64>],
         held: &[bool],
-        piece: Vec<u32>,
-        pieces: usize,
+        component: Vec<u32>,
+        components: usize,
         run: &Run,
     ) -> Result<Self, MorphError> {
         let edges = triangles
@@ -68,7 +68,7 @@ impl ElasticSolve {
         let laplacian = ConstrainedLaplacian::new(at.len(), edges, |v| held[v])?;
         let positions = at.iter().map(|p| p.coords.into()).collect();
         let system = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
-        Ok(Self { triangles: triangles.to_vec(), half, system, piece, pieces })
+        Ok(Self { triangles: triangles.to_vec(), half, system, component, components })
     }
 
     /// Weights of edges, by the corner opposite.
@@ -76,13 +76,13 @@ impl ElasticSolve {
         &self.half
     }
 
-    /// Improves `x` so that its edges, each opposite a corner of a triangle, are as near to `edges` as can be. Vertices that
-    /// are held, or the first of each free piece, stay.
+    /// Updates `x` so that its edges, each opposite a corner of a triangle, fit `edges` best. Constrained vertices stay, or the
+    /// first vertex of each component.
     pub(super) fn follow(&mut self, edges: impl Fn(usize) -> [Vector3<f64>; 3], x: &mut [Point3<f64>]) {
         self.follow_pushed(edges, &[], x);
     }
 
-    /// The same, with a force on every vertex, or on none.
+    /// The same with a force on every vertex, or none.
     pub(super) fn follow_pushed(
         &mut self,
         edges: impl Fn(usize) -> [Vector3<f64>; 3],
@@ -118,28 +118,28 @@ impl ElasticSolve {
 
     /// Weights of the edges at each vertex, summed.
     pub(super) fn diagonal(&self) -> Vec<f64> {
-        let mut sums = vec![0.0; self.piece.len()];
+        let mut sums = vec![0.0; self.component.len()];
         for (v, h) in self.triangles.iter().zip(&self.half) {
             (0..3).for_each(|k| sums[v[k] as usize] += h[(k + 1) % 3] + h[(k + 2) % 3]);
         }
         sums
     }
 
-    /// Moves each piece so that the weighted means of its vertices are those of `like`.
+    /// Translates each component so that the weighted mean of its vertices is that in `like`.
     pub(super) fn center(&self, x: &mut [Point3<f64>], like: &[Point3<f64>], weights: &[f64]) {
-        let mut sums = vec![(Vector3::zeros(), 0.0); self.pieces];
+        let mut sums = vec![(Vector3::zeros(), 0.0); self.components];
         for (v, (x, y)) in x.iter().zip(like).enumerate() {
-            let sum = &mut sums[self.piece[v] as usize];
+            let sum = &mut sums[self.component[v] as usize];
             *sum = (sum.0 + (y - x) * weights[v], sum.1 + weights[v]);
         }
-        for (x, &piece) in x.iter_mut().zip(&self.piece) {
-            let (sum, weight) = sums[piece as usize];
+        for (x, &component) in x.iter_mut().zip(&self.component) {
+            let (sum, weight) = sums[component as usize];
             *x += if weight > 0.0 { sum / weight } else { sum };
         }
     }
 
-    /// Piece of each vertex, and their number.
-    pub(super) fn pieces(&self) -> (&[u32], usize) {
-        (&self.piece, self.pieces)
+    /// Component of each vertex, and their number.
+    pub(super) fn components(&self) -> (&[u32], usize) {
+        (&self.component, self.components)
     }
 }

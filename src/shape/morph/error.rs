@@ -1,33 +1,33 @@
-//! What a morph can be refused for.
+//! Errors of morphing.
 
 use crate::mesh::MeshError;
 use plumbline_num::document::{DocumentError, VERSION};
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
-/// Why shapes could not be joined, or what lies between them not found.
+/// An error of correspondence, interpolation or composition.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MorphError {
-    /// Input: two meshes of which one should be the other in another pose differ in their numbers of vertices.
+    /// Input: two poses of one mesh expected, but the numbers of vertices differ.
     #[error(
-        "the meshes differ: {first} and {second} vertices; give landmarks (--landmarks) so that one can be laid over the other, or \
+        "the meshes differ: {first} and {second} vertices; give landmarks (--landmarks) for a correspondence, or \
          take two poses of one mesh"
     )]
     VertexCounts {
-        /// Vertices of the first.
+        /// Number of vertices of the first mesh.
         first: usize,
-        /// Vertices of the second.
+        /// Number of vertices of the second mesh.
         second: usize,
     },
-    /// Input: as many vertices, but other triangles.
+    /// Input: two poses of one mesh expected, but the triangles differ.
     #[error(
-        "the meshes differ: triangle {triangle} joins {} in the first and {} in the second; give landmarks (--landmarks) so that \
-         one can be laid over the other, or take two poses of one mesh",
+        "the meshes differ: triangle {triangle} joins {} in the first and {} in the second; give landmarks (--landmarks) for a \
+         correspondence, or take two poses of one mesh",
         corners(.first.as_ref()), corners(.second.as_ref())
     )]
     Triangles {
-        /// The first triangle that differs, numbered from 0.
+        /// The first triangle that differs, from 0.
         triangle: usize,
         /// Its corners in the first mesh, if it has that many triangles.
         first: Option<[u32; 3]>,
@@ -43,21 +43,21 @@ pub enum MorphError {
     /// Input: a number outside its range.
     #[error("{what} is {value} (expected {expected})")]
     Value {
-        /// What has the value.
+        /// The quantity.
         what: String,
         /// The value.
         value: String,
-        /// What may stand there.
+        /// The allowed values.
         expected: String,
     },
-    /// Input: a vertex that a mesh does not have.
+    /// Input: a vertex that does not exist.
     #[error(
-        "{place}: the {which} mesh has no vertex {vertex} (expected 0 to {}, in the order of the file)",
+        "{context}: the {which} mesh has no vertex {vertex} (expected 0 to {}, in the order of the file)",
         .vertices.saturating_sub(1)
     )]
     NoSuchVertex {
-        /// Where it is named.
-        place: String,
+        /// The entry that refers to it.
+        context: String,
         /// Which mesh.
         which: &'static str,
         /// The vertex.
@@ -65,47 +65,45 @@ pub enum MorphError {
         /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// Input: too few landmarks, or landmarks on one line.
-    #[error(
-        "{given} landmarks do not fix how the meshes lie to each other (expected at least {expected}, not all on one line)"
-    )]
+    /// Input: too few landmarks, or collinear ones.
+    #[error("{given} landmarks do not determine a similarity (expected at least {expected}, not all on one line)")]
     Landmarks {
-        /// How many there are.
+        /// Number of landmarks.
         given: usize,
-        /// How many are needed.
+        /// Number needed.
         expected: usize,
     },
-    /// Input: a surface that is not of the kind a method needs.
+    /// Input: a surface of the wrong topology for the method.
     #[error("the {which} mesh {fault}; {advice}")]
     Topology {
         /// Which mesh.
         which: &'static str,
-        /// What it is.
+        /// The topology found.
         fault: String,
-        /// What to do.
+        /// The remedy.
         advice: &'static str,
     },
-    /// Input: a seam that does not cut, or does not close.
+    /// Input: a seam that does not close or does not separate the surface.
     #[error("the seam of the {which} mesh {fault}")]
     Seam {
         /// Which mesh.
         which: &'static str,
-        /// What is wrong, the value, and what to do.
+        /// The fault, the value and the remedy.
         fault: String,
     },
-    /// Input: a file that is not what its format asks for.
+    /// Input: a file of the wrong format.
     #[error("not {name}: {fault}")]
     Malformed {
-        /// What the file should be.
+        /// The expected kind of file.
         name: &'static str,
-        /// What is wrong with it, and where.
+        /// The fault and its position.
         fault: String,
     },
-    /// Input: a mesh that cannot be used.
+    /// Input: an invalid mesh.
     #[error(transparent)]
     Mesh(MeshError),
-    /// Numerics: a system that cannot be solved.
-    #[error("the surface cannot be solved for: {0}")]
+    /// Numerics: a system that cannot be factored.
+    #[error("the linear system of the surface cannot be solved: {0}")]
     Numerics(SparseError),
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
@@ -113,7 +111,7 @@ pub enum MorphError {
 }
 
 fn corners(triangle: Option<&[u32; 3]>) -> String {
-    triangle.map_or_else(|| "nothing".to_owned(), |[a, b, c]| format!("vertices {a}, {b}, {c}"))
+    triangle.map_or_else(|| "no vertices".to_owned(), |[a, b, c]| format!("vertices {a}, {b}, {c}"))
 }
 
 impl From<MeshError> for MorphError {

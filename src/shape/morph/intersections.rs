@@ -1,7 +1,7 @@
-//! Where a surface passes through itself.
+//! Self-intersections of a surface.
 //!
-//! Two triangles that share no edge intersect where an edge of one passes through the other; neighbors at a vertex, where the edge
-//! opposite does. Triangles in one plane are not told to intersect. Signs are those of rounded determinants.
+//! Two triangles without a common edge intersect if an edge of one crosses the other; with a common vertex only the opposite edges
+//! are tested. Coplanar triangles do not count. The signs are those of rounded determinants.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,7 +9,7 @@ use super::bvh::Bvh;
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 
-/// Pairs of triangles, the lower number first, that pass through each other; ascending.
+/// Intersecting pairs of triangles, the lower index first; ascending.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -28,38 +28,38 @@ pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Vec<[u32; 2]>, St
     Ok(found)
 }
 
-/// An edge that passes through a triangle.
+/// An edge that crosses a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Passage {
+pub(super) struct Crossing {
     pub(super) edge: [u32; 2],
     pub(super) triangle: u32,
 }
 
 fn intersect(mesh: &TriMesh, t: usize, u: usize) -> bool {
-    passages(mesh, t, u).next().is_some()
+    crossings(mesh, t, u).next().is_some()
 }
 
-/// Edges of either triangle that pass through the other.
-pub(super) fn passages(mesh: &TriMesh, t: usize, u: usize) -> impl Iterator<Item = Passage> {
+/// Edges of either triangle that cross the other.
+pub(super) fn crossings(mesh: &TriMesh, t: usize, u: usize) -> impl Iterator<Item = Crossing> {
     let (a, b) = (mesh.triangles()[t], mesh.triangles()[u]);
     let (p, q) = (mesh.corners(t), mesh.corners(u));
-    // Copies of a vertex are one place: a seam of a texture is no intersection.
+    // Vertices at equal positions are identified: a texture seam is not an intersection.
     let same = |k: &usize| a[k / 3] == b[k % 3] || p[k / 3] == q[k % 3];
     let mut shared = (0..9).filter(same);
     let (first, second) = (shared.next(), shared.next());
-    // With one corner in common, the edges opposite it; with an edge, none.
+    // With one common corner, the opposite edges; with a common edge, none.
     let of = move |corner: Option<usize>| {
         (0..3).filter(move |k| second.is_none() && corner.is_none_or(|c| (c + 1) % 3 == *k))
     };
     let edge = |of: &[u32; 3], k: usize| [of[k], of[(k + 1) % 3]];
-    let ours = of(first.map(|k| k / 3)).filter(move |&k| passes(&p[k], &p[(k + 1) % 3], &q));
-    let theirs = of(first.map(|k| k % 3)).filter(move |&k| passes(&q[k], &q[(k + 1) % 3], &p));
-    let ours = ours.map(move |k| Passage { edge: edge(&a, k), triangle: u as u32 });
-    ours.chain(theirs.map(move |k| Passage { edge: edge(&b, k), triangle: t as u32 }))
+    let ours = of(first.map(|k| k / 3)).filter(move |&k| crosses(&p[k], &p[(k + 1) % 3], &q));
+    let theirs = of(first.map(|k| k % 3)).filter(move |&k| crosses(&q[k], &q[(k + 1) % 3], &p));
+    let ours = ours.map(move |k| Crossing { edge: edge(&a, k), triangle: u as u32 });
+    ours.chain(theirs.map(move |k| Crossing { edge: edge(&b, k), triangle: t as u32 }))
 }
 
-/// The segment passes through the triangle, from one side to the other.
-fn passes(from: &Point3<f64>, to: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> bool {
+/// Whether the segment crosses the interior of the triangle.
+fn crosses(from: &Point3<f64>, to: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> bool {
     let volume = |p: &Point3<f64>, u: &Point3<f64>, v: &Point3<f64>, w: &Point3<f64>| -> f64 {
         let (u, v, w): (Vector3<f64>, Vector3<f64>, Vector3<f64>) = (u - p, v - p, w - p);
         u.dot(&v.cross(&w))
@@ -78,7 +78,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn a_sphere_pushed_through_a_wall_meets_it_along_a_circle_only() {
+    fn a_sphere_through_a_wall_intersects_it_along_a_circle_only() {
         let sphere = shapes::icosphere(2);
         assert!(self_intersections(&sphere, &Run::default()).expect("a run that never stops").is_empty());
         let wall = shapes::plane(8);
@@ -92,7 +92,7 @@ mod tests {
         let n = sphere.triangle_count() as u32;
         let strays = pairs.iter().filter(|[t, u]| *t >= n || *u < n).count();
         assert!(pairs.len() > 20 && strays == 0, "{} {strays}", pairs.len());
-        // As many as looking at all pairs finds.
+        // The same pairs as an exhaustive search.
         let mut all = Vec::new();
         for t in 0..both.triangle_count() {
             all.extend(
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbors_at_a_vertex_meet_where_one_is_pushed_through_the_other() {
+    fn neighbors_at_a_vertex_intersect_where_the_opposite_edge_crosses() {
         let p = [[0.0, 0.0, 0.0], [2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [1.0, 0.1, 1.0], [1.0, 0.1, -1.0]];
         let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [0, 3, 4]]).unwrap();
         assert_eq!(self_intersections(&mesh, &Run::default()).expect("a run that never stops"), [[0, 1]]);

@@ -1,10 +1,10 @@
-//! Shapes between shapes, and shapes made of several.
+//! Shape interpolation, correspondence and composition.
 //!
-//! * [`Trajectory`]: all shapes between two poses of one mesh, or a shape in which every place has a time of its own;
-//! * [`time_field`] and [`paint`]: such times, from a few that are painted;
-//! * [`correspondence`]: one mesh laid over another, so that both become poses of one;
-//! * [`composition`]: one surface made of parts of two;
-//! * [`intersections`]: where a surface passes through itself.
+//! * [`Trajectory`]: interpolation between two poses of one mesh, with one time for all vertices or one per vertex;
+//! * [`time_field`] and [`paint`]: times per vertex from painted strokes;
+//! * [`correspondence`]: maps between two meshes, so that both become poses of one mesh;
+//! * [`composition`]: one surface from parts of two;
+//! * [`intersections`]: self-intersections of a surface.
 
 mod bvh;
 pub mod composition;
@@ -17,7 +17,7 @@ mod rigid;
 mod time_field;
 mod trajectory;
 
-pub use bvh::{Bvh, Nearest};
+pub use bvh::{Bvh, SurfacePoint};
 pub use error::MorphError;
 pub use time_field::time_field;
 pub use trajectory::{Trajectory, TrajectoryOptions, interpolate, same_connectivity};

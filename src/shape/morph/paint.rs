@@ -6,7 +6,7 @@
 //!              { "time": 1, "sphere": { "center": [0, 2, 0.3], "radius": 0.4 } } ] }
 //! ```
 //!
-//! Later strokes paint over earlier ones. Between strokes time runs harmonically.
+//! Later strokes override earlier ones. Between strokes times are interpolated harmonically.
 
 use std::path::Path;
 
@@ -14,18 +14,18 @@ use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
 use super::MorphError;
-use super::correspondence::Place;
+use super::correspondence::VertexRef;
 use crate::mesh::TriMesh;
 use plumbline_num::document::Kind;
 
-/// At most as large as ten million painted vertices.
+/// 128 MiB: about ten million painted vertices.
 const KIND: Kind = Kind { name: "a file of painted times", format: "plumbline.paint", max_bytes: 1 << 27 };
 
 fn malformed(fault: String) -> MorphError {
     MorphError::Malformed { name: KIND.name, fault }
 }
 
-/// Times painted on the first mesh.
+/// Times painted on the vertices of the first mesh.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -36,27 +36,27 @@ pub struct Paint {
     /// Always 1.
     #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
-    /// Time of pieces of the surface on which nothing is painted.
+    /// Time of connected components without strokes.
     #[serde(default)]
     elsewhere: f64,
-    /// Strokes; later ones paint over earlier ones.
+    /// Strokes; later ones override earlier ones.
     #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     #[serde(rename = "paint")]
     strokes: Vec<Stroke>,
 }
 
-/// A time, and where: one of `vertices`, `sphere`, `half_space`.
+/// A time for `vertices`, and for those in `sphere` and `half_space`.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Stroke {
-    /// 0: as the first mesh, 1: as the second.
+    /// Time, 0 (the first mesh) to 1 (the second).
     #[cfg_attr(feature = "schema", schemars(range(min = 0.0, max = 1.0)))]
     time: f64,
-    /// These vertices.
+    /// Vertices.
     #[serde(default)]
-    vertices: Vec<Place>,
-    /// All vertices in a ball.
+    vertices: Vec<VertexRef>,
+    /// All vertices in a ball, boundary included.
     #[serde(default)]
     sphere: Option<Ball>,
     /// All vertices on one side of a plane.
@@ -69,9 +69,9 @@ struct Stroke {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Ball {
-    /// Its middle.
+    /// Center.
     center: [f64; 3],
-    /// Its radius, above 0.
+    /// Radius, above 0.
     radius: f64,
 }
 
@@ -80,9 +80,9 @@ struct Ball {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct HalfSpace {
-    /// A place on the plane.
+    /// A point of the plane.
     point: [f64; 3],
-    /// To which side, across the plane.
+    /// Normal of the plane, towards the selected side.
     normal: [f64; 3],
 }
 
@@ -114,28 +114,28 @@ impl Paint {
         Ok(file)
     }
 
-    /// Time of pieces on which nothing is painted.
+    /// Time of connected components without strokes.
     pub fn elsewhere(&self) -> f64 {
         self.elsewhere
     }
 
-    /// The time painted on each vertex of a mesh.
+    /// The painted time of each vertex of a mesh.
     ///
     /// # Errors
-    /// [`MorphError::NoSuchVertex`]; [`MorphError::Value`] for a stroke that means no vertex.
+    /// [`MorphError::NoSuchVertex`]; [`MorphError::Value`] for a stroke without vertices.
     pub fn of_mesh(&self, mesh: &TriMesh) -> Result<Vec<Option<f64>>, MorphError> {
         let mut painted = vec![None; mesh.vertex_count()];
         if self.strokes.is_empty() {
             return Err(malformed("no stroke is given (expected at least one)".to_owned()));
         }
         for (k, stroke) in self.strokes.iter().enumerate() {
-            let place = format!("stroke {k}");
-            let meant = stroke.vertices_of(mesh, &place)?;
-            if meant.is_empty() {
+            let context = format!("stroke {k}");
+            let vertices = stroke.vertices_of(mesh, &context)?;
+            if vertices.is_empty() {
                 let expected = "vertices, a sphere or a half_space with vertices of the first mesh".to_owned();
-                return Err(MorphError::Value { what: place, value: "painting no vertex".to_owned(), expected });
+                return Err(MorphError::Value { what: context, value: "without vertices".to_owned(), expected });
             }
-            for v in meant {
+            for v in vertices {
                 painted[v as usize] = Some(stroke.time);
             }
         }
@@ -144,17 +144,17 @@ impl Paint {
 }
 
 impl Stroke {
-    fn vertices_of(&self, mesh: &TriMesh, place: &str) -> Result<Vec<u32>, MorphError> {
+    fn vertices_of(&self, mesh: &TriMesh, context: &str) -> Result<Vec<u32>, MorphError> {
         let named: Result<Vec<u32>, MorphError> =
-            self.vertices.iter().map(|p| p.vertex(mesh, "first", place)).collect();
+            self.vertices.iter().map(|p| p.vertex(mesh, "first", context)).collect();
         let in_ball =
             |p: &Point3<f64>| self.sphere.as_ref().is_some_and(|b| (p - Point3::from(b.center)).norm() <= b.radius);
-        let beyond = |p: &Point3<f64>| {
-            let on_side = |h: &HalfSpace| (p - Point3::from(h.point)).dot(&Vector3::from(h.normal)) >= 0.0;
-            self.half_space.as_ref().is_some_and(on_side)
+        let on_side = |p: &Point3<f64>| {
+            let selected = |h: &HalfSpace| (p - Point3::from(h.point)).dot(&Vector3::from(h.normal)) >= 0.0;
+            self.half_space.as_ref().is_some_and(selected)
         };
-        let placed = mesh.positions().iter().enumerate().filter(|(_, p)| in_ball(p) || beyond(p));
-        Ok(named?.into_iter().chain(placed.map(|(v, _)| v as u32)).collect())
+        let selected = mesh.positions().iter().enumerate().filter(|(_, p)| in_ball(p) || on_side(p));
+        Ok(named?.into_iter().chain(selected.map(|(v, _)| v as u32)).collect())
     }
 }
 
@@ -168,7 +168,7 @@ mod tests {
         {"time": 1, "sphere": {"center": [0, 0, 1], "radius": 0.6}}, {"time": 0.25, "vertices": [0]}]}"#;
 
     #[test]
-    fn later_strokes_paint_over_earlier_ones() {
+    fn later_strokes_override_earlier_ones() {
         let ball = shapes::icosphere(2);
         let painted = Paint::parse(GOOD).unwrap().of_mesh(&ball).unwrap();
         for (v, (p, time)) in ball.positions().iter().zip(&painted).enumerate() {
@@ -183,18 +183,18 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_meant_is_refused() {
+    fn invalid_paint_is_rejected() {
         let ball = shapes::icosphere(1);
-        for (from, to, told) in [
+        for (from, to, expected) in [
             ("\"time\": 1", "\"time\": 1.5", "a time is 1.5"),
             ("[0]", "[900]", "no vertex 900"),
-            ("\"radius\": 0.6", "\"radius\": -1", "painting no vertex"),
+            ("\"radius\": 0.6", "\"radius\": -1", "without vertices"),
             ("plumbline.paint", "plumbline.lines", "plumbline.paint"),
             ("\"version\": 1", "\"version\": 9", "version 9"),
             ("sphere", "cube", "cube"),
         ] {
-            let told_of = Paint::parse(&GOOD.replace(from, to)).and_then(|p| p.of_mesh(&ball)).unwrap_err().to_string();
-            assert!(told_of.contains(told), "{told_of}");
+            let message = Paint::parse(&GOOD.replace(from, to)).and_then(|p| p.of_mesh(&ball)).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
         }
     }
 }

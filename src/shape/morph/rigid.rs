@@ -1,4 +1,4 @@
-//! The similarity between two clouds of points that lies nearest, and the screw motion that leads there.
+//! The best similarity between two point sets, and screw motions.
 //!
 //! ```text
 //! min over R, s, t of  Σ wᵢ |s R aᵢ + t − bᵢ|²        R = V diag(1, 1, ±1) Uᵀ  of  Σ w (a − ā)(b − b̄)ᵀ = U Σ Vᵀ
@@ -11,12 +11,12 @@ use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuater
 
 use plumbline_num::math::without_reflection;
 
-/// A singular value below this fraction of the largest shows no direction.
-const RANK: f64 = 1e-10;
+/// Singular values below this fraction of the largest are rounding and determine no direction.
+const RANK_TOLERANCE: f64 = 1e-10;
 
-/// A whole turn more or less leads around an axis that may lie anywhere: below this `sin(θ/2)` its arc would be more than
-/// twice as wide as the way is long, and the way is straight instead.
-const MAX_ARC: f64 = 0.25;
+/// Minimum `sin(θ/2)` of a rotation by more than 180° for a circular path: close to full turns the axis is undetermined, and the
+/// arc would be more than twice as wide as the displacement is long. The path is straight below it.
+const MIN_HALF_SINE: f64 = 0.25;
 
 /// Mean of weighted points.
 pub(super) fn centroid(points: &[Point3<f64>], weights: &[f64]) -> Point3<f64> {
@@ -26,7 +26,7 @@ pub(super) fn centroid(points: &[Point3<f64>], weights: &[f64]) -> Point3<f64> {
     if total > 0.0 { first + sum / total } else { first }
 }
 
-/// The similarity, of scale 1 unless `scaled`, that takes `from` nearest to `to`; and how many directions the points span.
+/// The best similarity from `from` to `to` (a rigid motion unless `scaled`), and the rank of the point set.
 pub(super) fn nearest_similarity(
     from: &[Point3<f64>],
     to: &[Point3<f64>],
@@ -41,7 +41,7 @@ pub(super) fn nearest_similarity(
         spread += w * a.norm_squared();
     }
     let (rotation, values) = rotation_of(&covariance);
-    let rank = values.iter().filter(|v| **v > RANK * values[0]).count();
+    let rank = values.iter().filter(|v| **v > RANK_TOLERANCE * values[0]).count();
     let gain = (rotation.to_rotation_matrix().matrix() * covariance).trace() / spread;
     let scale = if scaled && gain > 0.0 && gain.is_finite() { gain } else { 1.0 };
     let translation = to_mean.coords - rotation * from_mean.coords * scale;
@@ -57,52 +57,53 @@ fn rotation_of(s: &Matrix3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
     let svd = (s / largest).svd(true, true);
     let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
     let rotation = Rotation3::from_matrix_unchecked(without_reflection(v_t.transpose(), &u.transpose()));
-    let mut turn = UnitQuaternion::from_rotation_matrix(&rotation);
-    turn.renormalize();
-    (turn, svd.singular_values)
+    let mut rotation = UnitQuaternion::from_rotation_matrix(&rotation);
+    rotation.renormalize();
+    (rotation, svd.singular_values)
 }
 
-/// A rigid motion and the way there: about an axis, and along it.
+/// A screw motion: rotation about an axis and translation along it.
 #[derive(Clone, Debug)]
 pub(super) struct Screw {
-    /// Axis times angle, whole turns included.
-    pub(super) turn: Vector3<f64>,
+    /// Rotation vector, full turns included.
+    pub(super) rotation_vector: Vector3<f64>,
     from: Point3<f64>,
-    way: Vector3<f64>,
+    displacement: Vector3<f64>,
 }
 
 impl Screw {
-    /// The motion that takes `from` to `to` and turns by the rotation vector `turn`.
-    pub(super) fn new(turn: Vector3<f64>, from: Point3<f64>, to: Point3<f64>) -> Self {
-        Self { turn, from, way: to - from }
+    /// The motion from `from` to `to` with this rotation vector.
+    pub(super) fn new(rotation_vector: Vector3<f64>, from: Point3<f64>, to: Point3<f64>) -> Self {
+        Self { rotation_vector, from, displacement: to - from }
     }
 
-    /// How far it has turned at a time.
+    /// The rotation at a time.
     pub(super) fn rotation(&self, time: f64) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_scaled_axis(self.turn * time)
+        UnitQuaternion::from_scaled_axis(self.rotation_vector * time)
     }
 
-    /// Where it has taken a point at a time.
+    /// The position of a point at a time.
     pub(super) fn at(&self, time: f64, point: &Point3<f64>) -> Point3<f64> {
-        self.from + self.rotation(time) * (point - self.from) + self.along(time)
+        self.from + self.rotation(time) * (point - self.from) + self.displacement_at(time)
     }
 
-    /// Whence the motion takes a point to here, at time 1.
-    pub(super) fn undone(&self, point: &Point3<f64>) -> Point3<f64> {
-        self.from + self.rotation(1.0).inverse() * (point - (self.from + self.way))
+    /// The inverse motion of a point from time 1 to 0.
+    pub(super) fn inverse(&self, point: &Point3<f64>) -> Point3<f64> {
+        self.from + self.rotation(1.0).inverse() * (point - (self.from + self.displacement))
     }
 
-    /// The way of `from`. Across the axis, `(e^{isθ} − 1)/(e^{iθ} − 1) = e^{i(s−1)θ/2} sin(sθ/2)/sin(θ/2)`.
-    fn along(&self, time: f64) -> Vector3<f64> {
-        let angle = self.turn.norm();
+    /// The displacement of `from` at a time. Across the axis, `(e^{isθ} − 1)/(e^{iθ} − 1) = e^{i(s−1)θ/2} sin(sθ/2)/sin(θ/2)`.
+    fn displacement_at(&self, time: f64) -> Vector3<f64> {
+        let angle = self.rotation_vector.norm();
         let sine = (0.5 * angle).sin();
-        let whole_turns = angle > std::f64::consts::PI * (1.0 + 1e-12);
-        if angle < 1e-12 || whole_turns && sine.abs() < MAX_ARC {
-            return self.way * time;
+        let full_turns = angle > std::f64::consts::PI * (1.0 + 1e-12);
+        if angle < 1e-12 || full_turns && sine.abs() < MIN_HALF_SINE {
+            return self.displacement * time;
         }
-        let axis = self.turn / angle;
-        let along = axis * axis.dot(&self.way);
-        let across = UnitQuaternion::from_scaled_axis(self.turn * (0.5 * (time - 1.0))) * (self.way - along);
+        let axis = self.rotation_vector / angle;
+        let along = axis * axis.dot(&self.displacement);
+        let across =
+            UnitQuaternion::from_scaled_axis(self.rotation_vector * (0.5 * (time - 1.0))) * (self.displacement - along);
         along * time + across * ((0.5 * time * angle).sin() / sine)
     }
 }
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_similarity_is_found_again_wherever_it_leads() {
+    fn similarities_are_recovered() {
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -2.0, 1.1));
         for (scale, offset) in [(1.0, 0.0), (3.5, 1e4), (0.01, -2.0)] {
             let map = Similarity3::from_parts(Translation3::new(offset, 2.0, -offset), turn, scale);
@@ -130,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mirror_image_is_met_by_a_rotation_and_points_on_a_line_are_told() {
+    fn a_reflection_gives_a_rotation_and_collinear_points_rank_one() {
         let mirrored: Vec<_> = cloud().iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
         let (found, _) = nearest_similarity(&cloud(), &mirrored, &[1.0; 20], false);
         assert!((found.isometry.rotation.to_rotation_matrix().matrix().determinant() - 1.0).abs() < 1e-12);
@@ -139,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_about_any_axis_is_a_turn_about_it_all_the_way() {
+    fn a_rotation_about_any_axis_is_a_circular_path_about_it() {
         for turn in [170.0, 270.0, 1e-7, 350.0_f64] {
             let (axis, pivot) = (Vector3::new(1.0, 2.0, -0.5).normalize(), Point3::new(3.0, -4.0, 5.0));
             let turned = |s: f64, p: &Point3<f64>| {
@@ -148,8 +149,8 @@ mod tests {
             let from = Point3::new(0.2, 0.1, 0.4);
             let screw = Screw::new(axis * turn.to_radians(), from, turned(1.0, &from));
             for (k, p) in cloud().iter().enumerate() {
-                assert!((screw.undone(&screw.at(1.0, p)) - p).norm() < 1e-12);
-                // Close to whole turns the arc would be wide, and the way is straight.
+                assert!((screw.inverse(&screw.at(1.0, p)) - p).norm() < 1e-12);
+                // Close to full turns the path is straight.
                 if turn < 340.0 {
                     let s = k as f64 / 19.0;
                     assert!((screw.at(s, p) - turned(s, p)).norm() < 1e-8, "{turn}, {s}");

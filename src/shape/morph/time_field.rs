@@ -1,11 +1,11 @@
-//! A time for every vertex from a few that are painted.
+//! Harmonic interpolation of painted times.
 //!
 //! ```text
-//! min Σ w_ij (τᵢ − τⱼ)²      s.t.  τ = painted where it is painted
+//! min Σ w_ij (τᵢ − τⱼ)²      s.t.  τ = the painted times
 //! ```
 //!
-//! with the weights of the intrinsic Delaunay triangulation, none negative inside: no time lies beyond those painted. Pieces
-//! without paint take a given time.
+//! with the non-negative weights of the intrinsic Delaunay triangulation: no time is outside the range of the painted ones.
+//! Connected components without paint have a given time.
 
 use nalgebra::Point3;
 
@@ -17,10 +17,10 @@ use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::numbered_components;
 
-/// The smallest weight of an edge against the mean: keeps every piece in one, whatever its angles.
+/// Minimum edge weight relative to the mean: keeps the matrix positive definite whatever the angles.
 const MIN_WEIGHT: f64 = 1e-6;
 
-/// The harmonic field through painted times; `elsewhere` on pieces on which nothing is painted.
+/// The harmonic interpolation of painted times; `elsewhere` on connected components without paint.
 ///
 /// # Errors
 /// [`MorphError::Numerics`].
@@ -29,11 +29,18 @@ const MIN_WEIGHT: f64 = 1e-6;
 /// Unless there is one entry per vertex.
 pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64, run: &Run) -> Result<Vec<f64>, MorphError> {
     assert_eq!(painted.len(), mesh.vertex_count(), "one entry per vertex");
-    let (piece, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    let (component, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
     let mut reached = vec![false; count];
-    painted.iter().zip(&piece).filter(|(p, _)| p.is_some()).for_each(|(_, piece)| reached[*piece as usize] = true);
-    let given: Vec<Option<f64>> =
-        painted.iter().zip(&piece).map(|(p, piece)| p.or((!reached[*piece as usize]).then_some(elsewhere))).collect();
+    painted
+        .iter()
+        .zip(&component)
+        .filter(|(p, _)| p.is_some())
+        .for_each(|(_, component)| reached[*component as usize] = true);
+    let given: Vec<Option<f64>> = painted
+        .iter()
+        .zip(&component)
+        .map(|(p, component)| p.or((!reached[*component as usize]).then_some(elsewhere)))
+        .collect();
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
     let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
     let mean = weights.weights().iter().sum::<f64>() / weights.weights().len().max(1) as f64;
@@ -50,7 +57,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn between_two_painted_ends_of_a_tube_time_runs_evenly() {
+    fn times_are_linear_along_a_tube_with_painted_ends() {
         let tube = shapes::tube(12, 20, 1.0, 5.0);
         let z: Vec<f64> = tube.positions().iter().map(|p| p.z).collect();
         let (low, high) = z.iter().fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(*z), h.max(*z)));
@@ -63,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn no_time_lies_beyond_the_painted_ones_and_other_pieces_have_their_own() {
+    fn times_obey_the_maximum_principle_and_unpainted_components_have_their_own() {
         let first = shapes::cactus(9);
         let n = first.vertex_count();
         let both = shapes::disjoint(&[first, shapes::icosphere(1)]);

@@ -1,15 +1,15 @@
-//! One interface to all methods of deformation: prefactored for a mesh and a set of handles once, then solved pose by pose.
+//! The common interface of the deformation methods: prefactored for a mesh and a set of handles, then solved pose by pose.
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::arap::{Arap, CellKind};
 use super::detail_preserving::LaplacianKind;
-use super::laplacian_editing::{LaplacianEditing, Turning};
+use super::laplacian_editing::{LaplacianEditing, RotationEstimation};
 use super::multiresolution::Multiresolution;
 use super::poisson::Poisson;
-use super::primo::{Fabric, Primo, PrimoOptions};
-use super::{DeformReport, HandlePose, Handles, SurfaceError, Unheld};
+use super::primo::{Primo, PrimoOptions, ShellMaterial};
+use super::{DeformReport, HandlePose, Handles, SurfaceError, Unconstrained};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::CotangentRule;
 use plumbline_num::energy::Convergence;
@@ -20,20 +20,20 @@ use plumbline_num::run::Run;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// As rigid as possible, spokes and rims.
+    /// As rigid as possible (ARAP), cells of spokes and rims.
     #[default]
     Arap,
-    /// As rigid as possible, spokes only.
+    /// ARAP, cells of spokes.
     ArapSpokes,
-    /// As rigid as possible, triangle by triangle.
+    /// ARAP, triangles as cells: no resistance to bending.
     ArapElements,
-    /// As rigid as possible, spokes and rims, minimized by Gauss–Newton steps.
+    /// ARAP, cells of spokes and rims, minimized by Gauss–Newton steps.
     GaussNewton,
     /// Laplacian editing.
     Laplacian,
     /// Poisson editing.
     Poisson,
-    /// Rigid prisms with elastic joints.
+    /// PriMo: rigid prisms with elastic joints.
     Primo,
 }
 
@@ -49,7 +49,7 @@ impl Method {
         Self::Primo,
     ];
 
-    /// The name a user types.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Arap => "arap",
@@ -68,51 +68,48 @@ impl Method {
     }
 }
 
-/// How elastic energies are minimized. All reach the same minimum; they differ in time.
+/// Minimizer of the ARAP energies. All reach the same minimum; they differ in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
-    /// Rotations and positions in turn, steps lengthened by what the last ones taught.
+    /// Quasi-Newton (L-BFGS) over local/global steps: fewest seconds.
     ///
-    /// A quasi-Newton method over the steps of [`Self::LocalGlobal`].
+    /// Preconditioned by the matrix of the global step, hence as many back-substitutions as [`Self::LocalGlobal`].
     #[default]
     Accelerated,
-    /// Rotations and positions in turn.
+    /// Alternates rotations and positions: the classical method.
     ///
-    /// The energy falls at every step, slowly near the end.
+    /// The energy decreases in every iteration, but convergence is slow near the minimum.
     LocalGlobal,
-    /// Rotations and positions together: few, dear rounds.
+    /// Rotations and positions together: fewer, more expensive iterations.
     GaussNewton,
 }
 
-/// What a method may be told.
+/// Options of the deformation methods.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct DeformOptions {
-    /// How weights of edges are taken from angles.
+    /// Cotangent weights of edges; change it where obtuse triangles give negative weights.
     pub cotangents: CotangentRule,
-    /// How the energy of arap methods is minimized.
+    /// Minimizer of the arap methods; all reach the same minimum in different time.
     pub solver: Solver,
-    /// ARAP with cells at vertices: how much neighbors turn alike (`α` of Levi & Gotsman), dimensionless, 0 for not at all.
-    /// 0.02 keeps the volume of twisted bars. Minimized by local–global steps, whatever the solver.
+    /// Rotation smoothness of ARAP with vertex cells (`α` of Levi & Gotsman), dimensionless, ≥ 0; 0 disables it. 0.02 keeps the
+    /// volume of twisted bars. Minimized by local/global iterations, whatever the solver.
     #[serde(skip)]
     pub smoothness: f64,
-    /// ARAP with cells at vertices: share of the resistance to bending, in (0, 1]. Cells resist it by the square of their
-    /// size, so that a finer mesh of the same surface bends more easily; a mesh that stands for one of `n` times as many
-    /// vertices has `1/n` of it.
+    /// Fraction of the bending resistance of ARAP with vertex cells, in (0, 1]. It grows with the square of the cell size, so that
+    /// a coarse copy with `1/n` of the vertices needs `1/n` to be as flexible as the original.
     #[serde(skip)]
     pub bending: f64,
-    /// What the method laplacian keeps.
-    ///
-    /// Whose differential coordinates are kept.
+    /// Laplacian whose differential coordinates the method laplacian preserves.
     pub laplacian: LaplacianKind,
-    /// Where the method laplacian takes its rotations from.
-    pub turning: Turning,
-    /// What happens to parts on which no handle is.
-    pub unheld: Unheld,
-    /// What the shell of [`Method::Primo`] is like.
+    /// Rotation estimation of the method laplacian.
+    pub rotation_estimation: RotationEstimation,
+    /// Connected components without a handle: keep fixed, or reject the mesh.
+    pub unconstrained: Unconstrained,
+    /// Options of [`Method::Primo`].
     #[serde(skip)]
     pub primo: PrimoOptions,
 }
@@ -125,74 +122,69 @@ impl Default for DeformOptions {
             smoothness: 0.0,
             bending: 1.0,
             laplacian: LaplacianKind::default(),
-            turning: Turning::default(),
-            unheld: Unheld::default(),
+            rotation_estimation: RotationEstimation::default(),
+            unconstrained: Unconstrained::default(),
             primo: PrimoOptions::default(),
         }
     }
 }
 
-/// Where an iteration starts: all end at the same surface.
+/// Initial guess of an iterative method. The minimum does not depend on it, except for energies with several minima.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Start<'a> {
-    /// What is quickest for the method.
+pub enum InitialGuess<'a> {
+    /// The fastest choice for the method.
     ///
-    /// On large surfaces [`Self::Coarse`] for ARAP without smoothness, [`Self::Spread`] for others.
+    /// [`Self::Coarse`] for ARAP without rotation smoothness, [`Self::Spread`] for other methods.
     #[default]
     Auto,
-    /// The solution of coarser copies of the mesh.
+    /// The prolonged solution of coarser levels of the mesh.
     ///
-    /// They are made when first asked for. As [`Self::Spread`] for surfaces of few vertices, and for methods that need one solve
-    /// only.
+    /// The levels are built at first use. Same as [`Self::Spread`] for small meshes and for methods with a single solve.
     Coarse,
-    /// The handles' rotations, spread smoothly.
-    ///
-    /// Near the solution, whatever the pose.
+    /// Handle rotations interpolated harmonically, then one global step.
     Spread,
-    /// The mesh as it was read.
-    ///
-    /// The surface at rest.
+    /// The rest shape.
     Rest,
-    /// Where the last call ended: for drags. The first call starts by itself.
+    /// The result of the previous call, for interactive dragging; [`Self::Auto`] in the first call.
     #[serde(skip)]
     Last,
-    /// These positions, one per vertex.
+    /// Given positions, one per vertex.
     #[serde(skip)]
     At(&'a [Point3<f64>]),
 }
 
-/// A surface that was deformed.
+/// A deformed surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deformation {
     /// One position per vertex of the mesh.
     pub positions: Vec<Point3<f64>>,
-    /// How it went.
+    /// Convergence and distortion.
     pub report: DeformReport,
 }
 
-/// What a method does once its factorizations are done.
+/// The prefactored solver of a method.
 pub(super) trait DeformSolver: Send + std::fmt::Debug {
-    /// Which method it is.
+    /// The method.
     fn method(&self) -> Method;
 
     /// As [`Deformer::deform`].
     fn deform(
         &mut self,
         pose: &HandlePose,
-        start: Start<'_>,
+        guess: InitialGuess<'_>,
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError>;
 }
 
-/// A method prefactored for a mesh and a set of handles: takes one pose of the handles after the other.
+/// A method prefactored for a mesh and a set of handles, for any number of poses.
 ///
 /// ```
 /// use plumbline_num::run::Run;
 /// use plumbline_shape::mesh::shapes;
-/// use plumbline_shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, Start};
+/// use plumbline_shape::surface::{Convergence, DeformOptions, Deformer, HandlePose, Handles, Method, InitialGuess};
 ///
 /// let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
 /// let handles = Handles::exact([0, bar.vertex_count() as u32 - 1])?;
@@ -201,7 +193,7 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
 /// for step in 1..=3 {
 ///     let mut targets: Vec<_> = handles.vertices().iter().map(|v| bar.positions()[*v as usize]).collect();
 ///     targets[1].x += 0.2 * f64::from(step);
-///     let done = deformer.deform(&HandlePose::new(targets), Start::Last, &Convergence::default(), &run)?;
+///     let done = deformer.deform(&HandlePose::new(targets), InitialGuess::Last, &Convergence::default(), &run)?;
 ///     assert_eq!(done.report.constraint_error, 0.0);
 /// }
 /// # Ok::<(), plumbline_shape::surface::SurfaceError>(())
@@ -212,11 +204,10 @@ pub struct Deformer {
 }
 
 impl Deformer {
-    /// Prefactors a method for a mesh and a set of handles: all but the coarser copies of [`Start::Coarse`], which are made
-    /// when an initial guess first asks for them.
+    /// Prefactors a method for a mesh and a set of handles. The coarse levels of [`InitialGuess::Coarse`] are built at first use.
     ///
     /// # Errors
-    /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unheld`], [`SurfaceError::Option`],
+    /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unconstrained`], [`SurfaceError::Option`],
     /// [`SurfaceError::Solve`] where a system has no safe factorization, [`SurfaceError::Interrupted`].
     pub fn new(
         method: Method,
@@ -234,47 +225,47 @@ impl Deformer {
         Ok(Self { solver })
     }
 
-    /// PriMo for a shell whose stiffness or thickness differs from place to place; no coarser copies.
+    /// PriMo for a shell with a given material, without coarse levels.
     ///
     /// # Errors
-    /// As [`Self::new`]; [`SurfaceError::Option`] for a stiffness that is not positive, or a grain that is not finite.
+    /// As [`Self::new`]; [`SurfaceError::Option`] for a stiffness that is not positive, or a direction that is not finite.
     ///
     /// # Panics
-    /// Where a list of the fabric has not one entry per triangle.
-    pub fn of_fabric(
+    /// If a list of the material does not have one entry per triangle.
+    pub fn with_material(
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
-        fabric: &Fabric<'_>,
+        material: &ShellMaterial<'_>,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
-        Ok(Self { solver: Box::new(Primo::of_fabric(mesh, handles, options, fabric, run)?) })
+        Ok(Self { solver: Box::new(Primo::with_material(mesh, handles, options, material, run)?) })
     }
 
-    /// Which method it is.
+    /// The method.
     pub fn method(&self) -> Method {
         self.solver.method()
     }
 
-    /// Deforms the surface so that its handles take a pose. The result depends on the arguments alone, but for
-    /// [`Start::Last`]. Methods that need one solve only have no use for initial guess and criterion.
+    /// Solves for a pose of the handles. The result depends on the arguments alone, except with [`InitialGuess::Last`]. Methods
+    /// with a single solve ignore `guess` and `convergence`.
     ///
     /// # Errors
     /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Interrupted`]. After
-    /// an interrupted call the deformer may be used as if that call had never been; [`Start::Last`] then starts by itself.
+    /// an interrupted call the deformer remains usable; [`InitialGuess::Last`] is then [`InitialGuess::Auto`].
     pub fn deform(
         &mut self,
         pose: &HandlePose,
-        start: Start<'_>,
+        guess: InitialGuess<'_>,
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
-        self.solver.deform(pose, start, convergence, run)
+        self.solver.deform(pose, guess, convergence, run)
     }
 }
 
-/// Deforms a surface once, with the default options: `targets` are where the vertices of `handles` go, in their ascending order.
-/// For one pose after the other, or with a progress report, make a [`Deformer`].
+/// Deforms a surface once, with the default options; `targets` are the positions of the handles, in ascending order of their
+/// vertices. For several poses, other options or progress reports make a [`Deformer`].
 ///
 /// ```
 /// use plumbline_shape::mesh::shapes;
@@ -285,7 +276,7 @@ impl Deformer {
 /// let at_end = |v: &u32| [low.z, high.z].contains(&bar.positions()[*v as usize].z);
 /// let handles = Handles::exact((0..bar.vertex_count() as u32).filter(at_end))?;
 /// let mut targets: Vec<_> = handles.vertices().iter().map(|v| bar.positions()[*v as usize]).collect();
-/// targets.iter_mut().filter(|p| p.z == high.z).for_each(|p| p.x += 1.0); // the upper end to the side
+/// targets.iter_mut().filter(|p| p.z == high.z).for_each(|p| p.x += 1.0); // shift the upper end
 /// let bent = deform(&bar, &handles, &targets, Method::Arap)?;
 /// assert_eq!(bent[handles.vertices()[0] as usize], targets[0]);
 /// # Ok::<(), plumbline_shape::surface::SurfaceError>(())
@@ -302,10 +293,10 @@ pub fn deform(
     let run = Run::default();
     let mut deformer = Deformer::new(method, mesh, handles, &DeformOptions::default(), &run)?;
     let pose = HandlePose::new(targets.to_vec());
-    Ok(deformer.deform(&pose, Start::Auto, &Convergence::default(), &run)?.positions)
+    Ok(deformer.deform(&pose, InitialGuess::Auto, &Convergence::default(), &run)?.positions)
 }
 
-/// The method without coarser copies.
+/// The method without coarse levels.
 pub(super) fn single_level(
     method: Method,
     mesh: &TriMesh,

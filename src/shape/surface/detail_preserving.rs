@@ -1,15 +1,15 @@
-//! Details kept under given transforms:
+//! Detail-preserving deformation under given transforms:
 //!
 //! ```text
 //! E(x) = Σᵢ |(L x)ᵢ − Tᵢ (L p)ᵢ|² / mᵢ
 //! ```
 //!
-//! The differential coordinate `δᵢ = (L p)ᵢ` says how vertex `i` lies among its neighbors; each is turned (and scaled) by the
-//! transform of its vertex, and the positions follow by one solve with the bilaplacian `L M⁻¹ L`. With rotations that are
-//! blended from bones this takes the bulges out of skinning; with `T = I` it is the naive editing that shears details.
+//! The differential coordinates `δᵢ = (L p)ᵢ` are rotated (and scaled) by the transform of their vertex; the positions follow
+//! from one solve with the bilaplacian `L M⁻¹ L`. With rotations blended from bones this removes the bulges of skinning; `T = I`
+//! is naive Laplacian editing, which shears details.
 //!
-//! Rows of the bilaplacian sum to zero, hence it is handled as a Laplacian whose edges reach two rings. Its condition is that
-//! of `L` squared: one step of iterative refinement gives the digits back.
+//! Rows of the bilaplacian sum to zero, hence it is stored as a Laplacian with edges over two rings. Its condition number is that
+//! of `L` squared: one step of iterative refinement restores the lost digits.
 //!
 //! # Reference
 //! O. Sorkine, D. Cohen-Or, Y. Lipman, M. Alexa, C. Rössl, H.-P. Seidel, *Laplacian surface editing*, SGP 2004, section 3;
@@ -27,23 +27,23 @@ use crate::mesh::TriMesh;
 use crate::mesh::operators::{Cotangents, EdgeWeights, barycentric_areas};
 use plumbline_num::run::{Run, Stopped};
 
-/// Which Laplacian the differential coordinates are of.
+/// Laplacian of the differential coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum LaplacianKind {
-    /// How far vertices stand off the surface around them.
+    /// Cotangent Laplacian: preserves mean curvature normals.
     ///
-    /// Cotangents over areas: normal to the surface, the same for fine and coarse triangles.
+    /// Independent of the sampling.
     #[default]
     Cotangent,
-    /// How far vertices are from the mean of their neighbors.
+    /// Uniform Laplacian: preserves offsets from the mean of the neighbors.
     ///
-    /// Needs no areas and no angles, keeps tangential detail too.
+    /// Preserves tangential detail too, and needs no areas and angles: for meshes with many slivers.
     Uniform,
 }
 
-/// The solver, bound to a mesh and handles.
+/// The solver, prefactored for a mesh and handles.
 #[derive(Debug)]
 pub struct DetailPreserving {
     pub(super) bound: Bound,
@@ -56,7 +56,7 @@ pub struct DetailPreserving {
 }
 
 impl DetailPreserving {
-    /// Prepares the factor of the bilaplacian.
+    /// Factors the bilaplacian.
     ///
     /// # Errors
     /// As [`super::Deformer::new`].
@@ -79,10 +79,11 @@ impl DetailPreserving {
         Ok(Self { bound, weights, degenerate: cotangents.degenerate(), inverse_mass, delta, system })
     }
 
-    /// The surface for a transform of each vertex (rotation, perhaps with scale).
+    /// Solves for a transform of each vertex (a rotation, or a rotation with scale).
     ///
     /// # Errors
-    /// [`SurfaceError::Pose`] for another number of transforms or targets, [`SurfaceError::NotFinite`].
+    /// [`SurfaceError::Pose`] or [`SurfaceError::PerVertex`] for a wrong number of targets or transforms,
+    /// [`SurfaceError::NotFinite`], [`SurfaceError::Interrupted`].
     pub fn solve(
         &mut self,
         transforms: &[Matrix3<f64>],
@@ -106,7 +107,7 @@ impl DetailPreserving {
         &self.inverse_mass
     }
 
-    /// The minimizer from any start, and its energy.
+    /// The minimizer, from any initial guess, and its energy.
     pub(super) fn solve_inner(
         &mut self,
         transform: impl Fn(usize) -> Matrix3<f64>,
@@ -115,14 +116,14 @@ impl DetailPreserving {
         run: &Run,
     ) -> Result<(Vec<Lanes>, f64), Stopped> {
         self.bound.impose(targets, &mut x);
-        let wanted = |(v, d): (usize, &Lanes)| Lanes::point((transform(v) * Vector3::from(d.xyz())).into());
-        let wanted: Vec<Lanes> = self.delta.iter().enumerate().map(wanted).collect();
+        let rotated = |(v, d): (usize, &Lanes)| Lanes::point((transform(v) * Vector3::from(d.xyz())).into());
+        let delta: Vec<Lanes> = self.delta.iter().enumerate().map(rotated).collect();
         let mut step = vec![Lanes::ZERO; self.bound.held.free.len()];
-        // The second round is the refinement.
+        // The second pass is the iterative refinement.
         for _ in 0..2 {
             run.check()?;
-            let misfit = self.misfit(&wanted, &x);
-            let slope = laplacian(&self.weights, &misfit);
+            let residual = self.residual(&delta, &x);
+            let slope = laplacian(&self.weights, &residual);
             for (step, &v) in step.iter_mut().zip(&self.bound.held.free) {
                 *step = slope[v as usize];
             }
@@ -132,19 +133,19 @@ impl DetailPreserving {
                 x[v as usize] -= *step;
             }
         }
-        let misfit = self.misfit(&wanted, &x);
-        let squares = misfit.iter().zip(&self.inverse_mass).map(|(r, &w)| if w > 0.0 { r.dot(*r) / w } else { 0.0 });
+        let residual = self.residual(&delta, &x);
+        let squares = residual.iter().zip(&self.inverse_mass).map(|(r, &w)| if w > 0.0 { r.dot(*r) / w } else { 0.0 });
         let energy = squares.sum::<f64>() + self.system.soft_energy(&x, targets);
         Ok((x, energy))
     }
 
     /// `M⁻¹ (L x − T δ)`.
-    fn misfit(&self, wanted: &[Lanes], x: &[Lanes]) -> Vec<Lanes> {
-        let mut misfit = laplacian(&self.weights, x);
-        for ((r, &wanted), &w) in misfit.iter_mut().zip(wanted).zip(&self.inverse_mass) {
-            *r = (*r - wanted) * Lanes::splat(w);
+    fn residual(&self, delta: &[Lanes], x: &[Lanes]) -> Vec<Lanes> {
+        let mut residual = laplacian(&self.weights, x);
+        for ((r, &delta), &w) in residual.iter_mut().zip(delta).zip(&self.inverse_mass) {
+            *r = (*r - delta) * Lanes::splat(w);
         }
-        misfit
+        residual
     }
 }
 
@@ -168,14 +169,14 @@ fn degrees(weights: &EdgeWeights) -> Vec<f64> {
     degrees
 }
 
-/// Half cotangents at most: needles of 1:2000 keep theirs. Squared and over the area they make 10⁶ beside the 1 of others, and
-/// 10¹³ is what the factorization can tell apart.
+/// Maximum half cotangent, that of needles of 1:2000. Squared and over the area it gives entries of 10⁶ beside entries of 1; the
+/// factorization resolves a ratio of 10¹³.
 const MAX_COTANGENT: f64 = 1e3;
 
-/// A vertex area is at least this fraction of the mean: the corner of slivers only would outweigh all others.
+/// Minimum vertex area as a fraction of the mean: a vertex of slivers only would otherwise outweigh all others.
 const MIN_AREA: f64 = 1e-4;
 
-/// Mean vertex area over that of each vertex: dimensionless, so that soft weights mean the same at any scale.
+/// Mean vertex area over that of each vertex: dimensionless, so that soft constraint weights are independent of scale.
 fn inverse_areas(mesh: &TriMesh) -> Vec<f64> {
     let areas = barycentric_areas(mesh);
     let mean = areas.iter().sum::<f64>() / areas.len().max(1) as f64;

@@ -1,4 +1,4 @@
-//! What a deformation can be refused for.
+//! Errors of surface deformation.
 
 use plumbline_num::energy::EnergyError;
 use plumbline_num::options::OptionError;
@@ -9,34 +9,34 @@ use plumbline_num::sparse::SparseError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SurfaceError {
-    /// Input: a handle names a vertex that does not exist.
-    #[error("a handle names vertex {vertex}, but the mesh has {vertices} vertices, numbered from 0")]
+    /// Input: a handle refers to a vertex that does not exist.
+    #[error("a handle refers to vertex {vertex}, but the mesh has {vertices} vertices, numbered from 0")]
     NoSuchVertex {
-        /// The vertex named.
+        /// The vertex.
         vertex: u32,
-        /// Vertices of the mesh.
+        /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// Input: a vertex that is held twice.
-    #[error("vertex {vertex} is held twice; name each vertex in one handle only")]
-    HeldTwice {
+    /// Input: a vertex with two constraints.
+    #[error("vertex {vertex} is constrained twice; list each vertex in one handle only")]
+    ConstrainedTwice {
         /// The vertex.
         vertex: u32,
     },
-    /// Input: nothing is held.
-    #[error("no vertex is held: name at least one that stays or moves")]
+    /// Input: no constraints.
+    #[error("no vertex is constrained: give at least one that is fixed or moved")]
     NoHandle,
-    /// Input: a part of the surface is held by nothing, and the options refuse that.
+    /// Input: a connected component has no handle, and the options reject that.
     #[error(
-        "nothing holds the part of {vertices} vertices that contains vertex {vertex}: hold one of them or let it stay where it is"
+        "the connected component of {vertices} vertices that contains vertex {vertex} has no handle: constrain one of its vertices, or keep such components fixed"
     )]
-    Unheld {
-        /// Lowest vertex of the part.
+    Unconstrained {
+        /// Lowest vertex of the component.
         vertex: u32,
-        /// Vertices of the part.
+        /// Number of vertices of the component.
         vertices: usize,
     },
-    /// Input: a weight of a soft handle that is not positive.
+    /// Input: a soft constraint with a weight that is not positive.
     #[error("the weight {weight} of vertex {vertex} is invalid (expected a finite number above 0)")]
     Weight {
         /// The vertex.
@@ -44,30 +44,30 @@ pub enum SurfaceError {
         /// Its weight.
         weight: f64,
     },
-    /// Input: a pose for another number of handles.
-    #[error("{given} {what} do not pose {handles} held vertices: give one for each")]
+    /// Input: a pose for a different number of handles.
+    #[error("{given} {what} for {handles} constrained vertices: give one for each")]
     Pose {
-        /// What was counted.
+        /// The quantity.
         what: &'static str,
-        /// How many were given.
+        /// Number given.
         given: usize,
-        /// Vertices that are held.
+        /// Number of constrained vertices.
         handles: usize,
     },
-    /// Input: a start or transforms for another mesh.
-    #[error("{given} {what} do not fit a mesh of {vertices} vertices: give one for each")]
+    /// Input: an initial guess or transforms for a mesh of another size.
+    #[error("{given} {what} for a mesh of {vertices} vertices: give one for each")]
     PerVertex {
-        /// What was counted.
+        /// The quantity.
         what: &'static str,
-        /// How many were given.
+        /// Number given.
         given: usize,
-        /// Vertices of the mesh.
+        /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// Input: a target, rotation or start that is not finite.
+    /// Input: a target, rotation or initial guess that is not finite.
     #[error("the {what} of vertex {vertex} is not finite")]
     NotFinite {
-        /// What is not finite.
+        /// The quantity.
         what: &'static str,
         /// The vertex.
         vertex: u32,
@@ -75,10 +75,10 @@ pub enum SurfaceError {
     /// Settings: an option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// Settings: a criterion of convergence that cannot be met.
+    /// Settings: a convergence criterion out of its range.
     #[error(transparent)]
     Convergence(EnergyError),
-    /// Numerics: the system of the method could not be factored.
+    /// Numerics: the factorization failed.
     #[error(transparent)]
     Solve(SparseError),
     /// The run was interrupted, or its time is used up.

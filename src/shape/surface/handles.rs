@@ -1,81 +1,81 @@
-//! Handles: which vertices are held, and where they are wanted.
+//! Handles: positional constraints on vertices, and their targets.
 //!
-//! The *set* is fixed when a method is bound to a mesh, since the factorization depends on it; the *pose* comes with every
-//! solve, so that a drag costs no factorization.
+//! The *set* of handles is part of the factorization; the *pose* (their targets) is an argument of every solve, so that dragging
+//! needs no factorization.
 
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::SurfaceError;
 
-/// How firmly a vertex is held.
+/// A positional constraint of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Hold {
-    /// It is where the pose says.
-    Exact,
-    /// It is drawn there: `μ |x − target|²` is added to the energy. `μ` is dimensionless as the weights of edges are: 1
-    /// holds a vertex as an edge of a regular mesh would.
+pub enum Constraint {
+    /// Hard constraint: the vertex is at its target.
+    Hard,
+    /// Soft constraint: `μ |x − target|²` is added to the energy. `μ` is dimensionless like the edge weights: 1 is about as stiff
+    /// as an edge of a regular mesh.
     Soft(f64),
 }
 
-/// The set of vertices that are held.
+/// A set of constrained vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Handles {
     vertices: Vec<u32>,
-    holds: Vec<Hold>,
+    constraints: Vec<Constraint>,
 }
 
 impl Handles {
-    /// Holds each of these vertices as said, in any order; they are kept in ascending order.
+    /// Constrains vertices, given in any order; they are stored in ascending order.
     ///
     /// # Errors
-    /// [`SurfaceError::HeldTwice`], [`SurfaceError::Weight`].
-    pub fn new(held: impl IntoIterator<Item = (u32, Hold)>) -> Result<Self, SurfaceError> {
-        let mut held: Vec<(u32, Hold)> = held.into_iter().collect();
-        held.sort_by_key(|h| h.0);
-        if let Some(twice) = held.windows(2).find(|h| h[0].0 == h[1].0) {
-            return Err(SurfaceError::HeldTwice { vertex: twice[0].0 });
+    /// [`SurfaceError::ConstrainedTwice`], [`SurfaceError::Weight`].
+    pub fn new(constrained: impl IntoIterator<Item = (u32, Constraint)>) -> Result<Self, SurfaceError> {
+        let mut constrained: Vec<(u32, Constraint)> = constrained.into_iter().collect();
+        constrained.sort_by_key(|h| h.0);
+        if let Some(twice) = constrained.windows(2).find(|h| h[0].0 == h[1].0) {
+            return Err(SurfaceError::ConstrainedTwice { vertex: twice[0].0 });
         }
-        for &(vertex, hold) in &held {
-            if let Hold::Soft(weight) = hold
+        for &(vertex, constraint) in &constrained {
+            if let Constraint::Soft(weight) = constraint
                 && !(weight > 0.0 && weight.is_finite())
             {
                 return Err(SurfaceError::Weight { vertex, weight });
             }
         }
-        let (vertices, holds) = held.into_iter().unzip();
-        Ok(Self { vertices, holds })
+        let (vertices, constraints) = constrained.into_iter().unzip();
+        Ok(Self { vertices, constraints })
     }
 
-    /// Holds these vertices exactly.
+    /// Hard constraints on these vertices.
     ///
     /// # Errors
-    /// [`SurfaceError::HeldTwice`].
+    /// [`SurfaceError::ConstrainedTwice`].
     pub fn exact(vertices: impl IntoIterator<Item = u32>) -> Result<Self, SurfaceError> {
-        Self::new(vertices.into_iter().map(|v| (v, Hold::Exact)))
+        Self::new(vertices.into_iter().map(|v| (v, Constraint::Hard)))
     }
 
-    /// The vertices, ascending: the order of a pose.
+    /// The constrained vertices, ascending: the order of a pose.
     pub fn vertices(&self) -> &[u32] {
         &self.vertices
     }
 
-    /// How each is held.
-    pub fn holds(&self) -> &[Hold] {
-        &self.holds
+    /// The constraint of each vertex.
+    pub fn constraints(&self) -> &[Constraint] {
+        &self.constraints
     }
 
-    /// Number of held vertices.
+    /// Number of constrained vertices.
     pub fn len(&self) -> usize {
         self.vertices.len()
     }
 
-    /// True where nothing is held.
+    /// True without constraints.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 }
 
-/// Where the held vertices are wanted, one entry per vertex of the [`Handles`], in their order.
+/// Targets of the constrained vertices, one entry per vertex of the [`Handles`], in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HandlePose {
     positions: Vec<Point3<f64>>,
@@ -83,30 +83,30 @@ pub struct HandlePose {
 }
 
 impl HandlePose {
-    /// Wanted positions. How the surface is turned at the handles is fitted to them, each connected patch for itself.
+    /// Target positions. The rotations at the handles are fitted to them, for each connected patch of handles.
     pub fn new(positions: Vec<Point3<f64>>) -> Self {
         Self { positions, rotations: None }
     }
 
-    /// The same with the rotation of the surface at each held vertex (`posed_from_rest`), where it is known: a single
-    /// vertex does not show its own. Linear methods spread them over the surface, others start from them.
+    /// Adds the rotation of the surface at each handle (`posed_from_rest`), which a single vertex does not determine. Linear
+    /// methods interpolate these rotations over the surface; iterative ones derive their initial guess from them.
     #[must_use]
     pub fn with_rotations(mut self, rotations: Vec<UnitQuaternion<f64>>) -> Self {
         self.rotations = Some(rotations);
         self
     }
 
-    /// Wanted positions.
+    /// Target positions.
     pub fn positions(&self) -> &[Point3<f64>] {
         &self.positions
     }
 
-    /// Rotations, where given.
+    /// Rotations, if given.
     pub fn rotations(&self) -> Option<&[UnitQuaternion<f64>]> {
         self.rotations.as_deref()
     }
 
-    /// Refuses a pose that does not fit the handles.
+    /// Rejects a pose that does not fit the handles.
     pub(super) fn check(&self, handles: &Handles) -> Result<(), SurfaceError> {
         let expect = |what, given| {
             let handles = handles.len();
@@ -118,8 +118,8 @@ impl HandlePose {
         if let Some(k) = (0..handles.len()).find(|k| !finite(k)) {
             return Err(SurfaceError::NotFinite { what: "target", vertex: handles.vertices[k] });
         }
-        let turns = self.rotations.iter().flatten().position(|q| !q.coords.iter().all(|c| c.is_finite()));
-        match turns {
+        let bad = self.rotations.iter().flatten().position(|q| !q.coords.iter().all(|c| c.is_finite()));
+        match bad {
             Some(k) => Err(SurfaceError::NotFinite { what: "rotation", vertex: handles.vertices[k] }),
             None => Ok(()),
         }
@@ -131,32 +131,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn handles_are_sorted_and_each_vertex_is_held_once() {
-        let handles = Handles::new([(7, Hold::Soft(2.0)), (3, Hold::Exact)]).unwrap();
-        assert_eq!((handles.vertices(), handles.holds()), (&[3, 7][..], &[Hold::Exact, Hold::Soft(2.0)][..]));
-        assert_eq!(Handles::exact([4, 1, 4]), Err(SurfaceError::HeldTwice { vertex: 4 }));
+    fn handles_are_sorted_and_each_vertex_is_constrained_once() {
+        let handles = Handles::new([(7, Constraint::Soft(2.0)), (3, Constraint::Hard)]).unwrap();
+        assert_eq!(
+            (handles.vertices(), handles.constraints()),
+            (&[3, 7][..], &[Constraint::Hard, Constraint::Soft(2.0)][..])
+        );
+        assert_eq!(Handles::exact([4, 1, 4]), Err(SurfaceError::ConstrainedTwice { vertex: 4 }));
         for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(Handles::new([(1, Hold::Soft(weight))]), Err(SurfaceError::Weight { vertex: 1, .. })));
+            assert!(matches!(
+                Handles::new([(1, Constraint::Soft(weight))]),
+                Err(SurfaceError::Weight { vertex: 1, .. })
+            ));
         }
     }
 
     #[test]
-    fn a_pose_of_another_size_or_not_finite_is_refused() {
+    fn a_pose_of_another_size_or_not_finite_is_rejected() {
         let handles = Handles::exact([2, 5]).unwrap();
-        let said = |pose: HandlePose| pose.check(&handles).unwrap_err().to_string();
+        let message = |pose: HandlePose| pose.check(&handles).unwrap_err().to_string();
         let two = vec![Point3::origin(); 2];
         assert_eq!(
-            said(HandlePose::new(vec![Point3::origin()])),
-            "1 positions do not pose 2 held vertices: give one for each"
+            message(HandlePose::new(vec![Point3::origin()])),
+            "1 positions for 2 constrained vertices: give one for each"
         );
         assert_eq!(
-            said(HandlePose::new(vec![Point3::origin(), Point3::new(0.0, f64::NAN, 0.0)])),
+            message(HandlePose::new(vec![Point3::origin(), Point3::new(0.0, f64::NAN, 0.0)])),
             "the target of vertex 5 is not finite"
         );
-        let turns = vec![UnitQuaternion::identity(); 3];
+        let rotations = vec![UnitQuaternion::identity(); 3];
         assert_eq!(
-            said(HandlePose::new(two).with_rotations(turns)),
-            "3 rotations do not pose 2 held vertices: give one for each"
+            message(HandlePose::new(two).with_rotations(rotations)),
+            "3 rotations for 2 constrained vertices: give one for each"
         );
     }
 }

@@ -1,11 +1,11 @@
-//! The global step of every method here: a Laplacian with some vertices held.
+//! The global step of the methods: a Laplacian system with hard and soft positional constraints.
 //!
 //! ```text
-//! minimize  q Σ_ij w_ij |xᵢ − xⱼ|² − 2 b · x + Σ_k μ_k |x_k − t_k|²    over the free vertices, the others given
+//! minimize  q Σ_ij w_ij |xᵢ − xⱼ|² − 2 b · x + Σ_k μ_k |x_k − t_k|²    over the free vertices, the others fixed
 //! A x_f = b_f − A_fh x_h + μ t,          A = q L_ff + diag(μ)
 //! ```
 //!
-//! All three coordinates share the factor. It depends on the mesh and on which vertices are held; a solve costs two
+//! All three coordinates share the factor, which depends on the mesh and on the set of constraints. A solve costs two
 //! triangular substitutions.
 
 use super::held::Held;
@@ -19,13 +19,13 @@ use plumbline_num::sparse::{Ordering, SparseError};
 #[derive(Debug)]
 pub(super) struct HeldLaplacian {
     system: FactoredLaplacian,
-    /// `(unknown, number of the handle, μ)`.
+    /// `(unknown, index of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
     points: Vec<[f64; 3]>,
 }
 
 impl HeldLaplacian {
-    /// Factors `q L` of these weights; `q > 0`.
+    /// Factors `q L` with these weights; `q > 0`.
     ///
     /// # Errors
     /// As [`ConstrainedLaplacian::new`] and [`ConstrainedLaplacian::factor`].
@@ -39,8 +39,8 @@ impl HeldLaplacian {
         Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })
     }
 
-    /// What the held vertices add to the right-hand side: `−A_fh x_h + μ t`, one entry per unknown. `x` holds the fixed
-    /// vertices where they are wanted, `targets` the positions of all handles.
+    /// Contribution of the constraints to the right-hand side: `−A_fh x_h + μ t`, one entry per unknown. `x` has the fixed vertices
+    /// at their targets, `targets` the targets of all handles.
     pub(super) fn pull(&self, x: &[Lanes], targets: &[Lanes]) -> Vec<Lanes> {
         let mut pull = vec![Lanes::ZERO; self.points.len()];
         for &(unknown, vertex, w) in self.system.coupling() {
@@ -61,19 +61,19 @@ impl HeldLaplacian {
         self.soft.iter().map(of).sum()
     }
 
-    /// Unknowns that are vertices, ascending.
+    /// Vertices of the unknowns, ascending.
     pub(super) fn free(&self) -> &[u32] {
         self.system.free()
     }
 
-    /// Adds `μ (x − t)` to the entries of the softly held unknowns.
+    /// Adds `μ (x − t)` to the entries of the unknowns with soft constraints.
     pub(super) fn add_soft(&self, x: &[Lanes], targets: &[Lanes], g: &mut [Lanes]) {
         for &(unknown, k, weight) in &self.soft {
             g[unknown as usize] += Lanes::splat(weight) * (x[self.free()[unknown as usize] as usize] - targets[k]);
         }
     }
 
-    /// Adds `μ d` to the entries of the softly held unknowns.
+    /// Adds `μ d` to the entries of the unknowns with soft constraints.
     pub(super) fn add_soft_product(&self, d: &[Lanes], y: &mut [Lanes]) {
         for &(unknown, _, weight) in &self.soft {
             y[unknown as usize] += Lanes::splat(weight) * d[unknown as usize];
@@ -91,7 +91,7 @@ impl HeldLaplacian {
         }
     }
 
-    /// Moves the free vertices of `x` to the minimizer for the pull `b` of the vertices and that of the handles.
+    /// Sets the free vertices of `x` to the minimizer for the right-hand sides `b` per vertex and `pull` of the constraints.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
         for ((point, &v), pull) in self.points.iter_mut().zip(self.system.free()).zip(pull) {
             *point = (b[v as usize] + *pull).xyz();

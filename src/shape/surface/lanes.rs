@@ -1,17 +1,17 @@
-//! Four numbers that go through the same arithmetic.
+//! Four-wide vector arithmetic.
 //!
-//! Plain loops over four entries: compiled for a processor with wide registers they become one instruction, elsewhere two
-//! or four, with the same results to the last bit, since no two operations are ever contracted.
+//! Plain loops over four entries, which the compiler turns into one, two or four instructions depending on the width of the
+//! registers. Results are bit-identical on all processors, since no two operations are contracted.
 
 #![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
 #![allow(unsafe_code)] // One call, of code compiled for registers that the processor was found to have.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// How many.
+/// Number of lanes: four `f64` fill one AVX register.
 pub(super) const LANES: usize = 4;
 
-/// Four numbers: the same quantity of four cells, or the coordinates `x, y, z, 0` of one vertex.
+/// Four numbers: one quantity of four cells, or the coordinates `x, y, z, 0` of one vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(32))]
 pub(super) struct Lanes(pub(super) [f64; LANES]);
@@ -24,13 +24,13 @@ impl Lanes {
         Self([value; LANES])
     }
 
-    /// The coordinates of a point, with 0 in the fourth place.
+    /// The coordinates of a point, with 0 in the fourth lane.
     #[inline(always)]
     pub(super) const fn point([x, y, z]: [f64; 3]) -> Self {
         Self([x, y, z, 0.0])
     }
 
-    /// The first three.
+    /// The first three lanes.
     #[inline(always)]
     pub(super) const fn xyz(self) -> [f64; 3] {
         [self.0[0], self.0[1], self.0[2]]
@@ -53,7 +53,7 @@ impl Lanes {
         (a + b) + (c + d)
     }
 
-    /// The largest; NaN counts as infinite.
+    /// The largest lane; NaN counts as infinite.
     #[inline(always)]
     pub(super) fn largest(self) -> f64 {
         self.0.iter().fold(f64::NEG_INFINITY, |a, &b| {
@@ -110,13 +110,13 @@ impl SubAssign for Lanes {
     }
 }
 
-/// Work on [`Lanes`]; `run` must be `#[inline(always)]` to be compiled for wide registers.
+/// A computation on [`Lanes`]; `run` must be `#[inline(always)]` to be compiled for wide registers.
 pub(super) trait Kernel {
     type Output;
     fn run(self) -> Self::Output;
 }
 
-/// Runs a kernel as it was compiled for the widest registers of this processor.
+/// Runs a kernel, compiled for the widest registers of this processor.
 #[inline]
 pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]

@@ -1,11 +1,11 @@
-//! Deformation of surfaces: a few vertices are held, the rest follows as the method says.
+//! Surface deformation: a few vertices are constrained, the others minimize an energy.
 //!
 //! ```text
-//! x = argmin E(x; p)      s.t.  x_h = t_h  for the handles h        p the surface at rest
+//! x = argmin E(x; p)      s.t.  x_h = t_h  for the handles h        p the rest positions
 //! ```
 //!
 //! A [`Deformer`] is a [`Method`] prefactored for a mesh and a set of [`Handles`]; it takes one [`HandlePose`] after the
-//! other. Every method tells in its [`DeformReport`] what it did to the surface.
+//! other. The [`DeformReport`] has the convergence and the distortion of the surface.
 
 mod arap;
 mod bound;
@@ -33,14 +33,14 @@ mod test_meshes;
 mod tests;
 
 pub use crate::mesh::operators::CotangentRule;
-pub use deformer::{DeformOptions, Deformation, Deformer, Method, Solver, Start, deform};
+pub use deformer::{DeformOptions, Deformation, Deformer, InitialGuess, Method, Solver, deform};
 pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
-pub use handles::{HandlePose, Handles, Hold};
-pub use held::{Part, Unheld};
+pub use handles::{Constraint, HandlePose, Handles};
+pub use held::{Component, Unconstrained};
 pub use hierarchy::{Hierarchy, LevelPose};
-pub use laplacian_editing::Turning;
-pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_start, modes, parts};
+pub use laplacian_editing::RotationEstimation;
+pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_initial_guess, modes, parts};
 pub use plumbline_num::energy::Convergence;
-pub use primo::{Fabric, PrimoOptions};
-pub use report::{DeformReport, Gauge, ShapeChange, Stop};
+pub use primo::{PrimoOptions, ShellMaterial};
+pub use report::{DeformReport, Distortion, DistortionMetrics, Stop};

@@ -1,14 +1,14 @@
-//! Coarse to fine: a start for every method that iterates.
+//! Multiresolution initial guesses for the iterative methods.
 //!
-//! The method is bound to coarser copies of the surface too ([`Hierarchy`]), whose handles are those that are left there. The
-//! coarsest starts with rotations spread from the handles; each solution is prolonged to the next finer level and starts it
-//! there. What is long-waved in a pose, which iterations on the fine surface find last, costs next to nothing on a coarse one.
+//! The method is also prefactored on coarser levels of the surface ([`Hierarchy`]), with the handles that remain there. The
+//! coarsest level starts from interpolated handle rotations; each solution is prolonged to the next finer level as its initial
+//! guess. Low-frequency components of the deformation converge last on the fine surface and fast on a coarse one.
 //!
-//! ARAP resists bending by the square of the size of its cells. A copy with a quarter of the vertices would be four times as
-//! stiff and come to rest elsewhere, so that it is given a quarter of the resistance ([`DeformOptions::bending`]): its energy
-//! is then that of the fine surface to a few percent, not to a factor. Prisms are as thick on each level.
+//! The bending resistance of ARAP grows with the square of the cell size. A level with a quarter of the vertices would be four
+//! times as stiff and have another minimum, hence its resistance is divided by four ([`DeformOptions::bending`]): its energy then
+//! agrees with that of the fine surface to a few percent. PriMo keeps the thickness of its prisms on all levels.
 //!
-//! Only the start comes from there; the fine surface ends where its own energy is least.
+//! The coarse levels give the initial guess only; the result is the minimum of the fine energy.
 //!
 //! # Reference
 //! J. Manson, S. Schaefer, *Hierarchical deformation of locally rigid meshes*, Computer Graphics Forum 30 (2011).
@@ -18,18 +18,19 @@ use nalgebra::Point3;
 use super::deformer::{DeformSolver, single_level};
 use super::hierarchy::{Hierarchy, LevelPose};
 use super::{
-    DeformOptions, Deformation, HandlePose, Handles, Hold, Method, Solver, Start, SurfaceError, Turning, Unheld,
+    Constraint, DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, RotationEstimation, Solver,
+    SurfaceError, Unconstrained,
 };
 use crate::mesh::TriMesh;
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::{Run, Stopped};
 
-/// Vertices of the coarsest level: a solve costs next to nothing, and fingers are still there.
+/// Vertices of the coarsest level: a solve takes milliseconds, and features such as fingers are still resolved.
 const MIN_VERTICES: usize = 500;
-/// When a coarse level is done: what prolongation spoils need not be found to more digits.
-const GOOD_ENOUGH: Convergence = Convergence { max_iterations: 100, tolerance: 1e-3 };
+/// Convergence of a coarse level: prolongation adds an error larger than this tolerance.
+const COARSE_CONVERGENCE: Convergence = Convergence { max_iterations: 100, tolerance: 1e-3 };
 
-/// A method that can start from coarser copies of its surface.
+/// A method with initial guesses from coarser levels.
 #[derive(Debug)]
 pub(super) struct Multiresolution {
     method: Method,
@@ -37,17 +38,17 @@ pub(super) struct Multiresolution {
     mesh: TriMesh,
     handles: Handles,
     fine: Box<dyn DeformSolver>,
-    /// Made when a start first asks for it.
+    /// Built at first use.
     coarse: Option<Coarse>,
-    /// Whether there is an end of a last call to go on from.
+    /// Whether there is a result of a previous call.
     solved: bool,
 }
 
-/// The coarser copies.
+/// The coarser levels.
 #[derive(Debug)]
 struct Coarse {
     hierarchy: Hierarchy,
-    /// Levels 1, 2 and so on of the hierarchy.
+    /// Levels 1, 2, … of the hierarchy.
     levels: Vec<Level>,
 }
 
@@ -55,8 +56,8 @@ struct Coarse {
 #[derive(Debug)]
 struct Level {
     bound: Box<dyn DeformSolver>,
-    /// Numbers of the handles that are left.
-    left: Vec<usize>,
+    /// Indices of the handles that remain.
+    handles: Vec<usize>,
 }
 
 impl Multiresolution {
@@ -71,24 +72,24 @@ impl Multiresolution {
         Self { method, options: *options, mesh, handles, fine, coarse: None, solved: false }
     }
 
-    /// Whether a method has any use for a start.
+    /// Whether a method uses an initial guess.
     pub(super) fn iterates(method: Method, options: &DeformOptions) -> bool {
         match method {
             Method::Poisson => false,
-            Method::Laplacian => options.turning == Turning::Alternating,
+            Method::Laplacian => options.rotation_estimation == RotationEstimation::Alternating,
             _ => true,
         }
     }
 
-    /// Whether a coarse start is known to be quicker. Clusters of prisms are levels of their own, Laplacian editing has no
-    /// slow waves, and smooth rotations are found by so many plain steps that coarse levels are dear and still far from rest.
-    fn gains(&self) -> bool {
+    /// Whether coarse levels pay off. PriMo has cluster levels of its own; Laplacian editing converges in a few iterations; with
+    /// rotation smoothness local/global iterations converge slowly on the coarse levels too.
+    fn pays_off(&self) -> bool {
         let elastic =
             matches!(self.method, Method::Arap | Method::ArapSpokes | Method::ArapElements | Method::GaussNewton);
         elastic && self.options.smoothness == 0.0
     }
 
-    /// Where the fine surface starts; none where there is no coarser one.
+    /// The initial guess of the fine surface; `None` without coarser levels.
     fn prolonged(&mut self, pose: &HandlePose, run: &Run) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
         pose.check(&self.handles)?;
         let coarse = match self.coarse.take() {
@@ -107,23 +108,23 @@ impl DeformSolver for Multiresolution {
     fn deform(
         &mut self,
         pose: &HandlePose,
-        start: Start<'_>,
+        guess: InitialGuess<'_>,
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
-        let coarse = match start {
-            Start::Coarse => true,
-            Start::Auto => self.gains(),
-            Start::Last => !self.solved && self.gains(),
-            Start::Spread | Start::Rest | Start::At(_) => false,
+        let coarse = match guess {
+            InitialGuess::Coarse => true,
+            InitialGuess::Auto => self.pays_off(),
+            InitialGuess::Last => !self.solved && self.pays_off(),
+            InitialGuess::Spread | InitialGuess::Rest | InitialGuess::At(_) => false,
         };
-        // How far the coarse levels are is not reported: they are quick.
+        // Coarse levels take little time: no progress is reported for them.
         let at = if coarse { self.prolonged(pose, &run.silent())? } else { None };
-        let done = self.fine.deform(pose, at.as_ref().map_or(start, |at| Start::At(at)), convergence, run);
+        let done = self.fine.deform(pose, at.as_ref().map_or(guess, |at| InitialGuess::At(at)), convergence, run);
         match &done {
             Ok(_) => self.solved = true,
-            // Where the last call ended is lost with the call that went on from there.
+            // The interrupted call has consumed the previous result.
             Err(SurfaceError::Interrupted(_)) => self.solved = false,
             Err(_) => {}
         }
@@ -132,7 +133,7 @@ impl DeformSolver for Multiresolution {
 }
 
 impl Coarse {
-    /// No levels where one of them cannot be solved: the fine surface then starts by itself.
+    /// Has no levels if one of them cannot be factored; the fine method then uses its own initial guess.
     fn new(
         method: Method,
         mesh: &TriMesh,
@@ -149,12 +150,12 @@ impl Coarse {
         Ok(Self { hierarchy, levels })
     }
 
-    /// Solves from the coarsest level on, and prolongs to the fine surface.
+    /// Solves from the coarsest to the finest coarse level, and prolongs to the fine surface.
     fn solve(&mut self, pose: &HandlePose, run: &Run) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
         let mut at: Option<Vec<Point3<f64>>> = None;
         for (level, of) in self.levels.iter_mut().enumerate().rev() {
-            let start = at.as_ref().map_or(Start::Spread, |at| Start::At(at));
-            let positions = of.bound.deform(&of.pose(pose), start, &GOOD_ENOUGH, run)?.positions;
+            let guess = at.as_ref().map_or(InitialGuess::Spread, |at| InitialGuess::At(at));
+            let positions = of.bound.deform(&of.pose(pose), guess, &COARSE_CONVERGENCE, run)?.positions;
             let rotations = self.hierarchy.rotations(level + 1, &positions);
             at = Some(self.hierarchy.prolong_pose(level, &LevelPose { positions, rotations }).positions);
         }
@@ -171,36 +172,37 @@ impl Level {
         options: &DeformOptions,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
-        let names = hierarchy.vertices(level);
-        let number = |k: &usize| names.binary_search(&handles.vertices()[*k]).ok();
-        let left: Vec<usize> = (0..handles.len()).filter(|k| number(k).is_some()).collect();
-        let soft = |k: &usize| handles.holds()[*k] != Hold::Exact;
-        // A region that is held softly is held as firmly by the vertices that are left of it.
-        let firmer = (0..handles.len()).filter(soft).count() as f64 / left.iter().copied().filter(soft).count() as f64;
-        let held = left.iter().map(|k| {
-            let hold = match handles.holds()[*k] {
-                Hold::Exact => Hold::Exact,
-                Hold::Soft(weight) => Hold::Soft(weight * firmer),
+        let vertices = hierarchy.vertices(level);
+        let vertex_of = |k: &usize| vertices.binary_search(&handles.vertices()[*k]).ok();
+        let remaining: Vec<usize> = (0..handles.len()).filter(|k| vertex_of(k).is_some()).collect();
+        let soft = |k: &usize| handles.constraints()[*k] != Constraint::Hard;
+        // The total weight of the soft constraints stays the same.
+        let factor =
+            (0..handles.len()).filter(soft).count() as f64 / remaining.iter().copied().filter(soft).count() as f64;
+        let constrained = remaining.iter().map(|k| {
+            let constraint = match handles.constraints()[*k] {
+                Constraint::Hard => Constraint::Hard,
+                Constraint::Soft(weight) => Constraint::Soft(weight * factor),
             };
-            (number(k).expect("a handle that is left") as u32, hold)
+            (vertex_of(k).expect("a handle that remains on this level") as u32, constraint)
         });
         let (mesh, copy) = (hierarchy.mesh(0), hierarchy.mesh(level));
         let options = DeformOptions {
             solver: Solver::Accelerated,
             bending: options.bending * copy.vertex_count() as f64 / mesh.vertex_count() as f64,
-            unheld: Unheld::Still,
+            unconstrained: Unconstrained::Keep,
             primo: options.primo.of_copy(mesh, copy),
             ..*options
         };
-        Ok(Self { bound: single_level(method, copy, &Handles::new(held)?, &options, run)?, left })
+        Ok(Self { bound: single_level(method, copy, &Handles::new(constrained)?, &options, run)?, handles: remaining })
     }
 
-    /// The pose of the handles that are left.
+    /// The pose of the remaining handles.
     fn pose(&self, pose: &HandlePose) -> HandlePose {
-        let left = HandlePose::new(self.left.iter().map(|&k| pose.positions()[k]).collect());
+        let restricted = HandlePose::new(self.handles.iter().map(|&k| pose.positions()[k]).collect());
         match pose.rotations() {
-            Some(turns) => left.with_rotations(self.left.iter().map(|&k| turns[k]).collect()),
-            None => left,
+            Some(rotations) => restricted.with_rotations(self.handles.iter().map(|&k| rotations[k]).collect()),
+            None => restricted,
         }
     }
 }

@@ -1,11 +1,11 @@
-//! Poisson editing: gradients turned by rotations spread from the handles, and the surface that has them as nearly as can be.
+//! Poisson editing: fits the surface to gradients rotated by the interpolated handle rotations.
 //!
 //! ```text
 //! E(x) = Σ_t A_t |∇x − R_t ∇p|²  =  Σ_t Σ_{e ∈ t} h_e |e'(x) − R_t e|²,      L x = Σ_t R_t gᵗ
 //! ```
 //!
-//! The matrix is that of ARAP's global step; there is no local step, hence one solve per pose, and one more for the rotations.
-//! `R_t` is the mean of the rotations of the corners.
+//! The matrix is that of ARAP's global step. Without a local step a pose costs one solve, and one more for the rotations.
+//! `R_t` is the mean of the rotations at the corners.
 //!
 //! # Reference
 //! Y. Yu, K. Zhou, D. Xu, X. Shi, H. Bao, B. Guo, H.-Y. Shum, *Mesh editing with Poisson-based gradient field manipulation*,
@@ -15,13 +15,13 @@ use super::arap::{CellKind, Elastic};
 use super::bound::Bound;
 use super::deformer::DeformSolver;
 use super::spread::Patches;
-use super::{DeformOptions, Deformation, HandlePose, Handles, Method, Start, Stop, SurfaceError};
+use super::{DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
-/// Poisson editing, bound to a mesh and handles.
+/// Poisson editing, prefactored for a mesh and handles.
 #[derive(Debug)]
 pub(super) struct Poisson {
     bound: Bound,
@@ -51,16 +51,16 @@ impl DeformSolver for Poisson {
     fn deform(
         &mut self,
         pose: &HandlePose,
-        _start: Start<'_>,
+        _guess: InitialGuess<'_>,
         _convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         run.check()?;
         let targets = self.bound.targets(pose)?;
-        let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, &targets);
-        self.elastic.turn_cells(&turns);
-        let x = self.elastic.follow(&self.bound, &targets);
-        let energy = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
+        let rotations = self.patches.rotations(&self.bound, &mut self.elastic.system, pose, &targets);
+        self.elastic.set_rotations(&rotations);
+        let x = self.elastic.global_step(&self.bound, &targets);
+        let energy = self.elastic.exact_energy(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
         Ok(self.bound.done(&x, pose, vec![energy], Stop::Solved, counts))
     }

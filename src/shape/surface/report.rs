@@ -1,25 +1,25 @@
-//! What a deformation did to the surface.
+//! Convergence of a deformation, and distortion metrics of its result.
 
 use nalgebra::Point3;
 
-use super::Part;
+use super::Component;
 use crate::mesh::TriMesh;
 
 /// Why an iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The energy stood still by the criterion.
+    /// The energy decrease fell below the tolerance.
     Converged,
-    /// The iterations ran out first.
-    IterationsUsedUp,
-    /// One solve gives the minimizer.
+    /// The iteration limit was reached first.
+    IterationLimit,
+    /// A single linear solve gives the minimizer.
     Solved,
 }
 
 impl Stop {
-    /// True where nothing is left to gain by the criterion asked for.
+    /// True unless the iteration limit was reached.
     pub fn converged(self) -> bool {
-        self != Self::IterationsUsedUp
+        self != Self::IterationLimit
     }
 }
 
@@ -27,61 +27,63 @@ impl std::fmt::Display for Stop {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
-            Self::IterationsUsedUp => "iterations used up",
+            Self::IterationLimit => "iteration limit reached",
             Self::Solved => "solved",
         })
     }
 }
 
-/// How a deformation went.
+/// The report of a deformation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeformReport {
-    /// Global solves done.
+    /// Number of global solves.
     pub iterations: usize,
-    /// Energy at the start and after each iteration; squared mesh units for elastic energies.
+    /// Energy of the initial guess and after each iteration; squared mesh units for elastic energies.
     pub energies: Vec<f64>,
-    /// Why it ended.
+    /// Why the iteration ended.
     pub stop: Stop,
-    /// Largest distance of a held vertex from its target, mesh units: 0 for exact handles.
+    /// Largest distance of a constrained vertex from its target, mesh units; 0 with hard constraints.
     pub constraint_error: f64,
-    /// Shape against rest.
-    pub shape: ShapeChange,
-    /// Edges with a negative weight, where the energy has any.
+    /// Distortion against the rest shape.
+    pub shape: Distortion,
+    /// Number of edges with a negative weight.
     pub negative_weights: usize,
-    /// Triangles that were weighted as equilateral ones because they have no area.
+    /// Number of triangles without area, weighted as equilateral ones.
     pub degenerate_faces: usize,
-    /// Parts of the surface without a handle: they stayed where they were.
-    pub held_still: Vec<Part>,
+    /// Connected components without a handle, which were kept fixed.
+    pub fixed_components: Vec<Component>,
 }
 
-/// How a surface differs from itself at rest.
+/// Distortion of a deformed surface against its rest shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ShapeChange {
-    /// Largest relative change of the length of an edge.
+pub struct Distortion {
+    /// Largest relative change of an edge length.
     pub worst_stretch: f64,
-    /// Root of the mean squared relative change of all edges.
+    /// Root mean square of the relative changes of all edge lengths.
     pub rms_stretch: f64,
-    /// Faces that point against the surface around them and did not at rest.
+    /// Number of faces that are inverted against their neighborhood and were not at rest.
     pub flipped_faces: usize,
-    /// Volume over that at rest; none for a surface that is open or encloses nothing.
+    /// Volume over the rest volume; `None` for a surface that is open or has no volume.
     pub volume_ratio: Option<f64>,
 }
 
-/// A surface at rest, ready to be compared with what becomes of it.
+/// Distortion metrics of a surface: measures deformed positions against the rest shape.
 #[derive(Clone, Debug)]
-pub struct Gauge {
+pub struct DistortionMetrics {
     rest: TriMesh,
-    /// Edges of some length, and that length.
+    /// Edges with their rest lengths, without those of length 0.
     edges: Vec<([u32; 2], f64)>,
-    against: Vec<bool>,
+    /// Triangles that are inverted at rest.
+    inverted: Vec<bool>,
     volume: Option<f64>,
 }
 
-/// A volume below this fraction of the cubed diagonal is rounding: of a sheet, or of a surface that encloses itself twice.
-const NO_VOLUME: f64 = 1e-9;
+/// A volume below this fraction of the cubed diagonal is rounding: of a flat sheet, or of a surface that covers itself twice with
+/// opposite orientation.
+const MIN_RELATIVE_VOLUME: f64 = 1e-9;
 
-impl Gauge {
-    /// A gauge of this surface at rest.
+impl DistortionMetrics {
+    /// Metrics against this rest shape.
     pub fn new(mesh: &TriMesh) -> Self {
         let mut sides: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * mesh.triangle_count());
         for &[a, b, c] in mesh.triangles() {
@@ -95,27 +97,28 @@ impl Gauge {
         let length = |i: u32, j: u32| (p[i as usize] - p[j as usize]).norm();
         let edges = sides.iter().map(|&(i, j, _)| ([i, j], length(i, j))).filter(|e| e.1 > 0.0).collect();
         let volume = mesh.volume();
-        let encloses = closed && volume.abs() > NO_VOLUME * mesh.diagonal().powi(3);
-        Self { edges, against: against_neighbors(mesh), volume: encloses.then_some(volume), rest: mesh.clone() }
+        let encloses = closed && volume.abs() > MIN_RELATIVE_VOLUME * mesh.diagonal().powi(3);
+        Self { edges, inverted: inverted_triangles(mesh), volume: encloses.then_some(volume), rest: mesh.clone() }
     }
 
-    /// The surface at rest.
+    /// The rest shape.
     pub fn rest(&self) -> &TriMesh {
         &self.rest
     }
 
-    /// What changed. The positions must be finite, one per vertex.
-    pub fn measure(&self, positions: &[Point3<f64>]) -> ShapeChange {
+    /// The distortion of these positions, finite and one per vertex.
+    pub fn measure(&self, positions: &[Point3<f64>]) -> Distortion {
         let Ok(mesh) = self.rest.with_positions(positions.to_vec()) else {
-            return ShapeChange { worst_stretch: f64::NAN, rms_stretch: f64::NAN, ..Default::default() };
+            return Distortion { worst_stretch: f64::NAN, rms_stretch: f64::NAN, ..Default::default() };
         };
         let stretches = self
             .edges
             .iter()
             .map(|&([i, j], rest)| ((positions[i as usize] - positions[j as usize]).norm() / rest - 1.0).abs());
         let (worst, squares) = stretches.fold((0.0, 0.0), |(worst, sum): (f64, f64), s| (worst.max(s), sum + s * s));
-        let flipped = against_neighbors(&mesh).into_iter().zip(&self.against).filter(|&(now, &before)| now && !before);
-        ShapeChange {
+        let flipped =
+            inverted_triangles(&mesh).into_iter().zip(&self.inverted).filter(|&(now, &before)| now && !before);
+        Distortion {
             worst_stretch: worst,
             rms_stretch: (squares / self.edges.len().max(1) as f64).sqrt(),
             flipped_faces: flipped.count(),
@@ -124,14 +127,14 @@ impl Gauge {
     }
 }
 
-/// Faces whose normal points against the sum of their corners' normals.
-fn against_neighbors(mesh: &TriMesh) -> Vec<bool> {
+/// Triangles whose normal opposes the sum of the vertex normals at their corners.
+fn inverted_triangles(mesh: &TriMesh) -> Vec<bool> {
     let normals = mesh.vertex_normals();
-    let against = |(t, v): (usize, &[u32; 3])| {
+    let inverted = |(t, v): (usize, &[u32; 3])| {
         let around = v.iter().fold(nalgebra::Vector3::zeros(), |sum, &v| sum + normals[v as usize]);
         mesh.area_normal(t).dot(&around) < 0.0
     };
-    mesh.triangles().iter().enumerate().map(against).collect()
+    mesh.triangles().iter().enumerate().map(inverted).collect()
 }
 
 #[cfg(test)]
@@ -148,11 +151,11 @@ mod tests {
     #[test]
     fn a_stretched_box_is_longer_and_larger_by_the_stretch() {
         let mesh = box_mesh();
-        let gauge = Gauge::new(&mesh);
-        let same = gauge.measure(mesh.positions());
+        let metrics = DistortionMetrics::new(&mesh);
+        let same = metrics.measure(mesh.positions());
         assert_eq!((same.worst_stretch, same.flipped_faces), (0.0, 0));
         let stretched: Vec<_> = mesh.positions().iter().map(|p| Point3::new(1.5 * p.x, p.y, p.z)).collect();
-        let shape = gauge.measure(&stretched);
+        let shape = metrics.measure(&stretched);
         assert!((shape.worst_stretch - 0.5).abs() < 1e-12 && (shape.volume_ratio.unwrap() - 1.5).abs() < 1e-12);
     }
 
@@ -165,7 +168,7 @@ mod tests {
         let mesh = TriMesh::new(positions.collect(), triangles).unwrap();
         let mut moved = mesh.positions().to_vec();
         moved[0].x = 1.4;
-        let shape = Gauge::new(&mesh).measure(&moved);
+        let shape = DistortionMetrics::new(&mesh).measure(&moved);
         assert_eq!((shape.flipped_faces, shape.volume_ratio), (2, None));
     }
 }

@@ -1,4 +1,4 @@
-//! Laplacian editing with similarities that are linear in the unknowns.
+//! Laplacian editing with linearized similarities.
 //!
 //! ```text
 //! E(x) = Σᵢ |(L x)ᵢ − Tᵢ(x) δᵢ|² / mᵢ,        Tᵢ v = sᵢ v + hᵢ × v
@@ -6,10 +6,10 @@
 //! sᵢ = Σ e · e' / Σ |e|²,       hᵢ = (Σ |e|² I − e eᵀ)⁻¹ Σ e × e'
 //! ```
 //!
-//! Scale and rotation of each vertex are fitted to its own neighbors within the solve. Rotations are exact to first order
-//! only; a handle turned far inflates the surface. The three coordinates meet in one system of `3n` unknowns.
+//! Scale and rotation of each vertex are linear functions of its one-ring, eliminated in one system of `3n` unknowns. Rotations are
+//! exact to first order only; large handle rotations inflate the surface.
 //!
-//! Less than three handles leave similarities free that cost nothing; a faint elastic term `ε Σ w |e' − e|²` decides there.
+//! With fewer than three handles some similarities have zero energy; a small elastic term `ε Σ w |e' − e|²` regularizes them.
 //!
 //! # Reference
 //! Sorkine et al., *Laplacian surface editing*, SGP 2004, section 3.3.
@@ -27,10 +27,10 @@ use crate::mesh::operators::EdgeWeights;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{CompactFactor, Ordering, Pattern, SparseMatrix};
 
-/// ε, relative to the size of the energy's own terms: far above rounding, far below what a picture shows.
-const FAINT: f64 = 1e-8;
+/// ε relative to the mean diagonal of the energy: far above rounding, and too small for a visible effect.
+const REGULARIZATION: f64 = 1e-8;
 
-/// The residual of one vertex: a matrix per vertex of its ring, itself included.
+/// The Jacobian of the residual of one vertex: a block per vertex of its one-ring, itself included.
 type Row = Vec<(u32, Matrix3<f64>)>;
 
 /// The factored system of `3n` unknowns.
@@ -39,7 +39,7 @@ pub(super) struct SimilarityEditing {
     rows: Vec<Row>,
     weights: Vec<f64>,
     edges: EdgeWeights,
-    faint: f64,
+    regularization: f64,
     factor: CompactFactor,
 }
 
@@ -55,11 +55,11 @@ impl SimilarityEditing {
         let rows: Vec<Row> = (0..ring.len()).map(|i| row(i, &ring[i], &bound.rest, delta[i])).collect();
         let unknown = |v: u32| bound.held.unknown[v as usize];
         let pairs = rows.iter().flat_map(|row| row.iter().flat_map(move |a| row.iter().map(move |b| (a.0, b.0))));
-        let places = pairs
+        let entries = pairs
             .map(|(a, b)| (unknown(a), unknown(b)))
             .filter(|&(a, b)| a != FIXED && b != FIXED && a >= b)
             .flat_map(|(a, b)| (0..9).map(move |k| (3 * a as usize + k / 3, 3 * b as usize + k % 3)));
-        let pattern = Arc::new(Pattern::new(3 * bound.held.free.len(), places)?);
+        let pattern = Arc::new(Pattern::new(3 * bound.held.free.len(), entries)?);
         let mut matrix = SparseMatrix::zeros(Arc::clone(&pattern));
         for (row, &w) in rows.iter().zip(&weights) {
             for (a, ja) in row {
@@ -71,7 +71,7 @@ impl SimilarityEditing {
                     let block = ja.transpose() * jb * w;
                     for (k, l) in (0..9).map(|k| (k / 3, k % 3)).filter(|&(k, l)| a > b || k >= l) {
                         let slot =
-                            pattern.slot(3 * a as usize + k, 3 * b as usize + l).expect("a place of this pattern");
+                            pattern.slot(3 * a as usize + k, 3 * b as usize + l).expect("an entry of this pattern");
                         matrix.values_mut()[slot] += block[(k, l)];
                     }
                 }
@@ -79,16 +79,16 @@ impl SimilarityEditing {
         }
         let diagonal = |v: usize| pattern.column_starts()[v] as usize;
         let mean = (0..pattern.n()).map(|v| matrix.values()[diagonal(v)]).sum::<f64>() / pattern.n().max(1) as f64;
-        let edges = EdgeWeights::uniform(bound.gauge.rest());
-        let faint = FAINT * mean;
-        for (i, j, w) in edges.iter().map(|(i, j, w)| (unknown(i as u32), unknown(j as u32), faint * w)) {
+        let edges = EdgeWeights::uniform(bound.metrics.rest());
+        let regularization = REGULARIZATION * mean;
+        for (i, j, w) in edges.iter().map(|(i, j, w)| (unknown(i as u32), unknown(j as u32), regularization * w)) {
             for c in 0..3 {
-                let place = |v: u32| 3 * v as usize + c;
+                let row = |v: u32| 3 * v as usize + c;
                 for v in [i, j].into_iter().filter(|&v| v != FIXED) {
-                    matrix.values_mut()[diagonal(place(v))] += w;
+                    matrix.values_mut()[diagonal(row(v))] += w;
                 }
                 if i != FIXED && j != FIXED {
-                    let slot = pattern.slot(place(i), place(j)).expect("an edge is a place of this pattern");
+                    let slot = pattern.slot(row(i), row(j)).expect("an edge is an entry of this pattern");
                     matrix.values_mut()[slot] -= w;
                 }
             }
@@ -99,17 +99,17 @@ impl SimilarityEditing {
                 matrix.values_mut()[pattern.column_starts()[3 * unknown + c] as usize] += weight;
             }
         }
-        Ok(Self { rows, weights, edges, faint, factor: CompactFactor::of(&matrix, &Ordering::Amd, run)? })
+        Ok(Self { rows, weights, edges, regularization, factor: CompactFactor::of(&matrix, &Ordering::Amd, run)? })
     }
 
-    /// The minimizer and its energy, seen in a frame that turns with the surface: there the turns left are small.
+    /// The minimizer and its energy, computed in a frame rotated with the handles, where the remaining rotations are small.
     pub(super) fn solve(&mut self, bound: &Bound, frame: &UnitQuaternion<f64>, targets: &[Lanes]) -> (Vec<Lanes>, f64) {
-        let turned = |q: &UnitQuaternion<f64>, x: &Lanes| Lanes::point((q * Vector3::from(x.xyz())).into());
+        let rotated = |q: &UnitQuaternion<f64>, x: &Lanes| Lanes::point((q * Vector3::from(x.xyz())).into());
         let back = frame.inverse();
-        let within: Vec<Lanes> = targets.iter().map(|t| turned(&back, t)).collect();
+        let within: Vec<Lanes> = targets.iter().map(|t| rotated(&back, t)).collect();
         let (mut x, energy) = self.solve_in_frame(bound, &within);
         for x in &mut x {
-            *x = turned(frame, x);
+            *x = rotated(frame, x);
         }
         bound.impose(targets, &mut x);
         (x, energy)
@@ -118,17 +118,18 @@ impl SimilarityEditing {
     fn solve_in_frame(&mut self, bound: &Bound, targets: &[Lanes]) -> (Vec<Lanes>, f64) {
         let mut x = bound.rest.clone();
         bound.impose(targets, &mut x);
-        // The second round is iterative refinement.
+        // The second pass is the iterative refinement.
         for _ in 0..2 {
             let mut slope = vec![Vector3::zeros(); x.len()];
             for (row, &w) in self.rows.iter().zip(&self.weights) {
-                let misfit = residual(row, &x) * w;
+                let weighted = residual(row, &x) * w;
                 for (v, j) in row {
-                    slope[*v as usize] += j.transpose() * misfit;
+                    slope[*v as usize] += j.transpose() * weighted;
                 }
             }
             for (i, j, w) in self.edges.iter() {
-                let change = Vector3::from(((x[i] - x[j]) - (bound.rest[i] - bound.rest[j])).xyz()) * (self.faint * w);
+                let change =
+                    Vector3::from(((x[i] - x[j]) - (bound.rest[i] - bound.rest[j])).xyz()) * (self.regularization * w);
                 slope[i] += change;
                 slope[j] -= change;
             }
@@ -152,7 +153,7 @@ fn residual(row: &Row, x: &[Lanes]) -> Vector3<f64> {
     row.iter().fold(Vector3::zeros(), |sum, (v, j)| sum + j * Vector3::from(x[*v as usize].xyz()))
 }
 
-/// `(L x)ᵢ − sᵢ(x) δᵢ − hᵢ(x) × δᵢ` as a linear function of the ring.
+/// `(L x)ᵢ − sᵢ(x) δᵢ − hᵢ(x) × δᵢ` as a linear function of the one-ring.
 fn row(i: usize, ring: &[(u32, f64)], rest: &[Lanes], delta: Lanes) -> Row {
     let delta = Vector3::from(delta.xyz());
     let edge = |j: u32| Vector3::from((rest[j as usize] - rest[i]).xyz());
@@ -161,15 +162,15 @@ fn row(i: usize, ring: &[(u32, f64)], rest: &[Lanes], delta: Lanes) -> Row {
         let e = edge(j);
         sum + Matrix3::identity() * e.norm_squared() - e * e.transpose()
     });
-    // A ring on a line does not show how it turns about itself.
+    // A collinear one-ring does not determine the rotation about its line.
     let inverse = inertia.pseudo_inverse(1e-9 * squares).unwrap_or_else(|_| Matrix3::zeros());
     let per_square = if squares > 0.0 { 1.0 / squares } else { 0.0 };
     let mut row: Row = vec![(i as u32, Matrix3::zeros())];
     for &(j, w) in ring {
         let e = edge(j);
         // s δ = δ (eᵀ e') / Σ|e|²,   h × δ = −[δ]ₓ C⁻¹ [e]ₓ e'.
-        let turned = delta * e.transpose() * per_square - delta.cross_matrix() * inverse * e.cross_matrix();
-        let block = Matrix3::identity() * -w - turned;
+        let rotated = delta * e.transpose() * per_square - delta.cross_matrix() * inverse * e.cross_matrix();
+        let block = Matrix3::identity() * -w - rotated;
         row.push((j, block));
         row[0].1 -= block;
     }

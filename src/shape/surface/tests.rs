@@ -1,4 +1,4 @@
-//! Laws of the linear methods, and those that all methods share.
+//! Laws of the linear methods, and of all methods.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
@@ -10,17 +10,25 @@ use crate::mesh::TriMesh;
 use crate::mesh::operators::{Cotangents, EdgeWeights, Gradient};
 use plumbline_num::run::Run;
 
-const TURNINGS: [Turning; 4] = [Turning::Spread, Turning::FirstSolve, Turning::Alternating, Turning::Linear];
+const ESTIMATIONS: [RotationEstimation; 4] = [
+    RotationEstimation::Spread,
+    RotationEstimation::FirstSolve,
+    RotationEstimation::Alternating,
+    RotationEstimation::Linear,
+];
 
 /// Every method that moves vertices, with each of its options.
 fn methods() -> Vec<(Method, DeformOptions)> {
     let cotangents = CotangentRule::Clamped;
     let vertices = Method::ALL.into_iter().filter(|&m| m != Method::Primo);
     let mut all: Vec<_> = vertices.map(|m| (m, DeformOptions { cotangents, ..Default::default() })).collect();
-    for (turning, laplacian) in
-        TURNINGS.into_iter().flat_map(|t| [LaplacianKind::Cotangent, LaplacianKind::Uniform].map(|l| (t, l)))
+    for (rotation_estimation, laplacian) in
+        ESTIMATIONS.into_iter().flat_map(|t| [LaplacianKind::Cotangent, LaplacianKind::Uniform].map(|l| (t, l)))
     {
-        all.push((Method::Laplacian, DeformOptions { cotangents, laplacian, turning, ..Default::default() }));
+        all.push((
+            Method::Laplacian,
+            DeformOptions { cotangents, laplacian, rotation_estimation, ..Default::default() },
+        ));
     }
     all
 }
@@ -34,7 +42,7 @@ fn solve(
     let mut bound = Deformer::new(*method, mesh, handles, options, &Run::default())
         .unwrap_or_else(|e| panic!("{method:?} {options:?}: {e}"));
     let convergence = Convergence { max_iterations: 60, tolerance: 1e-9 };
-    bound.deform(&HandlePose::new(targets), Start::Spread, &convergence, &Run::default()).unwrap()
+    bound.deform(&HandlePose::new(targets), InitialGuess::Spread, &convergence, &Run::default()).unwrap()
 }
 
 /// The left end of a tube stays, the right one is moved by an isometry.
@@ -62,7 +70,7 @@ fn every_method_moves_rigidly_with_its_handles() {
 }
 
 #[test]
-fn every_result_moves_and_grows_with_the_mesh() {
+fn every_method_is_equivariant_to_translation_and_scale() {
     let mesh = tube(14, 9);
     let (handles, targets) = ends(&mesh, &Isometry3::new(Vector3::new(-0.3, 0.4, 0.1), Vector3::new(0.2, 0.0, 0.8)));
     for method in methods() {
@@ -127,7 +135,10 @@ fn translated_handles_move_the_surface_harmonically_in_poisson_and_biharmonicall
     let pose = HandlePose::new(targets).with_rotations(still);
     let deform = |method| {
         let mut bound = Deformer::new(method, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
-        displacement(&mesh, &bound.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap())
+        displacement(
+            &mesh,
+            &bound.deform(&pose, InitialGuess::Spread, &Convergence::default(), &Run::default()).unwrap(),
+        )
     };
     let harmonic = laplacian(&weights, &deform(Method::Poisson));
     let mut curved = laplacian(&weights, &deform(Method::Laplacian));
@@ -142,14 +153,15 @@ fn translated_handles_move_the_surface_harmonically_in_poisson_and_biharmonicall
 }
 
 #[test]
-fn poisson_editing_has_the_gradients_that_are_asked_for_where_they_can_be_had() {
-    // A flat strip rolled up: each column turned by its own angle is integrable in no other way than by its arc.
+fn poisson_editing_reproduces_integrable_gradients() {
+    // A rolled strip: rotations that vary along it by column are integrated by the arc only.
     let mesh = tube(30, 8);
     let (handles, targets) = ends(&mesh, &Isometry3::rotation(Vector3::new(0.0, 0.0, 0.4)));
     let mut poisson =
         Deformer::new(Method::Poisson, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
-    let done =
-        poisson.deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default()).unwrap();
+    let done = poisson
+        .deform(&HandlePose::new(targets), InitialGuess::Spread, &Convergence::default(), &Run::default())
+        .unwrap();
     let moved = mesh.with_positions(done.positions).unwrap();
     let gradient = Gradient::new(&mesh);
     let stretch = |axis: usize| gradient.apply(&moved.positions().iter().map(|p| p[axis]).collect::<Vec<_>>());
@@ -162,7 +174,7 @@ fn poisson_editing_has_the_gradients_that_are_asked_for_where_they_can_be_had() 
 }
 
 #[test]
-fn details_turn_with_the_transforms_they_are_given() {
+fn details_follow_the_given_transforms() {
     let mesh = sheet(12);
     let turn = Rotation3::new(Vector3::new(0.3, 1.0, -0.4));
     for laplacian in [LaplacianKind::Cotangent, LaplacianKind::Uniform] {
@@ -170,7 +182,7 @@ fn details_turn_with_the_transforms_they_are_given() {
         let handles = Handles::exact([0]).unwrap();
         let mut details = DetailPreserving::new(&mesh, &handles, &options, &Run::default()).unwrap();
         let pose = HandlePose::new(vec![Point3::new(1.0, 2.0, 3.0)]);
-        // A similarity of everything: turned, and twice as large.
+        // A similarity of the whole surface.
         let done = details.solve(&[turn.matrix() * 2.0; 144], &pose, &Run::default()).unwrap();
         for (p, x) in mesh.positions().iter().zip(&done.positions) {
             let expected = pose.positions()[0] + turn * (p - mesh.positions()[0]) * 2.0;
@@ -178,12 +190,12 @@ fn details_turn_with_the_transforms_they_are_given() {
         }
         assert!(done.report.energies[0] < 1e-18);
         let few = details.solve(&[Matrix3::identity(); 3], &pose, &Run::default()).unwrap_err();
-        assert_eq!(few.to_string(), "3 transforms do not fit a mesh of 144 vertices: give one for each");
+        assert_eq!(few.to_string(), "3 transforms for a mesh of 144 vertices: give one for each");
     }
 }
 
 #[test]
-fn rotations_make_laplacian_editing_keep_lengths_that_the_naive_form_loses() {
+fn rotation_estimation_preserves_lengths_that_naive_editing_loses() {
     let mesh = tube(24, 12);
     let (handles, targets) = ends(&mesh, &Isometry3::new(Vector3::new(0.83, -0.8, 0.0), Vector3::new(0.0, 0.0, 1.2)));
     let mut naive = DetailPreserving::new(&mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
@@ -194,20 +206,24 @@ fn rotations_make_laplacian_editing_keep_lengths_that_the_naive_form_loses() {
         .report
         .shape
         .rms_stretch;
-    for turning in TURNINGS {
-        let method = (Method::Laplacian, DeformOptions { turning, ..Default::default() });
+    for rotation_estimation in ESTIMATIONS {
+        let method = (Method::Laplacian, DeformOptions { rotation_estimation, ..Default::default() });
         let done = solve(&method, &mesh, &handles, targets.clone());
-        assert!(done.report.shape.rms_stretch < 0.8 * worst, "{turning:?} {} {worst}", done.report.shape.rms_stretch);
+        assert!(
+            done.report.shape.rms_stretch < 0.8 * worst,
+            "{rotation_estimation:?} {} {worst}",
+            done.report.shape.rms_stretch
+        );
     }
 }
 
 #[test]
-fn soft_handles_are_reached_as_their_weight_grows_in_every_method() {
+fn the_error_of_soft_constraints_falls_with_their_weight_in_every_method() {
     let mesh = tube(14, 9);
     let (handles, targets) = ends(&mesh, &Isometry3::new(Vector3::new(-0.3, 0.4, 0.1), Vector3::new(0.0, 0.0, 0.8)));
     for method in methods() {
         let errors = [1e-1, 1e2, 1e5].map(|weight| {
-            let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Hold::Soft(weight)))).unwrap();
+            let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Constraint::Soft(weight)))).unwrap();
             solve(&method, &mesh, &soft, targets.clone()).report.constraint_error
         });
         assert!(errors[0] > errors[1] && errors[1] > errors[2] && errors[2] < 1e-3, "{method:?} {errors:?}");

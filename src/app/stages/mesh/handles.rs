@@ -10,7 +10,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_num::spatial::ShortestPaths;
 use plumbline_shape::mesh::TriMesh;
 use plumbline_shape::surface::handle_file::MeshHandles;
-use plumbline_shape::surface::{HandlePose, Handles, Hold};
+use plumbline_shape::surface::{Constraint, HandlePose, Handles};
 
 /// A held vertex of the mesh that is deformed.
 struct MemoryCost {
@@ -111,7 +111,7 @@ impl<'a> Bound<'a> {
     pub(crate) fn set(&self) -> Result<Handles, RunError> {
         let hold = |held: &MemoryCost| {
             let weight = held.of.and_then(|(h, _)| self.handles.handles[h].weight);
-            (held.vertex, weight.map_or(Hold::Exact, Hold::Soft))
+            (held.vertex, weight.map_or(Constraint::Hard, Constraint::Soft))
         };
         Handles::new(self.held.iter().map(hold)).map_err(|e| RunError::Input(e.to_string()))
     }

@@ -24,12 +24,12 @@ pub(crate) fn tell(
         surface.repairs = solvable.report.changes().collect();
         surface.deformation = Some(line(report, settings.method.name(), solved.len()));
     }
-    for part in report.held_still.iter().take(3) {
+    for part in report.fixed_components.iter().take(3) {
         let first = solvable.source_of_vertex[part.vertex as usize];
         context.warn(format!("no handle is on the part of {} vertices around vertex {first}: it stays", part.vertices));
     }
-    if report.held_still.len() > 3 {
-        context.warn(format!("{} more parts without a handle stay", report.held_still.len() - 3));
+    if report.fixed_components.len() > 3 {
+        context.warn(format!("{} more parts without a handle stay", report.fixed_components.len() - 3));
     }
     let open = solved.iter().filter(|s| !s.report.stop.converged()).count();
     if open > 0 {
@@ -93,8 +93,8 @@ pub(crate) fn write(
 /// Vertices are those of the file; lengths are in units of the mesh.
 fn pose(solved: &Solved, solvable: &Solvable) -> Json {
     let report = &solved.report;
-    let part = |p: &plumbline_shape::surface::Part| json!({"vertex": solvable.source_of_vertex[p.vertex as usize], "vertices": p.vertices});
-    let still: Vec<Json> = report.held_still.iter().map(part).collect();
+    let part = |p: &plumbline_shape::surface::Component| json!({"vertex": solvable.source_of_vertex[p.vertex as usize], "vertices": p.vertices});
+    let still: Vec<Json> = report.fixed_components.iter().map(part).collect();
     json!({
         "time": solved.time,
         "stop": report.stop.to_string(),

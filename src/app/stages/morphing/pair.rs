@@ -84,12 +84,12 @@ impl Pair {
         let mut seen = std::collections::BTreeSet::new();
         pairs.retain(|p| seen.insert(p.0));
         let laid = correspond(&solvable.mesh, b, &pairs, &over.into(), &context.job.run()).map_err(morph_error)?;
-        let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.laid, laid.quality);
+        let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.mapped, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
             let refined = refine(&first, &second, b, tolerance, ROUNDS, &context.job.run()).map_err(morph_error)?;
             tell(context, format!("{} vertices added where features would be lost", refined.added));
-            (first, second) = (refined.first, refined.laid);
+            (first, second) = (refined.first, refined.mapped);
             quality = measure(&first, &second, b, &pairs, &context.job.run()).map_err(morph_error)?;
         }
         tell(context, told(&quality, pairs.len()));

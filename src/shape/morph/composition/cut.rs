@@ -1,16 +1,16 @@
-//! A surface cut along a closed line.
+//! Cuts of a surface along a closed curve.
 //!
-//! A plane `n·(x − p) = 0` and the loop through picked vertices are level lines of a function on the vertices: triangles are
-//! divided where it passes through 0. A lasso runs along edges, the shortest way from one of its vertices to the next; a loop is
-//! the same line made short: the indicator `χ` of what lies on one side diffuses a little,
+//! A plane `n·(x − p) = 0` and the loop through picked vertices are zero level sets of a function on the vertices, which divide
+//! triangles. A lasso follows edges, on shortest paths from one of its vertices to the next; a loop is the lasso after smoothing:
+//! the indicator `χ` of one side diffuses for a short time,
 //!
 //! ```text
 //! (M + τ L) u = M χ,
 //! ```
 //!
-//! and the line moves to `u = ½`, across triangles and without the lasso's corners: a step of motion by curvature.
+//! and the curve is the level set `u = ½`, across triangles and without the lasso's corners: one step of mean curvature motion.
 //!
-//! Only the one line nearest to the given place cuts, so that a plane through a neck does not take a leg off too.
+//! Only the curve nearest to the given point cuts, so that a plane through a neck does not cut a leg too.
 //!
 //! # Reference
 //! B. Merriman, J. Bence, S. Osher, *Motion of multiple junctions: a level set approach*, J. Comput. Phys. 112 (1994).
@@ -23,66 +23,66 @@ use nalgebra::{Point3, Vector3};
 use super::super::MorphError;
 use super::super::correspondence::divided;
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
-use crate::mesh::{HalfEdges, TriMesh};
+use crate::mesh::{HalfEdges, TriMesh, neighbors_of_vertices};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
 
-/// A vertex this near to where an edge is cut, as a share of the edge, takes the cut upon itself. Less leaves slivers, whose normals
-/// are ragged after the transition; more moves the cut visibly away from the plane.
-const SNAP: f64 = 0.1;
+/// Distance of a cut point from a vertex, as a fraction of the edge, below which the cut is snapped to the vertex. Smaller values
+/// leave slivers with noisy normals after the transition; larger ones move the cut visibly away from the plane.
+const SNAP_FRACTION: f64 = 0.1;
 
-/// How far the indicator of a loop diffuses, in mean lengths of the lasso's edges. Less leaves corners, more moves the line away
-/// from the picked vertices.
-const DIFFUSION: f64 = 2.0;
+/// Diffusion length of a loop's indicator, in mean edge lengths of the lasso. Smaller values leave corners, larger ones move the
+/// curve away from the picked vertices.
+const DIFFUSION_LENGTH: f64 = 2.0;
 
-/// Where a surface is cut.
+/// A cut of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cut {
-    /// By a plane, along the closed line of it that is nearest to the point.
+    /// By a plane, along its closed intersection curve nearest to the point.
     Plane {
-        /// A point of the plane, near where it cuts.
+        /// A point of the plane, near the cut.
         point: Point3<f64>,
-        /// Across the plane, to what is kept.
+        /// Normal of the plane, towards the kept side.
         normal: Vector3<f64>,
     },
-    /// Along edges from vertex to vertex and back to the first.
+    /// Along edges, on shortest paths from vertex to vertex and back to the first.
     Lasso {
-        /// Vertices on the line, in order.
+        /// Vertices on the curve, in order.
         vertices: Vec<u32>,
-        /// A vertex of what is kept.
+        /// A vertex of the kept side.
         keep: u32,
     },
-    /// As a lasso, then across triangles and without its corners.
+    /// A smoothed lasso, across triangles.
     Loop {
-        /// Vertices near the line, in order.
+        /// Vertices near the curve, in order.
         vertices: Vec<u32>,
-        /// A vertex of what is kept.
+        /// A vertex of the kept side.
         keep: u32,
     },
-    /// Not at all: the surface has a hole already, the boundary nearest to a place.
+    /// No cut: the existing boundary nearest to a point.
     Boundary {
-        /// The place.
+        /// The point.
         near: Point3<f64>,
     },
 }
 
-/// What a cut leaves.
+/// A cut surface.
 #[derive(Clone, Debug)]
 pub struct CutSurface {
-    /// What is kept.
+    /// The kept part.
     pub mesh: TriMesh,
-    /// The vertices of the cut in order, the surface to their left.
+    /// The vertices of the cut in order, the surface on their left.
     pub seam: Vec<u32>,
-    /// The vertex of the input that each was; `None` for those that the cut made.
+    /// The input vertex of each vertex; `None` for those created by the cut.
     pub source: Vec<Option<u32>>,
 }
 
-/// Cuts a surface. What does not touch the cut is kept where `keep_rest`.
+/// Cuts a surface. Parts that do not touch the cut are kept if `keep_rest`.
 ///
 /// # Errors
-/// [`MorphError::Seam`] where the line does not close, does not separate, or does not exist; [`MorphError::NoSuchVertex`];
-/// [`MorphError::Mesh`] where the surface is no oriented manifold.
+/// [`MorphError::Seam`] if the curve does not close, does not separate, or does not exist; [`MorphError::NoSuchVertex`];
+/// [`MorphError::Mesh`] if the surface is not an oriented manifold.
 pub fn cut(
     mesh: &TriMesh,
     cut: &Cut,
@@ -129,7 +129,7 @@ fn seam(which: &'static str, fault: String) -> MorphError {
     MorphError::Seam { which, fault }
 }
 
-/// Cuts where a function of the vertices passes through 0, along the line nearest to a place; keeps where it is above.
+/// Cuts along the zero level curve nearest to a point; keeps the positive side.
 fn along_level(
     mesh: &TriMesh,
     mut levels: Vec<f64>,
@@ -160,30 +160,30 @@ fn along_level(
     let closed: Vec<_> = lines.iter().filter(|l| l.1).map(|l| l.0.clone()).collect();
     let open = lines.len() - closed.len();
     let line = nearest_line(&divided, closed, near).ok_or_else(|| {
-        let told = if open > 0 {
-            "does not close: it runs into the border of the surface"
+        let fault = if open > 0 {
+            "does not close: it ends at the boundary of the surface"
         } else {
             "does not meet the surface"
         };
-        seam(which, format!("{told}; move the plane or the vertices"))
+        seam(which, format!("{fault}; move the plane or the vertices"))
     })?;
     separated(&divided, &line, &Kept::Left, &source, which, keep_rest)
 }
 
-/// Vertices very near to the line are put on it.
+/// Moves the level set to vertices very near to it.
 fn snap(mesh: &TriMesh, levels: &mut [f64]) {
     let given = levels.to_vec();
     for &[a, b, c] in mesh.triangles() {
         for (i, j) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {
             let (p, q) = (given[i as usize], given[j as usize]);
-            if p * q < 0.0 && p.abs() < SNAP * (p - q).abs() {
+            if p * q < 0.0 && p.abs() < SNAP_FRACTION * (p - q).abs() {
                 levels[i as usize] = 0.0;
             }
         }
     }
 }
 
-/// Lines between marked triangles and others, the marked ones to their left, and whether each closes.
+/// Curves between marked triangles and others, with the marked ones on their left, and whether each closes.
 fn lines_between(mesh: &TriMesh, marked: &[bool]) -> Vec<(Vec<u32>, bool)> {
     let other: BTreeMap<(u32, u32), usize> = mesh
         .triangles()
@@ -200,7 +200,7 @@ fn lines_between(mesh: &TriMesh, marked: &[bool]) -> Vec<(Vec<u32>, bool)> {
         }
     }
     let starts: Vec<u32> = next.keys().copied().collect();
-    // Open lines first, from their ends.
+    // Open curves first, from their ends.
     let (ends, rest): (Vec<u32>, Vec<u32>) =
         starts.into_iter().partition(|v| before.get(v).copied().unwrap_or(0) < next[v].len());
     let mut lines = Vec::new();
@@ -227,14 +227,15 @@ fn nearest_line(mesh: &TriMesh, lines: Vec<Vec<u32>>, near: &Point3<f64>) -> Opt
     lines.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
+/// The side to keep.
 enum Kept {
-    /// What lies to the left of the line.
+    /// The left side of the curve.
     Left,
-    /// What has this vertex.
+    /// The side of this vertex.
     Vertex(u32),
 }
 
-/// What remains of a surface after it came apart along a closed line of its edges.
+/// The kept side of a surface separated along a closed curve of its edges.
 fn separated(
     mesh: &TriMesh,
     line: &[u32],
@@ -246,10 +247,9 @@ fn separated(
     let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
     let (part, edge_part) = parts(mesh, &edges);
     let sides = edge_part(edges[0]).zip(edge_part((edges[0].1, edges[0].0)));
-    let (left, right) = sides.ok_or_else(|| seam(which, "runs along the border of the surface".to_owned()))?;
+    let (left, right) = sides.ok_or_else(|| seam(which, "runs along the boundary of the surface".to_owned()))?;
     if left == right {
-        let fault =
-            "does not separate anything: the surface goes around it; add the other lines that are needed elsewhere";
+        let fault = "does not separate the surface; add the other cuts that are needed";
         return Err(seam(which, fault.to_owned()));
     }
     let wanted = match kept {
@@ -257,7 +257,7 @@ fn separated(
         Kept::Vertex(v) => mesh.triangles().iter().position(|t| t.contains(v)).map_or(left, |t| part[t]),
     };
     if wanted != left && wanted != right {
-        return Err(seam(which, "does not touch the piece of the vertex that is to be kept".to_owned()));
+        return Err(seam(which, "does not touch the component of the vertex to keep".to_owned()));
     }
     let removed = if wanted == left { right } else { left };
     let keep = |t: usize| if keep_rest { part[t] != removed } else { part[t] == wanted };
@@ -265,7 +265,7 @@ fn separated(
     compacted(mesh, keep, &line, source)
 }
 
-/// The part of each triangle where no part crosses the given edges, and that to the left of an edge.
+/// The connected part of each triangle without crossing the given edges, and a function for the part on the left of an edge.
 fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u32, u32)) -> Option<usize> + use<'m>) {
     let left: BTreeMap<(u32, u32), usize> = mesh
         .triangles()
@@ -293,7 +293,7 @@ fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u
     (part, move |edge| left.get(&edge).map(|&t| of_triangle[t]))
 }
 
-/// The kept triangles and the vertices they name. A vertex of the line that both sides kept would name stays one.
+/// The kept triangles with their vertices.
 fn compacted(
     mesh: &TriMesh,
     keep: impl Fn(usize) -> bool,
@@ -317,12 +317,12 @@ fn compacted(
     })
 }
 
-/// The shortest ways along edges from each vertex to the next and back to the first.
+/// The shortest paths along edges from each vertex to the next and back to the first.
 fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str) -> Result<Vec<u32>, MorphError> {
     let count = mesh.vertex_count();
     if let Some(&v) = vertices.iter().chain([&keep]).find(|&&v| v as usize >= count) {
         return Err(MorphError::NoSuchVertex {
-            place: "seam".to_owned(),
+            context: "seam".to_owned(),
             which,
             vertex: u64::from(v),
             vertices: count,
@@ -331,33 +331,24 @@ fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str)
     if vertices.len() < 2 {
         return Err(seam(which, format!("has {} vertices (expected at least 2)", vertices.len())));
     }
-    let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); count];
-    for &[a, b, c] in mesh.triangles() {
-        for (i, j) in [(a, b), (b, c), (c, a)] {
-            neighbors[i as usize].push(j);
-            neighbors[j as usize].push(i);
-        }
-    }
+    let neighbors = neighbors_of_vertices(count, mesh.triangles());
     let mut line: Vec<u32> = Vec::new();
     for (k, &from) in vertices.iter().enumerate() {
         let to = vertices[(k + 1) % vertices.len()];
-        // Later ways do not touch earlier ones: with two vertices the way back is another one.
-        let way = shortest(mesh, &neighbors, from, to, |v| line.contains(&v) || v == keep);
-        let way = way.ok_or_else(|| {
-            seam(
-                which,
-                format!("does not close: no way is left from vertex {from} to vertex {to} that does not cross it"),
-            )
+        // Later paths do not touch earlier ones: with two vertices the path back is another one.
+        let path = shortest(mesh, &neighbors, from, to, |v| line.contains(&v) || v == keep);
+        let path = path.ok_or_else(|| {
+            seam(which, format!("does not close: no path from vertex {from} to vertex {to} avoids the earlier ones"))
         })?;
-        line.extend(&way[..way.len() - 1]);
+        line.extend(&path[..path.len() - 1]);
     }
     if line.len() < 3 || line.contains(&keep) {
-        return Err(seam(which, format!("runs through vertex {keep}, which is to be kept; name one inside")));
+        return Err(seam(which, format!("runs through vertex {keep}, which is to be kept; choose one inside")));
     }
     Ok(line)
 }
 
-/// The shortest way along edges, both ends included, past forbidden vertices.
+/// The shortest path along edges that avoids forbidden vertices, both ends included.
 fn shortest(
     mesh: &TriMesh,
     neighbors: &[Vec<u32>],
@@ -367,7 +358,7 @@ fn shortest(
 ) -> Option<Vec<u32>> {
     let p = mesh.positions();
     let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, from))]);
-    // Lengths are not negative: their bits are ordered as they are.
+    // The bits of non-negative numbers have the order of the numbers.
     let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
     while let Some(Reverse((bits, v))) = queue.pop() {
         let length = f64::from_bits(bits);
@@ -380,7 +371,7 @@ fn shortest(
         for &w in &neighbors[v as usize] {
             let next = length + (p[v as usize] - p[w as usize]).norm();
             let free = w == to || !forbidden(w);
-            // A way of one edge there and the same back encloses nothing.
+            // A path of one edge and the same edge back enclose nothing.
             let back = v == from && w == to && forbidden(to) && neighbors[from as usize].len() > 1 && forbidden(from);
             if free && !back && reached.get(&w).is_none_or(|r| next < r.0) {
                 reached.insert(w, (next, v));
@@ -388,22 +379,22 @@ fn shortest(
             }
         }
     }
-    let mut way = vec![to];
+    let mut path = vec![to];
     let mut at = to;
     while at != from {
         at = reached.get(&at)?.1;
-        way.push(at);
+        path.push(at);
     }
-    way.reverse();
-    Some(way)
+    path.reverse();
+    Some(path)
 }
 
-/// Levels whose zero line is the given one after it has shortened a little; above 0 on the side of `keep`.
+/// Level function of the smoothed curve; positive on the side of `keep`.
 fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: &Run) -> Result<Vec<f64>, MorphError> {
     let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
     let (part, _) = parts(mesh, &edges);
     let kept = mesh.triangles().iter().position(|t| t.contains(&keep)).map(|t| part[t]);
-    let kept = kept.ok_or_else(|| seam(which, format!("is to keep vertex {keep}, which no triangle names")))?;
+    let kept = kept.ok_or_else(|| seam(which, format!("keeps vertex {keep}, which is in no triangle")))?;
     let masses = barycentric_areas(mesh);
     let mut rhs = vec![0.0; mesh.vertex_count()];
     for (t, corners) in mesh.triangles().iter().enumerate() {
@@ -414,11 +405,11 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: 
     }
     let length: f64 =
         edges.iter().map(|e| (mesh.positions()[e.0 as usize] - mesh.positions()[e.1 as usize]).norm()).sum();
-    let time = (DIFFUSION * length / edges.len() as f64).powi(2);
+    let time = (DIFFUSION_LENGTH * length / edges.len() as f64).powi(2);
     let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay);
-    let least = mesh.area() * 1e-12 / mesh.vertex_count() as f64;
+    let min_mass = mesh.area() * 1e-12 / mesh.vertex_count() as f64;
     let weights = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents);
-    let masses = masses.iter().enumerate().map(|(v, m)| (v, v, m.max(least)));
+    let masses = masses.iter().enumerate().map(|(v, m)| (v, v, m.max(min_mass)));
     let terms = masses.chain(weights.iter().map(|(i, j, w)| (i, j, w.max(0.0) * time)));
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |_| false)?;
     let positions = mesh.positions().iter().map(|p| p.coords.into()).collect();

@@ -1,12 +1,12 @@
-//! One surface made of parts of two.
+//! Composition of one surface from parts of two.
 //!
-//! 1. Both are cut ([`Cut`]).
-//! 2. The part is brought to the base by a similarity: that of landmarks, or that of the two cuts.
-//! 3. Both cuts gain each other's vertices and are joined one to one.
-//! 4. In a band of rings around the seam the surface is solved for, so that it is continuous and smooth; outside it the base is as
-//!    it was, and the part as it was but for the similarity.
+//! 1. Both surfaces are cut ([`Cut`]).
+//! 2. The part is aligned with the base by a similarity, from landmarks or from the two cuts.
+//! 3. The vertices of each cut are inserted into the other one, and both are joined one to one.
+//! 4. A band of rings around the seam is deformed to be continuous and smooth. Outside the band the base is unchanged, and the part
+//!    is unchanged up to the similarity.
 //!
-//! Where both were closed and manifold, so is the result.
+//! The result is closed and manifold if both surfaces are.
 
 mod cut;
 mod seam_file;
@@ -23,71 +23,71 @@ use super::MorphError;
 use super::rigid::nearest_similarity;
 use super::trajectory::opposite_edges;
 use crate::mesh::operators::{CotangentRule, Cotangents};
-use crate::mesh::{HalfEdges, TriMesh};
+use crate::mesh::{HalfEdges, TriMesh, neighbors_of_vertices};
 pub use cut::{Cut, CutSurface, cut};
 use plumbline_num::run::Run;
 pub use seam_file::SeamFile;
 #[cfg(feature = "schema")]
 #[cfg(feature = "schema")]
 pub use seam_file::seam_schema;
-use stitching::{Measured, Sheet, loop_similarity, matched};
+use stitching::{ArcLengthCurve, Sheet, curve_similarity, matched_points};
 use transition::Transition;
 
-/// How two surfaces are made one.
+/// Options of a composition.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComposeOptions {
-    /// Where the base is cut.
+    /// Cut of the base.
     pub base: Cut,
-    /// Where the part is cut.
+    /// Cut of the part.
     pub part: Cut,
-    /// Vertices of base and part that belong together, at least three; fewer: none, and the two cuts tell how the part lies.
+    /// Corresponding vertices of base and part, at least three; without any the part is aligned by the two cuts.
     pub landmarks: Vec<(u32, u32)>,
-    /// Rings of vertices on either side of the seam that may move.
+    /// Width of the transition band on either side of the seam, in rings of vertices.
     pub band: usize,
 }
 
-/// Rings on either side of the seam that may move by default: half of it leaves a crease where the cuts are far apart, twice as
-/// many smooth away detail.
-const BAND: usize = 6;
+/// Default width of the transition band, in rings: half of it leaves a crease where the cuts are far apart, twice of it removes
+/// detail.
+const DEFAULT_BAND: usize = 6;
 
 impl ComposeOptions {
-    /// Cuts in both surfaces, a band of 6 rings, and the part aligned by the cuts alone.
+    /// Two cuts, a band of 6 rings, and alignment by the cuts.
     pub fn new(base: Cut, part: Cut) -> Self {
-        Self { base, part, landmarks: Vec::new(), band: BAND }
+        Self { base, part, landmarks: Vec::new(), band: DEFAULT_BAND }
     }
 }
 
-/// Two surfaces made one.
+/// A composed surface.
 #[derive(Clone, Debug)]
 pub struct Composition {
     /// The surface: vertices of the base, then those of the part.
     pub mesh: TriMesh,
     /// The vertices of the seam, in order.
     pub seam: Vec<u32>,
-    /// Where each vertex comes from.
+    /// Origin of each vertex.
     pub origin: Vec<Origin>,
-    /// Edges from each vertex to the seam.
+    /// Distance of each vertex from the seam in edges.
     pub ring: Vec<usize>,
-    /// Where the part went before the transition.
+    /// Similarity of the part before the transition.
     pub base_from_part: Similarity3<f64>,
-    /// The farthest that the two cuts were apart after alignment, in diagonals of the base.
+    /// Largest distance between the two cuts after alignment, in diagonals of the base.
     pub gap: f64,
-    /// The steepest angle between neighbors across the seam, rad.
+    /// Largest dihedral angle at the seam, rad.
     pub crease: f64,
 }
 
-/// Where a vertex comes from.
+/// Origin of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// A vertex of the base.
     Base(u32),
     /// A vertex of the part.
     Part(u32),
-    /// Made by a cut or at the seam.
+    /// Created by a cut or at the seam.
     Made,
 }
 
-/// Makes two surfaces one.
+/// Composes two surfaces.
 ///
 /// ```
 /// use plumbline_num::run::Run;
@@ -110,8 +110,9 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions, run: &R
     let added = cut(part, &options.part, "part", false, run)?;
     let base_from_part = alignment(base, part, &kept, &added, &options.landmarks)?;
     let moved: Vec<Point3<f64>> = added.mesh.positions().iter().map(|p| base_from_part * p).collect();
-    let line = |points: &[Point3<f64>], seam: &[u32]| Measured::new(seam.iter().map(|v| points[*v as usize]).collect());
-    let pairs = matched(&line(kept.mesh.positions(), &kept.seam), &line(&moved, &added.seam));
+    let line =
+        |points: &[Point3<f64>], seam: &[u32]| ArcLengthCurve::new(seam.iter().map(|v| points[*v as usize]).collect());
+    let pairs = matched_points(&line(kept.mesh.positions(), &kept.seam), &line(&moved, &added.seam));
     let mut sheets = [&kept, &added]
         .map(|c| Sheet { positions: c.mesh.positions().to_vec(), triangles: c.mesh.triangles().to_vec() });
     sheets[1].positions = moved;
@@ -137,7 +138,7 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions, run: &R
     })
 }
 
-/// The similarity that takes the part to the base.
+/// The similarity from the part to the base.
 fn alignment(
     base: &TriMesh,
     part: &TriMesh,
@@ -146,8 +147,9 @@ fn alignment(
     landmarks: &[(u32, u32)],
 ) -> Result<Similarity3<f64>, MorphError> {
     if landmarks.is_empty() {
-        let line = |c: &CutSurface| Measured::new(c.seam.iter().map(|v| c.mesh.positions()[*v as usize]).collect());
-        return Ok(loop_similarity(&line(kept), &line(added)));
+        let line =
+            |c: &CutSurface| ArcLengthCurve::new(c.seam.iter().map(|v| c.mesh.positions()[*v as usize]).collect());
+        return Ok(curve_similarity(&line(kept), &line(added)));
     }
     let from: Vec<_> = landmarks.iter().map(|l| part.positions()[l.1 as usize]).collect();
     let to: Vec<_> = landmarks.iter().map(|l| base.positions()[l.0 as usize]).collect();
@@ -158,13 +160,13 @@ fn alignment(
     Ok(map)
 }
 
-/// Both sheets as one mesh.
+/// Both sheets joined to one mesh.
 struct Joined {
     mesh: TriMesh,
     origin: Vec<Origin>,
     edges: Vec<[nalgebra::Vector3<f64>; 3]>,
     half: Vec<[f64; 3]>,
-    /// Vertices that come from the base's sheet.
+    /// Number of vertices of the base's sheet.
     of_base: usize,
     gap: f64,
 }
@@ -207,15 +209,9 @@ fn which_part(joined: &Joined) -> impl Fn(usize) -> bool + use<> {
     move |v| v < of_base
 }
 
-/// Edges from each vertex to the seam; `usize::MAX` where no way leads there.
+/// Distance of each vertex from the seam in edges (breadth-first); `usize::MAX` on other components.
 fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
-    let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); vertices];
-    for &[a, b, c] in triangles {
-        for (i, j) in [(a, b), (b, c), (c, a)] {
-            neighbors[i as usize].push(j);
-            neighbors[j as usize].push(i);
-        }
-    }
+    let neighbors = neighbors_of_vertices(vertices, triangles);
     let mut ring = vec![usize::MAX; vertices];
     for v in seam {
         ring[*v as usize] = 0;
@@ -232,7 +228,7 @@ fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
     ring
 }
 
-/// The band, made narrower until a ring of both sides stays where it is.
+/// The band width, reduced until at least one ring of both sides is fixed.
 fn usable_band(ring: &[usize], wanted: usize, of_base: impl Fn(usize) -> bool) -> Result<usize, MorphError> {
     let deepest = |base: bool| {
         let side = ring.iter().enumerate().filter(|(v, r)| of_base(*v) == base && **r != usize::MAX);
@@ -241,14 +237,14 @@ fn usable_band(ring: &[usize], wanted: usize, of_base: impl Fn(usize) -> bool) -
     let band = wanted.min(deepest(true)).min(deepest(false));
     if band == 0 {
         let (what, value) = ("the band of the seam, in rings".to_owned(), wanted.to_string());
-        let expected = "at least 1, and a base and a part with vertices beside their cuts".to_owned();
+        let expected = "at least 1, and a base and a part with vertices away from their cuts".to_owned();
         return Err(MorphError::Value { what, value, expected });
     }
     Ok(band)
 }
 
-/// Of a surface and smoother ones the one that bends least about the seam. Slivers at the seam can spoil the smoothing, and differently
-/// for each width: only those count that made the seam itself less steep.
+/// The candidate with the least bending around the seam. Slivers at the seam can spoil the smoothing for some widths: only candidates
+/// that reduce the dihedral angles of the seam are considered.
 fn smoothest(closed: TriMesh, smooth: Vec<Vec<Point3<f64>>>, seam: &[u32], ring: &[usize]) -> TriMesh {
     let steepest = crease(&closed, seam);
     let better = smooth.into_iter().filter_map(|x| closed.with_positions(x).ok());
@@ -257,15 +253,15 @@ fn smoothest(closed: TriMesh, smooth: Vec<Vec<Point3<f64>>>, seam: &[u32], ring:
     least.unwrap_or(closed)
 }
 
-/// Rings about the seam whose bending is compared: those that the smoothing moves, and where they meet what stays.
-const COMPARED: usize = 4;
+/// Rings around the seam in which bending is compared: those moved by the smoothing, and the first fixed one.
+const COMPARED_RINGS: usize = 4;
 
-/// `Σ θ² |e|` over the edges about the seam, `θ` the angle between the triangles on both sides.
+/// `Σ θ² |e|` over the edges around the seam with dihedral angles `θ`.
 fn bending(mesh: &TriMesh, ring: &[usize]) -> f64 {
     let Ok(half_edges) = HalfEdges::new(mesh) else { return f64::INFINITY };
     let of_edge = |h: u32| {
         let [a, b] = [half_edges.origin(h), half_edges.destination(h)];
-        let near = ring[a as usize].min(ring[b as usize]) <= COMPARED;
+        let near = ring[a as usize].min(ring[b as usize]) <= COMPARED_RINGS;
         let pair = [h, half_edges.twin(h).filter(|_| near)?].map(|h| mesh.area_normal(HalfEdges::triangle(h) as usize));
         let length = (mesh.positions()[a as usize] - mesh.positions()[b as usize]).norm();
         Some(pair[0].angle(&pair[1]).powi(2) * length)
@@ -273,7 +269,7 @@ fn bending(mesh: &TriMesh, ring: &[usize]) -> f64 {
     half_edges.edges().filter_map(of_edge).sum()
 }
 
-/// The steepest angle between the triangles on both sides of an edge of the seam.
+/// The largest dihedral angle at the seam.
 fn crease(mesh: &TriMesh, seam: &[u32]) -> f64 {
     let Ok(half_edges) = HalfEdges::new(mesh) else { return f64::NAN };
     let of_edge = |(a, b): (u32, u32)| {

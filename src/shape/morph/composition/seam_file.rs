@@ -1,4 +1,4 @@
-//! Files of seams: where two surfaces are cut, and how they are joined.
+//! Seam files: the cuts of two surfaces, and how they are joined.
 //!
 //! ```json
 //! { "format": "plumbline.seam", "version": 1,
@@ -14,19 +14,19 @@ use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
 use super::super::MorphError;
-use super::super::correspondence::Place;
+use super::super::correspondence::VertexRef;
 use super::{ComposeOptions, Cut};
 use crate::mesh::TriMesh;
 use plumbline_num::document::Kind;
 
-/// At most as large as a million landmarks.
+/// 128 MiB: about a million landmarks.
 const KIND: Kind = Kind { name: "a file of seams", format: "plumbline.seam", max_bytes: 1 << 27 };
 
 fn malformed(fault: String) -> MorphError {
     MorphError::Malformed { name: KIND.name, fault }
 }
 
-/// A seam as a file tells it.
+/// The content of a seam file.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -37,35 +37,35 @@ pub struct SeamFile {
     /// Always 1.
     #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
-    /// Where the base is cut; everything that does not touch the cut is kept.
+    /// Cut of the base; parts that do not touch the cut are kept.
     base: CutEntry,
-    /// Where the part is cut; only what touches the cut is kept.
+    /// Cut of the part; only what touches the cut is kept.
     part: CutEntry,
-    /// Places of base and part that belong together, three at least. Left out: the two cuts tell how the part lies.
+    /// Corresponding vertices of base and part, at least three. Default: the part is aligned by the two cuts.
     #[serde(default)]
-    landmarks: Vec<(Place, Place)>,
-    /// Rings of vertices on either side of the seam that may move.
+    landmarks: Vec<(VertexRef, VertexRef)>,
+    /// Width of the transition band on either side of the seam, in rings of vertices.
     #[serde(default = "default_band")]
     #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000)))]
     band: u32,
 }
 
 fn default_band() -> u32 {
-    super::BAND as u32
+    super::DEFAULT_BAND as u32
 }
 
-/// Where a surface is cut.
+/// A cut of a surface.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum CutEntry {
-    /// By a plane, along the closed line of it nearest to its point.
+    /// By a plane, along its closed intersection curve nearest to its point.
     Plane(PlaneEntry),
-    /// Along edges, the shortest way from vertex to vertex and back to the first.
+    /// Along edges, on shortest paths from vertex to vertex and back to the first.
     Lasso(LineEntry),
-    /// As a lasso, then across triangles and without its corners.
+    /// A smoothed lasso, across triangles.
     Loop(LineEntry),
-    /// Not at all: along the boundary that it has, nearest to a place.
+    /// No cut: the existing boundary nearest to a point.
     Boundary([f64; 3]),
 }
 
@@ -74,21 +74,21 @@ enum CutEntry {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct PlaneEntry {
-    /// A point of the plane, near where it cuts.
+    /// A point of the plane, near the cut.
     point: [f64; 3],
-    /// Across the plane, to what is kept; its length does not count.
+    /// Normal of the plane towards the kept side, of any length.
     normal: [f64; 3],
 }
 
-/// A closed line through vertices.
+/// A closed curve through vertices.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct LineEntry {
-    /// Vertices on the line, in order.
-    vertices: Vec<Place>,
-    /// A vertex of what is kept.
-    keep: Place,
+    /// Vertices on the curve, in order.
+    vertices: Vec<VertexRef>,
+    /// A vertex of the kept side.
+    keep: VertexRef,
 }
 
 /// The JSON schema of files of seams.
@@ -118,14 +118,14 @@ impl SeamFile {
         Ok(file)
     }
 
-    /// What it means for two meshes.
+    /// Resolves the file on two meshes.
     ///
     /// # Errors
     /// [`MorphError::NoSuchVertex`], [`MorphError::Value`].
     pub fn of_meshes(&self, base: &TriMesh, part: &TriMesh) -> Result<ComposeOptions, MorphError> {
-        let pair = |(k, (a, b)): (usize, &(Place, Place))| {
-            let place = format!("landmark {k}");
-            Ok((a.vertex(base, "base", &place)?, b.vertex(part, "part", &place)?))
+        let pair = |(k, (a, b)): (usize, &(VertexRef, VertexRef))| {
+            let context = format!("landmark {k}");
+            Ok((a.vertex(base, "base", &context)?, b.vertex(part, "part", &context)?))
         };
         let landmarks: Result<Vec<_>, MorphError> = self.landmarks.iter().enumerate().map(pair).collect();
         Ok(ComposeOptions {
@@ -140,7 +140,7 @@ impl SeamFile {
 impl CutEntry {
     fn cut(&self, mesh: &TriMesh, which: &'static str) -> Result<Cut, MorphError> {
         let line = |entry: &LineEntry| {
-            let vertex = |(k, place): (usize, &Place)| place.vertex(mesh, which, &format!("seam vertex {k}"));
+            let vertex = |(k, place): (usize, &VertexRef)| place.vertex(mesh, which, &format!("seam vertex {k}"));
             let vertices: Result<Vec<u32>, MorphError> = entry.vertices.iter().enumerate().map(vertex).collect();
             Ok::<_, MorphError>((vertices?, entry.keep.vertex(mesh, which, "keep")?))
         };

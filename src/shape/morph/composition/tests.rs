@@ -51,7 +51,7 @@ fn two_spheres(band: usize, landmarks: bool) -> (TriMesh, TriMesh, Composition) 
 }
 
 #[test]
-fn two_halves_of_a_sphere_are_a_sphere_again() {
+fn two_halves_compose_to_a_sphere() {
     for landmarks in [true, false] {
         let (.., composed) = two_spheres(4, landmarks);
         assert_eq!(genus(&composed.mesh), 0);
@@ -64,7 +64,7 @@ fn two_halves_of_a_sphere_are_a_sphere_again() {
 }
 
 #[test]
-fn outside_the_band_the_base_is_as_it_was_and_the_part_but_for_the_similarity() {
+fn outside_the_band_the_base_is_unchanged_and_the_part_up_to_the_similarity() {
     let (base, part, composed) = two_spheres(3, true);
     let mut still = [0, 0];
     for (v, origin) in composed.origin.iter().enumerate() {
@@ -87,7 +87,7 @@ fn outside_the_band_the_base_is_as_it_was_and_the_part_but_for_the_similarity() 
 }
 
 #[test]
-fn handles_add_up_and_a_seam_around_one_is_refused() {
+fn genera_add_up_and_a_seam_around_a_handle_is_rejected() {
     let torus = shapes::holed_torus(1, 12);
     assert_eq!(genus(&torus), 1);
     let (low, high) = torus.bounding_box().unwrap();
@@ -117,7 +117,7 @@ fn handles_add_up_and_a_seam_around_one_is_refused() {
 }
 
 #[test]
-fn the_gap_is_closed_smoothly_where_the_cuts_are_of_other_sizes() {
+fn the_gap_between_cuts_of_different_sizes_is_closed_smoothly() {
     // A part whose cut is 15 % wider than that of the base.
     let base = shapes::cylinder(24, 20, 1.0, 4.0);
     let part = shapes::cylinder(31, 20, 1.15, 4.0);
@@ -225,14 +225,14 @@ fn lasso_and_loop_cut_the_same_cap_and_the_loop_is_shorter() {
         let start = loops[0].iter().position(|v| *v == c.seam[0]).unwrap();
         assert_eq!(loops[0][(start + 1) % loops[0].len()], c.seam[1]);
     }
-    // The rest is what remains.
+    // The complement has the remaining area.
     let rest = cut(&ball, &Cut::Lasso { vertices, keep: 11 }, "base", true, &Run::default()).unwrap();
     assert!((rest.mesh.area() + lasso.mesh.area() - ball.area()).abs() < 1e-9);
     assert!(lasso.seam.iter().all(|v| lasso.source[*v as usize].is_some()));
 }
 
 #[test]
-fn seams_that_do_not_cut_are_named() {
+fn invalid_cuts_are_rejected() {
     let (ball, sheet) = (shapes::icosphere(2), shapes::plane(6));
     let refused = |mesh: &TriMesh, c: Cut| cut(mesh, &c, "base", true, &Run::default()).unwrap_err().to_string();
     assert!(refused(&ball, plane([0.0, 0.0, 5.0], [0.0, 0.0, 1.0])).contains("does not meet the surface"));
@@ -244,7 +244,7 @@ fn seams_that_do_not_cut_are_named() {
 }
 
 #[test]
-fn files_of_seams_are_checked() {
+fn invalid_seam_files_are_rejected() {
     let good = r#"{"format": "plumbline.seam", "version": 1, "base": {"plane": {"point": [0, 0, 0.1], "normal": [0, 0, -1]}},
         "part": {"loop": {"vertices": [1, [0, 0, 1], 3], "keep": 7}}, "landmarks": [[0, 1], [[1, 0, 0], 2], [4, 4]]}"#;
     let ball = shapes::icosphere(1);
@@ -268,7 +268,7 @@ fn files_of_seams_are_checked() {
 }
 
 #[test]
-fn pieces_that_the_cut_does_not_touch_stay_with_the_base_and_leave_the_part() {
+fn components_away_from_the_cut_are_kept_in_the_base_and_dropped_from_the_part() {
     let ball = shapes::icosphere(3);
     let far = moved(&shapes::icosphere(1), &Similarity3::new(Vector3::new(5.0, 0.0, 3.0), Vector3::zeros(), 1.0));
     let first = ball.vertex_count() as u32;
@@ -292,7 +292,7 @@ fn pieces_that_the_cut_does_not_touch_stay_with_the_base_and_leave_the_part() {
 }
 
 #[test]
-fn a_cut_very_near_to_vertices_goes_through_them() {
+fn a_cut_near_vertices_is_snapped_to_them() {
     // The equator of the ball is a line of edges.
     let ball = shapes::icosphere(3);
     let on_equator = ball.positions().iter().filter(|p| p.z.abs() < 1e-12).count();
@@ -302,7 +302,7 @@ fn a_cut_very_near_to_vertices_goes_through_them() {
 }
 
 #[test]
-fn what_is_to_be_kept_must_touch_the_seam() {
+fn the_kept_component_must_touch_the_seam() {
     let two = shapes::disjoint(&[shapes::icosphere(2), shapes::icosphere(1)]);
     let first = shapes::icosphere(2);
     let other = first.vertex_count() as u32;
@@ -312,11 +312,11 @@ fn what_is_to_be_kept_must_touch_the_seam() {
     vertices.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
     let refused =
         cut(&two, &Cut::Lasso { vertices, keep: other }, "base", true, &Run::default()).unwrap_err().to_string();
-    assert!(refused.contains("does not touch the piece"), "{refused}");
+    assert!(refused.contains("does not touch the component"), "{refused}");
 }
 
 #[test]
-fn the_band_is_no_wider_than_either_side() {
+fn the_band_is_limited_by_both_sides() {
     // Caps of one or two rings beside half a ball.
     let ball = shapes::icosphere(3);
     let caps = |base: f64, part: f64| {
@@ -346,7 +346,7 @@ fn the_band_is_no_wider_than_either_side() {
 }
 
 #[test]
-fn a_kink_at_the_seam_becomes_a_bend() {
+fn a_kink_at_the_seam_is_smoothed() {
     let tube = shapes::cylinder(40, 40, 1.0, 6.0);
     let (low, high) = tube.bounding_box().unwrap();
     let k = (0..3).max_by(|a, b| (high - low)[*a].total_cmp(&(high - low)[*b])).unwrap();

@@ -1,13 +1,13 @@
-//! The band around a seam in which two surfaces become one.
+//! The transition band around a seam.
 //!
-//! First the gap is closed: every triangle keeps the shape it had on its own surface, turned as it needs,
+//! First the gap is closed by ARAP: every triangle keeps its shape on its own surface up to a rotation,
 //!
 //! ```text
 //! min over x, Rₜ   Σ_t Σ_{e ∈ t} h_e |e(x) − Rₜ e|²,      x fixed outside the band
 //! ```
 //!
-//! (one factor; rotations and positions in turn). Then the crease goes: the surface has the mean curvature normals `δ` that it has
-//! now, but on the seam and beside it those that continue the two sides harmonically,
+//! (one factor; rotations and positions alternate). Then the crease is removed: the mean curvature normals `δ` are preserved, except
+//! on the seam and beside it, where they are interpolated harmonically between the two sides,
 //!
 //! ```text
 //! min over x   Σᵢ |(L x)ᵢ − mᵢ δᵢ|² / mᵢ,      x fixed outside the inner band.
@@ -27,58 +27,62 @@ use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{CompactFactor, Ordering, SparseMatrix};
 
-/// Rounds of rotations and positions. The gap is small against the band: more do not show.
-const ROUNDS: usize = 8;
+/// Local/global iterations. The gap is small relative to the band: more iterations make no visible difference.
+const ITERATIONS: usize = 8;
 
-/// Rings on either side of the seam whose curvature is taken from their neighbors.
-const CREASE: usize = 1;
+/// Gauss–Seidel sweeps of the curvature interpolation.
+const SWEEPS: usize = 100;
 
-/// Where all vertices are.
+/// Rings on either side of the seam with interpolated curvature: the seam and its neighbors.
+const CREASE_RINGS: usize = 1;
+
+/// Positions of all vertices.
 type Positions = Vec<Point3<f64>>;
 
-/// A surface in parts that do not quite fit.
+/// Two joined surfaces with a gap at the seam.
 pub(super) struct Transition<'a> {
-    /// The joined triangles, at positions to start from.
+    /// The joined triangles, at their initial positions.
     pub(super) joined: &'a TriMesh,
     /// Edges of every triangle on its own surface.
     pub(super) edges: Vec<[Vector3<f64>; 3]>,
     /// Half cotangents of every triangle on its own surface.
     pub(super) half: Vec<[f64; 3]>,
-    /// Edges from each vertex to the seam.
+    /// Distance of each vertex from the seam in edges.
     pub(super) ring: &'a [usize],
-    /// Vertices nearer to the seam than this move.
+    /// Vertices nearer to the seam than this may move.
     pub(super) band: usize,
 }
 
 impl Transition<'_> {
-    /// The positions after the first step, and after both for every width of the inner band. The second is not to be trusted where the seam
-    /// has slivers, and of which width is best they decide too.
+    /// The positions after the first step, and after both for every width of the inner band. Slivers at the seam may spoil the second
+    /// step, depending on the width.
     pub(super) fn solve(self, run: &Run) -> Result<(Positions, Vec<Positions>), MorphError> {
         let mut x = self.joined.positions().to_vec();
-        let held: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
-        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &held, run)?;
+        let fixed: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
+        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &fixed, run)?;
         elastic.follow(|t| self.edges[t], &mut x);
-        for _ in 0..ROUNDS {
+        for _ in 0..ITERATIONS {
             run.check()?;
-            let turned: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.turned(t, &x)).collect();
-            elastic.follow(|t| turned[t], &mut x);
+            let rotated: Vec<[Vector3<f64>; 3]> = (0..self.edges.len()).map(|t| self.rotated(t, &x)).collect();
+            elastic.follow(|t| rotated[t], &mut x);
         }
-        let widths = 1..=(self.band - 1).min(CREASE + 2);
+        let widths = 1..=(self.band - 1).min(CREASE_RINGS + 2);
         let smooth = widths.map(|inner| self.without_crease(x.clone(), inner, run)).collect::<Result<_, _>>()?;
         Ok((x, smooth))
     }
 
-    /// Edges of a triangle on its own surface, turned to where it is now.
-    fn turned(&self, t: usize, x: &[Point3<f64>]) -> [Vector3<f64>; 3] {
+    /// Edges of a triangle on its own surface, rotated to its current orientation.
+    fn rotated(&self, t: usize, x: &[Point3<f64>]) -> [Vector3<f64>; 3] {
         let [a, b, c] = self.edges[t];
         let rest = [Point3::origin(), Point3::from(c), Point3::from(-b)];
         let now = self.joined.triangles()[t].map(|v| x[v as usize]);
         let frames = Frame::new(&rest).zip(Frame::new(&now));
-        let turn = frames.map_or_else(Matrix3::identity, |(rest, now)| rest.best_rotation_to(&now, &self.half[t]));
+        let rotation = frames.map_or_else(Matrix3::identity, |(rest, now)| rest.best_rotation_to(&now, &self.half[t]));
         debug_assert!((opposite_edges(&rest)[0] - a).norm() <= 1e-6 * (b.norm() + c.norm()));
-        [a, b, c].map(|e| turn * e)
+        [a, b, c].map(|e| rotation * e)
     }
 
+    /// The positions with interpolated curvature at the seam.
     fn without_crease(&self, x: Vec<Point3<f64>>, inner: usize, run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
         let n = x.len();
         let free: Vec<usize> = (0..n).filter(|&v| self.ring[v] < inner).collect();
@@ -95,19 +99,19 @@ impl Transition<'_> {
             rows[i].push((j, w));
             rows[j].push((i, w));
         }
-        let curvature = self.continued(&rows, &masses, now.positions(), inner);
+        let curvature = self.interpolated_curvature(&rows, &masses, now.positions(), inner);
         let mut unknown = vec![None; n];
         free.iter().enumerate().for_each(|(k, &v)| unknown[v] = Some(k));
         let (mut triplets, mut rhs) = (Vec::new(), vec![[0.0; 3]; free.len()]);
         for i in (0..n).filter(|&i| near[i] && masses[i] > 0.0) {
             let mut row: Vec<(usize, f64)> = rows[i].iter().map(|&(j, w)| (j, -w)).collect();
             row.push((i, rows[i].iter().map(|r| r.1).sum()));
-            // What is missing with all where they are now: steps are solved for.
+            // The residual at the current positions: the unknowns are displacements.
             let l: Vector3<f64> = row.iter().map(|&(j, a)| now.positions()[j].coords * a).sum();
-            let missing = curvature[i] * masses[i] - l;
+            let residual = curvature[i] * masses[i] - l;
             for (k, &(j, a)) in row.iter().enumerate() {
                 let Some(u) = unknown[j] else { continue };
-                (0..3).for_each(|c| rhs[u][c] += a * missing[c] / masses[i]);
+                (0..3).for_each(|c| rhs[u][c] += a * residual[c] / masses[i]);
                 let with = row[..=k].iter().filter_map(|&(h, b)| unknown[h].map(|w| (u, w, a * b / masses[i])));
                 triplets.extend(with);
             }
@@ -120,8 +124,8 @@ impl Transition<'_> {
         Ok(moved)
     }
 
-    /// Mean curvature normals, those near the seam continued from both sides.
-    fn continued(
+    /// Mean curvature normals, interpolated harmonically near the seam.
+    fn interpolated_curvature(
         &self,
         rows: &[Vec<(usize, f64)>],
         masses: &[f64],
@@ -133,9 +137,9 @@ impl Transition<'_> {
             if masses[i] > 0.0 { sum / masses[i] } else { Vector3::zeros() }
         };
         let mut curvature: Vec<Vector3<f64>> = (0..rows.len()).map(of).collect();
-        let crease: Vec<usize> = (0..rows.len()).filter(|&v| self.ring[v] <= CREASE.min(inner)).collect();
-        // A few vertices across: a hundred sweeps settle them.
-        for _ in 0..100 {
+        let crease: Vec<usize> = (0..rows.len()).filter(|&v| self.ring[v] <= CREASE_RINGS.min(inner)).collect();
+        // Gauss–Seidel: a hundred sweeps converge on a band a few vertices wide.
+        for _ in 0..SWEEPS {
             for &v in &crease {
                 let total: f64 = rows[v].iter().map(|r| r.1).sum();
                 if total > 0.0 {

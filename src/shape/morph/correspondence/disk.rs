@@ -1,16 +1,16 @@
-//! A surface with one boundary and without handles on the unit disk, one to one; and two of them over it on each other.
+//! Bijective maps of surfaces of disk topology to the unit disk, and between two of them over the disk.
 //!
-//! The boundary goes to the circle by its length, and inside every vertex is a mean of its neighbors,
+//! The boundary is mapped to the circle by arc length, and every interior vertex is a convex combination of its neighbors (Tutte),
 //!
 //! ```text
-//! Σ_j w_ij (u_i − u_j) = 0,      w_ij = max(cotangent weight, least) > 0,
+//! Σ_j w_ij (u_i − u_j) = 0,      w_ij = max(cotangent weight, MIN_WEIGHT) > 0,
 //! ```
 //!
-//! which turns no triangle over. Then vertices are relaxed as on the sphere, toward the mean of their neighbors weighted by how much longer
-//! their edges are on the disk than on the surface, as far as nothing around them turns over: what is far inside gets room.
+//! which inverts no triangle. Then vertices are relaxed toward the mean of their neighbors, weighted by the ratio of edge lengths on
+//! the disk and on the surface, as far as no triangle around them is inverted: this enlarges crowded regions.
 //!
-//! To lay one surface over another, the first disk is turned so that landmarks are near to each other, landmarks on both boundaries are
-//! brought together along the circle, those inside step by step as everything else relaxes. Boundaries lie on each other.
+//! To map one surface to another, the first disk is rotated to align the landmarks, landmarks on both boundaries are matched along
+//! the circle, and interior ones are moved in steps while the other vertices relax. Boundaries map to each other.
 //!
 //! # Reference
 //! W. T. Tutte, *How to draw a graph*, Proc. London Math. Soc. 13 (1963); M. Floater, *Parametrization and smooth approximation of surface
@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::super::MorphError;
-use super::super::bvh::{Bvh, Nearest};
+use super::super::bvh::{Bvh, SurfacePoint};
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::energy::ConstrainedLaplacian;
@@ -29,75 +29,75 @@ use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::numbered_components;
 
-/// How surfaces are laid over each other by the disk.
+/// Options of maps over the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiskOptions {
-    /// Rounds in which landmarks are drawn to each other; those that have met end it early.
-    pub rounds: usize,
+    /// Maximum iterations that move landmarks to their targets; ends when all have arrived.
+    pub iterations: usize,
 }
 
 impl Default for DiskOptions {
     fn default() -> Self {
-        Self { rounds: 2000 }
+        Self { iterations: 2000 }
     }
 }
 
-/// Least weight of an edge: far below those of good triangles (1), far above what would let vertices of bad ones fall together.
+/// Minimum edge weight: far below those of regular triangles (about 1), far above values that let vertices of slivers coincide.
 const MIN_WEIGHT: f64 = 0.02;
-/// Rounds of relaxation.
+/// Relaxation sweeps of a new disk: later ones change little.
 const SWEEPS: usize = 60;
-/// The smallest part of a straight step that is tried.
+/// Minimum fraction of a step in the line search.
 const MIN_STEP: f64 = 1.0 / 64.0;
-/// Landmarks this near on the disk have met.
-const MET: f64 = 1e-12;
+/// Distance on the disk below which a landmark is at its target, for exact vertices in the result.
+const COINCIDENT: f64 = 1e-12;
 
-/// The place of every vertex on the unit disk; its boundary on the circle, from angle 0 on. No triangle turned over.
+/// The position of every vertex on the unit disk, boundary on the circle, from angle 0. No triangle is inverted.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or pieces, is no oriented manifold, or has parts too
-/// thin to be told from nothing on the disk; [`MorphError::Interrupted`].
+/// [`MorphError::Topology`] for a surface that is closed, has several boundaries, handles or components, is not an oriented manifold,
+/// or has parts that degenerate on the disk; [`MorphError::Interrupted`].
 pub fn disk_map(mesh: &TriMesh, which: &'static str, run: &Run) -> Result<Vec<Vector2<f64>>, MorphError> {
     let rim = rim(mesh, which)?;
-    let angles = by_length(mesh, &rim);
+    let angles = arc_length_angles(mesh, &rim);
     Ok(Disk::new(mesh, which, &rim, &angles, run)?.at)
 }
 
-/// Where the vertices of `first` lie on `second`, through the disk.
+/// Maps the vertices of `first` to points on `second`, over the disk.
 ///
 /// # Errors
-/// As [`disk_map`]; [`MorphError::Topology`] too where landmarks follow each other in another order along the two boundaries.
+/// As [`disk_map`]; also [`MorphError::Topology`] if the landmarks have different orders along the two boundaries.
 pub fn over_disks(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     options: &DiskOptions,
     run: &Run,
-) -> Result<Vec<Nearest>, MorphError> {
+) -> Result<Vec<SurfacePoint>, MorphError> {
     let [rim_first, rim_second] = [rim(first, "first")?, rim(second, "second")?];
-    let goal_angles = by_length(second, &rim_second);
+    let goal_angles = arc_length_angles(second, &rim_second);
     let goal = Disk::new(second, "second", &rim_second, &goal_angles, run)?.at;
-    let angles = by_length(first, &rim_first);
-    let start = Disk::new(first, "first", &rim_first, &angles, run)?.at;
-    let turned: Vec<f64> = angles.iter().map(|a| a + turn(&start, &goal, landmarks)).collect();
-    let angles = brought_together(&rim_first, &turned, &rim_second, &goal_angles, landmarks)?;
+    let angles = arc_length_angles(first, &rim_first);
+    let initial = Disk::new(first, "first", &rim_first, &angles, run)?.at;
+    let aligned: Vec<f64> = angles.iter().map(|a| a + best_rotation(&initial, &goal, landmarks)).collect();
+    let angles = matched_angles(&rim_first, &aligned, &rim_second, &goal_angles, landmarks)?;
     let mut disk = Disk::new(first, "first", &rim_first, &angles, run)?;
-    disk.draw(&goal, landmarks, options.rounds, run)?;
+    disk.move_landmarks(&goal, landmarks, options.iterations, run)?;
     located(&disk.at, second, &goal, landmarks, run)
 }
 
 fn topology(which: &'static str, fault: String) -> MorphError {
     let advice =
-        "the disk serves surfaces in one piece with one boundary and without handles; take the method registration";
+        "the disk method needs a connected surface with one boundary and without handles; use the method registration";
     MorphError::Topology { which, fault, advice }
 }
 
-/// The one boundary, surface to its left.
+/// The boundary loop, with the surface on its left.
 fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
-    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is not an oriented manifold: {e}")))?;
     let loops = half_edges.boundary_loops();
-    let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
-    if pieces != 1 {
-        return Err(topology(which, format!("is in {pieces} pieces, vertices that no triangle names among them")));
+    let (_, components) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    if components != 1 {
+        return Err(topology(which, format!("has {components} connected components, unreferenced vertices included")));
     }
     let [rim] = &loops[..] else { return Err(topology(which, format!("has {} boundaries", loops.len()))) };
     let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
@@ -107,32 +107,32 @@ fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
     Ok(rim.clone())
 }
 
-/// The angle of each vertex of a boundary, by its length; ascending from 0.
-fn by_length(mesh: &TriMesh, rim: &[u32]) -> Vec<f64> {
+/// The angle of each boundary vertex by arc length, ascending from 0.
+fn arc_length_angles(mesh: &TriMesh, rim: &[u32]) -> Vec<f64> {
     let point = |k: usize| mesh.positions()[rim[k % rim.len()] as usize];
     let lengths: Vec<f64> = (0..rim.len()).map(|k| (point(k + 1) - point(k)).norm()).collect();
     let whole: f64 = lengths.iter().sum();
-    // No two vertices in one place.
-    let least = (1e-6 * whole / rim.len() as f64).max(f64::MIN_POSITIVE);
-    let whole: f64 = lengths.iter().map(|l| l.max(least)).sum();
+    // No two vertices coincide.
+    let min_length = (1e-6 * whole / rim.len() as f64).max(f64::MIN_POSITIVE);
+    let whole: f64 = lengths.iter().map(|l| l.max(min_length)).sum();
     let mut passed = 0.0;
     let angle = |l: &f64| {
         let at = passed / whole * TAU;
-        passed += l.max(least);
+        passed += l.max(min_length);
         at
     };
     lengths.iter().map(angle).collect()
 }
 
-/// The turn that brings landmarks nearest to those of the second.
-fn turn(from: &[Vector2<f64>], to: &[Vector2<f64>], landmarks: &[(u32, u32)]) -> f64 {
+/// The angle that aligns the landmarks best.
+fn best_rotation(from: &[Vector2<f64>], to: &[Vector2<f64>], landmarks: &[(u32, u32)]) -> f64 {
     let pairs = landmarks.iter().map(|l| (from[l.0 as usize], to[l.1 as usize]));
     let (sine, cosine) = pairs.fold((0.0, 0.0), |(s, c), (a, b)| (s + a.perp(&b), c + a.dot(&b)));
     f64::atan2(sine, cosine)
 }
 
-/// Angles of the first boundary with those of its landmarks where they are on the second, and evenly between.
-fn brought_together(
+/// Angles of the first boundary with its landmarks at the angles of the second, linearly interpolated between them.
+fn matched_angles(
     rim: &[u32],
     angles: &[f64],
     other: &[u32],
@@ -144,13 +144,13 @@ fn brought_together(
         landmarks.iter().filter_map(|l| Some((on(rim, l.0)?, other_angles[on(other, l.1)?]))).collect();
     fixed.sort_by_key(|f| f.0);
     let Some(&(first, begin)) = fixed.first() else { return Ok(angles.to_vec()) };
-    // Once around, from the first landmark back to it.
+    // One period, from the first landmark back to it.
     let ahead = |angle: f64, from: f64| (angle - from).rem_euclid(TAU);
     let from = |k: usize| ahead(angles[k], angles[first]);
     let mut knots: Vec<(f64, f64)> = fixed.iter().map(|&(k, to)| (from(k), ahead(to, begin))).collect();
     knots.push((TAU, TAU));
     if knots.windows(2).any(|w| !(w[1].1 > w[0].1)) {
-        let fault = "has landmarks on its boundary that follow each other otherwise than on that of the second";
+        let fault = "has landmarks on its boundary in another order than on that of the second";
         return Err(topology("first", fault.to_owned()));
     }
     let warped = |k: usize| {
@@ -166,7 +166,7 @@ fn brought_together(
 struct Disk<'m> {
     mesh: &'m TriMesh,
     at: Vec<Vector2<f64>>,
-    /// Neighbors of each vertex inside, counterclockwise; of those on the boundary none.
+    /// Neighbors of each interior vertex, counterclockwise; empty for boundary vertices.
     rings: Vec<Vec<u32>>,
 }
 
@@ -176,8 +176,8 @@ impl<'m> Disk<'m> {
         let inside = |v: u32| if half_edges.is_boundary(v) { Vec::new() } else { half_edges.neighbors(v).collect() };
         let rings = (0..mesh.vertex_count() as u32).map(inside).collect();
         let mut disk = Self { mesh, at: embedded(mesh, rim, angles, run)?, rings };
-        if let Some(t) = disk.turned_over() {
-            return Err(topology(which, format!("is too thin on the disk at triangle {t} to be told from nothing")));
+        if let Some(t) = disk.inverted() {
+            return Err(topology(which, format!("is degenerate on the disk at triangle {t}")));
         }
         for _ in 0..SWEEPS {
             run.check()?;
@@ -186,15 +186,15 @@ impl<'m> Disk<'m> {
         Ok(disk)
     }
 
-    fn turned_over(&self) -> Option<usize> {
+    fn inverted(&self) -> Option<usize> {
         let area = |[a, b, c]: [Vector2<f64>; 3]| (b - a).perp(&(c - a));
         self.mesh.triangles().iter().position(|t| !(area(t.map(|v| self.at[v as usize])) > 0.0))
     }
 
-    /// Moves every vertex inside that is not held toward the weighted mean of its neighbors.
-    fn relax(&mut self, held: &[bool]) {
+    /// Moves every interior vertex that is not fixed toward the weighted mean of its neighbors.
+    fn relax(&mut self, fixed: &[bool]) {
         for v in 0..self.at.len() {
-            if self.rings[v].is_empty() || held.get(v) == Some(&true) {
+            if self.rings[v].is_empty() || fixed.get(v) == Some(&true) {
                 continue;
             }
             let (mut sum, mut total) = (Vector2::zeros(), 0.0);
@@ -205,27 +205,28 @@ impl<'m> Disk<'m> {
                 sum += self.at[w as usize] * weight;
                 total += weight;
             }
-            // Nowhere that can be seen, where an edge has no length.
+            // Not finite for an edge without length: no step is valid then.
             self.step(v, &(sum / total));
         }
     }
 
-    /// Moves a vertex toward a place, as far as nothing around it turns over; says whether it got there.
+    /// Moves a vertex toward a position, as far as no triangle around it is inverted; true if it arrives.
     fn step(&mut self, v: usize, to: &Vector2<f64>) -> bool {
         let from = self.at[v];
-        let mut share = 1.0;
-        while share >= MIN_STEP {
-            let place = if share < 1.0 { from + (to - from) * share } else { *to };
-            if self.sees_its_ring(v, &place) {
+        let mut step = 1.0;
+        while step >= MIN_STEP {
+            let place = if step < 1.0 { from + (to - from) * step } else { *to };
+            if self.is_valid(v, &place) {
                 self.at[v] = place;
-                return share >= 1.0;
+                return step >= 1.0;
             }
-            share *= 0.5;
+            step *= 0.5;
         }
         false
     }
 
-    fn sees_its_ring(&self, v: usize, place: &Vector2<f64>) -> bool {
+    /// Whether no triangle around a vertex is inverted with the vertex at `place`.
+    fn is_valid(&self, v: usize, place: &Vector2<f64>) -> bool {
         let ring = &self.rings[v];
         (0..ring.len()).all(|k| {
             let (p, q) = (self.at[ring[k] as usize], self.at[ring[(k + 1) % ring.len()] as usize]);
@@ -233,32 +234,32 @@ impl<'m> Disk<'m> {
         })
     }
 
-    /// Draws landmarks inside to their places.
-    fn draw(
+    /// Moves interior landmarks to their targets.
+    fn move_landmarks(
         &mut self,
         goal: &[Vector2<f64>],
         landmarks: &[(u32, u32)],
-        rounds: usize,
+        iterations: usize,
         run: &Run,
     ) -> Result<(), Stopped> {
-        let mut held = vec![false; self.at.len()];
+        let mut fixed = vec![false; self.at.len()];
         let inside: Vec<(usize, usize)> = landmarks.iter().map(|l| (l.0 as usize, l.1 as usize)).collect();
         let inside: Vec<_> = inside.into_iter().filter(|l| !self.rings[l.0].is_empty()).collect();
         for l in &inside {
-            held[l.0] = true;
+            fixed[l.0] = true;
         }
-        for _ in 0..rounds {
+        for _ in 0..iterations {
             run.check()?;
-            let mut met = true;
+            let mut arrived = true;
             for &(v, w) in &inside {
-                if (self.at[v] - goal[w]).norm() > MET {
-                    met &= self.step(v, &goal[w]);
+                if (self.at[v] - goal[w]).norm() > COINCIDENT {
+                    arrived &= self.step(v, &goal[w]);
                 }
             }
-            if met {
+            if arrived {
                 break;
             }
-            self.relax(&held);
+            self.relax(&fixed);
         }
         Ok(())
     }
@@ -279,19 +280,19 @@ fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64], run: &Run) -> Result<Ve
     Ok(solver.interpolate(|v| at[v].unwrap_or_default().into()).into_iter().map(Vector2::from).collect())
 }
 
-/// Places on the second of points on the disk.
+/// Points on the second surface of points on the disk.
 fn located(
     at: &[Vector2<f64>],
     second: &TriMesh,
     goal: &[Vector2<f64>],
     landmarks: &[(u32, u32)],
     run: &Run,
-) -> Result<Vec<Nearest>, MorphError> {
+) -> Result<Vec<SurfacePoint>, MorphError> {
     let flat = second.with_positions(goal.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect())?;
     let bvh = Bvh::new(&flat);
     let mut vertex_of = vec![None; at.len()];
     for &(v, w) in landmarks {
-        if (at[v as usize] - goal[w as usize]).norm() <= MET {
+        if (at[v as usize] - goal[w as usize]).norm() <= COINCIDENT {
             vertex_of[v as usize] = Some(w);
         }
     }
@@ -304,7 +305,7 @@ fn located(
         let weights: [f64; 3] = exact.unwrap_or(nearest.weights);
         let corners = second.corners(nearest.triangle as usize);
         let point: Vector3<f64> = corners.iter().zip(weights).map(|(c, w)| c.coords * w).sum();
-        Ok(Nearest { triangle: nearest.triangle, weights, point: Point3::from(point), squared: 0.0 })
+        Ok(SurfacePoint { triangle: nearest.triangle, weights, point: Point3::from(point), squared: 0.0 })
     };
     at.iter().enumerate().map(place).collect()
 }
@@ -355,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_inside_has_at_least_a_tenth_of_its_share() {
+    fn deep_interiors_have_at_least_a_twentieth_of_their_area_fraction() {
         let egg = shapes::icosphere(3);
         let long =
             egg.with_positions(egg.positions().iter().map(|p| Point3::new(p.x, p.y, 3.0 * p.z)).collect()).unwrap();
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn the_disk_turns_to_where_landmarks_inside_say() {
+    fn the_disk_is_rotated_to_align_interior_landmarks() {
         // The same surface, its vertices in the reverse order: its boundary begins elsewhere.
         let first = above(&shapes::icosphere(3), 0.1);
         let n = first.vertex_count() as u32;
@@ -384,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_with_one_boundary_lie_on_the_disk_one_to_one() {
+    fn maps_to_the_disk_are_bijective() {
         for (k, mesh) in disks().iter().enumerate() {
             let at = disk_map(mesh, "first", &Run::default()).unwrap();
             let area = |t: &[u32; 3]| {
@@ -402,12 +403,12 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_laid_over_itself_by_the_disk_lies_where_it_is() {
+    fn the_map_of_a_surface_to_itself_over_the_disk_is_the_identity() {
         for mesh in disks() {
             let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
             let laid =
                 correspond(&mesh, &mesh, &landmarks, &CorrespondenceMethod::Disk.into(), &Run::default()).unwrap();
-            for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
+            for (p, q) in laid.mapped.positions().iter().zip(mesh.positions()) {
                 assert!((p - q).norm() < 1e-6 * mesh.diagonal());
             }
             assert_eq!((laid.quality.flipped, laid.quality.landmark_error), (0, 0.0));
@@ -415,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn boundaries_lie_on_each_other_and_landmarks_meet() {
+    fn boundaries_map_to_each_other_and_landmarks_coincide() {
         let (first, second) = (shapes::plane(9), above(&shapes::icosphere(4), 0.0));
         let nearest = |mesh: &TriMesh, to: [f64; 3]| {
             let far = |v: &u32| (mesh.positions()[*v as usize] - Point3::from(to)).norm();
@@ -442,25 +443,25 @@ mod tests {
         assert!(laid.quality.flipped <= chords && chords == 2, "{:?}", laid.quality);
         let open = HalfEdges::new(&second).unwrap();
         for v in rim(&first, "first").unwrap() {
-            let place = &laid.places[v as usize];
+            let place = &laid.points[v as usize];
             let corners = second.triangles()[place.triangle as usize];
             let inner = corners.iter().zip(place.weights).filter(|(c, w)| !open.is_boundary(**c) && *w > 1e-9);
             assert_eq!(inner.count(), 0, "vertex {v} left the boundary");
         }
         let crossed = [landmarks[0], (landmarks[1].0, landmarks[2].1), (landmarks[2].0, landmarks[1].1), landmarks[3]];
         let refused = correspond(&first, &second, &crossed, &method, &Run::default()).unwrap_err().to_string();
-        assert!(refused.contains("follow each other otherwise"), "{refused}");
+        assert!(refused.contains("in another order"), "{refused}");
     }
 
     #[test]
-    fn surfaces_that_are_no_disks_are_told_what_they_are() {
-        let told = |mesh: &TriMesh| disk_map(mesh, "second", &Run::default()).unwrap_err().to_string();
-        assert!(told(&shapes::icosphere(1)).contains("the second mesh has 0 boundaries"));
-        assert!(told(&shapes::tube(8, 4, 1.0, 2.0)).contains("has 2 boundaries"));
+    fn surfaces_of_other_topology_are_rejected() {
+        let message = |mesh: &TriMesh| disk_map(mesh, "second", &Run::default()).unwrap_err().to_string();
+        assert!(message(&shapes::icosphere(1)).contains("the second mesh has 0 boundaries"));
+        assert!(message(&shapes::tube(8, 4, 1.0, 2.0)).contains("has 2 boundaries"));
         let torus = shapes::holed_torus(1, 10);
         let open = TriMesh::new(torus.positions().to_vec(), torus.triangles()[1..].to_vec()).unwrap();
-        assert!(told(&open).contains("has one boundary, but 1 handles"));
+        assert!(message(&open).contains("has one boundary, but 1 handles"));
         let two = shapes::disjoint(&[shapes::plane(2), shapes::plane(2)]);
-        assert!(told(&two).contains("in 2 pieces"));
+        assert!(message(&two).contains("has 2 connected components"));
     }
 }

@@ -1,6 +1,6 @@
-//! Which places of one mesh belong to which of another.
+//! Landmarks: corresponding vertices of two meshes.
 //!
-//! Three forms are read: `plumbline.landmarks`, and the two in which such pairs are passed around,
+//! Three formats are read: `plumbline.landmarks`, and two common text formats,
 //!
 //! ```text
 //! { "format": "plumbline.landmarks", "version": 1, "pairs": [[12, 430], [[0.1, 2, 0.3], 77]] }
@@ -18,29 +18,29 @@ use crate::mesh::TriMesh;
 use crate::morph::MorphError;
 use plumbline_num::document::Kind;
 
-/// At most as large as a million pairs of places.
+/// 128 MiB: about a million pairs.
 const KIND: Kind = Kind { name: "a file of landmarks", format: "plumbline.landmarks", max_bytes: 1 << 27 };
 
 fn malformed(fault: String) -> MorphError {
     MorphError::Malformed { name: KIND.name, fault }
 }
 
-/// Pairs of places of two meshes.
+/// Pairs of corresponding vertices of two meshes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Landmarks(Vec<(Place, Place)>);
+pub struct Landmarks(Vec<(VertexRef, VertexRef)>);
 
-/// A vertex by its number, from 0 in the order of the file, or the vertex nearest to a place.
+/// A vertex by its index, from 0 in the order of the file, or the vertex nearest to a position.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(untagged, expecting = "the number of a vertex, or a place [x, y, z]")]
-pub enum Place {
-    /// The number of a vertex.
+#[serde(untagged, expecting = "the index of a vertex, or a position [x, y, z]")]
+pub enum VertexRef {
+    /// Index of a vertex.
     Vertex(u64),
-    /// The vertex nearest to a place.
+    /// The vertex nearest to a position.
     Nearest([f64; 3]),
 }
 
-/// Pairs of places of two meshes.
+/// Pairs of corresponding vertices of two meshes.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -51,8 +51,8 @@ struct Document {
     /// Always 1.
     #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
-    /// Place of the first mesh, place of the second.
-    pairs: Vec<(Place, Place)>,
+    /// Vertex of the first mesh, vertex of the second.
+    pairs: Vec<(VertexRef, VertexRef)>,
 }
 
 /// The JSON schema of files of landmarks.
@@ -64,11 +64,11 @@ pub fn landmarks_schema() -> schemars::Schema {
 impl Landmarks {
     /// Pairs of vertices.
     pub fn of_vertices(pairs: &[(u32, u32)]) -> Self {
-        let place = |v: u32| Place::Vertex(u64::from(v));
-        Self(pairs.iter().map(|&(a, b)| (place(a), place(b))).collect())
+        let vertex = |v: u32| VertexRef::Vertex(u64::from(v));
+        Self(pairs.iter().map(|&(a, b)| (vertex(a), vertex(b))).collect())
     }
 
-    /// Reads a file of any of the three forms.
+    /// Reads a file in any of the three formats.
     ///
     /// # Errors
     /// [`MorphError::Malformed`], also where the file cannot be read.
@@ -76,7 +76,7 @@ impl Landmarks {
         Self::parse(&KIND.text(path)?)
     }
 
-    /// Reads one of the three forms, told apart by how they begin.
+    /// Parses one of the three formats, detected by its beginning.
     ///
     /// # Errors
     /// [`MorphError::Malformed`].
@@ -94,21 +94,21 @@ impl Landmarks {
     /// The pairs as vertices of both meshes.
     ///
     /// # Errors
-    /// [`MorphError::NoSuchVertex`], [`MorphError::Value`] for a place that is not finite and for a vertex named twice.
+    /// [`MorphError::NoSuchVertex`], [`MorphError::Value`] for a position that is not finite and for a repeated vertex.
     pub fn vertices(&self, first: &TriMesh, second: &TriMesh) -> Result<Vec<(u32, u32)>, MorphError> {
         let mut seen = [BTreeSet::new(), BTreeSet::new()];
         let mut pairs = Vec::with_capacity(self.0.len());
         for (k, (a, b)) in self.0.iter().enumerate() {
-            let place = format!("landmark {k}");
+            let context = format!("landmark {k}");
             let pair =
-                [(a, first, "first"), (b, second, "second")].map(|(p, mesh, which)| p.vertex(mesh, which, &place));
+                [(a, first, "first"), (b, second, "second")].map(|(p, mesh, which)| p.vertex(mesh, which, &context));
             let [a, b] = pair;
             let (a, b) = (a?, b?);
             for (seen, (v, which)) in seen.iter_mut().zip([(a, "first"), (b, "second")]) {
                 if !seen.insert(v) {
                     return Err(MorphError::Value {
-                        what: format!("{place}: the vertex of the {which} mesh"),
-                        value: format!("{v}, named before"),
+                        what: format!("{context}: the vertex of the {which} mesh"),
+                        value: format!("{v}, listed before"),
                         expected: "each vertex once".to_owned(),
                     });
                 }
@@ -123,25 +123,32 @@ impl Landmarks {
         self.0.len()
     }
 
-    /// Without pairs.
+    /// True without pairs.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-impl Place {
-    /// The vertex of a mesh that is meant.
+impl VertexRef {
+    /// Resolves the vertex on a mesh.
     ///
     /// # Errors
     /// [`MorphError::NoSuchVertex`], [`MorphError::Value`].
-    pub(in crate::morph) fn vertex(&self, mesh: &TriMesh, which: &'static str, place: &str) -> Result<u32, MorphError> {
+    pub(in crate::morph) fn vertex(
+        &self,
+        mesh: &TriMesh,
+        which: &'static str,
+        context: &str,
+    ) -> Result<u32, MorphError> {
         let vertices = mesh.vertex_count();
         match *self {
             Self::Vertex(v) if (v as usize) < vertices => Ok(v as u32),
-            Self::Vertex(vertex) => Err(MorphError::NoSuchVertex { place: place.to_owned(), which, vertex, vertices }),
+            Self::Vertex(vertex) => {
+                Err(MorphError::NoSuchVertex { context: context.to_owned(), which, vertex, vertices })
+            }
             Self::Nearest(p) if p.iter().all(|c| c.is_finite()) && vertices > 0 => Ok(nearest(mesh, &Point3::from(p))),
             Self::Nearest(p) => Err(MorphError::Value {
-                what: format!("{place}: the place on the {which} mesh"),
+                what: format!("{context}: the position on the {which} mesh"),
                 value: format!("{p:?}"),
                 expected: "three finite numbers, and a mesh with vertices".to_owned(),
             }),
@@ -149,13 +156,13 @@ impl Place {
     }
 }
 
-fn nearest(mesh: &TriMesh, place: &Point3<f64>) -> u32 {
-    let distance = |v: &usize| (mesh.positions()[*v] - place).norm_squared();
+fn nearest(mesh: &TriMesh, point: &Point3<f64>) -> u32 {
+    let distance = |v: &usize| (mesh.positions()[*v] - point).norm_squared();
     (0..mesh.vertex_count()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0) as u32
 }
 
-/// Pairs after a line, until one that is none.
-fn of_lines(text: &str, after: &str, between: char) -> Result<Vec<(Place, Place)>, MorphError> {
+/// The pairs after a line, up to the first other line.
+fn of_lines(text: &str, after: &str, between: char) -> Result<Vec<(VertexRef, VertexRef)>, MorphError> {
     let lines = text.lines().enumerate().skip_while(|(_, line)| line.trim_end() != after).skip(1);
     let mut pairs = Vec::new();
     for (number, line) in lines {
@@ -169,8 +176,8 @@ fn of_lines(text: &str, after: &str, between: char) -> Result<Vec<(Place, Place)
     Ok(pairs)
 }
 
-/// As many pairs as the first line says.
-fn of_counted(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
+/// The number of pairs in the first line, then the pairs.
+fn of_counted(text: &str) -> Result<Vec<(VertexRef, VertexRef)>, MorphError> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let first = lines.next().map_or("", |(_, line)| line.trim());
     let count: usize = first.parse().map_err(|_| {
@@ -184,8 +191,8 @@ fn of_counted(text: &str) -> Result<Vec<(Place, Place)>, MorphError> {
     Ok(pairs)
 }
 
-fn pair(text: &str, between: char, line: usize) -> Result<(Place, Place), MorphError> {
-    let number = |text: &str| text.trim().parse::<u64>().ok().map(Place::Vertex);
+fn pair(text: &str, between: char, line: usize) -> Result<(VertexRef, VertexRef), MorphError> {
+    let number = |text: &str| text.trim().parse::<u64>().ok().map(VertexRef::Vertex);
     let both = text.split_once(between).and_then(|(a, b)| number(a).zip(number(b)));
     both.ok_or_else(|| {
         let shown: String = text.chars().take(30).collect();
@@ -199,7 +206,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn three_ways_to_write_the_same_pairs() {
+    fn three_formats_of_the_same_pairs() {
         let expected = Landmarks::of_vertices(&[(3, 4), (17, 5)]);
         for text in [
             r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[3, 4], [17, 5]]}"#,
@@ -211,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn errors_name_the_line() {
         for (text, part) in [
             ("3\n1, 2\n", "announces 3 pairs, but 1"),
             ("2\n1, 2\n3; 4\n", "line 3"),
@@ -222,8 +229,8 @@ mod tests {
             (r#"{"format": "plumbline.landmarks", "version": 2, "pairs": []}"#, "version 2"),
             (r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[1]]}"#, "line 1"),
         ] {
-            let told = Landmarks::parse(text).unwrap_err().to_string();
-            assert!(told.contains(part), "{told}");
+            let message = Landmarks::parse(text).unwrap_err().to_string();
+            assert!(message.contains(part), "{message}");
         }
         let mesh = shapes::icosphere(0);
         let vertices =
@@ -232,10 +239,10 @@ mod tests {
             vertices(&[(1, 1), (2, 12)]).contains("landmark 1: the second mesh has no vertex 12 (expected 0 to 11")
         );
         assert!(vertices(&[(1, 1), (1, 2)]).contains("the vertex of the first mesh is 1, named before"));
-        let nowhere = Landmarks(vec![(Place::Nearest([f64::NAN, 0.0, 0.0]), Place::Vertex(0))]);
+        let nowhere = Landmarks(vec![(VertexRef::Nearest([f64::NAN, 0.0, 0.0]), VertexRef::Vertex(0))]);
         assert!(nowhere.vertices(&mesh, &mesh).is_err());
         let p = mesh.positions()[7] * 1.1;
-        let near = Landmarks(vec![(Place::Nearest(p.coords.into()), Place::Vertex(0))]);
+        let near = Landmarks(vec![(VertexRef::Nearest(p.coords.into()), VertexRef::Vertex(0))]);
         assert_eq!(near.vertices(&mesh, &mesh).unwrap(), [(7, 0)]);
     }
 }

@@ -1,7 +1,7 @@
-//! Meshes that are not poses of one: the first mesh's triangles laid over the second.
+//! Correspondence between two meshes: the first is mapped onto the second.
 //!
-//! [`correspond`] gives every vertex of the first a place on the second, and says how good that is; with [`refine`] the first gains
-//! vertices where features of the second would be lost. The result and the first are then two poses of one mesh.
+//! [`correspond`] maps every vertex of the first mesh to a point of the second and measures the quality of the map; [`refine`] adds
+//! vertices where features of the second would be lost. The first mesh and the result are then two poses of one mesh.
 
 mod disk;
 mod landmarks;
@@ -20,7 +20,7 @@ pub use disk::{DiskOptions, disk_map, over_disks};
 #[cfg(feature = "schema")]
 #[cfg(feature = "schema")]
 pub use landmarks::landmarks_schema;
-pub use landmarks::{Landmarks, Place};
+pub use landmarks::{Landmarks, VertexRef};
 pub use quality::{MapQuality, measure};
 pub(in crate::morph) use refinement::divided;
 pub use refinement::{Refined, refine};
@@ -28,21 +28,21 @@ pub use registration::{RegistrationOptions, register};
 pub use sphere::{SphereOptions, over_spheres, sphere_map};
 
 use super::MorphError;
-use super::bvh::Nearest;
+use super::bvh::SurfacePoint;
 use crate::mesh::TriMesh;
 use plumbline_num::run::Run;
 
-/// How one mesh is laid over another.
+/// Correspondence method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CorrespondenceMethod {
-    /// Deformed smoothly until it lies there: any mesh, never flawless
+    /// Non-rigid registration: any topology; the map may have fold-overs
     #[default]
     Registration,
-    /// Through the sphere: closed meshes without handles, one to one
+    /// Over the sphere: closed surfaces of genus 0; bijective
     Sphere,
-    /// Through the disk: meshes with one boundary and without handles, one to one
+    /// Over the disk: surfaces of genus 0 with one boundary; bijective
     Disk,
 }
 
@@ -65,18 +65,18 @@ impl From<CorrespondenceMethod> for CorrespondenceOptions {
     }
 }
 
-/// The first mesh laid over the second.
+/// A map of the first mesh onto the second.
 #[derive(Clone, Debug)]
 pub struct Correspondence {
-    /// The place of every vertex on the second mesh.
-    pub places: Vec<Nearest>,
-    /// The first mesh's triangles at these places.
-    pub laid: TriMesh,
-    /// How well.
+    /// The point of every vertex on the second mesh.
+    pub points: Vec<SurfacePoint>,
+    /// The first mesh's triangles at these points.
+    pub mapped: TriMesh,
+    /// Quality of the map.
     pub quality: MapQuality,
 }
 
-/// Lays the first mesh over the second so that landmarks, given as vertices of both, meet.
+/// Maps the first mesh onto the second with corresponding landmarks, given as vertices of both.
 ///
 /// # Errors
 /// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`],
@@ -88,13 +88,13 @@ pub fn correspond(
     options: &CorrespondenceOptions,
     run: &Run,
 ) -> Result<Correspondence, MorphError> {
-    let places = match options.method {
+    let points = match options.method {
         CorrespondenceMethod::Registration => register(first, second, landmarks, &options.registration, run)?,
         CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, &options.sphere, run)?,
         CorrespondenceMethod::Disk => over_disks(first, second, landmarks, &options.disk, run)?,
     };
-    let positions: Vec<Point3<f64>> = places.iter().map(|p| p.point).collect();
-    let laid = first.with_positions(positions)?;
-    let quality = measure(first, &laid, second, landmarks, run)?;
-    Ok(Correspondence { places, laid, quality })
+    let positions: Vec<Point3<f64>> = points.iter().map(|p| p.point).collect();
+    let mapped = first.with_positions(positions)?;
+    let quality = measure(first, &mapped, second, landmarks, run)?;
+    Ok(Correspondence { points, mapped, quality })
 }

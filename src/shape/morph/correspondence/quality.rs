@@ -1,4 +1,4 @@
-//! How good a map between surfaces is.
+//! Quality of a map between surfaces.
 
 use std::collections::BTreeSet;
 
@@ -9,62 +9,63 @@ use super::registration::Target;
 use crate::mesh::TriMesh;
 use plumbline_num::run::Run;
 
-/// A triangle laid to a smaller part of its size than this is lost.
-const LOST: f64 = 1e-9;
+/// Minimum area ratio of a mapped triangle, relative to the total areas; below it the triangle is collapsed.
+const MIN_AREA_RATIO: f64 = 1e-9;
 
-/// A map that takes one mesh to another, in numbers.
+/// Quality metrics of a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapQuality {
-    /// Triangles that face away from the surface on which they lie.
+    /// Number of triangles whose normal opposes that of the surface below them.
     pub flipped: usize,
-    /// Triangles laid to nothing.
+    /// Number of collapsed triangles.
     pub collapsed: usize,
-    /// Root of the mean of `(σ₁² + σ₂²)/2` over the area, of the map scaled to keep the area; 1 where nothing is stretched.
+    /// L² stretch: root of the area-weighted mean of `(σ₁² + σ₂²)/2`, with the map scaled to preserve the total area; 1 for an isometry.
     pub stretch: f64,
-    /// The same of the 95th percentile of triangles, by area.
+    /// 95th percentile of the stretch of triangles, by area.
     pub stretch_95: f64,
-    /// Farthest that a landmark lies from its place, in diagonals of the second mesh.
+    /// Largest distance of a landmark from its target, in diagonals of the second mesh.
     pub landmark_error: f64,
-    /// Root of the mean square distance from the second mesh's vertices to the surface laid on it, in diagonals.
+    /// RMS distance from the second mesh's vertices to the mapped surface, in diagonals.
     pub missed_rms: f64,
-    /// The greatest of these distances: features that are lost.
+    /// Largest of these distances: lost features.
     pub missed_worst: f64,
 }
 
-/// Measures a map from `first` to `laid`, which should lie on `second`.
+/// Measures a map from `first` to `mapped` on `second`.
 ///
 /// # Errors
 /// [`MorphError::Empty`], [`MorphError::Interrupted`].
 pub fn measure(
     first: &TriMesh,
-    laid: &TriMesh,
+    mapped: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
     run: &Run,
 ) -> Result<MapQuality, MorphError> {
     let target = Target::new(second)?;
     let unit = second.diagonal();
-    let (stretch, stretch_95) = stretches(first, laid);
-    let cover = Target::new(laid).map_err(|_| MorphError::Empty { which: "laid" })?;
+    let (stretch, stretch_95) = stretches(first, mapped);
+    let cover = Target::new(mapped).map_err(|_| MorphError::Empty { which: "mapped" })?;
     let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
     let mut missed = Vec::with_capacity(named.len());
     for &v in &named {
         run.check()?;
         missed.extend(cover.nearest(&second.positions()[v as usize]).map(|place| place.squared));
     }
-    let landmark = |&(v, w): &(u32, u32)| (laid.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;
+    let landmark =
+        |&(v, w): &(u32, u32)| (mapped.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;
     let sizes = [first.area(), second.area()];
     let collapsed =
-        |t: &usize| is_collapsed(laid.area_normal(*t).norm() / sizes[1], first.area_normal(*t).norm() / sizes[0]);
-    let against = |t: &usize| lies_against(&laid.corners(*t), &laid.area_normal(*t), &target);
+        |t: &usize| is_collapsed(mapped.area_normal(*t).norm() / sizes[1], first.area_normal(*t).norm() / sizes[0]);
+    let against = |t: &usize| is_flipped(&mapped.corners(*t), &mapped.area_normal(*t), &target);
     let mut flipped = 0;
-    for t in 0..laid.triangle_count() {
+    for t in 0..mapped.triangle_count() {
         run.check()?;
         flipped += usize::from(!collapsed(&t) && against(&t));
     }
     Ok(MapQuality {
         flipped,
-        collapsed: (0..laid.triangle_count()).filter(collapsed).count(),
+        collapsed: (0..mapped.triangle_count()).filter(collapsed).count(),
         stretch,
         stretch_95,
         landmark_error: landmarks.iter().map(landmark).fold(0.0, f64::max),
@@ -73,13 +74,13 @@ pub fn measure(
     })
 }
 
-/// A triangle is laid to nothing; its shares of the areas of what it is laid on and of its own surface.
-pub(super) fn is_collapsed(laid: f64, first: f64) -> bool {
-    !(laid > LOST * first)
+/// Whether a triangle is collapsed, by its fractions of the areas of the target and of its own surface.
+pub(super) fn is_collapsed(mapped: f64, first: f64) -> bool {
+    !(mapped > MIN_AREA_RATIO * first)
 }
 
-/// Most of the places around the middle of a triangle have normals that point away from its own.
-pub(super) fn lies_against(corners: &[Point3<f64>; 3], normal: &Vector3<f64>, target: &Target<'_>) -> bool {
+/// Whether most of the surface points below a triangle have normals opposite to its own.
+pub(super) fn is_flipped(corners: &[Point3<f64>; 3], normal: &Vector3<f64>, target: &Target<'_>) -> bool {
     let [a, b, c] = corners;
     let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
     let samples = [middle, center(&middle, a), center(&middle, b), center(&middle, c)];
@@ -88,19 +89,19 @@ pub(super) fn lies_against(corners: &[Point3<f64>; 3], normal: &Vector3<f64>, ta
     against.count() > samples.len() / 2
 }
 
-/// Stretch of the whole, and of the 95th percentile.
-fn stretches(first: &TriMesh, laid: &TriMesh) -> (f64, f64) {
+/// Total stretch, and the 95th percentile.
+fn stretches(first: &TriMesh, mapped: &TriMesh) -> (f64, f64) {
     let mut of_triangle: Vec<(f64, f64)> = (0..first.triangle_count())
         .filter_map(|t| {
             let area = 0.5 * first.area_normal(t).norm();
-            squared_stretch(&first.corners(t), &laid.corners(t)).map(|s| (s, area))
+            squared_stretch(&first.corners(t), &mapped.corners(t)).map(|s| (s, area))
         })
         .collect();
     let area: f64 = of_triangle.iter().map(|s| s.1).sum();
-    if !(area > 0.0) || !(laid.area() > 0.0) {
+    if !(area > 0.0) || !(mapped.area() > 0.0) {
         return (f64::NAN, f64::NAN);
     }
-    let scale = area / laid.area();
+    let scale = area / mapped.area();
     let mean = of_triangle.iter().map(|(s, a)| s * a).sum::<f64>() / area;
     of_triangle.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let mut passed = 0.0;
@@ -132,7 +133,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn a_surface_on_itself_is_perfect_and_a_scaled_one_as_good() {
+    fn the_identity_and_scalings_have_no_distortion() {
         let mesh = shapes::cactus(9);
         for scale in [1.0, 7.0] {
             let second = mesh.with_positions(mesh.positions().iter().map(|p| p * scale).collect()).unwrap();
@@ -144,17 +145,17 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_stretched_one_way_has_the_stretch_of_its_singular_values() {
+    fn a_uniaxial_stretch_has_the_stretch_of_its_singular_values() {
         let plane = shapes::plane(6);
-        let laid =
+        let mapped =
             plane.with_positions(plane.positions().iter().map(|p| Point3::new(4.0 * p.x, p.y, 0.0)).collect()).unwrap();
-        let quality = measure(&plane, &laid, &laid, &[], &Run::default()).unwrap();
+        let quality = measure(&plane, &mapped, &mapped, &[], &Run::default()).unwrap();
         // σ = 4, 1; the area grows by 4.
         assert!((quality.stretch - (17.0_f64 / 2.0 / 4.0).sqrt()).abs() < 1e-12, "{}", quality.stretch);
     }
 
     #[test]
-    fn what_is_folded_collapsed_or_missed_is_counted() {
+    fn flipped_collapsed_and_missed_parts_are_counted() {
         let plane = shapes::plane(8);
         let mut positions = plane.positions().to_vec();
         let inner = 4 * 9 + 4;

@@ -1,9 +1,9 @@
-//! More vertices where features of the second mesh would be lost.
+//! Refinement of a map: adds vertices where features of the second mesh would be lost.
 //!
-//! An edge is halved where the middle of the laid edge lies farther from the second mesh than the tolerance, and all edges of the
-//! laid triangle nearest to a vertex of the second that lies farther from the laid surface. Triangles with one, two or three halved
-//! edges become two, three or four. The new vertex lies in the middle on the first mesh, and on the second at the place nearest to
-//! the middle.
+//! An edge is bisected if the midpoint of the mapped edge is farther from the second mesh than the tolerance; so are all edges of
+//! the mapped triangle nearest to a vertex of the second mesh that is farther from the mapped surface. Triangles with one, two or
+//! three bisected edges become two, three or four. The new vertex is the midpoint on the first mesh, and the closest point to the
+//! midpoint on the second.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,44 +15,44 @@ use super::registration::Target;
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 
-/// Two poses of one mesh, with more vertices than were given.
+/// A refined map: two poses of one mesh.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// The first mesh; its surface is the same.
+    /// The refined first mesh, with unchanged surface.
     pub first: TriMesh,
-    /// The same triangles laid over the second.
-    pub laid: TriMesh,
-    /// Vertices added.
+    /// The same triangles mapped onto the second mesh.
+    pub mapped: TriMesh,
+    /// Number of added vertices.
     pub added: usize,
 }
 
-/// Refines at most `rounds` times, until all of `second` is met within `tolerance`, in its diagonals.
+/// Refines in at most `iterations` passes, until the distance to `second` is at most `tolerance`, in diagonals of `second`.
 ///
 /// # Errors
-/// [`MorphError::Value`] for a tolerance that is not above 0; [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the
+/// [`MorphError::Value`] for a tolerance of 0 or less; [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the
 /// first two are not poses of one mesh; [`MorphError::Empty`], [`MorphError::Interrupted`].
 pub fn refine(
     first: &TriMesh,
-    laid: &TriMesh,
+    mapped: &TriMesh,
     second: &TriMesh,
     tolerance: f64,
-    rounds: usize,
+    iterations: usize,
     run: &Run,
 ) -> Result<Refined, MorphError> {
-    super::super::trajectory::same_connectivity(first, laid)?;
+    super::super::trajectory::same_connectivity(first, mapped)?;
     if !(tolerance > 0.0) {
         let (what, value) = ("the tolerance of refinement".to_owned(), tolerance.to_string());
         return Err(MorphError::Value { what, value, expected: "above 0".to_owned() });
     }
     let target = Target::new(second)?;
     let far = (tolerance * second.diagonal()).powi(2);
-    let mut refined = Refined { first: first.clone(), laid: laid.clone(), added: 0 };
-    for _ in 0..rounds {
-        let halved = edges_to_halve(&refined.laid, second, &target, far, run)?;
-        if halved.is_empty() {
+    let mut refined = Refined { first: first.clone(), mapped: mapped.clone(), added: 0 };
+    for _ in 0..iterations {
+        let bisected = edges_to_bisect(&refined.mapped, second, &target, far, run)?;
+        if bisected.is_empty() {
             break;
         }
-        refined = halve(&refined, &halved, &target, run)?;
+        refined = bisect(&refined, &bisected, &target, run)?;
     }
     Ok(refined)
 }
@@ -63,59 +63,59 @@ fn edge(a: u32, b: u32) -> Edge {
     (a.min(b), a.max(b))
 }
 
-fn edges_to_halve(
-    laid: &TriMesh,
+fn edges_to_bisect(
+    mapped: &TriMesh,
     second: &TriMesh,
     target: &Target<'_>,
     far: f64,
     run: &Run,
 ) -> Result<BTreeSet<Edge>, Stopped> {
-    let p = laid.positions();
+    let p = mapped.positions();
     let all: BTreeSet<Edge> =
-        laid.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
+        mapped.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
     let off = |(a, b): Edge| {
         let middle = center(&p[a as usize], &p[b as usize]);
         target.nearest(&middle).is_some_and(|place| place.squared > far)
     };
-    let mut halved = BTreeSet::new();
+    let mut bisected = BTreeSet::new();
     for edge in all {
         run.check()?;
-        halved.extend(off(edge).then_some(edge));
+        bisected.extend(off(edge).then_some(edge));
     }
-    let cover = Bvh::new(laid);
+    let cover = Bvh::new(mapped);
     let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
     for v in named {
         run.check()?;
         if let Some(place) = cover.nearest(&second.positions()[v as usize], |_| true)
             && place.squared > far
         {
-            let [a, b, c] = laid.triangles()[place.triangle as usize];
-            halved.extend([edge(a, b), edge(b, c), edge(c, a)]);
+            let [a, b, c] = mapped.triangles()[place.triangle as usize];
+            bisected.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }
     }
-    Ok(halved)
+    Ok(bisected)
 }
 
-fn halve(refined: &Refined, halved: &BTreeSet<Edge>, target: &Target<'_>, run: &Run) -> Result<Refined, MorphError> {
-    let (mut first, mut laid) = (refined.first.positions().to_vec(), refined.laid.positions().to_vec());
-    let normals = refined.laid.vertex_normals();
+fn bisect(refined: &Refined, bisected: &BTreeSet<Edge>, target: &Target<'_>, run: &Run) -> Result<Refined, MorphError> {
+    let (mut first, mut mapped) = (refined.first.positions().to_vec(), refined.mapped.positions().to_vec());
+    let normals = refined.mapped.vertex_normals();
     let mut middle_of = BTreeMap::new();
-    for &(a, b) in halved {
+    for &(a, b) in bisected {
         run.check()?;
         middle_of.insert((a, b), first.len() as u32);
         let middle = |p: &[Point3<f64>]| center(&p[a as usize], &p[b as usize]);
         first.push(middle(&first));
-        laid.push(target.place(&middle(&laid), &(normals[a as usize] + normals[b as usize]))?.point);
+        mapped.push(target.closest_facing(&middle(&mapped), &(normals[a as usize] + normals[b as usize]))?.point);
     }
     let triangles: Vec<[u32; 3]> = refined.first.triangles().iter().flat_map(|t| divided(t, &middle_of)).collect();
     Ok(Refined {
         first: TriMesh::new(first, triangles.clone())?,
-        laid: TriMesh::new(laid, triangles)?,
-        added: refined.added + halved.len(),
+        mapped: TriMesh::new(mapped, triangles)?,
+        added: refined.added + bisected.len(),
     })
 }
 
-/// The parts of a triangle, oriented as it is.
+/// The parts of a triangle, with its orientation.
 pub(in crate::morph) fn divided(&[a, b, c]: &[u32; 3], middle_of: &BTreeMap<Edge, u32>) -> Vec<[u32; 3]> {
     let middle = |i: u32, j: u32| middle_of.get(&edge(i, j)).copied();
     let corner = |a: u32, b: u32, c: u32| match (middle(a, b), middle(b, c), middle(c, a)) {
@@ -133,16 +133,16 @@ mod tests {
     use crate::mesh::{HalfEdges, shapes};
 
     #[test]
-    fn a_coarse_sphere_gains_vertices_until_it_meets_a_fine_one() {
+    fn a_coarse_sphere_is_refined_to_the_tolerance_of_a_fine_one() {
         let (coarse, fine) = (shapes::icosphere(1), shapes::icosphere(4));
         let missed =
-            |laid: &TriMesh| super::super::measure(laid, laid, &fine, &[], &Run::default()).unwrap().missed_worst;
+            |mapped: &TriMesh| super::super::measure(mapped, mapped, &fine, &[], &Run::default()).unwrap().missed_worst;
         let refined = refine(&coarse, &coarse, &fine, 0.002, 6, &Run::default()).unwrap();
-        assert!(missed(&coarse) > 0.01 && missed(&refined.laid) <= 0.002, "{}", missed(&refined.laid));
+        assert!(missed(&coarse) > 0.01 && missed(&refined.mapped) <= 0.002, "{}", missed(&refined.mapped));
         assert_eq!(refined.first.vertex_count(), coarse.vertex_count() + refined.added);
-        let half_edges = HalfEdges::new(&refined.laid).unwrap();
-        assert_eq!((half_edges.boundary_edge_count(), refined.first.triangles()), (0, refined.laid.triangles()));
-        // The surface of the first is what it was.
+        let half_edges = HalfEdges::new(&refined.mapped).unwrap();
+        assert_eq!((half_edges.boundary_edge_count(), refined.first.triangles()), (0, refined.mapped.triangles()));
+        // The surface of the first mesh is unchanged.
         assert!(
             (refined.first.area() - coarse.area()).abs() < 1e-12
                 && (refined.first.volume() - coarse.volume()).abs() < 1e-12
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_added_where_nothing_is_missed_and_bad_tolerances_are_refused() {
+    fn a_map_within_the_tolerance_is_unchanged_and_invalid_tolerances_are_rejected() {
         let mesh = shapes::icosphere(2);
         assert_eq!(refine(&mesh, &mesh, &mesh, 1e-6, 3, &Run::default()).unwrap().added, 0);
         for tolerance in [0.0, -1.0, f64::NAN] {
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pattern_of_halved_edges_keeps_orientation_and_area() {
+    fn every_pattern_of_bisected_edges_keeps_orientation_and_area() {
         let middles = [((0, 1), 3), ((1, 2), 4), ((0, 2), 5)];
         let p = [[0.0, 0.0], [4.0, 0.0], [1.0, 3.0], [2.0, 0.0], [2.5, 1.5], [0.5, 1.5]];
         for subset in 0..8 {

@@ -1,16 +1,16 @@
-//! A surface laid over another: smoothly deformed until it lies on it, its landmarks on theirs.
+//! Non-rigid registration of a surface to another one with landmarks.
 //!
 //! ```text
-//! E(x) = w_S Σ_{t ~ u} |Tₜ − Tᵤ|² + w_I Σ_t |Tₜ − I|² + w_C Σᵥ |xᵥ − cᵥ|²      s.t.  x_l = the landmark's place
+//! E(x) = w_S Σ_{t ~ u} |Tₜ − Tᵤ|² + w_I Σ_t |Tₜ − I|² + w_C Σᵥ |xᵥ − cᵥ|²      s.t.  x_l = the landmark's target
 //! ```
 //!
-//! `Tₜ` is the affine map of triangle `t` and a fourth vertex along its normal, linear in the unknowns; `cᵥ` is the place of the
-//! other surface nearest to `xᵥ` whose normal does not point the other way. With `w_C = 0` first, then growing from 1 to 5000 while
-//! `c` is found anew, all least squares over one pattern. Then every vertex is put on its `c`.
+//! `Tₜ` is the affine map of triangle `t` with a fourth vertex along its normal, linear in the unknowns; `cᵥ` is the closest point
+//! to `xᵥ` on the target whose normal does not oppose that of `xᵥ`. `w_C` is 0 first, then grows from 1 to 5000 while `c` is
+//! updated; all systems have one sparsity pattern. Finally every vertex is projected to its `c`.
 //!
-//! Before, the surface is brought to the other by the similarity of the landmarks, and lengths are measured in diagonals of the other:
-//! the weights then mean the same for all models. Departs from the paper in that landmarks stay exact throughout, and in a last
-//! round at the largest weight.
+//! The surface is first aligned by the similarity of the landmarks, and lengths are in diagonals of the target, so that the weights
+//! are independent of the model. Departures from the paper: landmarks are hard constraints throughout, and there is a last
+//! iteration at the largest weight.
 //!
 //! # Reference
 //! R. W. Sumner, J. Popović, *Deformation transfer for triangle meshes*, SIGGRAPH 2004, section 5.
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Matrix3x4, Point3, Similarity3, Vector3};
 
 use super::super::MorphError;
-use super::super::bvh::{Bvh, Nearest};
+use super::super::bvh::{Bvh, SurfacePoint};
 use super::super::rigid::nearest_similarity;
 use super::super::trajectory::neighbors;
 use super::unfolding::unfold;
@@ -28,18 +28,18 @@ use crate::mesh::TriMesh;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
 
-/// Every vertex is drawn this faintly to where the similarity of the landmarks put it: pieces without a landmark stay there while
-/// nothing else holds them. Far above rounding (pivots of 10⁻¹³ against the 10⁴ of short edges), far below all weights.
-const FAINT: f64 = 1e-6;
+/// Weight of a quadratic term towards the aligned positions: keeps components without a landmark in place while `w_C = 0`. Far above
+/// rounding (pivots of 10⁻¹³ for entries of 10⁴ of short edges), far below all other weights.
+const REGULARIZATION: f64 = 1e-6;
 
-/// How a surface is laid over another.
+/// Options of the registration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistrationOptions {
-    /// `w_S`.
+    /// Weight `w_S` of the smoothness term.
     pub smoothness: f64,
-    /// `w_I`.
+    /// Weight `w_I` of the identity term.
     pub identity: f64,
-    /// `w_C` of each round.
+    /// Weight `w_C` of the closest-point term in each iteration.
     pub closeness: Vec<f64>,
 }
 
@@ -49,10 +49,10 @@ impl Default for RegistrationOptions {
     }
 }
 
-/// Where the vertices of `first` lie on `second`: one place per vertex.
+/// Maps the vertices of `first` to points on `second`.
 ///
 /// # Errors
-/// [`MorphError::Landmarks`] for fewer than three or on one line, [`MorphError::Empty`], [`MorphError::Numerics`],
+/// [`MorphError::Landmarks`] for fewer than three or collinear ones, [`MorphError::Empty`], [`MorphError::Numerics`],
 /// [`MorphError::Interrupted`].
 pub fn register(
     first: &TriMesh,
@@ -60,40 +60,40 @@ pub fn register(
     landmarks: &[(u32, u32)],
     options: &RegistrationOptions,
     run: &Run,
-) -> Result<Vec<Nearest>, MorphError> {
+) -> Result<Vec<SurfacePoint>, MorphError> {
     let unit = second.diagonal();
-    let near = brought_near(first, second, landmarks)?;
+    let aligned = aligned(first, second, landmarks)?;
     let scaled = |p: &Point3<f64>| p / unit;
-    let start = first.with_positions(near.iter().map(scaled).collect())?;
+    let initial = first.with_positions(aligned.iter().map(scaled).collect())?;
     let goal = second.with_positions(second.positions().iter().map(scaled).collect())?;
     run.check()?;
     let target = Target::new(&goal)?;
-    let mut system = System::new(&start, landmarks, &goal, options)?;
-    let mut x = start.positions().to_vec();
+    let mut system = System::new(&initial, landmarks, &goal, options)?;
+    let mut x = initial.positions().to_vec();
     for (k, &closeness) in options.closeness.iter().enumerate() {
         run.step(k as f64 / options.closeness.len() as f64)?;
-        let places = if closeness > 0.0 { target.places(&start, &x, run)? } else { Vec::new() };
+        let places = if closeness > 0.0 { target.closest_points(&initial, &x, run)? } else { Vec::new() };
         x = system.solve(closeness, &places, run)?;
     }
-    let mut places = target.places(&start, &x, run)?;
+    let mut places = target.closest_points(&initial, &x, run)?;
     for &(v, w) in landmarks {
         places[v as usize] = target.vertex(w);
     }
-    let mut held = vec![false; places.len()];
+    let mut fixed = vec![false; places.len()];
     for l in landmarks {
-        held[l.0 as usize] = true;
+        fixed[l.0 as usize] = true;
     }
-    unfold(&start, &target, &held, &mut places, run)?;
-    let in_units = |p: Nearest| {
+    unfold(&initial, &target, &fixed, &mut places, run)?;
+    let in_units = |p: SurfacePoint| {
         let corners = second.corners(p.triangle as usize);
         let point = corners.iter().zip(p.weights).map(|(c, w)| c.coords * w).sum::<Vector3<f64>>();
-        Nearest { point: Point3::from(point), squared: p.squared * unit * unit, ..p }
+        SurfacePoint { point: Point3::from(point), squared: p.squared * unit * unit, ..p }
     };
     Ok(places.into_iter().map(in_units).collect())
 }
 
-/// The first mesh after the similarity of the landmarks.
-pub(super) fn brought_near(
+/// The positions of the first mesh after the similarity of the landmarks.
+pub(super) fn aligned(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
@@ -107,7 +107,7 @@ pub(super) fn brought_near(
     Ok(first.positions().iter().map(|p| map * p).collect())
 }
 
-/// The surface on which the other is laid.
+/// The target surface.
 pub(super) struct Target<'m> {
     mesh: &'m TriMesh,
     bvh: Bvh,
@@ -130,14 +130,18 @@ impl<'m> Target<'m> {
         Ok(Self { mesh, bvh: Bvh::new(mesh), normals, triangle_of_vertex, area })
     }
 
-    /// The place nearest to a point whose normal does not point away from `normal`; any where none does.
-    pub(super) fn place(&self, point: &Point3<f64>, normal: &Vector3<f64>) -> Result<Nearest, MorphError> {
+    /// The closest point whose normal does not oppose `normal`; the closest point if there is none.
+    pub(super) fn closest_facing(
+        &self,
+        point: &Point3<f64>,
+        normal: &Vector3<f64>,
+    ) -> Result<SurfacePoint, MorphError> {
         let facing = self.bvh.nearest(point, |t| self.normals[t as usize].dot(normal) > 0.0);
         facing.or_else(|| self.bvh.nearest(point, |_| true)).ok_or(MorphError::Empty { which: "second" })
     }
 
-    /// The place nearest to a point.
-    pub(super) fn nearest(&self, point: &Point3<f64>) -> Option<Nearest> {
+    /// The closest point.
+    pub(super) fn nearest(&self, point: &Point3<f64>) -> Option<SurfacePoint> {
         self.bvh.nearest(point, |_| true)
     }
 
@@ -146,31 +150,36 @@ impl<'m> Target<'m> {
         self.area
     }
 
-    /// Normal of a triangle, as long as twice its area.
+    /// Normal of a triangle, of length twice its area.
     pub(super) fn normal(&self, triangle: u32) -> Vector3<f64> {
         self.normals[triangle as usize]
     }
 
-    /// Places for all vertices of a mesh at other positions.
-    pub(super) fn places(&self, mesh: &TriMesh, x: &[Point3<f64>], run: &Run) -> Result<Vec<Nearest>, MorphError> {
+    /// The closest facing points of all vertices of a mesh at the positions `x`.
+    pub(super) fn closest_points(
+        &self,
+        mesh: &TriMesh,
+        x: &[Point3<f64>],
+        run: &Run,
+    ) -> Result<Vec<SurfacePoint>, MorphError> {
         let now = mesh.with_positions(x.to_vec())?;
-        let place = |(p, n): (&Point3<f64>, Vector3<f64>)| {
+        let closest = |(p, n): (&Point3<f64>, Vector3<f64>)| {
             run.check()?;
-            self.place(p, &n)
+            self.closest_facing(p, &n)
         };
-        x.iter().zip(now.vertex_normals()).map(place).collect()
+        x.iter().zip(now.vertex_normals()).map(closest).collect()
     }
 
-    /// A vertex as a place.
-    pub(super) fn vertex(&self, v: u32) -> Nearest {
+    /// A vertex as a surface point.
+    pub(super) fn vertex(&self, v: u32) -> SurfacePoint {
         let (triangle, corner) = self.triangle_of_vertex[v as usize].unwrap_or((0, 0));
         let mut weights = [0.0; 3];
         weights[corner] = 1.0;
-        Nearest { triangle, weights, point: self.mesh.positions()[v as usize], squared: 0.0 }
+        SurfacePoint { triangle, weights, point: self.mesh.positions()[v as usize], squared: 0.0 }
     }
 }
 
-/// The least squares of all rounds: vertices, then one fourth vertex per triangle.
+/// The least-squares system of all iterations: vertices, then one fourth vertex per triangle.
 struct System {
     start: Vec<Point3<f64>>,
     vertices: usize,
@@ -205,7 +214,7 @@ impl System {
         }
         let mut used = vec![false; n + m];
         affine.iter().flat_map(|a| a.vertices).for_each(|v| used[v as usize] = true);
-        // A vertex that no triangle names stays where it is.
+        // Unreferenced vertices are fixed.
         for v in (0..n).filter(|&v| !used[v]) {
             fixed[v].get_or_insert(places[v]);
         }
@@ -236,7 +245,7 @@ impl System {
         let pattern = Arc::new(Pattern::new(free.len(), inner.iter().map(|&(i, j, _)| (i, j)))?);
         let mut matrix = SparseMatrix::zeros(Arc::clone(&pattern));
         for (i, j, value) in inner {
-            let slot = pattern.slot(i, j).expect("a place of this pattern");
+            let slot = pattern.slot(i, j).expect("an entry of this pattern");
             matrix.values_mut()[slot] += value;
         }
         let positions = free.iter().map(|&v| start[v].coords.into()).collect();
@@ -244,40 +253,40 @@ impl System {
         Ok(Self { start, vertices, unknown, fixed, matrix, coupling, rhs: entries.rhs, cholesky })
     }
 
-    /// The minimizer with the vertices drawn to `places`, none where there are none.
-    fn solve(&mut self, closeness: f64, places: &[Nearest], run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
+    /// The minimizer with the closest points `places`; without the closest-point term if empty.
+    fn solve(&mut self, closeness: f64, places: &[SurfacePoint], run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
         let mut matrix = self.matrix.clone();
         let mut rhs = vec![[0.0; 3]; matrix.n()];
         let free = self.unknown.iter().enumerate().filter_map(|(v, k)| k.map(|k| (v, k as usize)));
         for (v, k) in free {
-            rhs[k] = (self.rhs[v] + self.start[v].coords * FAINT).into();
+            rhs[k] = (self.rhs[v] + self.start[v].coords * REGULARIZATION).into();
             let diagonal = matrix.pattern().column_starts()[k] as usize;
-            matrix.values_mut()[diagonal] += FAINT;
+            matrix.values_mut()[diagonal] += REGULARIZATION;
             if let Some(place) = places.get(v) {
                 matrix.values_mut()[diagonal] += closeness;
                 (0..3).for_each(|c| rhs[k][c] += closeness * place.point[c]);
             }
         }
         for &(k, v, value) in &self.coupling {
-            let place = self.fixed[v as usize].expect("coupled to what is fixed");
+            let place = self.fixed[v as usize].expect("coupled to a fixed vertex");
             (0..3).for_each(|c| rhs[k as usize][c] -= value * place[c]);
         }
         self.cholesky.factor(&matrix, run)?;
         CompactFactor::new(&self.cholesky).solve_points(&mut rhs);
-        let place = |v: usize| match (self.unknown[v], self.fixed[v]) {
+        let position = |v: usize| match (self.unknown[v], self.fixed[v]) {
             (Some(k), _) => Point3::from(rhs[k as usize]),
             (None, fixed) => fixed.unwrap_or(self.start[v]),
         };
-        Ok((0..self.vertices).map(place).collect())
+        Ok((0..self.vertices).map(position).collect())
     }
 }
 
 impl Affine {
-    /// The map of a triangle at rest; `places` gains its fourth vertex.
+    /// The map of a triangle at rest; appends its fourth vertex to `places`.
     fn new(mesh: &TriMesh, t: usize, vertices: usize, places: &mut Vec<Point3<f64>>) -> Self {
         let [a, b, c] = mesh.corners(t);
         let normal = mesh.area_normal(t);
-        // As long as an edge, whatever the shape; anything that is not flat serves a triangle without area.
+        // The length of an edge; a degenerate triangle has no fourth vertex.
         let length = normal.norm().sqrt();
         let fourth = if length > 0.0 { normal / length } else { Vector3::zeros() };
         places.push(a + fourth);
@@ -326,11 +335,11 @@ impl Entries {
             let row: Vec<_> =
                 a.vertices.iter().enumerate().map(|(k, &v)| (v, a.gradients.column(k).into_owned())).collect();
             self.squares(&row, weight);
-            // Coordinate c of T is wanted as the c-th unit vector.
+            // The target of coordinate c of T is the c-th unit vector.
             for (v, g) in &row {
                 self.rhs[*v as usize] += g * weight;
             }
-            // Whatever the triangle's shape, something holds its fourth vertex.
+            // The fourth vertex of a degenerate triangle needs a diagonal entry.
             if a.gradients.amax() == 0.0 {
                 self.triplets.push((a.vertices[3], a.vertices[3], weight));
             }

@@ -15,21 +15,21 @@ fn farthest(laid: &TriMesh, second: &TriMesh) -> f64 {
 }
 
 #[test]
-fn a_surface_laid_over_itself_lies_where_it_is_wherever_that_is() {
+fn the_registration_of_a_surface_to_itself_is_the_identity() {
     let mesh = shapes::cactus(9);
     let map = Similarity3::new(Vector3::new(30.0, -4.0, 7.0), Vector3::new(0.4, 2.0, -1.0), 12.0);
     let moved = mesh.with_positions(mesh.positions().iter().map(|p| map * p).collect()).unwrap();
     let landmarks = own(&mesh, mesh.vertex_count() / 9);
     for second in [&mesh, &moved] {
         let laid = correspond(&mesh, second, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
-        assert!(farthest(&laid.laid, second) < 1e-6, "{}", farthest(&laid.laid, second));
+        assert!(farthest(&laid.mapped, second) < 1e-6, "{}", farthest(&laid.mapped, second));
         assert_eq!((laid.quality.flipped, laid.quality.collapsed, laid.quality.landmark_error), (0, 0, 0.0));
         assert!((laid.quality.stretch - 1.0).abs() < 1e-6);
     }
 }
 
 #[test]
-fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
+fn landmarks_are_met_exactly_and_vertices_are_on_the_target() {
     // A ball laid over an egg with a bump, of other triangles.
     let ball = shapes::icosphere(3);
     let fine = shapes::icosphere(4);
@@ -40,7 +40,7 @@ fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
     assert_eq!(laid.quality.landmark_error, 0.0);
     assert_eq!((laid.quality.flipped, laid.quality.collapsed), (0, 0));
     let target = registration::Target::new(&second).unwrap();
-    for (p, place) in laid.laid.positions().iter().zip(&laid.places) {
+    for (p, place) in laid.mapped.positions().iter().zip(&laid.points) {
         assert!(target.nearest(p).unwrap().squared < 1e-20);
         let corners = second.corners(place.triangle as usize);
         let point: Vector3<f64> = corners.iter().zip(place.weights).map(|(c, w)| c.coords * w).sum();
@@ -50,15 +50,15 @@ fn landmarks_are_hit_exactly_and_the_surface_lies_on_the_other() {
 }
 
 #[test]
-fn a_piece_without_a_landmark_goes_along() {
+fn a_component_without_a_landmark_is_mapped_too() {
     let both = shapes::disjoint(&[shapes::icosphere(2), shapes::icosphere(1)]);
     let landmarks: Vec<(u32, u32)> = (0..10).map(|v| (v, v)).collect();
     let laid = correspond(&both, &both, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
-    assert!(farthest(&laid.laid, &both) < 1e-6);
+    assert!(farthest(&laid.mapped, &both) < 1e-6);
 }
 
 #[test]
-fn too_few_landmarks_and_surfaces_of_nothing_are_refused() {
+fn too_few_landmarks_and_empty_surfaces_are_rejected() {
     let mesh = shapes::icosphere(1);
     let refused = |second: &TriMesh, landmarks: &[(u32, u32)]| {
         correspond(&mesh, second, landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap_err()

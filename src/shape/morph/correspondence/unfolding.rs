@@ -1,8 +1,8 @@
-//! Folds taken out of a surface that lies on another.
+//! Removal of fold-overs from a map onto a surface.
 //!
-//! Vertices of triangles that face away from the surface under them go to the middle of their neighbors, and to the surface again. A fold
-//! that stays draws in more of what is around it, a ring every few rounds: relaxed far enough around, a patch lies on the other surface as
-//! Tutte's embedding does in the plane, without folds, unless what is held in it crosses. The best of all rounds is kept.
+//! Vertices of flipped triangles move to the centroid of their neighbors and are projected to the surface again. The region around a
+//! persistent fold grows by a ring every few iterations: a sufficiently large relaxed patch is fold-free like Tutte's embedding in
+//! the plane, unless fixed vertices in it cross. The best iterate is kept.
 //!
 //! # Reference
 //! W. T. Tutte, *How to draw a graph*, Proc. London Math. Soc. 13 (1963).
@@ -10,43 +10,44 @@
 use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
-use super::super::bvh::Nearest;
-use super::quality::{is_collapsed, lies_against};
+use super::super::bvh::SurfacePoint;
+use super::quality::{is_collapsed, is_flipped};
 use super::registration::Target;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::Run;
 
-/// Rounds at most. Most folds go in the first dozen; of a horse on a camel 56 of 16 843 triangles are left after 17, of 349 after the first, in the
-/// ears and between the legs, and later rounds make more than they take.
-const ROUNDS: usize = 30;
-/// Rounds after which a fold that stays draws in another ring, and how many rings at most: wider patches of thin parts reach around them.
-const PATIENCE: u32 = 4;
+/// Maximum iterations. Most folds are removed in the first dozen: of a horse on a camel 349 of 16 843 triangles remain after the first
+/// iteration and 56 after 17, in the ears and between the legs; later iterations add more than they remove.
+const MAX_ITERATIONS: usize = 30;
+/// Iterations per additional ring around a persistent fold.
+const ITERATIONS_PER_RING: u32 = 4;
+/// Maximum rings around a fold: wider patches of thin parts reach around them.
 const MAX_RINGS: u32 = 5;
 
-/// Takes folds out of `places`, one per vertex of `mesh`; those of `held` stay.
+/// Removes folds from `places`, one per vertex of `mesh`; vertices in `fixed` stay.
 pub(super) fn unfold(
     mesh: &TriMesh,
     target: &Target<'_>,
-    held: &[bool],
-    places: &mut Vec<Nearest>,
+    fixed: &[bool],
+    places: &mut Vec<SurfacePoint>,
     run: &Run,
 ) -> Result<(), MorphError> {
     let around = Neighborhood::new(mesh);
     let mut folds = Folds::new(mesh, target, places);
     let mut best = (folds.count(), places.clone());
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ITERATIONS {
         if best.0 == 0 {
             break;
         }
-        let region = folds.region(mesh, &around, held);
-        // Inner vertices of wide regions need as many sweeps as rings to hear of the rim.
+        let region = folds.region(mesh, &around, fixed);
+        // Information propagates one ring per sweep from the boundary of a region.
         for _ in 0..=folds.rings() {
             for &v in &region {
                 run.check()?;
-                places[v as usize] = around.middle(v, target, places)?;
+                places[v as usize] = around.centroid(v, target, places)?;
             }
         }
-        folds.look_again(mesh, target, places, &around, &region);
+        folds.update(mesh, target, places, &around, &region);
         if folds.count() < best.0 {
             best = (folds.count(), places.clone());
         }
@@ -73,28 +74,28 @@ impl Neighborhood {
         Self { vertices: neighbors_of_vertices(n, mesh.triangles()), triangles }
     }
 
-    /// The place of the surface nearest to the middle of a vertex's neighbors, facing as they do.
-    fn middle(&self, v: u32, target: &Target<'_>, places: &[Nearest]) -> Result<Nearest, MorphError> {
+    /// The closest facing surface point to the centroid of a vertex's neighbors.
+    fn centroid(&self, v: u32, target: &Target<'_>, places: &[SurfacePoint]) -> Result<SurfacePoint, MorphError> {
         let ring = &self.vertices[v as usize];
         let sum: Vector3<f64> = ring.iter().map(|w| places[*w as usize].point.coords).sum();
         let normal = |w: &u32| target.normal(places[*w as usize].triangle).try_normalize(0.0).unwrap_or_default();
         let facing: Vector3<f64> = ring.iter().map(normal).sum();
-        target.place(&Point3::from(sum / ring.len() as f64), &facing)
+        target.closest_facing(&Point3::from(sum / ring.len() as f64), &facing)
     }
 }
 
-/// Triangles that are folded, and for how many rounds they have been.
+/// Folded triangles with their ages.
 struct Folds {
-    /// Triangles with area on the first surface; others are never folded.
+    /// Non-degenerate triangles of the first surface; others are never folded.
     counts: Vec<bool>,
-    /// Rounds for which each has been folded; 0 where it is not.
+    /// Iterations for which each triangle has been folded; 0 if it is not.
     age: Vec<u32>,
     /// Area of the first surface.
     size: f64,
 }
 
 impl Folds {
-    fn new(mesh: &TriMesh, target: &Target<'_>, places: &[Nearest]) -> Self {
+    fn new(mesh: &TriMesh, target: &Target<'_>, places: &[SurfacePoint]) -> Self {
         let longest =
             |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
         let has_area = |t: usize| mesh.area_normal(t).norm() > 1e-9 * longest(t);
@@ -110,21 +111,21 @@ impl Folds {
         self.age.iter().filter(|a| **a > 0).count()
     }
 
-    /// Rings that the oldest fold draws in.
+    /// Rings around the oldest fold.
     fn rings(&self) -> u32 {
         self.age.iter().max().map_or(0, |age| rings(*age))
     }
 
-    fn is_folded(&self, t: usize, mesh: &TriMesh, target: &Target<'_>, places: &[Nearest]) -> bool {
+    fn is_folded(&self, t: usize, mesh: &TriMesh, target: &Target<'_>, places: &[SurfacePoint]) -> bool {
         let corners = mesh.triangles()[t].map(|v| places[v as usize].point);
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
         let collapsed = is_collapsed(normal.norm() / target.area(), mesh.area_normal(t).norm() / self.size);
-        self.counts[t] && (collapsed || lies_against(&corners, &normal, target))
+        self.counts[t] && (collapsed || is_flipped(&corners, &normal, target))
     }
 
-    /// Vertices of folds, each fold with as many rings around it as it is old, without those that are held; ascending.
-    fn region(&self, mesh: &TriMesh, around: &Neighborhood, held: &[bool]) -> Vec<u32> {
-        // How many more rings each vertex draws in.
+    /// Vertices of folds and of the rings around them, without fixed ones; ascending.
+    fn region(&self, mesh: &TriMesh, around: &Neighborhood, fixed: &[bool]) -> Vec<u32> {
+        // Remaining rings around each vertex.
         let mut reach: Vec<Option<u32>> = vec![None; mesh.vertex_count()];
         let mut levels: Vec<Vec<u32>> = vec![Vec::new(); MAX_RINGS as usize + 1];
         for (t, age) in self.age.iter().enumerate().filter(|(_, a)| **a > 0) {
@@ -143,15 +144,15 @@ impl Folds {
                 }
             }
         }
-        (0..reach.len() as u32).filter(|v| reach[*v as usize].is_some() && !held[*v as usize]).collect()
+        (0..reach.len() as u32).filter(|v| reach[*v as usize].is_some() && !fixed[*v as usize]).collect()
     }
 
-    /// Looks at the triangles of vertices that were moved.
-    fn look_again(
+    /// Updates the triangles of moved vertices.
+    fn update(
         &mut self,
         mesh: &TriMesh,
         target: &Target<'_>,
-        places: &[Nearest],
+        places: &[SurfacePoint],
         around: &Neighborhood,
         moved: &[u32],
     ) {
@@ -166,7 +167,7 @@ impl Folds {
 }
 
 fn rings(age: u32) -> u32 {
-    (age.saturating_sub(1) / PATIENCE).min(MAX_RINGS)
+    (age.saturating_sub(1) / ITERATIONS_PER_RING).min(MAX_RINGS)
 }
 
 #[cfg(test)]
@@ -174,48 +175,48 @@ mod tests {
     use super::*;
     use crate::mesh::shapes;
 
-    /// A ball on itself, with all within `reach` of the pole mirrored there: a fold of many triangles.
-    fn mirrored(ball: &TriMesh, reach: f64) -> Vec<Nearest> {
+    /// A sphere mapped to itself with a mirrored patch at the pole: a fold of many triangles.
+    fn mirrored(ball: &TriMesh, reach: f64) -> Vec<SurfacePoint> {
         let target = Target::new(ball).unwrap();
         let place = |p: &Point3<f64>| {
             let inside = p.z > 0.0 && p.x.hypot(p.y) < reach;
             let q = if inside { Point3::new(-p.x, p.y, p.z) } else { *p };
-            target.place(&q, &q.coords).unwrap()
+            target.closest_facing(&q, &q.coords).unwrap()
         };
         ball.positions().iter().map(place).collect()
     }
 
     #[test]
-    fn a_mirrored_patch_unfolds_and_what_is_held_stays() {
+    fn a_mirrored_patch_unfolds_and_fixed_vertices_stay() {
         let ball = shapes::icosphere(4);
         let target = Target::new(&ball).unwrap();
         for (reach, low) in [(0.12, 0.6), (0.25, 0.6), (0.4, 0.6), (0.7, 0.4), (0.8, 0.3)] {
             let mut places = mirrored(&ball, reach);
             let before = Folds::new(&ball, &target, &places).count();
-            let mut held = vec![false; ball.vertex_count()];
-            let far = (0..held.len()).filter(|v| ball.positions()[*v].z < low);
+            let mut fixed = vec![false; ball.vertex_count()];
+            let far = (0..fixed.len()).filter(|v| ball.positions()[*v].z < low);
             for v in far {
-                held[v] = true;
+                fixed[v] = true;
             }
-            unfold(&ball, &target, &held, &mut places, &Run::default()).unwrap();
+            unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
             assert!(before > 10 && Folds::new(&ball, &target, &places).count() == 0, "{reach}: of {before}");
             for (v, place) in places.iter().enumerate() {
                 assert!(target.nearest(&place.point).unwrap().squared < 1e-20);
-                assert!(!held[v] || (place.point - ball.positions()[v]).norm() < 1e-12);
+                assert!(!fixed[v] || (place.point - ball.positions()[v]).norm() < 1e-12);
             }
         }
     }
 
     #[test]
-    fn what_lies_in_one_point_is_spread_and_a_triangle_without_area_is_no_fold() {
+    fn a_collapsed_patch_is_spread_and_a_degenerate_triangle_is_no_fold() {
         let ball = shapes::icosphere(4);
         let target = Target::new(&ball).unwrap();
         let pole = ball.positions().iter().copied().max_by(|p, q| p.z.total_cmp(&q.z)).unwrap();
         let near = |p: &Point3<f64>| (p - pole).norm() < 0.2;
-        let put = |p: &Point3<f64>| target.place(if near(p) { &pole } else { p }, &p.coords).unwrap();
-        let mut places: Vec<Nearest> = ball.positions().iter().map(put).collect();
-        let held: Vec<bool> = ball.positions().iter().map(|p| p.z < 0.6).collect();
-        unfold(&ball, &target, &held, &mut places, &Run::default()).unwrap();
+        let put = |p: &Point3<f64>| target.closest_facing(if near(p) { &pole } else { p }, &p.coords).unwrap();
+        let mut places: Vec<SurfacePoint> = ball.positions().iter().map(put).collect();
+        let fixed: Vec<bool> = ball.positions().iter().map(|p| p.z < 0.6).collect();
+        unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
         for t in ball.triangles() {
             let [a, b, c] = t.map(|v| places[v as usize].point);
             assert!((b - a).cross(&(c - a)).dot(&a.coords) > 0.0);
@@ -223,19 +224,20 @@ mod tests {
         let mut triangles = ball.triangles().to_vec();
         triangles.push([0, 1, 1]);
         let flat = TriMesh::new(ball.positions().to_vec(), triangles).unwrap();
-        let places: Vec<Nearest> = flat.positions().iter().map(|p| target.place(p, &p.coords).unwrap()).collect();
+        let places: Vec<SurfacePoint> =
+            flat.positions().iter().map(|p| target.closest_facing(p, &p.coords).unwrap()).collect();
         assert_eq!(Folds::new(&flat, &target, &places).count(), 0);
     }
 
     #[test]
-    fn landmarks_that_cross_leave_no_more_folds_than_there_were() {
+    fn crossing_landmarks_do_not_add_folds() {
         let ball = shapes::icosphere(3);
         let target = Target::new(&ball).unwrap();
         let mut places = mirrored(&ball, 0.3);
         let before = Folds::new(&ball, &target, &places).count();
-        let held = vec![true; ball.vertex_count()];
+        let fixed = vec![true; ball.vertex_count()];
         let start = places.clone();
-        unfold(&ball, &target, &held, &mut places, &Run::default()).unwrap();
+        unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
         assert!(before > 0 && places.iter().zip(&start).all(|(a, b)| a.point == b.point));
     }
 }

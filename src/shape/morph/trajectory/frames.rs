@@ -1,8 +1,8 @@
-//! Triangles seen in their own planes: the rotation between two of them, and the one that fits best.
+//! Rotations between triangles, by local frames.
 //!
-//! With `F = [u v n]`, `u` along the first edge and `n` the normal, a triangle is four numbers. Where one goes to another by the
-//! matrix `J` of their planes, `J = R₂ S₂`, the rotation in space is `R = F' R₂ Fᵀ` and leaves the normal a normal. `det J > 0`
-//! always, so that `R₂` is unique:
+//! In the frame `F = [u v n]`, with `u` along the first edge and the normal `n`, a triangle is four numbers. With the map `J = R₂ S₂`
+//! between two triangles in their planes, the rotation in space is `R = F' R₂ Fᵀ` and maps normal to normal. `det J > 0` always,
+//! so that `R₂` is unique:
 //!
 //! ```text
 //! tan φ = (J₁₀ − J₀₁) / (J₀₀ + J₁₁)
@@ -10,8 +10,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
 
-/// A triangle whose doubled area is below this fraction of its longest edge squared has no plane.
-const FLAT: f64 = 1e-12;
+/// Minimum ratio of doubled area and squared longest edge; below it the plane of a triangle is rounding.
+const MIN_RELATIVE_AREA: f64 = 1e-12;
 
 /// A triangle in its own plane.
 #[derive(Clone, Copy, Debug)]
@@ -22,12 +22,12 @@ pub(in crate::morph) struct Frame {
 }
 
 impl Frame {
-    /// The frame of a triangle; `None` where it has no area.
+    /// The frame of a triangle; `None` if it is degenerate.
     pub(in crate::morph) fn new([a, b, c]: &[Point3<f64>; 3]) -> Option<Self> {
         let (e, f) = (b - a, c - a);
         let normal = e.cross(&f);
         let longest = e.norm_squared().max(f.norm_squared()).max((c - b).norm_squared());
-        if !(normal.norm() > FLAT * longest) {
+        if !(normal.norm() > MIN_RELATIVE_AREA * longest) {
             return None;
         }
         let (u, n) = (e.normalize(), normal.normalize());
@@ -39,7 +39,7 @@ impl Frame {
     /// `R` of the polar decomposition of the map from this triangle to another.
     pub(in crate::morph) fn rotation_to(&self, other: &Self) -> Option<UnitQuaternion<f64>> {
         let j = other.edges * self.edges.try_inverse()?;
-        let matrix = Rotation3::from_matrix_unchecked(self.turned(other, &j));
+        let matrix = Rotation3::from_matrix_unchecked(self.lifted(other, &j));
         let mut rotation = UnitQuaternion::from_rotation_matrix(&matrix);
         rotation.renormalize();
         Some(rotation)
@@ -49,11 +49,11 @@ impl Frame {
     pub(in crate::morph) fn best_rotation_to(&self, other: &Self, half: &[f64; 3]) -> Matrix3<f64> {
         let pairs = self.opposite_edges().into_iter().zip(other.opposite_edges()).zip(half);
         let m = pairs.fold(Matrix2::zeros(), |sum, ((e, moved), h)| sum + moved * e.transpose() * *h);
-        self.turned(other, &m)
+        self.lifted(other, &m)
     }
 
-    /// `F' R₂ Fᵀ` with `R₂` the rotation nearest to a matrix of the planes.
-    fn turned(&self, other: &Self, m: &Matrix2<f64>) -> Matrix3<f64> {
+    /// `F' R₂ Fᵀ` with the rotation `R₂` nearest to a matrix in the planes.
+    fn lifted(&self, other: &Self, m: &Matrix2<f64>) -> Matrix3<f64> {
         let (sine, cosine) = (m[(1, 0)] - m[(0, 1)], m[(0, 0)] + m[(1, 1)]);
         let length = sine.hypot(cosine);
         let (s, c) = if length > 0.0 { (sine / length, cosine / length) } else { (0.0, 1.0) };
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turned_triangle_gives_its_turn_and_a_stretched_one_that_of_its_polar_decomposition() {
+    fn the_rotation_of_a_triangle_is_that_of_its_polar_decomposition() {
         let p = [Point3::new(0.1, 0.2, 0.3), Point3::new(1.0, 0.4, -0.2), Point3::new(0.3, 1.5, 0.9)];
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(2.0, -1.0, 1.5));
         let stretch = Matrix3::new(1.4, 0.1, 0.3, 0.1, 0.9, -0.2, 0.3, -0.2, 1.2);
@@ -87,7 +87,7 @@ mod tests {
             if exact {
                 assert!(found.angle_to(&turn) < 1e-7);
             }
-            // What is left after turning back is symmetric in the plane.
+            // The remaining stretch is symmetric in the plane.
             let back: Vec<_> = moved.iter().map(|q| found.inverse() * (q - moved[0])).collect();
             let (e, f) = (p[1] - p[0], p[2] - p[0]);
             let n = e.cross(&f);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_rotation_beats_its_neighbors() {
+    fn the_best_rotation_is_a_local_minimum() {
         let p = [Point3::new(0.0, 0.0, 0.0), Point3::new(1.0, 0.0, 0.0), Point3::new(0.2, 0.8, 0.0)];
         let q = [Point3::new(0.3, 0.0, 0.1), Point3::new(0.9, 0.9, 0.4), Point3::new(-0.6, 0.7, 0.9)];
         let half = [0.2, 0.5, 0.3];

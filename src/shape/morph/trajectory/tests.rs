@@ -31,7 +31,7 @@ fn twisted(angle: f64, bend: f64) -> (TriMesh, TriMesh) {
 }
 
 #[test]
-fn a_turn_is_made_by_turning_however_far_and_about_whatever_axis() {
+fn rotations_by_any_angle_are_interpolated_as_rotations() {
     let mesh = shapes::cactus(10);
     let axis = Vector3::new(0.3, -1.0, 0.6).normalize();
     for (degrees, whole_turns) in [(170.0, 0), (270.0, -1), (20.0, 0), (-170.0, 0), (400.0, 1)] {
@@ -52,7 +52,7 @@ fn a_turn_is_made_by_turning_however_far_and_about_whatever_axis() {
 }
 
 #[test]
-fn both_ends_are_met_exactly_and_nearly_before_them() {
+fn both_poses_are_exact_and_the_path_is_continuous_there() {
     let (first, second) = twisted(2.0, 1.0);
     let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     assert_eq!(trajectory.at(0.0, &Run::default()).expect("a run that never stops"), first.positions());
@@ -64,10 +64,10 @@ fn both_ends_are_met_exactly_and_nearly_before_them() {
 }
 
 #[test]
-fn there_and_back_are_the_same_way() {
+fn the_path_is_symmetric_in_the_two_poses() {
     for (first, second) in [twisted(2.0, 1.5), twisted(4.5, 0.0)] {
-        for rounds in [0, 10] {
-            let options = TrajectoryOptions { rounds, ..Default::default() };
+        for iterations in [0, 10] {
+            let options = TrajectoryOptions { iterations, ..Default::default() };
             let mut there = Trajectory::new(&first, &second, &options, &Run::default()).unwrap();
             let mut back = Trajectory::new(&second, &first, &options, &Run::default()).unwrap();
             for time in [0.1, 0.37, 0.5, 0.8] {
@@ -75,20 +75,21 @@ fn there_and_back_are_the_same_way() {
                     &there.at(time, &Run::default()).expect("a run that never stops"),
                     &back.at(1.0 - time, &Run::default()).expect("a run that never stops"),
                 );
-                assert!(error < 1e-9 * first.diagonal(), "{rounds} rounds, {time}: {error}");
+                assert!(error < 1e-9 * first.diagonal(), "{iterations} iterations, {time}: {error}");
             }
         }
     }
 }
 
 #[test]
-fn a_bar_twisted_by_a_turn_and_a_half_is_half_as_twisted_on_half_the_way() {
+fn a_bar_twisted_by_540_degrees_is_half_as_twisted_at_half_time() {
     let (first, second) = twisted(3.0 * PI, 0.0);
     let mut trajectory =
-        Trajectory::new(&first, &second, &TrajectoryOptions { rounds: 0, whole_turns: 0 }, &Run::default()).unwrap();
+        Trajectory::new(&first, &second, &TrajectoryOptions { iterations: 0, whole_turns: 0 }, &Run::default())
+            .unwrap();
     let middle = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
     let linear = trajectory.linear(0.5);
-    // The bar that is twisted half as much, wherever it stands.
+    // The bar with half the twist, up to a rigid motion.
     let half = twisted(1.5 * PI, 0.0).1;
     let apart = |x: &[Point3<f64>]| {
         let (map, _) = nearest_similarity(half.positions(), x, &vec![1.0; x.len()], false);
@@ -100,17 +101,17 @@ fn a_bar_twisted_by_a_turn_and_a_half_is_half_as_twisted_on_half_the_way() {
 }
 
 #[test]
-fn each_round_brings_both_ends_nearer() {
+fn the_energy_decreases_with_the_iterations() {
     let (first, second) = twisted(2.5, 2.0);
     for time in [0.3, 0.5] {
         let mut last = f64::INFINITY;
-        for rounds in [0, 1, 2, 5, 20, 60] {
+        for iterations in [0, 1, 2, 5, 20, 60] {
             let mut trajectory =
-                Trajectory::new(&first, &second, &TrajectoryOptions { rounds, whole_turns: 0 }, &Run::default())
+                Trajectory::new(&first, &second, &TrajectoryOptions { iterations, whole_turns: 0 }, &Run::default())
                     .unwrap();
             let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
             let energy = trajectory.energy(time, &x);
-            assert!(energy <= last * (1.0 + 1e-12), "{rounds}: {energy} after {last}");
+            assert!(energy <= last * (1.0 + 1e-12), "{iterations}: {energy} after {last}");
             assert!(energy < trajectory.energy(time, &trajectory.linear(time)));
             last = energy;
         }
@@ -118,7 +119,7 @@ fn each_round_brings_both_ends_nearer() {
 }
 
 #[test]
-fn where_all_vertices_have_one_time_a_blend_is_the_morph() {
+fn a_blend_with_equal_times_is_the_interpolation() {
     let (first, second) = twisted(1.0, 2.0);
     let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     for time in [0.0, 0.3, 1.0] {
@@ -130,7 +131,7 @@ fn where_all_vertices_have_one_time_a_blend_is_the_morph() {
 }
 
 #[test]
-fn pieces_and_vertices_alone_go_along_and_flat_triangles_do_no_harm() {
+fn components_and_unreferenced_vertices_are_interpolated_and_degenerate_triangles_harmless() {
     let pair = shapes::disjoint(&[shapes::icosphere(1), shapes::bar([2, 2, 2], [1.0, 1.0, 1.0])]);
     let mut positions = pair.positions().to_vec();
     positions.push(Point3::new(5.0, 5.0, 5.0));
@@ -146,7 +147,7 @@ fn pieces_and_vertices_alone_go_along_and_flat_triangles_do_no_harm() {
 }
 
 #[test]
-fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
+fn meshes_with_other_connectivity_are_rejected() {
     let mesh = shapes::icosphere(1);
     let other = shapes::icosphere(2);
     let refused =
@@ -163,7 +164,7 @@ fn meshes_that_are_not_two_poses_of_one_are_told_apart() {
 }
 
 #[test]
-fn a_shape_is_never_pushed_deeper_into_itself() {
+fn untangling_never_adds_intersections() {
     let bar = shapes::bar([30, 2, 8], [6.0, 0.3, 1.5]);
     let bent = |angle: f64| {
         let place = |p: &Point3<f64>| {
@@ -200,16 +201,16 @@ fn a_shape_is_never_pushed_deeper_into_itself() {
 }
 
 #[test]
-fn the_center_goes_its_way_and_improvement_turns_nothing_as_a_whole() {
+fn iterations_keep_the_centroid_and_the_global_rotation() {
     let (first, second) = twisted(2.0, 1.5);
     let carried = second.positions().iter().map(|p| p + Vector3::new(7.0, -2.0, 1.0)).collect();
     let second = second.with_positions(carried).unwrap();
-    let shape = |rounds: usize, time: f64| {
-        let options = TrajectoryOptions { rounds, whole_turns: 0 };
+    let shape = |iterations: usize, time: f64| {
+        let options = TrajectoryOptions { iterations, whole_turns: 0 };
         let mut trajectory = Trajectory::new(&first, &second, &options, &Run::default()).unwrap();
         let wanted = centroid(&trajectory.guess(&vec![time; first.vertex_count()]), &trajectory.weights);
         let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
-        assert!((centroid(&x, &trajectory.weights) - wanted).norm() < 1e-12, "{rounds} rounds, {time}");
+        assert!((centroid(&x, &trajectory.weights) - wanted).norm() < 1e-12, "{iterations} iterations, {time}");
         (x, trajectory.weights)
     };
     for time in [0.2, 0.5, 0.7] {

@@ -1,14 +1,14 @@
 //! Cells and their rotations: the local step.
 //!
-//! A cell is a set of weighted edges that turn together. Its covariance is linear in the positions, its pull on the global
-//! system linear in its rotation, and both by the same vectors `c_ij`:
+//! A cell is a set of weighted edges with a common rotation. Its covariance is linear in the positions, its contribution to the
+//! right-hand side of the global step linear in its rotation, both through the same vectors `c_ij`:
 //!
 //! ```text
 //! Sᵢ = Σⱼ c_ij (xⱼ − xᵢ)ᵀ,     b = Σᵢ Σⱼ Rᵢ c_ij (δⱼ − δᵢ),     Σᵢ tr(Rᵢ Sᵢ) = b · x
 //!
 //! spokes             c_ij = w_ij (pⱼ − pᵢ)
 //! spokes and rims    c_ij = ⅓ Σ_{t ∋ i, j} gⱼᵗ        gₖᵗ = Σ_{l ∈ t} h_kl (pₖ − p_l),   h the half cotangents of t
-//! elements           c_tk = gₖᵗ                       (the cell is a triangle, seen from its first corner)
+//! elements           c_tk = gₖᵗ                       (the cell is a triangle, relative to its first corner)
 //! ```
 //!
 //! One pass over the cells gathers `S`, fits `R` to it and scatters `R c`, four cells at a time.
@@ -20,22 +20,22 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 use super::smoothness::Smoothness;
 use crate::mesh::operators::Cotangents;
 use crate::surface::lanes::{self, Kernel, LANES, Lanes};
-use crate::surface::rotation_fit::{Covariances, Turns, fit, matrices, product};
+use crate::surface::rotation_fit::{Covariances, Quaternions, fit, matrices, product};
 
-/// Which edges turn together.
+/// The edges with a common rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::surface) enum CellKind {
-    /// The edges at a vertex (Sorkine & Alexa 2007). Not bounded below where weights are negative.
+    /// The edges at a vertex (Sorkine & Alexa 2007). Not bounded below with negative weights.
     Spokes,
-    /// All edges of the triangles around a vertex (Chao, Pinkall, Sanan, Schröder 2010): never negative.
+    /// All edges of the triangles around a vertex (Chao, Pinkall, Sanan, Schröder 2010): non-negative.
     #[default]
     SpokesAndRims,
-    /// The edges of one triangle: no resistance to bending, only to stretching.
+    /// The edges of one triangle: resists stretching, not bending.
     Elements,
 }
 
 impl CellKind {
-    /// The factor of the Laplacian in the energy: how many cells the parts `h_e |e|²` of an edge come to.
+    /// The factor `q` of the Laplacian in the energy: the number of cells that each term `h_e |e|²` counts for.
     pub(super) fn laplacians(self) -> f64 {
         match self {
             Self::Spokes => 2.0,
@@ -51,21 +51,21 @@ struct Spoke {
     vertex: u32,
 }
 
-/// All cells of a surface at rest, and the rotation last fitted to each.
+/// All cells of a rest shape, with the rotation last fitted to each.
 #[derive(Clone, Debug)]
 pub(in crate::surface) struct Cells {
-    /// Spokes of cell `i`: `spokes[starts[i]..starts[i + 1]]`; empty cells fill up the last group.
+    /// Spokes of cell `i`: `spokes[starts[i]..starts[i + 1]]`; empty cells pad the last group.
     starts: Vec<u32>,
     centers: Vec<u32>,
     spokes: Vec<Spoke>,
-    turns: Vec<Turns>,
+    rotations: Vec<Quaternions>,
 }
 
-const IDENTITY: Turns = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0)];
+const IDENTITY: Quaternions = [Lanes::ZERO, Lanes::ZERO, Lanes::ZERO, Lanes::splat(1.0)];
 
 impl Cells {
-    /// Cells of a surface whose vertices rest at `rest`. Of cells at vertices a share of `bending`, and for the rest of it
-    /// triangles beside them.
+    /// The cells of the rest positions `rest`. Vertex cells are weighted by `bending` and complemented by triangle cells with the
+    /// remaining weight.
     pub(in crate::surface) fn new(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents, bending: f64) -> Self {
         let (mut starts, mut centers, mut spokes) = match kind {
             CellKind::Elements => element_cells(rest, cotangents),
@@ -83,72 +83,72 @@ impl Cells {
         let groups = centers.len().div_ceil(LANES);
         starts.resize(groups * LANES + 1, spokes.len() as u32);
         centers.resize(groups * LANES, 0);
-        Self { starts, centers, spokes, turns: vec![IDENTITY; groups] }
+        Self { starts, centers, spokes, rotations: vec![IDENTITY; groups] }
     }
 
-    /// Fits all rotations to `x`, starting from the last ones, and writes the pull `b` of the fitted cells (one entry per
+    /// Fits all rotations to `x`, from the previous ones, and writes the right-hand side `b` of the fitted cells (one entry per
     /// vertex). Returns `Σ tr(R S) = b · x`.
     pub(in crate::surface) fn fit(&mut self, x: &[Lanes], b: &mut [Lanes]) -> f64 {
         b.fill(Lanes::ZERO);
         lanes::run(LocalStep { cells: self, x, b })
     }
 
-    /// Fits all rotations to `x` and to their neighbors' last ones, and writes the pull.
+    /// Fits all rotations to `x` and to the previous rotations of their neighbors, and writes the right-hand side.
     pub(super) fn fit_smoothly(&mut self, smoothness: &Smoothness, x: &[Lanes], b: &mut [Lanes]) {
-        let last = self.turn_matrices(smoothness.len());
-        for group in 0..self.turns.len() {
+        let last = self.rotation_matrices(smoothness.len());
+        for group in 0..self.rotations.len() {
             let mut s = self.covariances(group, x);
             for lane in 0..LANES.min(smoothness.len().saturating_sub(LANES * group)) {
-                let pull = smoothness.pull(LANES * group + lane, &last);
+                let coupling = smoothness.coupling(LANES * group + lane, &last);
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                    s[r][c].0[lane] += pull[(c, r)];
+                    s[r][c].0[lane] += coupling[(c, r)];
                 }
             }
-            fit(&s, &mut self.turns[group]);
+            fit(&s, &mut self.rotations[group]);
         }
-        self.pull(b);
+        self.right_hand_side(b);
     }
 
-    /// Matrices of the first rotations.
-    pub(super) fn turn_matrices(&self, cells: usize) -> Vec<Matrix3<f64>> {
-        (0..cells).map(|cell| self.turn(cell).to_rotation_matrix().into_inner()).collect()
+    /// Matrices of the rotations of the first cells.
+    pub(super) fn rotation_matrices(&self, cells: usize) -> Vec<Matrix3<f64>> {
+        (0..cells).map(|cell| self.rotation(cell).to_rotation_matrix().into_inner()).collect()
     }
 
-    /// Writes the pull of the rotations as they are.
-    pub(super) fn pull(&self, b: &mut [Lanes]) {
+    /// Writes the right-hand side of the current rotations.
+    pub(super) fn right_hand_side(&self, b: &mut [Lanes]) {
         b.fill(Lanes::ZERO);
-        for (group, turns) in self.turns.iter().enumerate() {
-            self.scatter(group, &matrices(turns), b);
+        for (group, rotations) in self.rotations.iter().enumerate() {
+            self.scatter(group, &matrices(rotations), b);
         }
     }
 
     /// Inverses of the moments of inertia of the cells at rest, `(tr C I − C)⁻¹` with `C = Σ w e eᵀ`.
     pub(super) fn inertia(&self, rest: &[Lanes]) -> Vec<Inertia> {
-        (0..self.turns.len()).map(|group| inverse_inertia(&self.covariances(group, rest))).collect()
+        (0..self.rotations.len()).map(|group| inverse_inertia(&self.covariances(group, rest))).collect()
     }
 
-    /// Subtracts from `y` how the pull changes when `x` moves by `p` and the cells turn along as if they were rigid:
+    /// Subtracts from `y` the change of the right-hand side when `x` moves by `p` and the cells rotate with it as rigid bodies:
     /// `R [ω]ₓ c` with `ω = (tr C I − C)⁻¹ Σ c × Rᵀ(pⱼ − pᵢ)`.
-    pub(super) fn subtract_turning(&self, inertia: &[Inertia], p: &[Lanes], y: &mut [Lanes]) {
-        lanes::run(Turning { cells: self, inertia, p, y });
+    pub(super) fn subtract_rotation_term(&self, inertia: &[Inertia], p: &[Lanes], y: &mut [Lanes]) {
+        lanes::run(RotationTerm { cells: self, inertia, p, y });
     }
 
-    /// Rotation of a cell.
-    pub(in crate::surface) fn turn(&self, cell: usize) -> UnitQuaternion<f64> {
-        let [i, j, k, w] = self.turns[cell / LANES].map(|q| q.0[cell % LANES]);
+    /// The rotation of a cell.
+    pub(in crate::surface) fn rotation(&self, cell: usize) -> UnitQuaternion<f64> {
+        let [i, j, k, w] = self.rotations[cell / LANES].map(|q| q.0[cell % LANES]);
         UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
     }
 
     /// Sets the rotation of a cell.
-    pub(super) fn set_turn(&mut self, cell: usize, turn: &UnitQuaternion<f64>) {
-        for (k, lanes) in self.turns[cell / LANES].iter_mut().enumerate() {
-            lanes.0[cell % LANES] = turn.coords[k];
+    pub(super) fn set_rotation(&mut self, cell: usize, rotation: &UnitQuaternion<f64>) {
+        for (k, lanes) in self.rotations[cell / LANES].iter_mut().enumerate() {
+            lanes.0[cell % LANES] = rotation.coords[k];
         }
     }
 
-    /// Forgets all rotations.
+    /// Resets all rotations to the identity.
     pub(super) fn reset(&mut self) {
-        self.turns.fill(IDENTITY);
+        self.rotations.fill(IDENTITY);
     }
 
     #[inline(always)]
@@ -173,7 +173,7 @@ impl Cells {
         std::array::from_fn(|r| std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| s[lane][r].0[c]))))
     }
 
-    /// Adds the pull `R c` of four cells.
+    /// Adds the terms `R c` of four cells.
     #[inline(always)]
     fn scatter(&self, group: usize, r: &Covariances, b: &mut [Lanes]) {
         for lane in 0..LANES {
@@ -183,9 +183,9 @@ impl Cells {
             let mut sum = Lanes::ZERO;
             for spoke in self.spokes_of(cell) {
                 let [x, y, z] = spoke.c.map(Lanes::splat);
-                let pull = columns[0] * x + columns[1] * y + columns[2] * z;
-                b[spoke.vertex as usize] += pull;
-                sum += pull;
+                let term = columns[0] * x + columns[1] * y + columns[2] * z;
+                b[spoke.vertex as usize] += term;
+                sum += term;
             }
             b[self.centers[cell] as usize] -= sum;
         }
@@ -204,12 +204,12 @@ impl Kernel for LocalStep<'_> {
     #[inline(always)]
     fn run(self) -> f64 {
         let mut traces = Lanes::ZERO;
-        for group in 0..self.cells.turns.len() {
+        for group in 0..self.cells.rotations.len() {
             let s = self.cells.covariances(group, self.x);
-            let mut turns = self.cells.turns[group];
-            traces += fit(&s, &mut turns);
-            self.cells.turns[group] = turns;
-            self.cells.scatter(group, &matrices(&turns), self.b);
+            let mut rotations = self.cells.rotations[group];
+            traces += fit(&s, &mut rotations);
+            self.cells.rotations[group] = rotations;
+            self.cells.scatter(group, &matrices(&rotations), self.b);
         }
         traces.dot(Lanes::splat(1.0))
     }
@@ -218,7 +218,7 @@ impl Kernel for LocalStep<'_> {
 /// Four symmetric matrices: `xx, yy, zz, xy, xz, yz`.
 pub(super) type Inertia = [Lanes; 6];
 
-/// A moment of inertia about an axis is at least this fraction of the largest: a cell that is a line, or nothing, has none.
+/// Minimum moment of inertia as a fraction of the largest: that of a collinear cell vanishes about its line.
 const MIN_INERTIA: f64 = 1e-9;
 
 fn inverse_inertia(c: &Covariances) -> Inertia {
@@ -238,20 +238,20 @@ fn inverse_inertia(c: &Covariances) -> Inertia {
     inverse
 }
 
-struct Turning<'a> {
+struct RotationTerm<'a> {
     cells: &'a Cells,
     inertia: &'a [Inertia],
     p: &'a [Lanes],
     y: &'a mut [Lanes],
 }
 
-impl Kernel for Turning<'_> {
+impl Kernel for RotationTerm<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         for (group, [xx, yy, zz, xy, xz, yz]) in self.inertia.iter().enumerate() {
-            let r = matrices(&self.cells.turns[group]);
+            let r = matrices(&self.cells.rotations[group]);
             // M = δS R = Σ c (Rᵀ d)ᵀ
             let m = product(&self.cells.covariances(group, self.p), &r);
             let a = [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]];
@@ -261,38 +261,39 @@ impl Kernel for Turning<'_> {
                 *xz * a[0] + *yz * a[1] + *zz * a[2],
             ];
             // −R [ω]ₓ: each row of R crossed with ω, since rᵀ(ω × c) = (r × ω)ᵀ c.
-            let turned = r.map(|[x, y, z]| {
+            let rotated = r.map(|[x, y, z]| {
                 [z * omega[1] - y * omega[2], x * omega[2] - z * omega[0], y * omega[0] - x * omega[1]]
             });
-            self.cells.scatter(group, &turned, self.y);
+            self.cells.scatter(group, &rotated, self.y);
         }
     }
 }
 
 /// `gₖ = Σ_l h_kl (pₖ − p_l)` of a triangle's corners.
-fn pulls(rest: &[Lanes], v: &[u32; 3], h: &[f64; 3]) -> [[f64; 3]; 3] {
+fn corner_gradients(rest: &[Lanes], v: &[u32; 3], h: &[f64; 3]) -> [[f64; 3]; 3] {
     let edge =
         |k: usize, l: usize, opposite: usize| (rest[v[k] as usize] - rest[v[l] as usize]) * Lanes::splat(h[opposite]);
     let (ab, bc, ca) = (edge(0, 1, 2), edge(1, 2, 0), edge(2, 0, 1));
     [(ab - ca).xyz(), (bc - ab).xyz(), (ca - bc).xyz()]
 }
 
-type Parts = (Vec<u32>, Vec<u32>, Vec<Spoke>);
+/// Starts, centers and spokes of cells.
+type CellLists = (Vec<u32>, Vec<u32>, Vec<Spoke>);
 
-fn element_cells(rest: &[Lanes], cotangents: &Cotangents) -> Parts {
+fn element_cells(rest: &[Lanes], cotangents: &Cotangents) -> CellLists {
     let triangles = cotangents.triangles();
     let spokes = triangles.iter().zip(cotangents.half()).flat_map(|(v, h)| {
-        let [_, second, third] = pulls(rest, v, h);
+        let [_, second, third] = corner_gradients(rest, v, h);
         [Spoke { c: second, vertex: v[1] }, Spoke { c: third, vertex: v[2] }]
     });
     let starts = (0..=triangles.len()).map(|t| 2 * t as u32).collect();
     (starts, triangles.iter().map(|v| v[0]).collect(), spokes.collect())
 }
 
-fn vertex_cells(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Parts {
+fn vertex_cells(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> CellLists {
     let vertices = rest.len();
     let triangles = || cotangents.triangles().iter().zip(cotangents.half());
-    // Every triangle gives each of its corners two spokes; those of the same edge are merged.
+    // Every triangle contributes two spokes per corner; those of the same edge are merged.
     let mut starts = vec![0_u32; vertices + 1];
     triangles().flat_map(|(v, _)| v).for_each(|&v| starts[v as usize + 1] += 2);
     for v in 0..vertices {
@@ -305,7 +306,7 @@ fn vertex_cells(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> Part
         next[center as usize] += 1;
     };
     for (v, h) in triangles() {
-        let g = pulls(rest, v, h);
+        let g = corner_gradients(rest, v, h);
         for i in 0..3 {
             let [j, k] = [(i + 1) % 3, (i + 2) % 3];
             for (other, weight) in [(j, h[k]), (k, h[j])] {

@@ -1,4 +1,4 @@
-//! Steps along directions of descent, each as long as the energy allows: what quasi-Newton and Gauss–Newton share.
+//! Descent with a line search, for quasi-Newton and Gauss–Newton directions.
 
 use super::super::Stop;
 use super::super::lanes::Lanes;
@@ -6,28 +6,28 @@ use super::elastic::{Elastic, dot};
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::{Run, Stopped};
 
-/// The decrease must be at least this fraction of what the slope promises (Armijo). Small, as usual: it only rules out steps
-/// that gain nothing.
-const ENOUGH: f64 = 1e-4;
+/// Sufficient decrease as a fraction of that predicted by the slope (Armijo). Small, as usual: it only rejects steps without
+/// gain.
+const ARMIJO: f64 = 1e-4;
 
-/// Trials of one direction. The last is at most 1/1000 of the first where the energy curves hardest.
-const TRIALS: usize = 6;
+/// Maximum trial steps of one direction. Each is 0.1 to 0.5 of the previous one, so that the last is 10⁻⁵ to 0.03 of the first.
+const MAX_TRIALS: usize = 6;
 
-/// Where to go.
+/// Search directions.
 pub(super) trait Directions {
-    /// Writes a direction of descent for the slope `g` (half the gradient at the unknowns) to `p`.
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped>;
+    /// Writes a descent direction for the slope `g` (half the gradient at the unknowns) to `p`.
+    fn direction(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped>;
 
-    /// Hears of a step `t p` that took the slope from `g` to `next`.
-    fn learn(&mut self, _t: f64, _p: &[Lanes], _g: &[Lanes], _next: &[Lanes]) {}
+    /// Called after a step `t p` that changed the slope from `g` to `next`.
+    fn update(&mut self, _t: f64, _p: &[Lanes], _g: &[Lanes], _next: &[Lanes]) {}
 
-    /// Hears that no step along the last direction lowers the energy; says whether it knows another one.
-    fn give_way(&mut self) -> bool {
+    /// Called when no step along the last direction decreases the energy; true if there is another direction.
+    fn restart(&mut self) -> bool {
         false
     }
 }
 
-/// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
+/// Minimizes from `x`, with hard constraints at their targets; returns the energies of the initial guess and after each iteration.
 pub(super) fn descend(
     elastic: &mut Elastic,
     directions: &mut impl Directions,
@@ -42,19 +42,19 @@ pub(super) fn descend(
     let mut energies = vec![elastic.slope(x, targets, &mut work, &mut g)];
     while energies.len() <= convergence.max_iterations {
         run.step((energies.len() - 1) as f64 / convergence.max_iterations as f64)?;
-        directions.choose(elastic, &g, &mut p, run)?;
+        directions.direction(elastic, &g, &mut p, run)?;
         let before = energies[energies.len() - 1];
         let descent = -dot(&p, &g);
         let scratch = (&mut trial[..], &mut work[..], &mut next[..]);
         let Some((t, energy)) = search(elastic, targets, (x, &p), (before, descent), scratch) else {
-            if directions.give_way() {
+            if directions.restart() {
                 continue;
             }
-            // All digits are used up. Rotations are fitted to where it stays.
+            // The decrease is below rounding. Fit the rotations to the current positions.
             elastic.slope(x, targets, &mut work, &mut g);
             return Ok((energies, Stop::Converged));
         };
-        directions.learn(t, &p, &g, &next);
+        directions.update(t, &p, &g, &next);
         x.copy_from_slice(&trial);
         std::mem::swap(&mut g, &mut next);
         energies.push(energy);
@@ -62,11 +62,11 @@ pub(super) fn descend(
             return Ok((energies, Stop::Converged));
         }
     }
-    Ok((energies, Stop::IterationsUsedUp))
+    Ok((energies, Stop::IterationLimit))
 }
 
-/// Tries `trial = x + t p` for `t` = 1 and then for minimizers of parabolas, until the energy has fallen enough below
-/// `before`; `descent = −gᵀp > 0`. Returns `t` and the energy, and leaves the slope there in `g`. None where no trial did.
+/// Tries `trial = x + t p` for `t` = 1 and then for minimizers of parabolas, until the energy has decreased
+/// sufficiently from `before`; `descent = −gᵀp > 0`. Returns `t` and the energy, with the slope in `g`; `None` if no trial did.
 fn search(
     elastic: &mut Elastic,
     targets: &[Lanes],
@@ -75,11 +75,11 @@ fn search(
     (trial, work, g): (&mut [Lanes], &mut [Lanes], &mut [Lanes]),
 ) -> Option<(f64, f64)> {
     let mut t = 1.0;
-    for _ in 0..TRIALS {
+    for _ in 0..MAX_TRIALS {
         elastic.moved(x, t, p, trial);
         let energy = elastic.slope(trial, targets, work, g);
         // The gradient is 2 g.
-        if energy <= before - 2.0 * ENOUGH * t * descent {
+        if energy <= before - 2.0 * ARMIJO * t * descent {
             return Some((t, energy));
         }
         let parabola = descent * t * t / (energy - before + 2.0 * descent * t);

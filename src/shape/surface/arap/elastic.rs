@@ -1,4 +1,4 @@
-//! The energy, its slope and the global step: what the solvers share.
+//! The ARAP energy, its slope and the global step, shared by the solvers.
 
 #![allow(clippy::inline_always)] // A kernel is compiled for wide registers only as far as it is inlined.
 
@@ -14,7 +14,7 @@ use super::smoothness::Smoothness;
 use crate::mesh::operators::{Cotangents, EdgeWeights};
 use plumbline_num::run::Run;
 
-/// The elastic energy of a surface at rest with handles on it.
+/// The elastic energy of a rest shape with handles.
 #[derive(Debug)]
 pub(in crate::surface) struct Elastic {
     pub(in crate::surface) kind: CellKind,
@@ -22,11 +22,11 @@ pub(in crate::surface) struct Elastic {
     pub(in crate::surface) weights: EdgeWeights,
     pub(in crate::surface) cells: Cells,
     pub(in crate::surface) system: HeldLaplacian,
-    /// Share of the cells at vertices in the energy; the rest are triangles.
+    /// Weight of the vertex cells in the energy; triangle cells have the remaining weight.
     bending: f64,
-    /// `Σ_c Σ_e h_e |e|²`: the part of the energy that does not depend on `x`.
-    pub(in crate::surface) at_rest: f64,
-    /// Coupling of the rotations; only the local–global iteration knows it.
+    /// `Σ_c Σ_e h_e |e|²`: the constant term of the energy.
+    pub(in crate::surface) constant: f64,
+    /// Coupling of the rotations, supported by the local/global iteration only.
     pub(in crate::surface) smoothness: Option<Smoothness>,
 }
 
@@ -42,22 +42,22 @@ impl Elastic {
         let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
         let system = HeldLaplacian::new(&weights, kind.laplacians(), held, run)?;
         let cells = Cells::new(kind, rest, &cotangents, bending);
-        let mut this = Self { kind, cotangents, weights, cells, system, bending, at_rest: 0.0, smoothness: None };
-        this.at_rest = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);
+        let mut this = Self { kind, cotangents, weights, cells, system, bending, constant: 0.0, smoothness: None };
+        this.constant = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);
         Ok(this)
     }
 
-    /// Fits the rotations to `x` and writes the pull of the cells; returns the energy.
+    /// Fits the rotations to `x` and writes the right-hand side of the cells; returns the energy.
     pub(in crate::surface) fn fit(&mut self, x: &[Lanes], targets: &[Lanes], b: &mut [Lanes]) -> f64 {
         let (traces, coupling) = match &self.smoothness {
             None => (self.cells.fit(x, b), 0.0),
             Some(smoothness) => {
                 self.cells.fit_smoothly(smoothness, x, b);
-                (dot(b, x), smoothness.energy(&self.cells.turn_matrices(smoothness.len())))
+                (dot(b, x), smoothness.energy(&self.cells.rotation_matrices(smoothness.len())))
             }
         };
         let stretch = self.kind.laplacians() * dirichlet(&self.weights, x);
-        stretch + self.at_rest - 2.0 * traces + coupling + self.system.soft_energy(x, targets)
+        stretch + self.constant - 2.0 * traces + coupling + self.system.soft_energy(x, targets)
     }
 
     /// Fits the rotations to `x` and writes half the gradient at the unknowns; returns the energy. `work` is scratch of one
@@ -76,10 +76,10 @@ impl Elastic {
         let stretch = self.add_laplacian(x, work);
         self.gather(work, g);
         self.system.add_soft(x, targets, g);
-        stretch + self.at_rest - 2.0 * traces + self.system.soft_energy(x, targets)
+        stretch + self.constant - 2.0 * traces + self.system.soft_energy(x, targets)
     }
 
-    /// Entries of the unknowns among those of the vertices.
+    /// Copies the entries of the unknowns from those of the vertices.
     pub(in crate::surface) fn gather(&self, from: &[Lanes], to: &mut [Lanes]) {
         to.iter_mut().zip(self.system.free()).for_each(|(to, &v)| *to = from[v as usize]);
     }
@@ -91,22 +91,22 @@ impl Elastic {
     }
 
     /// Sets the rotations of the cells from those of the vertices.
-    pub(in crate::surface) fn turn_cells(&mut self, turns: &[UnitQuaternion<f64>]) {
-        let vertices = if self.kind == CellKind::Elements { 0 } else { turns.len() };
-        turns[..vertices].iter().enumerate().for_each(|(v, turn)| self.cells.set_turn(v, turn));
+    pub(in crate::surface) fn set_rotations(&mut self, rotations: &[UnitQuaternion<f64>]) {
+        let vertices = if self.kind == CellKind::Elements { 0 } else { rotations.len() };
+        rotations[..vertices].iter().enumerate().for_each(|(v, q)| self.cells.set_rotation(v, q));
         if self.kind == CellKind::Elements || self.bending < 1.0 {
             for (t, v) in self.cotangents.triangles().iter().enumerate() {
-                self.cells.set_turn(vertices + t, &mean(v.map(|v| turns[v as usize])));
+                self.cells.set_rotation(vertices + t, &mean(v.map(|v| rotations[v as usize])));
             }
         }
     }
 
-    /// One global step: the surface that follows the rotations of the cells as they are.
-    pub(in crate::surface) fn follow(&mut self, bound: &Bound, targets: &[Lanes]) -> Vec<Lanes> {
+    /// The global step: the minimizer for the current rotations.
+    pub(in crate::surface) fn global_step(&mut self, bound: &Bound, targets: &[Lanes]) -> Vec<Lanes> {
         let mut x = vec![Lanes::ZERO; bound.rest.len()];
         bound.impose(targets, &mut x);
         let mut b = x.clone();
-        self.cells.pull(&mut b);
+        self.cells.right_hand_side(&mut b);
         let pull = self.system.pull(&x, targets);
         self.system.solve(&b, &pull, &mut x);
         x
@@ -117,23 +117,23 @@ impl Elastic {
         lanes::run(AddLaplacian { weights: &self.weights, q: self.kind.laplacians(), x, y })
     }
 
-    /// The energy as it is defined, edge by edge, for the rotations last fitted: exact where it is tiny.
-    pub(in crate::surface) fn defined(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
+    /// The energy summed edge by edge for the current rotations: without cancellation, hence exact where it is small.
+    pub(in crate::surface) fn exact_energy(&self, rest: &[Lanes], x: &[Lanes]) -> f64 {
         let vector = |v: &[Lanes], i: u32, j: u32| Vector3::from((v[j as usize] - v[i as usize]).xyz());
-        let coupling = |s: &Smoothness| s.energy(&self.cells.turn_matrices(s.len()));
+        let coupling = |s: &Smoothness| s.energy(&self.cells.rotation_matrices(s.len()));
         let mut energy = self.smoothness.as_ref().map_or(0.0, coupling);
         let mixed = self.kind != CellKind::Elements && self.bending < 1.0;
         for (t, edges) in self.cotangents.edges().enumerate() {
             let corners = self.cotangents.triangles()[t];
             for (i, j, h) in edges {
                 let (now, rest_edge) = (vector(x, i, j), vector(rest, i, j));
-                let misfit = |cell: usize| (now - self.cells.turn(cell) * rest_edge).norm_squared();
+                let residual = |cell: usize| (now - self.cells.rotation(cell) * rest_edge).norm_squared();
                 let own = match self.kind {
-                    CellKind::Spokes => misfit(i as usize) + misfit(j as usize),
-                    CellKind::SpokesAndRims => corners.iter().map(|&v| misfit(v as usize)).sum::<f64>() / 3.0,
-                    CellKind::Elements => misfit(t),
+                    CellKind::Spokes => residual(i as usize) + residual(j as usize),
+                    CellKind::SpokesAndRims => corners.iter().map(|&v| residual(v as usize)).sum::<f64>() / 3.0,
+                    CellKind::Elements => residual(t),
                 };
-                let of_triangle = if mixed { self.kind.laplacians() * misfit(rest.len() + t) } else { own };
+                let of_triangle = if mixed { self.kind.laplacians() * residual(rest.len() + t) } else { own };
                 energy += h * (self.bending * own + (1.0 - self.bending) * of_triangle);
             }
         }
@@ -167,11 +167,11 @@ impl Kernel for AddLaplacian<'_> {
 
 /// `Σ_ij w_ij |xᵢ − xⱼ|²`.
 fn dirichlet(weights: &EdgeWeights, x: &[Lanes]) -> f64 {
-    let part = |(i, j, w): (usize, usize, f64)| {
+    let term = |(i, j, w): (usize, usize, f64)| {
         let d = x[i] - x[j];
         Lanes::splat(w) * d * d
     };
-    weights.iter().map(part).fold(Lanes::ZERO, |sum, d| sum + d).dot(Lanes::splat(1.0))
+    weights.iter().map(term).fold(Lanes::ZERO, |sum, d| sum + d).dot(Lanes::splat(1.0))
 }
 
 /// `aᵀ b`, over all coordinates.
@@ -186,9 +186,10 @@ pub(in crate::surface) fn add(a: &mut [Lanes], t: f64, b: &[Lanes]) {
     a.iter_mut().zip(b).for_each(|(a, &b)| *a += t * b);
 }
 
-/// A rotation between three.
-fn mean(turns: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
-    let first = turns[0].coords;
-    let sum = turns.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
+/// The normalized mean of three quaternions.
+fn mean(rotations: [UnitQuaternion<f64>; 3]) -> UnitQuaternion<f64> {
+    let first = rotations[0].coords;
+    let sum =
+        rotations.iter().fold(nalgebra::Vector4::zeros(), |sum, q| sum + q.coords * first.dot(&q.coords).signum());
     UnitQuaternion::new_normalize(Quaternion::from_vector(sum))
 }

@@ -1,4 +1,4 @@
-//! Gauss–Newton: positions and rotations move together.
+//! Gauss–Newton on positions and rotations together.
 //!
 //! With rotations `R exp[ω]ₓ` the residuals `e' − R e` are linear in the steps `(p, ω)`. Each cell's `ω` is eliminated, which
 //! leaves a positive semidefinite system for the positions alone:
@@ -8,10 +8,10 @@
 //! (A − Bᵀ C⁻¹ B) p = −g,      C_c = Σ h (|e|² I − e eᵀ),      (B p)_c = Σ c_ij × Rᵀ(pⱼ − pᵢ)
 //! ```
 //!
-//! It couples the coordinates, so a factorization would cost some thirty times that of `A` and be of use once. Conjugate
-//! gradients preconditioned by the factor of `A`, which is there already, solve it as far as the next linearization deserves;
-//! the slow modes of the local–global iteration are the few small eigenvalues that they find first. Rotations are fitted
-//! anew at every trial, and a line search keeps the energy falling.
+//! It couples the coordinates, so that a factorization would cost some thirty times that of `A` and be used once. Conjugate
+//! gradients preconditioned by the existing factor of `A` solve it inexactly; the slow modes of the local/global iteration
+//! are the few small eigenvalues, which conjugate gradients resolve first. Rotations are fitted again at every trial step, and
+//! a line search keeps the energy decreasing.
 //!
 //! # Reference
 //! Q. Huang, M. Wicke, B. Adams, L. Guibas, *Shape decomposition using modal analysis*, Eurographics 2009, section 3, for
@@ -24,18 +24,18 @@ use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
 use plumbline_num::run::{Run, Stopped};
 
-/// The linear system is solved to this fraction of its right-hand side at first. More precise solutions of a linearization
-/// that is still far from the truth are thrown away; less precise ones end in plain local–global steps.
+/// Initial forcing term: the residual of the linear system relative to its right-hand side. Smaller values waste work on a
+/// linearization that is still inaccurate; larger ones fall back to local/global steps.
 const FORCING: f64 = 0.3;
 
-/// Conjugate gradient steps of one linearization at most.
-const INNER: usize = 40;
+/// Maximum conjugate gradient iterations per linearization: by then the slow modes are resolved.
+const MAX_CG_ITERATIONS: usize = 40;
 
 /// Preconditioned conjugate gradients on the eliminated system.
 #[derive(Debug)]
 pub(super) struct Linearized<'a> {
     inertia: &'a [Inertia],
-    /// The solution so far.
+    /// The current solution.
     p: Vec<Lanes>,
     /// Residual, preconditioned residual, direction, its product.
     r: Vec<Lanes>,
@@ -51,8 +51,8 @@ pub(super) struct Linearized<'a> {
 }
 
 impl Directions for Linearized<'_> {
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped> {
-        self.start(elastic, g);
+    fn direction(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], run: &Run) -> Result<(), Stopped> {
+        self.reset(elastic, g);
         let first = *self.first.get_or_insert(self.rz);
         self.solve(elastic, FORCING.min((self.rz / first).powf(0.25)), run)?;
         p.copy_from_slice(&self.p);
@@ -67,8 +67,8 @@ impl<'a> Linearized<'a> {
         Self { inertia, p, r, z, d, hd, d_all: zero(vertices), hd_all: zero(vertices), rz: 0.0, first: None }
     }
 
-    /// Begins at `p = 0`.
-    fn start(&mut self, elastic: &mut Elastic, g: &[Lanes]) {
+    /// Initializes at `p = 0`.
+    fn reset(&mut self, elastic: &mut Elastic, g: &[Lanes]) {
         self.p.fill(Lanes::ZERO);
         self.r.iter_mut().zip(g).for_each(|(r, &g)| *r = -g);
         self.z.copy_from_slice(&self.r);
@@ -77,11 +77,11 @@ impl<'a> Linearized<'a> {
         self.rz = dot(&self.r, &self.z);
     }
 
-    /// Improves `p` until the residual has fallen by `forcing`, in the norm of `A⁻¹`. The first step is never refused, so
-    /// that `p` is a direction of descent: at worst the plain local–global one.
+    /// Iterates until the residual has decreased by `forcing`, in the norm of `A⁻¹`. The first step is always taken, so that `p`
+    /// is a descent direction: at worst that of the local/global step.
     fn solve(&mut self, elastic: &mut Elastic, forcing: f64, run: &Run) -> Result<(), Stopped> {
         let goal = self.rz * forcing * forcing;
-        for k in 0..INNER {
+        for k in 0..MAX_CG_ITERATIONS {
             run.check()?;
             self.multiply(elastic);
             let curvature = dot(&self.d, &self.hd);
@@ -114,7 +114,7 @@ impl<'a> Linearized<'a> {
         }
         self.hd_all.fill(Lanes::ZERO);
         elastic.add_laplacian(&self.d_all, &mut self.hd_all);
-        elastic.cells.subtract_turning(self.inertia, &self.d_all, &mut self.hd_all);
+        elastic.cells.subtract_rotation_term(self.inertia, &self.d_all, &mut self.hd_all);
         elastic.gather(&self.hd_all, &mut self.hd);
         elastic.system.add_soft_product(&self.d, &mut self.hd);
     }

@@ -1,5 +1,5 @@
-//! Rotations and positions in turn: each the minimizer for the other, so that the energy never rises. It falls by a large
-//! fraction at first and by ever smaller ones later: a thousand iterations where a surface bends.
+//! Alternates rotations and positions, each the minimizer for the other, so that the energy never increases. Convergence is
+//! linear and slow: a thousand iterations where a surface bends.
 //!
 //! # Reference
 //! O. Sorkine, M. Alexa, *As-rigid-as-possible surface modeling*, SGP 2007, section 3.
@@ -10,7 +10,7 @@ use super::elastic::Elastic;
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::{Run, Stopped};
 
-/// Minimizes from `x`, held vertices on their targets; returns the energies at the start and after each iteration.
+/// Minimizes from `x`, with hard constraints at their targets; returns the energies of the initial guess and after each iteration.
 pub(super) fn minimize(
     elastic: &mut Elastic,
     targets: &[Lanes],
@@ -29,5 +29,5 @@ pub(super) fn minimize(
             return Ok((energies, Stop::Converged));
         }
     }
-    Ok((energies, Stop::IterationsUsedUp))
+    Ok((energies, Stop::IterationLimit))
 }

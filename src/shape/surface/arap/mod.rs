@@ -1,14 +1,14 @@
-//! As rigid as possible: every cell of the surface keeps its shape as far as one rotation of its own allows.
+//! As-rigid-as-possible deformation (ARAP): every cell of the surface is as close as possible to a rotation of its rest shape.
 //!
 //! ```text
 //! E(x) = min over R   Σ_cells c  Σ_{e ∈ c} h_e |e'(x) − R_c e|²       (spokes and rims: a third of it, a cell per vertex)
 //!      = q xᵀL x − 2 Σ tr(R S) + const
 //! ```
 //!
-//! For given rotations `x` solves one linear system whose matrix never changes ([`HeldLaplacian`]); for given `x` each
-//! rotation is the best fit of its cell ([`Cells`]). In turn they lower `E` at every step. Spokes and rims is the default:
-//! the three edges of a triangle form a positive form whatever its angles, so `E ≥ 0`, while single spokes of negative
-//! weight can be stretched at a profit.
+//! For given rotations `x` solves one linear system with a constant matrix ([`HeldLaplacian`]); for given `x` each rotation is
+//! the best fit of its cell ([`Cells`]). Alternating both decreases `E` in every iteration. The default is spokes and rims: the
+//! three edges of a triangle form a positive semidefinite form whatever its angles, so that `E ≥ 0`, while stretching a single
+//! spoke of negative weight decreases the energy.
 //!
 //! # Reference
 //! O. Sorkine, M. Alexa, *As-rigid-as-possible surface modeling*, SGP 2007; I. Chao, U. Pinkall, P. Sanan, P. Schröder,
@@ -31,11 +31,11 @@ use cells::Inertia;
 use descent::descend;
 pub(super) use elastic::Elastic;
 use gauss_newton::Linearized;
-use quasi_newton::Memory;
+use quasi_newton::Lbfgs;
 use smoothness::Smoothness;
 
-use super::bound::{Begin, Bound};
-use super::deformer::{DeformOptions, DeformSolver, Deformation, Method, Solver, Start};
+use super::bound::{Bound, Guess};
+use super::deformer::{DeformOptions, DeformSolver, Deformation, InitialGuess, Method, Solver};
 use super::lanes::Lanes;
 use super::spread::Patches;
 use super::{HandlePose, Handles, Stop, SurfaceError};
@@ -45,7 +45,7 @@ use plumbline_num::energy::Convergence;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 
-/// ARAP of one kind, bound to a mesh and handles.
+/// ARAP with one kind of cells, prefactored for a mesh and handles.
 #[derive(Debug)]
 pub(super) struct Arap {
     bound: Bound,
@@ -58,7 +58,7 @@ pub(super) struct Arap {
 }
 
 impl Arap {
-    /// Prepares ARAP: weights, cells and the factor of the global step.
+    /// Computes weights and cells, and factors the global step.
     ///
     /// # Errors
     /// As [`super::Deformer::new`].
@@ -74,7 +74,7 @@ impl Arap {
         let bound = Bound::new(mesh, handles, options)?;
         let mut elastic =
             Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending, run)?;
-        if let Some(strength) = smoothness_asked(options, kind)? {
+        if let Some(strength) = checked_smoothness(options, kind)? {
             elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
         }
         let patches = Patches::new(&bound);
@@ -85,19 +85,24 @@ impl Arap {
         Ok(Self { bound, elastic, patches, solver: options.solver, inertia, last: None })
     }
 
-    /// Where an iteration starts, handles on their targets.
-    fn start(&mut self, pose: &HandlePose, targets: &[Lanes], start: Start<'_>) -> Result<Vec<Lanes>, SurfaceError> {
-        let begin = self.bound.begin(start, self.last.take())?;
-        if let Begin::Rest | Begin::At(_) = begin {
+    /// The initial positions, with hard constraints at their targets.
+    fn initial(
+        &mut self,
+        pose: &HandlePose,
+        targets: &[Lanes],
+        guess: InitialGuess<'_>,
+    ) -> Result<Vec<Lanes>, SurfaceError> {
+        let guess = self.bound.guess(guess, self.last.take())?;
+        if let Guess::Rest | Guess::At(_) = guess {
             self.elastic.cells.reset();
         }
-        let mut x = match begin {
-            Begin::Last(x) | Begin::At(x) => x,
-            Begin::Rest => self.bound.rest.clone(),
-            Begin::Itself => {
-                let turns = self.patches.turns(&self.bound, &mut self.elastic.system, pose, targets);
-                self.elastic.turn_cells(&turns);
-                self.elastic.follow(&self.bound, targets)
+        let mut x = match guess {
+            Guess::Last(x) | Guess::At(x) => x,
+            Guess::Rest => self.bound.rest.clone(),
+            Guess::Own => {
+                let rotations = self.patches.rotations(&self.bound, &mut self.elastic.system, pose, targets);
+                self.elastic.set_rotations(&rotations);
+                self.elastic.global_step(&self.bound, targets)
             }
         };
         self.bound.impose(targets, &mut x);
@@ -115,7 +120,7 @@ impl Arap {
         match self.solver {
             _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence, run),
             Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence, run),
-            Solver::Accelerated => descend(elastic, &mut Memory::default(), targets, x, convergence, run),
+            Solver::Accelerated => descend(elastic, &mut Lbfgs::default(), targets, x, convergence, run),
             Solver::GaussNewton => {
                 let mut linearized = Linearized::new(&self.inertia, elastic.system.free().len(), x.len());
                 descend(elastic, &mut linearized, targets, x, convergence, run)
@@ -124,10 +129,10 @@ impl Arap {
     }
 }
 
-/// `α`, where it is not zero.
-fn smoothness_asked(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, OptionError> {
+/// The checked `α`; `None` for 0.
+fn checked_smoothness(options: &DeformOptions, kind: CellKind) -> Result<Option<f64>, OptionError> {
     let (name, value) = ("smoothness", options.smoothness);
-    OptionError::check(kind != CellKind::Elements || value == 0.0, name, value, "0 where cells are triangles")?;
+    OptionError::check(kind != CellKind::Elements || value == 0.0, name, value, "0 with triangle cells")?;
     OptionError::check(value >= 0.0 && value.is_finite(), name, value, "0 or more")?;
     Ok((value > 0.0).then_some(value))
 }
@@ -145,16 +150,16 @@ impl DeformSolver for Arap {
     fn deform(
         &mut self,
         pose: &HandlePose,
-        start: Start<'_>,
+        guess: InitialGuess<'_>,
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
         let targets = self.bound.targets(pose)?;
-        let mut x = self.start(pose, &targets, start)?;
+        let mut x = self.initial(pose, &targets, guess)?;
         let (mut energies, stop) = self.minimize(&targets, &mut x, convergence, run)?;
         if let Some(last) = energies.last_mut() {
-            *last = self.elastic.defined(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
+            *last = self.elastic.exact_energy(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }
         let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
         let done = self.bound.done(&x, pose, energies, stop, counts);

@@ -1,13 +1,13 @@
-//! Accelerated local–global: a quasi-Newton method whose first guess of the Hessian is the matrix of the global step.
+//! Accelerated local/global iteration: L-BFGS with the matrix of the global step as initial Hessian.
 //!
 //! ```text
 //! ½ ∇E = g = A x − b(x),      p = −H g,      x ← x + t p
 //! ```
 //!
-//! With `H = A⁻¹` and `t = 1` this is the local–global iteration itself: `A` bounds the Hessian from above, so the step is
-//! safe and, in the directions in which the surface bends, far too short. `H` learns those from the last [`MEMORY`] steps
-//! (limited-memory BFGS); a product with it costs one back-substitution, as a plain iteration does. Where no step along `p`
-//! lowers the energy, what was learnt is forgotten and the plain step is taken, which always does.
+//! With `H = A⁻¹` and `t = 1` this is the local/global iteration itself: `A` bounds the Hessian from above, so the step is safe
+//! but far too short in bending directions. `H` is updated from the last [`MEMORY`] steps; a product with it costs one
+//! back-substitution, as a plain iteration does. Where no step along `p` decreases the energy, the memory is cleared and the
+//! plain step taken, which always decreases it.
 //!
 //! # Reference
 //! T. Liu, S. Bouaziz, L. Kavan, *Quasi-Newton methods for real-time simulation of hyperelastic materials*, TOG 36 (2017);
@@ -20,10 +20,13 @@ use super::descent::Directions;
 use super::elastic::{Elastic, add, dot};
 use plumbline_num::run::{Run, Stopped};
 
-/// Steps that are remembered. Three need a third more iterations, eight save few and cost more per iteration than they save.
+/// Number of stored steps. Three need a third more iterations; eight save fewer iterations than their products cost.
 const MEMORY: usize = 5;
 
-/// One remembered step `s = Δx`, the change of the gradient `y = Δg`, and `1 / sᵀy`.
+/// Minimum cosine between a stored step and its gradient change; below it `1 / sᵀy` is dominated by rounding.
+const MIN_CURVATURE: f64 = 1e-12;
+
+/// One stored step `s = Δx`, the change of the gradient `y = Δg`, and `1 / sᵀy`.
 #[derive(Debug, Default)]
 struct Pair {
     s: Vec<Lanes>,
@@ -31,14 +34,14 @@ struct Pair {
     rho: f64,
 }
 
-/// The inverse Hessian learnt from the last steps.
+/// The limited-memory approximation of the inverse Hessian.
 #[derive(Debug, Default)]
-pub(super) struct Memory {
+pub(super) struct Lbfgs {
     pairs: VecDeque<Pair>,
 }
 
-impl Directions for Memory {
-    fn choose(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], _run: &Run) -> Result<(), Stopped> {
+impl Directions for Lbfgs {
+    fn direction(&mut self, elastic: &mut Elastic, g: &[Lanes], p: &mut [Lanes], _run: &Run) -> Result<(), Stopped> {
         p.copy_from_slice(g);
         self.apply(p, |v| elastic.system.solve_unknowns(v));
         for p in p {
@@ -47,8 +50,8 @@ impl Directions for Memory {
         Ok(())
     }
 
-    /// Unless the energy is not convex along the step.
-    fn learn(&mut self, t: f64, p: &[Lanes], g: &[Lanes], next: &[Lanes]) {
+    /// Stores the step, unless the energy is not convex along it.
+    fn update(&mut self, t: f64, p: &[Lanes], g: &[Lanes], next: &[Lanes]) {
         let mut pair =
             if self.pairs.len() == MEMORY { self.pairs.pop_front().unwrap_or_default() } else { Pair::default() };
         pair.s.clear();
@@ -56,21 +59,21 @@ impl Directions for Memory {
         pair.y.clear();
         pair.y.extend(next.iter().zip(g).map(|(&next, &g)| next - g));
         let sy = dot(&pair.s, &pair.y);
-        if sy > 1e-12 * (dot(&pair.s, &pair.s) * dot(&pair.y, &pair.y)).sqrt() {
+        if sy > MIN_CURVATURE * (dot(&pair.s, &pair.s) * dot(&pair.y, &pair.y)).sqrt() {
             pair.rho = 1.0 / sy;
             self.pairs.push_back(pair);
         }
     }
 
-    /// Forgets: what is left is the plain step.
-    fn give_way(&mut self) -> bool {
-        let known = !self.pairs.is_empty();
+    /// Clears the memory: the next direction is the plain step.
+    fn restart(&mut self) -> bool {
+        let had_pairs = !self.pairs.is_empty();
         self.pairs.clear();
-        known
+        had_pairs
     }
 }
 
-impl Memory {
+impl Lbfgs {
     /// Replaces `g` by `H g`; `solve` replaces a vector by `A⁻¹` times it.
     fn apply(&self, g: &mut [Lanes], solve: impl FnOnce(&mut [Lanes])) {
         let mut alphas = Vec::with_capacity(MEMORY);

@@ -1,12 +1,13 @@
-//! Smooth rotations: neighbors are asked to turn alike, which resists bending and keeps twisted bars from collapsing.
+//! Rotation smoothness: penalizes differences between neighboring rotations, which resists bending and keeps the volume of
+//! twisted bars.
 //!
 //! ```text
 //! E(x, R) = E_ARAP(x, R) + α A Σ_ij |w_ij| |Rᵢ − Rⱼ|²          A the area of the surface
 //! ```
 //!
-//! All rotations are fitted at once to `Sᵢ + Σⱼ k_ij Rⱼᵀ + Σⱼ k_ij Rᵢᵀ`, with those of the last round on the right and
+//! All rotations are fitted at once to `Sᵢ + Σⱼ k_ij Rⱼᵀ + Σⱼ k_ij Rᵢᵀ`, with those of the previous iteration on the right and
 //! `k = α A |w|`. The last term is constant on rotations; it makes the coupling convex, so that its linearization is a lower
-//! bound of what is maximized and the energy never rises, in whatever order the cells are visited.
+//! bound of the maximized term and the energy never increases, whatever the order of the cells.
 //!
 //! # Reference
 //! Z. Levi, C. Gotsman, *Smooth rotation enhanced as-rigid-as-possible mesh animation*, TVCG 21 (2015).
@@ -54,15 +55,16 @@ impl Smoothness {
     }
 
     /// `Σⱼ k_ij (Rⱼ + Rᵢ)`.
-    pub(super) fn pull(&self, cell: usize, turns: &[Matrix3<f64>]) -> Matrix3<f64> {
-        let own = turns[cell];
-        self.of(cell).iter().fold(Matrix3::zeros(), |sum, &(j, k)| sum + (turns[j as usize] + own) * k)
+    pub(super) fn coupling(&self, cell: usize, rotations: &[Matrix3<f64>]) -> Matrix3<f64> {
+        let own = rotations[cell];
+        self.of(cell).iter().fold(Matrix3::zeros(), |sum, &(j, k)| sum + (rotations[j as usize] + own) * k)
     }
 
     /// `Σ_ij k_ij |Rᵢ − Rⱼ|²`, each pair once.
-    pub(super) fn energy(&self, turns: &[Matrix3<f64>]) -> f64 {
+    pub(super) fn energy(&self, rotations: &[Matrix3<f64>]) -> f64 {
         let of_cell = |cell: usize| {
-            let terms = self.of(cell).iter().map(|&(j, k)| k * (turns[j as usize] - turns[cell]).norm_squared());
+            let terms =
+                self.of(cell).iter().map(|&(j, k)| k * (rotations[j as usize] - rotations[cell]).norm_squared());
             terms.sum::<f64>()
         };
         0.5 * (0..self.len()).map(of_cell).sum::<f64>()

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::test_meshes::{placed, sheet, tube};
-use super::super::{Deformer, Hold};
+use super::super::{Constraint, Deformer};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
 use plumbline_num::options::OptionError;
@@ -35,27 +35,31 @@ fn tight(max_iterations: usize) -> Convergence {
 fn a_rigid_motion_of_the_handles_moves_everything() {
     let mesh = sheet(9);
     for kind in KINDS {
-        // Spokes of negative weight would rather turn their cell against the motion.
+        // Spokes of negative weight prefer the inverse rotation of their cell.
         let cotangents = if kind == CellKind::Spokes { CotangentRule::Clamped } else { CotangentRule::Raw };
-        for held in [vec![0, 1, 2, 9, 40, 80], vec![3, 77], vec![44]] {
-            for start in [Start::Spread, Start::Last] {
-                let handles = Handles::exact(held.iter().copied()).unwrap();
+        for vertices in [vec![0, 1, 2, 9, 40, 80], vec![3, 77], vec![44]] {
+            for start in [InitialGuess::Spread, InitialGuess::Last] {
+                let handles = Handles::exact(vertices.iter().copied()).unwrap();
                 let options = DeformOptions { cotangents, ..Default::default() };
                 let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
-                let targets = held.iter().map(|&v| motion() * mesh.positions()[v as usize]).collect();
+                let targets = vertices.iter().map(|&v| motion() * mesh.positions()[v as usize]).collect();
                 let done = arap.deform(&HandlePose::new(targets), start, &tight(3), &Run::default()).unwrap();
                 let edges = EdgeWeights::uniform(&mesh);
                 for (i, j, _) in edges.iter() {
                     let length = |p: &[Point3<f64>]| (p[i] - p[j]).norm();
                     let change = length(&done.positions) - length(mesh.positions());
-                    assert!(change.abs() < 1e-11 * mesh.diagonal(), "{kind:?} {held:?}: {change}");
+                    assert!(change.abs() < 1e-11 * mesh.diagonal(), "{kind:?} {vertices:?}: {change}");
                 }
-                if held.len() > 2 {
+                if vertices.len() > 2 {
                     for (p, x) in mesh.positions().iter().zip(&done.positions) {
                         assert!((motion() * p - x).norm() < 1e-11 * mesh.diagonal());
                     }
                 }
-                assert!(done.report.energies.last().unwrap().abs() < 1e-20 * arap.elastic.at_rest, "{:?}", done.report);
+                assert!(
+                    done.report.energies.last().unwrap().abs() < 1e-20 * arap.elastic.constant,
+                    "{:?}",
+                    done.report
+                );
             }
         }
     }
@@ -64,35 +68,42 @@ fn a_rigid_motion_of_the_handles_moves_everything() {
 const SOLVERS: [Solver; 3] = [Solver::LocalGlobal, Solver::Accelerated, Solver::GaussNewton];
 
 #[test]
-fn the_energy_never_rises_and_is_the_one_defined_edge_by_edge() {
+fn the_energy_never_increases_and_equals_its_definition_edge_by_edge() {
     let mesh = tube(24, 12);
     let (handles, pose) = bend(&mesh, 1.8);
     for (kind, solver) in KINDS.into_iter().flat_map(|kind| SOLVERS.map(|solver| (kind, solver))) {
-        for (start, bending) in [(Start::Rest, 1.0), (Start::Spread, 1.0), (Start::Rest, 0.3), (Start::Spread, 0.01)] {
+        for (start, bending) in [
+            (InitialGuess::Rest, 1.0),
+            (InitialGuess::Spread, 1.0),
+            (InitialGuess::Rest, 0.3),
+            (InitialGuess::Spread, 0.01),
+        ] {
             let options = DeformOptions { solver, bending, ..Default::default() };
             let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
             let targets = arap.bound.targets(&pose).unwrap();
-            let mut x = arap.start(&pose, &targets, start).unwrap();
+            let mut x = arap.initial(&pose, &targets, start).unwrap();
             let (energies, _) =
                 arap.minimize(&targets, &mut x, &tight(60), &Run::default()).expect("a run that never stops");
             for pair in energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {solver:?} {pair:?}");
             }
-            let exact = arap.elastic.defined(&arap.bound.rest, &x);
-            assert!((energies.last().unwrap() - exact).abs() < 1e-12 * arap.elastic.at_rest, "{kind:?} {solver:?}");
+            let exact = arap.elastic.exact_energy(&arap.bound.rest, &x);
+            assert!((energies.last().unwrap() - exact).abs() < 1e-12 * arap.elastic.constant, "{kind:?} {solver:?}");
         }
     }
 }
 
 #[test]
-fn all_solvers_and_starts_end_at_the_same_minimum() {
+fn all_solvers_and_initial_guesses_reach_the_same_minimum() {
     let mesh = tube(20, 10);
     let (handles, pose) = bend(&mesh, 1.2);
     for kind in [CellKind::Spokes, CellKind::SpokesAndRims] {
-        for hold in [Hold::Exact, Hold::Soft(3.0)] {
-            let handles = Handles::new(handles.vertices().iter().map(|&v| (v, hold))).unwrap();
+        for constraint in [Constraint::Hard, Constraint::Soft(3.0)] {
+            let handles = Handles::new(handles.vertices().iter().map(|&v| (v, constraint))).unwrap();
             let mut ends = Vec::new();
-            for (solver, start) in SOLVERS.into_iter().flat_map(|s| [(s, Start::Rest), (s, Start::Spread)]) {
+            for (solver, start) in
+                SOLVERS.into_iter().flat_map(|s| [(s, InitialGuess::Rest), (s, InitialGuess::Spread)])
+            {
                 // Spokes of negative weight have several minima.
                 let options = DeformOptions { solver, cotangents: CotangentRule::Clamped, ..Default::default() };
                 let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
@@ -102,9 +113,9 @@ fn all_solvers_and_starts_end_at_the_same_minimum() {
                 ends.push((*done.report.energies.last().unwrap(), done.report.iterations));
             }
             for &(energy, _) in &ends {
-                assert!((energy - ends[0].0).abs() < 1e-9 * ends[0].0, "{kind:?} {hold:?} {ends:?}");
+                assert!((energy - ends[0].0).abs() < 1e-9 * ends[0].0, "{kind:?} {constraint:?} {ends:?}");
             }
-            // Local–global steps are the slow ones, from either start.
+            // Local/global iterations converge most slowly, from either initial guess.
             assert!(ends[0].1 > 3 * ends[2].1 && ends[0].1 > ends[4].1, "{ends:?}");
             assert!(ends[1].1 > 3 * ends[3].1 && ends[1].1 > ends[5].1, "{ends:?}");
         }
@@ -112,7 +123,7 @@ fn all_solvers_and_starts_end_at_the_same_minimum() {
 }
 
 #[test]
-fn the_pull_of_the_cells_is_minus_half_the_gradient_beside_the_laplacian() {
+fn the_right_hand_side_of_the_cells_is_laplacian_minus_half_the_gradient() {
     let mesh = sheet(6);
     for (kind, bending) in KINDS.into_iter().flat_map(|kind| [(kind, 1.0), (kind, 0.3)]) {
         let handles = Handles::exact([0, 5]).unwrap();
@@ -146,13 +157,13 @@ fn the_pull_of_the_cells_is_minus_half_the_gradient_beside_the_laplacian() {
 }
 
 #[test]
-fn results_move_and_grow_with_the_mesh() {
+fn results_are_equivariant_to_translation_and_scale() {
     let mesh = tube(16, 9);
     let (handles, pose) = bend(&mesh, 1.2);
     let solve = |mesh: &TriMesh, pose: &HandlePose| {
         let mut arap = Deformer::new(Method::Arap, mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
-        // As many rounds for all: near the end rounding decides when to stop.
-        arap.deform(pose, Start::Spread, &tight(20), &Run::default()).unwrap()
+        // The same number of iterations for all: near convergence rounding decides when to stop.
+        arap.deform(pose, InitialGuess::Spread, &tight(20), &Run::default()).unwrap()
     };
     let plain = solve(&mesh, &pose);
     for (scale, offset, digits) in [(1e-3, 0.0, 1e-11), (1e3, 0.0, 1e-11), (1.0, 1e6, 1e-7)] {
@@ -166,13 +177,13 @@ fn results_move_and_grow_with_the_mesh() {
 }
 
 #[test]
-fn soft_handles_come_nearer_the_heavier_they_are() {
+fn the_error_of_soft_constraints_falls_with_their_weight() {
     let mesh = tube(16, 9);
     let (handles, pose) = bend(&mesh, 1.2);
     let error = |weight: f64| {
-        let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Hold::Soft(weight)))).unwrap();
+        let soft = Handles::new(handles.vertices().iter().map(|&v| (v, Constraint::Soft(weight)))).unwrap();
         let mut arap = Deformer::new(Method::Arap, &mesh, &soft, &DeformOptions::default(), &Run::default()).unwrap();
-        let done = arap.deform(&pose, Start::Spread, &tight(200), &Run::default()).unwrap();
+        let done = arap.deform(&pose, InitialGuess::Spread, &tight(200), &Run::default()).unwrap();
         done.report.constraint_error / mesh.diagonal()
     };
     let errors = [1e-2, 1.0, 1e2, 1e4, 1e6].map(error);
@@ -181,7 +192,7 @@ fn soft_handles_come_nearer_the_heavier_they_are() {
 }
 
 #[test]
-fn a_part_without_handle_stays_and_is_named() {
+fn a_component_without_handle_is_fixed_and_reported() {
     let (a, b) = (sheet(4), placed(&sheet(5), 1.0, Vector3::new(5.0, 0.0, 0.0)));
     let positions = [a.positions(), b.positions(), &[Point3::new(9.0, 9.0, 9.0)]].concat();
     let second = b.triangles().iter().map(|t| t.map(|v| v + 16));
@@ -189,14 +200,14 @@ fn a_part_without_handle_stays_and_is_named() {
     let handles = Handles::exact([0, 15]).unwrap();
     let pose = HandlePose::new(vec![Point3::origin(), Point3::new(2.0, 1.0, 0.5)]);
     let mut arap = Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
-    let done = arap.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).unwrap();
-    assert_eq!(done.report.held_still, [super::super::Part { vertex: 16, vertices: 25 }]);
+    let done = arap.deform(&pose, InitialGuess::Spread, &Convergence::default(), &Run::default()).unwrap();
+    assert_eq!(done.report.fixed_components, [super::super::Component { vertex: 16, vertices: 25 }]);
     assert_eq!(done.positions[16..], mesh.positions()[16..]);
-    let options = DeformOptions { unheld: super::super::Unheld::Refused, ..Default::default() };
+    let options = DeformOptions { unconstrained: super::super::Unconstrained::Reject, ..Default::default() };
     let refused = Deformer::new(Method::Arap, &mesh, &handles, &options, &Run::default()).unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "nothing holds the part of 25 vertices that contains vertex 16: hold one of them or let it stay where it is"
+        "the connected component of 25 vertices that contains vertex 16 has no handle: constrain one of its vertices, or keep such components fixed"
     );
 }
 
@@ -214,10 +225,10 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
             let options = DeformOptions { cotangents: rule, ..Default::default() };
             let mut bound = Deformer::new(method, &mesh, &handles, &options, &Run::default()).unwrap();
             let done = bound
-                .deform(&HandlePose::new(targets), Start::Spread, &Convergence::default(), &Run::default())
+                .deform(&HandlePose::new(targets), InitialGuess::Spread, &Convergence::default(), &Run::default())
                 .unwrap();
             assert!(done.positions.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "{method:?} {rule:?}");
-            // Flips may take up a face without area.
+            // Edge flips may absorb a face without area.
             let counted = done.report.degenerate_faces;
             assert!(counted == 4 || rule == CotangentRule::IntrinsicDelaunay && counted > 0, "{rule:?} {counted}");
         }
@@ -225,14 +236,14 @@ fn degenerate_faces_and_faces_on_the_same_edge_give_finite_positions() {
 }
 
 #[test]
-fn what_cannot_be_held_is_refused() {
+fn invalid_constraints_are_rejected() {
     let mesh = sheet(3);
-    let refused = |handles: Handles| {
+    let rejected = |handles: Handles| {
         Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap_err()
     };
-    assert_eq!(refused(Handles::default()), SurfaceError::NoHandle);
-    let beyond = refused(Handles::exact([9]).unwrap());
-    assert_eq!(beyond.to_string(), "a handle names vertex 9, but the mesh has 9 vertices, numbered from 0");
+    assert_eq!(rejected(Handles::default()), SurfaceError::NoHandle);
+    let beyond = rejected(Handles::exact([9]).unwrap());
+    assert_eq!(beyond.to_string(), "a handle refers to vertex 9, but the mesh has 9 vertices, numbered from 0");
     let empty = TriMesh::default();
     let nothing = Deformer::new(Method::Arap, &empty, &Handles::default(), &DeformOptions::default(), &Run::default())
         .unwrap_err();
@@ -240,7 +251,7 @@ fn what_cannot_be_held_is_refused() {
 }
 
 #[test]
-fn smooth_rotations_differ_less_and_the_energy_still_falls() {
+fn rotation_smoothness_reduces_differences_and_the_energy_still_decreases() {
     let mesh = tube(24, 12);
     let (handles, pose) = bend(&mesh, 1.8);
     let mut rough = f64::INFINITY;
@@ -248,13 +259,13 @@ fn smooth_rotations_differ_less_and_the_energy_still_falls() {
         for kind in [CellKind::Spokes, CellKind::SpokesAndRims] {
             let options = DeformOptions { smoothness, ..Default::default() };
             let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
-            let done = arap.deform(&pose, Start::Rest, &tight(400), &Run::default()).unwrap();
+            let done = arap.deform(&pose, InitialGuess::Rest, &tight(400), &Run::default()).unwrap();
             for pair in done.report.energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {smoothness} {pair:?}");
             }
             if kind == CellKind::SpokesAndRims {
-                let turns = arap.elastic.cells.turn_matrices(mesh.vertex_count());
-                let unit = Smoothness::new(&arap.elastic.weights, 1.0).energy(&turns);
+                let rotations = arap.elastic.cells.rotation_matrices(mesh.vertex_count());
+                let unit = Smoothness::new(&arap.elastic.weights, 1.0).energy(&rotations);
                 assert!(unit < 0.9 * rough, "{smoothness}: {unit} {rough}");
                 rough = unit;
             }

@@ -1,76 +1,76 @@
-//! Why a handle file was refused.
+//! Errors of handle files.
 
 use plumbline_num::document::DocumentError;
 
-/// A handle file that cannot be used.
+/// An invalid handle file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HandleFileError {
-    /// Input: no such document, or one that cannot be read.
+    /// Input: not a handle file, or one that cannot be read.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// Input: a value that it cannot have.
-    #[error("{place}: {field} is {value} (expected {expected})")]
+    /// Input: a value out of its range.
+    #[error("{context}: {field} is {value} (expected {expected})")]
     Value {
-        /// The handle or set, and the key in it.
-        place: String,
+        /// The handle or set.
+        context: String,
         /// The field.
         field: &'static str,
-        /// What stands there.
+        /// The value.
         value: String,
-        /// What may stand there.
+        /// The allowed values.
         expected: String,
     },
-    /// Input: a vertex that the mesh does not have.
-    #[error("{place}: the mesh has no vertex {vertex} (expected 0 to {}, in the order of the file)", .vertices.saturating_sub(1))]
+    /// Input: a vertex that does not exist.
+    #[error("{context}: the mesh has no vertex {vertex} (expected 0 to {}, in the order of the file)", .vertices.saturating_sub(1))]
     NoSuchVertex {
         /// The handle or set.
-        place: String,
-        /// What stands there.
+        context: String,
+        /// The vertex.
         vertex: u64,
         /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// Input: a name that no set has.
-    #[error("{place}: there is no set {name:?} (sets: {known})")]
+    /// Input: an unknown set.
+    #[error("{context}: there is no set {name:?} (sets: {known})")]
     NoSuchSet {
-        /// The handle or set that names it.
-        place: String,
+        /// The handle or set that refers to it.
+        context: String,
         /// The name.
         name: String,
-        /// Names of the sets.
+        /// The known sets.
         known: String,
     },
-    /// Input: sets that are made of themselves.
-    #[error("{place}: the set {name:?} is made of itself; take one of the names out")]
+    /// Input: a set defined by itself.
+    #[error("{context}: the set {name:?} is defined by itself; remove one of the references")]
     Circular {
-        /// The handle or set that names it.
-        place: String,
+        /// The handle or set that refers to it.
+        context: String,
         /// The name.
         name: String,
     },
-    /// Input: a handle that holds nothing.
-    #[error("{place}: no vertex of the mesh lies in it; the mesh reaches from {low} to {high}")]
+    /// Input: a handle without vertices.
+    #[error("{context}: no vertex of the mesh is inside; the mesh extends from {low} to {high}")]
     Empty {
         /// The handle.
-        place: String,
+        context: String,
         /// Lowest coordinates of the mesh.
         low: String,
         /// Highest coordinates of the mesh.
         high: String,
     },
-    /// Input: a vertex that two handles claim.
+    /// Input: a vertex in two handles.
     #[error(
-        "vertex {vertex} belongs to {first} and to {second}, {shared} in all: take them out of one, for example by {{\"not\": …}}"
+        "vertex {vertex} is in {first} and in {second} ({count} vertices in total): remove them from one, for example by {{\"not\": …}}"
     )]
-    Claimed {
+    Overlap {
         /// The first such vertex.
         vertex: u32,
         /// The earlier handle.
         first: String,
         /// The later handle.
         second: String,
-        /// How many they share.
-        shared: usize,
+        /// Number of vertices in both.
+        count: usize,
     },
 }

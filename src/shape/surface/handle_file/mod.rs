@@ -1,4 +1,4 @@
-//! Handle files: which vertices are held or moved, where to, and when.
+//! Handle files: constrained vertices and their motions over time.
 //!
 //! ```json
 //! { "format": "plumbline.handles", "version": 1,
@@ -11,11 +11,11 @@
 //!   "region": {"not": "foot"} }
 //! ```
 //!
-//! It is not a pose of a skeleton and not an animation of all vertices: it says what is prescribed, and a deformation method
-//! finds the rest. A handle without `rigid` and `positions` is held still. `rigid` turns about `pivot` (the middle of the
-//! handle's vertices if left out) and then moves; `positions` has one place per vertex of `indices` or `nearest`, in their
-//! order. With `keys` both change over time ([`Track`]). Vertices outside `region` are held still. Numbers of vertices start
-//! from 0, in the order of the mesh's file; places are in its units. Unknown keys are refused.
+//! The file has the constraints only, neither a skeleton pose nor an animation of all vertices. A handle without `rigid` and
+//! `positions` is fixed. `rigid` rotates about `pivot` (default: the centroid of the handle's vertices), then translates;
+//! `positions` has one position per vertex of `indices` or `nearest`, in their order. With `keys` both change over time
+//! ([`Track`]). Vertices outside `region` are fixed. Vertex indices start at 0, in the order of the mesh file; positions are in
+//! its units. Unknown keys are rejected.
 
 mod document;
 mod error;
@@ -34,14 +34,14 @@ pub use document::handle_file_schema;
 pub use error::HandleFileError;
 pub use track::{Interpolation, Track};
 
-use document::Document;
+use document::{Document, rejected};
 use plumbline_num::document::Kind;
 use selection::{Selection, Selector};
 
-/// At most as large as targets of a million vertices with all digits.
+/// 128 MiB: targets of a million vertices with all digits.
 const KIND: Kind = Kind { name: "a file of handles", format: "plumbline.handles", max_bytes: 1 << 27 };
 
-/// Handles as they stand in a file, not yet of a mesh.
+/// Handles of a file, not yet resolved on a mesh.
 #[derive(Clone, Debug)]
 pub struct HandleFile {
     sets: BTreeMap<String, Selection>,
@@ -49,26 +49,25 @@ pub struct HandleFile {
     region: Option<Selection>,
 }
 
-/// The handles of one mesh.
+/// Handles resolved on a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshHandles {
-    /// Each with vertices of its own.
+    /// The handles, with disjoint vertices.
     pub handles: Vec<MeshHandle>,
-    /// Vertices outside the region, held still; ascending, none of them in a handle.
+    /// Fixed vertices outside the region and the handles, ascending.
     pub outside: Vec<u32>,
 }
 
 /// A handle of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshHandle {
-    /// What messages call it.
+    /// Name in messages.
     pub name: String,
     /// Its vertices, ascending.
     pub vertices: Vec<u32>,
-    /// `None`: its vertices are where it says, exactly; else how strongly they are drawn there, relative to the mesh's own
-    /// stiffness.
+    /// Weight of soft constraints relative to the stiffness of the mesh; `None` for hard constraints.
     pub weight: Option<f64>,
-    /// Where it wants them over time.
+    /// Targets of the vertices over time.
     pub track: Track,
 }
 
@@ -76,56 +75,54 @@ impl HandleFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`HandleFileError`]: what [`HandleFile::parse`] refuses, a file that is too large or cannot be read.
+    /// [`HandleFileError`]: as [`HandleFile::parse`], or a file that is too large or cannot be read.
     pub fn read(path: &Path) -> Result<Self, HandleFileError> {
         Self::parse(&KIND.text(path)?)
     }
 
-    /// Reads a text.
+    /// Parses the text of a file.
     ///
     /// # Errors
     /// [`HandleFileError::Document`]; [`HandleFileError::Value`] names the handle and field.
     pub fn parse(text: &str) -> Result<Self, HandleFileError> {
         let document: Document = KIND.parse(text)?;
         if document.handles.is_empty() {
-            let expected = "one handle at least".to_owned();
-            let place = "the file".to_owned();
-            return Err(HandleFileError::Value { place, field: "handles", value: "an empty list".into(), expected });
+            return Err(rejected("the file", "handles", "an empty list", "at least one handle"));
         }
         let file = Self { sets: document.sets, handles: document.handles, region: document.region };
         for (i, entry) in file.handles.iter().enumerate() {
-            entry.check(&file.place(i))?;
+            entry.check(&file.context(i))?;
         }
         Ok(file)
     }
 
-    /// What messages call a handle.
-    fn place(&self, i: usize) -> String {
+    /// The handle in messages.
+    fn context(&self, i: usize) -> String {
         match &self.handles[i].name {
             Some(name) => format!("handle {name:?}"),
             None => format!("handle {}", i + 1),
         }
     }
 
-    /// The handles of a mesh with these vertices.
+    /// Resolves the handles on a mesh with these vertex positions.
     ///
     /// # Errors
-    /// [`HandleFileError`]: vertices that the mesh does not have, unknown or circular sets, handles without vertices, a vertex
-    /// in two handles, positions whose number is not that of the vertices.
+    /// [`HandleFileError`]: vertices that do not exist, unknown or circular sets, handles without vertices, a vertex in two handles,
+    /// a number of positions other than that of the vertices.
     pub fn of_mesh(&self, positions: &[Point3<f64>]) -> Result<MeshHandles, HandleFileError> {
         let selector = Selector::new(positions, &self.sets);
         let mut handles = Vec::with_capacity(self.handles.len());
         for (i, entry) in self.handles.iter().enumerate() {
-            let place = self.place(i);
-            let listed = selector.listed(&entry.vertices, &place)?;
+            let context = self.context(i);
+            let listed = selector.listed(&entry.vertices, &context)?;
             let mut vertices = listed.clone();
             vertices.sort_unstable();
             vertices.dedup();
             if vertices.is_empty() {
                 let (low, high) = selector.extent();
-                return Err(HandleFileError::Empty { place, low, high });
+                return Err(HandleFileError::Empty { context, low, high });
             }
-            let track = entry.track(&place, &listed, &vertices, positions)?;
+            let track = entry.track(&context, &listed, &vertices, positions)?;
             let name = entry.name.clone().unwrap_or_else(|| format!("{}", i + 1));
             handles.push(MeshHandle { name, vertices, weight: entry.weight, track });
         }
@@ -148,9 +145,9 @@ impl HandleFile {
             let taken = |v: &&u32| owner[**v as usize].is_some();
             if let Some(&vertex) = handle.vertices.iter().find(taken) {
                 let other = owner[vertex as usize];
-                let first = self.place(other.unwrap_or(0) as usize);
-                let shared = handle.vertices.iter().filter(|v| owner[**v as usize] == other).count();
-                return Err(HandleFileError::Claimed { vertex, first, second: self.place(i), shared });
+                let first = self.context(other.unwrap_or(0) as usize);
+                let count = handle.vertices.iter().filter(|v| owner[**v as usize] == other).count();
+                return Err(HandleFileError::Overlap { vertex, first, second: self.context(i), count });
             }
             for v in &handle.vertices {
                 owner[*v as usize] = Some(i as u32);
@@ -161,7 +158,7 @@ impl HandleFile {
 }
 
 impl MeshHandles {
-    /// First and last time of all keys; both 0 where nothing moves.
+    /// First and last time of all keys; both 0 without motion.
     pub fn times(&self) -> (f64, f64) {
         let all = || self.handles.iter().filter_map(|h| h.track.times());
         let first = all().map(|t| t.0).fold(f64::INFINITY, f64::min);
@@ -169,7 +166,7 @@ impl MeshHandles {
         if first <= last { (first, last) } else { (0.0, 0.0) }
     }
 
-    /// Vertices of handles that move.
+    /// Vertices of moving handles.
     pub fn moving(&self) -> impl Iterator<Item = u32> + '_ {
         self.handles.iter().filter(|h| h.track.times().is_some()).flat_map(|h| h.vertices.iter().copied())
     }

@@ -111,7 +111,7 @@ fn places_go_to_the_vertices_in_the_order_in_which_they_were_named() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_place_and_what_to_do() {
+fn errors_name_the_handle_the_value_and_the_remedy() {
     let one = |handle: &str| format!("\"handles\": [{{\"name\": \"tip\", {handle}}}]");
     let vertex = "\"vertices\": {\"indices\": [1]}";
     let cases = [
@@ -129,7 +129,7 @@ fn what_is_wrong_is_told_with_its_place_and_what_to_do() {
         (one("\"vertices\": {\"half_space\": {\"point\": [0, 0, 0], \"normal\": [0, 0, 0]}}"), "normal is"),
         (one("\"vertices\": {\"range\": [5, 3]}"), "range is [5, 3]"),
         (one("\"vertices\": {\"disk\": 3}"), "the name of a set, or one of {\"indices\""),
-        (one(&format!("{vertex}, \"weight\": 0")), "weight is 0 (expected above 0; left out"),
+        (one(&format!("{vertex}, \"weight\": 0")), "weight is 0 (expected above 0; leave it out"),
         (one(&format!("{vertex}, \"wieght\": 1")), "unknown field `wieght`"),
         (one(&format!("{vertex}, \"rigid\": {{}}")), "rigid is empty (expected rotation, translation or keys)"),
         (one(&format!("{vertex}, \"rigid\": {{\"translation\": [1, 1e999, 0]}}")), "number out of range"),
@@ -142,7 +142,7 @@ fn what_is_wrong_is_told_with_its_place_and_what_to_do() {
         (one(&format!("{vertex}, \"rigid\": {{\"keys\": []}}")), "keys is an empty list"),
         (
             one(&format!("{vertex}, \"rigid\": {{\"keys\": [{{\"time\": 1}}, {{\"time\": 1}}]}}")),
-            "time is 1 after 1 (expected times that ascend",
+            "time is 1 after 1 (expected ascending times",
         ),
         (one(&format!("{vertex}, \"positions\": []")), "positions is a list of 0 (expected 1, one per vertex)"),
         (
@@ -166,8 +166,8 @@ fn what_is_wrong_is_told_with_its_place_and_what_to_do() {
         ),
     ];
     for (body, message) in cases {
-        let told = handles(&body).expect_err(&body).to_string();
-        assert!(told.contains(message), "{body}\n{told}\n{message}");
+        let message_found = handles(&body).expect_err(&body).to_string();
+        assert!(message_found.contains(message), "{body}\n{message_found}\n{message}");
     }
     let other = |text: &str| HandleFile::parse(text).expect_err(text).to_string();
     assert!(

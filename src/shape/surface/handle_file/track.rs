@@ -1,97 +1,97 @@
-//! Where a handle wants its vertices over time.
+//! Keyframed targets of a handle.
 //!
-//! Between keys, translations and places are interpolated evenly and rotations by slerp; before the first key and after the
-//! last, what they say holds. [`Interpolation::Smooth`] replaces the share `s` of the way between two keys by `3s² − 2s³`:
-//! motion starts and ends gently at every key, and never overshoots.
+//! Between keys, translations and positions are interpolated linearly and rotations by slerp; before the first key and after the
+//! last the motion is constant. [`Interpolation::Smooth`] replaces the parameter `s` between two keys by `3s² − 2s³`: zero
+//! velocity at every key, without overshoot.
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-/// What happens between keys.
+/// Interpolation between keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
-    /// Even motion.
+    /// Linear.
     #[default]
     Linear,
-    /// Gently out of each key and into the next.
+    /// Smoothstep: zero velocity at the keys.
     Smooth,
 }
 
-/// The wish of a handle over time.
+/// The motion of a handle over time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Track {
-    /// Vertices stay where they are at rest.
+    /// Fixed at rest.
     Still,
-    /// All vertices move as one body.
+    /// A rigid motion of all vertices.
     Rigid {
-        /// About what it turns.
+        /// Center of rotation.
         pivot: Point3<f64>,
-        /// Motions, times ascending; never empty.
+        /// Keyframes with ascending times; not empty.
         keys: Vec<RigidKey>,
-        /// What happens between them.
+        /// Interpolation between them.
         interpolation: Interpolation,
     },
-    /// Each vertex moves by itself: times, ascending, and places in the ascending order of the vertices; never empty.
+    /// A motion of each vertex.
     Free {
-        /// Times and places.
+        /// Ascending times, and positions in ascending order of the vertices; not empty.
         keys: Vec<(f64, Vec<Point3<f64>>)>,
-        /// What happens between them.
+        /// Interpolation between them.
         interpolation: Interpolation,
     },
 }
 
-/// A rigid motion at a time.
+/// A keyframe of a rigid motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidKey {
-    /// When.
+    /// Time.
     pub time: f64,
-    /// The turn from rest.
-    pub turn: Turn,
-    /// The translation from rest.
+    /// Rotation from rest.
+    pub rotation: KeyRotation,
+    /// Translation from rest.
     pub translation: Vector3<f64>,
 }
 
-/// A turn from rest.
+/// A rotation from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Turn {
-    /// About an axis by its length, rad, which may be more than a whole turn.
-    About(Vector3<f64>),
-    /// To an orientation.
-    To(UnitQuaternion<f64>),
+pub enum KeyRotation {
+    /// A rotation vector, rad; its length may exceed 2π.
+    AxisAngle(Vector3<f64>),
+    /// An orientation.
+    Quaternion(UnitQuaternion<f64>),
 }
 
-impl Default for Turn {
+impl Default for KeyRotation {
     fn default() -> Self {
-        Self::About(Vector3::zeros())
+        Self::AxisAngle(Vector3::zeros())
     }
 }
 
-impl Turn {
-    /// The orientation that it ends at.
+impl KeyRotation {
+    /// The rotation as a quaternion.
     pub fn rotation(self) -> UnitQuaternion<f64> {
         match self {
-            Self::About(axis) => UnitQuaternion::from_scaled_axis(axis),
-            Self::To(rotation) => rotation,
+            Self::AxisAngle(axis) => UnitQuaternion::from_scaled_axis(axis),
+            Self::Quaternion(rotation) => rotation,
         }
     }
 
-    /// At share `s` of the way to another: all the way round where both are about one axis, else the shortest.
-    fn toward(self, other: Self, s: f64) -> UnitQuaternion<f64> {
-        if let (Self::About(a), Self::About(b)) = (self, other)
+    /// Interpolation to another rotation: linear in the angle about a common axis, slerp otherwise.
+    fn interpolated(self, other: Self, s: f64) -> UnitQuaternion<f64> {
+        if let (Self::AxisAngle(a), Self::AxisAngle(b)) = (self, other)
             && a.cross(&b).norm() <= 1e-12 * a.norm() * b.norm()
         {
             return UnitQuaternion::from_scaled_axis(a + (b - a) * s);
         }
         let (a, b) = (self.rotation(), other.rotation());
-        // Opposite orientations: any way is the shortest.
+        // Opposite orientations have no unique slerp.
         a.try_slerp(&b, s, 1e-12).unwrap_or(if s < 0.5 { a } else { b })
     }
 }
 
 impl Track {
-    /// Times of the first key and the last; `None` where nothing moves.
+    /// Times of the first and the last key; `None` without motion.
     pub fn times(&self) -> Option<(f64, f64)> {
         match self {
             Self::Still => None,
@@ -100,19 +100,19 @@ impl Track {
         }
     }
 
-    /// The rotation at a time, for handles that are moved as one body or held still.
+    /// The rotation at a time, for rigid and fixed handles.
     pub fn rotation(&self, time: f64) -> Option<UnitQuaternion<f64>> {
         match self {
             Self::Still => Some(UnitQuaternion::identity()),
             Self::Free { .. } => None,
             Self::Rigid { keys, interpolation, .. } => {
                 let (a, b, s) = between(keys, |k| k.time, time, *interpolation);
-                Some(keys[a].turn.toward(keys[b].turn, s))
+                Some(keys[a].rotation.interpolated(keys[b].rotation, s))
             }
         }
     }
 
-    /// Where the vertices shall be at a time, in ascending order of the vertices.
+    /// Targets of the vertices at a time, in ascending order of the vertices.
     pub fn positions(&self, vertices: &[u32], rest: &[Point3<f64>], time: f64) -> Vec<Point3<f64>> {
         let at_rest = vertices.iter().map(|v| rest[*v as usize]);
         match self {
@@ -120,11 +120,11 @@ impl Track {
             Self::Rigid { pivot, keys, interpolation } => {
                 let (a, b, s) = between(keys, |k| k.time, time, *interpolation);
                 let translation = keys[a].translation + (keys[b].translation - keys[a].translation) * s;
-                let turn = keys[a].turn.toward(keys[b].turn, s);
-                if turn == UnitQuaternion::identity() {
+                let rotation = keys[a].rotation.interpolated(keys[b].rotation, s);
+                if rotation == UnitQuaternion::identity() {
                     return at_rest.map(|p| p + translation).collect();
                 }
-                at_rest.map(|p| pivot + turn * (p - pivot) + translation).collect()
+                at_rest.map(|p| pivot + rotation * (p - pivot) + translation).collect()
             }
             Self::Free { keys, interpolation } => {
                 let (a, b, s) = between(keys, |k| k.0, time, *interpolation);
@@ -135,7 +135,7 @@ impl Track {
     }
 }
 
-/// The keys before and after a time, and the share of the way between them.
+/// The keys before and after a time, and the interpolation parameter.
 fn between<K>(keys: &[K], time_of: impl Fn(&K) -> f64, time: f64, how: Interpolation) -> (usize, usize, f64) {
     let after = keys.partition_point(|k| time_of(k) <= time);
     if after == 0 {

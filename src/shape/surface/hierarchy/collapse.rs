@@ -1,44 +1,44 @@
-//! Half-edge collapses: which vertices may go, where to, at what price.
+//! Half-edge collapses: validity and cost.
 //!
-//! A vertex `u` goes into a neighbor `v`, which stays where it is: the triangles at the edge vanish, the others at `u` take `v`
-//! for it. The price is the quadric error of both at `v`, plus a share of `area(u) ‖v − u‖²`, which spreads vertices evenly
-//! where the surface is flat: what the coarse mesh is for is to be solved on.
+//! A collapse `u → v` moves a vertex `u` to a fixed neighbor `v`: the triangles at the edge are removed, the others at `u` get `v`
+//! instead. The cost is the quadric error of both at `v` plus a multiple of `area(u) ‖v − u‖²`, which keeps the spacing uniform
+//! on flat parts, since the coarse mesh is used for solving.
 
 use nalgebra::{Point3, Vector3};
 
 use super::quadric::Quadric;
 use crate::mesh::TriMesh;
 
-/// Share of `area ‖v − u‖²` in the price: distances to planes weigh more where the surface bends by over 20° along the edge.
-/// Much less lets flat parts fall into slivers, much more cuts off spikes.
-const EVENNESS: f64 = 0.1;
-/// Weight of the planes along the boundary, over squared edges: a corner of a sheet costs more than evenness ever gains.
-const FENCE: f64 = 100.0;
-/// Cosine that normals may turn by at most in one collapse.
+/// Weight of `area ‖v − u‖²` in the cost: the quadric error dominates where the surface bends by over 20° along the edge. Much
+/// smaller values give slivers on flat parts, much larger ones remove spikes.
+const SPACING_WEIGHT: f64 = 0.1;
+/// Weight of the planes along the boundary, over squared edges: a corner of a sheet then costs more than any spacing term.
+const BOUNDARY_WEIGHT: f64 = 100.0;
+/// Minimum cosine of the rotation of a triangle normal in one collapse: beyond about 70° folds accumulate over collapses.
 const MIN_ROTATION_COSINE: f64 = 0.3;
-/// Twice the area over the sum of squared edges (√3/6 ≈ 0.29 for equal sides) under which a triangle is a sliver. Slivers are
-/// refused unless one as thin was there before.
-const SLIVER: f64 = 0.03;
-/// Most neighbors of a vertex that has taken others in: dense rows cost in every factor.
+/// Minimum quality of a triangle: twice the area over the sum of squared edges (√3/6 ≈ 0.29 for equilateral triangles). Collapses
+/// that create a worse triangle are rejected, unless it was as bad before.
+const MIN_QUALITY: f64 = 0.03;
+/// Maximum valence after a collapse: dense rows fill in the factors.
 const MAX_NEIGHBORS: usize = 14;
 /// End of a list of corners.
 const NONE: u32 = u32::MAX;
 
-/// A neighbor, and in how many triangles the edge to it lies.
+/// A neighbor, and the number of triangles at the edge to it.
 pub(super) type Neighbor = (u32, u32);
 
-/// A mesh that loses vertices.
+/// A mesh under simplification.
 pub(super) struct Collapser<'a> {
     positions: &'a [Point3<f64>],
     triangles: Vec<[u32; 3]>,
     alive: Vec<bool>,
-    /// Corners `3 t + k` of the triangles at each vertex, chained; dead ones are passed over.
+    /// Corners `3 t + k` of the triangles at each vertex, as linked lists; corners of removed triangles are skipped.
     first: Vec<u32>,
     last: Vec<u32>,
     next: Vec<u32>,
     triangle_count: Vec<u32>,
     quadrics: Vec<Quadric>,
-    /// To be kept whatever it costs.
+    /// Not removable.
     pinned: Vec<bool>,
     mark: Vec<u32>,
     stamp: u32,
@@ -83,7 +83,7 @@ impl<'a> Collapser<'a> {
         }
     }
 
-    /// Quadrics: the planes of the triangles, and upright ones through the edges of the boundary.
+    /// Quadrics of the planes of the triangles, and of perpendicular planes through boundary edges.
     fn measure(&mut self, mesh: &TriMesh) {
         for t in (0..self.triangles.len()).filter(|&t| self.alive[t]) {
             let doubled = mesh.area_normal(t);
@@ -99,20 +99,20 @@ impl<'a> Collapser<'a> {
             for i in 0..self.ring.len() {
                 let (w, count) = self.ring[i];
                 if count == 1 && u < w as usize {
-                    self.fence(mesh, u, w as usize);
+                    self.add_boundary_plane(mesh, u, w as usize);
                 }
             }
         }
     }
 
-    /// The plane through a boundary edge that stands upright on its triangle.
-    fn fence(&mut self, mesh: &TriMesh, u: usize, w: usize) {
+    /// Adds the plane through a boundary edge, perpendicular to its triangle.
+    fn add_boundary_plane(&mut self, mesh: &TriMesh, u: usize, w: usize) {
         let triangle = self.corners_of(u).find(|&c| self.triangles[c as usize / 3].contains(&(w as u32)));
         let edge = self.positions[w] - self.positions[u];
-        let upright = triangle.map(|c| mesh.area_normal(c as usize / 3).cross(&edge));
-        let Some(n) = upright.and_then(|n| n.try_normalize(0.0)) else { return };
+        let normal = triangle.map(|c| mesh.area_normal(c as usize / 3).cross(&edge));
+        let Some(n) = normal.and_then(|n| n.try_normalize(0.0)) else { return };
         for v in [u, w] {
-            self.quadrics[v].add_plane(&n, 0.0, FENCE * edge.norm_squared());
+            self.quadrics[v].add_plane(&n, 0.0, BOUNDARY_WEIGHT * edge.norm_squared());
         }
     }
 
@@ -131,8 +131,7 @@ impl<'a> Collapser<'a> {
         })
     }
 
-    /// Fills `self.ring` with the neighbors of `u`. Corners of dead triangles leave the chain on the way, so that each is met
-    /// once.
+    /// Fills `self.ring` with the neighbors of `u`, and unlinks the corners of removed triangles from the list of `u`.
     fn gather(&mut self, u: usize) {
         self.ring.clear();
         let (mut corner, mut before) = (self.first[u], NONE);
@@ -164,14 +163,14 @@ impl<'a> Collapser<'a> {
         &self.ring
     }
 
-    /// The neighbors last asked for.
+    /// The neighbors of the last query.
     pub(super) fn last_ring(&self) -> &[Neighbor] {
         &self.ring
     }
 
-    /// The cheapest neighbor for `u` to go into, and the price; `None` where `u` has to stay.
+    /// The neighbor of least collapse cost for `u`, and the cost; `None` if `u` must stay.
     ///
-    /// Pinned vertices and ends of edges in three or more triangles stay; a vertex of the boundary goes along the boundary.
+    /// Pinned vertices and ends of non-manifold edges stay; boundary vertices collapse along the boundary.
     pub(super) fn best(&mut self, u: usize) -> Option<(u32, f64)> {
         self.gather(u);
         let boundary = self.ring.iter().any(|&(_, count)| count == 1);
@@ -179,16 +178,16 @@ impl<'a> Collapser<'a> {
             return None;
         }
         let quadric = &self.quadrics[u];
-        let price = |w: u32| {
+        let cost = |w: u32| {
             let step = self.positions[w as usize] - self.positions[u];
-            let spread = EVENNESS * quadric.area * step.norm_squared();
-            quadric.at(&step) + self.quadrics[w as usize].here() + spread
+            let spacing = SPACING_WEIGHT * quadric.area * step.norm_squared();
+            quadric.at(&step) + self.quadrics[w as usize].here() + spacing
         };
         let along = self.ring.iter().filter(|&&(_, count)| !boundary || count == 1);
-        along.map(|&(w, _)| (w, price(w))).min_by(|a, b| a.1.total_cmp(&b.1))
+        along.map(|&(w, _)| (w, cost(w))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// True where `u` may go into `v`: nothing is glued, nothing vanishes, no triangle turns over or becomes a sliver.
+    /// True if the collapse `u → v` preserves the topology (link condition) and inverts or degenerates no triangle.
     pub(super) fn allowed(&mut self, u: usize, v: usize) -> bool {
         self.stamp += 1;
         let stamp = self.stamp;
@@ -205,13 +204,13 @@ impl<'a> Collapser<'a> {
         common == shared as usize
             && left > 0
             && neighbors <= MAX_NEIGHBORS
-            && self.opposite(u).all(|pair| self.sound(u, v, pair, stamp))
+            && self.opposite(u).all(|pair| self.stays_valid(u, v, pair, stamp))
     }
 
-    /// One triangle at `u` after `u` has gone into `v`; marked are the neighbors of `v`.
-    fn sound(&self, u: usize, v: usize, pair: [u32; 2], stamp: u32) -> bool {
+    /// Whether a triangle at `u` is valid after the collapse `u → v`; the neighbors of `v` are marked.
+    fn stays_valid(&self, u: usize, v: usize, pair: [u32; 2], stamp: u32) -> bool {
         if let Some(k) = pair.iter().position(|&w| w as usize == v) {
-            // It vanishes; its third vertex must have another.
+            // It is removed; its third vertex must have another triangle.
             return self.triangle_count[pair[1 - k] as usize] > 1;
         }
         let twin = || self.opposite(v).any(|other| pair.iter().all(|w| other.contains(w)));
@@ -221,11 +220,11 @@ impl<'a> Collapser<'a> {
         let [a, b] = pair.map(|w| self.positions[w as usize]);
         let (before, old) = shape(&self.positions[u], &a, &b);
         let (after, new) = shape(&self.positions[v], &a, &b);
-        let turn = after.dot(&before) - MIN_ROTATION_COSINE * after.norm() * before.norm();
-        (turn > 0.0 || old == 0.0) && new >= SLIVER.min(old)
+        let rotation = after.dot(&before) - MIN_ROTATION_COSINE * after.norm() * before.norm();
+        (rotation > 0.0 || old == 0.0) && new >= MIN_QUALITY.min(old)
     }
 
-    /// Takes `u` into `v`.
+    /// Collapses `u` to `v`.
     pub(super) fn collapse(&mut self, u: usize, v: usize) {
         let mut corner = self.first[u];
         while corner != NONE {
@@ -241,32 +240,32 @@ impl<'a> Collapser<'a> {
             }
             corner = self.next[corner as usize];
         }
-        // The chain of `v` is not empty: the edge to `u` lies in a triangle, dead by now but still a link.
+        // The list of `v` is not empty: the triangle at the edge to `u` is removed, but still linked.
         self.next[self.last[v] as usize] = self.first[u];
         self.last[v] = self.last[u];
         self.first[u] = NONE;
         self.triangle_count[u] = 0;
-        let gone = self.quadrics[u];
-        self.quadrics[v].add(&gone, &(self.positions[v] - self.positions[u]));
+        let removed = self.quadrics[u];
+        self.quadrics[v].add(&removed, &(self.positions[v] - self.positions[u]));
     }
 
-    /// True for a vertex that no triangle names.
+    /// True for a vertex of no triangle.
     pub(super) fn is_loose(&self, v: usize) -> bool {
         self.triangle_count[v] == 0
     }
 
-    /// True for a vertex that no one may take.
+    /// True for a vertex that must stay.
     pub(super) fn is_pinned(&self, v: usize) -> bool {
         self.pinned[v]
     }
 
-    /// Triangles that are left.
+    /// The remaining triangles.
     pub(super) fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
         self.triangles.iter().zip(&self.alive).filter(|&(_, &alive)| alive).map(|(t, _)| *t)
     }
 }
 
-/// Of the vertices to be kept, those that are not in the midst of others: loose ones, and those beside one that may go.
+/// Vertices of `keep` with a neighbor outside of `keep`, or of no triangle.
 fn pinned(mesh: &TriMesh, keep: &[u32]) -> Vec<bool> {
     let n = mesh.vertex_count();
     let (mut kept, mut inside) = (vec![false; n], vec![false; n]);
@@ -298,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_waist_of_three_edges_is_not_pinched() {
+    fn a_waist_of_three_edges_is_not_collapsed() {
         let corners = [[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]];
         let positions = (0..15).map(|i| [i as f64 / 3.0 * 0.5, corners[i % 3][0], corners[i % 3][1]]).collect();
         let at = |ring: u32, k: u32| 3 * ring + k % 3;
@@ -310,14 +309,14 @@ mod tests {
         let mut collapser = Collapser::new(&mesh, &[]);
         assert!(
             !collapser.allowed(6, 7) && !collapser.allowed(7, 8),
-            "their third is a neighbor of both, without a triangle"
+            "the third vertex is a neighbor of both, without a triangle"
         );
         assert!(collapser.allowed(6, 3), "along the tube");
     }
 
     #[test]
-    fn no_triangle_turns_over() {
-        // A star with a notch at its second tip: seen from the first, the triangle behind the notch lies upside down.
+    fn no_triangle_is_inverted() {
+        // A star with a notch at its second tip: a collapse to the first tip inverts the triangle behind the notch.
         let tips = [[2.0, 0.0], [0.2, 0.2], [0.0, 2.0], [-2.0, 0.0], [0.0, -2.0]];
         let positions = std::iter::once([0.0; 3]).chain(tips.map(|[x, y]| [x, y, 0.0])).collect();
         let mesh = mesh(positions, (0..5).map(|k| [0, 1 + k, 1 + (k + 1) % 5]).collect());

@@ -1,16 +1,16 @@
-//! A mesh at several resolutions, each a subset of the vertices of the one before: for solving coarse first.
+//! A multiresolution hierarchy of a mesh by vertex removal, with prolongation of deformations.
 //!
-//! Level 0 is the mesh; each level holds about a quarter of the vertices of the finer one. Vertices go by half-edge collapses
-//! `u → v` in passes: each pass takes the cheapest vertices of which no two are neighbors, so that the ring of each is whole
-//! when it goes and whole again when it comes back. The ring says where it comes back to, by a local frame:
+//! Level 0 is the mesh; each level has about a quarter of the vertices of the finer one. Vertices are removed by half-edge
+//! collapses `u → v` in passes: each pass removes an independent set of vertices of least cost, so that the one-ring of each is
+//! complete when it is removed and when it is reinserted. Its position is prolonged from the one-ring in a local frame:
 //!
 //! ```text
 //! x_u′ = x_u + Σ w_j (x_j′ − x_j) + (R_u − I)(x_u − Σ w_j x_j)
 //! R_u  = nearest rotation to  Σ w_j (x_j′ − x̄′)(x_j − x̄)ᵀ / Σ w_j ‖x_j − x̄‖²  +  ε Σ w_j R_j
 //! ```
 //!
-//! with mean value weights `w` (sum 1), hence: the rest shape comes back as it was, a rigid motion rigidly, a linear map of
-//! a plane linearly, and detail turns with what bears it. The second term of `R_u` decides where the ring is a line.
+//! with mean value weights `w` (sum 1). Prolongation reproduces the rest shape, rigid motions, and linear maps of a plane; details
+//! rotate with the surface below them. The second term of `R_u` decides where the ring is collinear.
 //!
 //! # Reference
 //! J. Manson, S. Schaefer, *Hierarchical deformation of locally rigid meshes*, Computer Graphics Forum 30 (2011);
@@ -27,33 +27,35 @@ use collapse::Collapser;
 use plumbline_num::math::nearest_rotation;
 use plumbline_num::run::{Run, Stopped};
 
-/// Vertices of a level over those of the next coarser one. Less makes more levels to visit, more leaves each start worse.
+/// Ratio of the vertex counts of successive levels. Smaller values give more levels to solve, larger ones worse initial guesses.
 const RATIO: f64 = 4.0;
-/// Share of the vertices, cheapest first, that a pass looks at. All of them would take dear ones while cheap ones wait for
-/// their neighbors; few make many passes.
-const SHARE_PER_PASS: f64 = 0.6;
-/// ε: small, so that a bent ring decides itself; a line of vertices needs any positive value.
-const INHERITED: f64 = 0.1;
+/// Fraction of the vertices, in order of cost, that a pass considers. With all of them costly vertices are removed while cheaper
+/// ones are blocked by neighbors; small fractions need many passes.
+const CANDIDATE_FRACTION: f64 = 0.6;
+/// Maximum ratio of the vertex counts of a level and the next finer one.
+const MAX_LEVEL_RATIO: f64 = 0.8;
+/// ε: small, so that a non-collinear ring determines its rotation; a collinear one needs any positive value.
+const INHERITED_WEIGHT: f64 = 0.1;
 
-/// A vertex that the next coarser level lacks, and where in `Step::ring` its neighbors are.
+/// A removed vertex, and the range of its neighbors in `Step::ring`.
 #[derive(Clone, Debug)]
 struct Removal {
     vertex: u32,
     ring: std::ops::Range<u32>,
 }
 
-/// What leads from one level to the next coarser one; numbers are those of the finer one.
+/// The removals between two levels; indices are those of the finer one.
 #[derive(Clone, Debug, Default)]
 struct Step {
-    /// Number of each vertex of the coarser level.
+    /// Fine index of each vertex of the coarser level.
     kept: Vec<u32>,
-    /// In the order of going.
+    /// In the order of removal.
     removals: Vec<Removal>,
-    /// Neighbors at the time, and their weights (sum 1).
+    /// Neighbors at the time of removal, and their weights (sum 1).
     ring: Vec<(u32, f64)>,
 }
 
-/// A mesh at several resolutions.
+/// A multiresolution hierarchy of a mesh.
 #[derive(Clone, Debug)]
 pub struct Hierarchy {
     meshes: Vec<TriMesh>,
@@ -61,27 +63,27 @@ pub struct Hierarchy {
     steps: Vec<Step>,
 }
 
-/// Where the vertices of a level are, and how the surface around each has turned.
+/// Positions of the vertices of a level, and the rotations of the surface around them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelPose {
-    /// A position per vertex.
+    /// Position of each vertex.
     pub positions: Vec<Point3<f64>>,
-    /// A rotation from the rest shape per vertex.
+    /// Rotation of each vertex from the rest shape.
     pub rotations: Vec<Matrix3<f64>>,
 }
 
 impl Hierarchy {
-    /// Levels from `mesh` down to about `coarsest` vertices; fewer levels where nothing more can go.
+    /// Levels from `mesh` to about `coarsest` vertices; fewer where no more vertices can be removed.
     ///
-    /// Vertices in `keep` (handles) stay on every level, except those all of whose neighbors are in `keep` too: of a held
-    /// region the rim stays, the midst thins out. Works on any triangles; non-manifold edges stay as they are, vertices of no
-    /// triangle are on level 0 alone unless kept.
+    /// Vertices in `keep` (handles) stay on every level, except those whose neighbors are all in `keep` too: the boundary of a
+    /// constrained region stays, its interior is thinned. Accepts any triangles; non-manifold edges stay, vertices of no triangle
+    /// are on level 0 only unless kept.
     ///
     /// # Errors
     /// [`Stopped`].
     ///
     /// # Panics
-    /// Where `keep` names a vertex that does not exist.
+    /// If `keep` has a vertex that does not exist.
     pub fn new(mesh: &TriMesh, keep: &[u32], coarsest: usize, run: &Run) -> Result<Self, Stopped> {
         let mut made = Self {
             meshes: vec![mesh.clone()],
@@ -110,12 +112,12 @@ impl Hierarchy {
         &self.meshes[level]
     }
 
-    /// Vertices of level 0 that are on this level, ascending: the `i`-th is the level's vertex `i`.
+    /// Vertices of level 0 that are on this level, ascending: the `i`-th is vertex `i` of the level.
     pub fn vertices(&self, level: usize) -> &[u32] {
         &self.vertices[level]
     }
 
-    /// Adds a level of about `wanted` vertices; `false`, and nothing added, where hardly any vertex can go.
+    /// Adds a level of about `wanted` vertices; `false` and no level if hardly any vertex can be removed.
     fn coarsen(
         &mut self,
         mesh: &TriMesh,
@@ -123,35 +125,34 @@ impl Hierarchy {
         wanted: usize,
         run: &Run,
     ) -> Result<bool, Stopped> {
-        let finer = self.vertices.last().expect("level 0 is always there");
+        let finer = self.vertices.last().expect("level 0 always exists");
         let mut number = vec![u32::MAX; mesh.vertex_count()];
         for (i, &v) in finer.iter().enumerate() {
             number[v as usize] = i as u32;
         }
-        let (mut step, mut left) = (Step::default(), finer.clone());
-        while left.len() > wanted {
-            let gone = step.pass(mesh, collapser, &number, &left, left.len() - wanted, run)?;
-            if gone.is_empty() {
+        let (mut step, mut remaining) = (Step::default(), finer.clone());
+        while remaining.len() > wanted {
+            let removed = step.pass(mesh, collapser, &number, &remaining, remaining.len() - wanted, run)?;
+            if removed.is_empty() {
                 break;
             }
-            left.retain(|v| gone.binary_search(v).is_err());
+            remaining.retain(|v| removed.binary_search(v).is_err());
         }
-        // A level that is nearly as large as the last costs a solve and gains nothing.
-        if left.len() as f64 > 0.8 * finer.len() as f64 {
+        // A level nearly as large as the previous one costs a solve without gain.
+        if remaining.len() as f64 > MAX_LEVEL_RATIO * finer.len() as f64 {
             return Ok(false);
         }
-        step.kept = left.iter().map(|&v| number[v as usize]).collect();
+        step.kept = remaining.iter().map(|&v| number[v as usize]).collect();
         self.steps.push(step);
-        self.meshes.push(compact(mesh, &left, collapser));
-        self.vertices.push(left);
+        self.meshes.push(compact(mesh, &remaining, collapser));
+        self.vertices.push(remaining);
         Ok(true)
     }
 
-    /// Rotations of the vertices of a level from the rest shape to `positions`: of each the one that carries the edges around
-    /// it best.
+    /// Rotations of the vertices of a level from the rest shape to `positions`, fitted to the edges around each vertex.
     ///
     /// # Panics
-    /// Where the number of positions is not that of the level's vertices.
+    /// If the number of positions is not that of the level's vertices.
     pub fn rotations(&self, level: usize, positions: &[Point3<f64>]) -> Vec<Matrix3<f64>> {
         let (mesh, rest) = (&self.meshes[level], self.meshes[level].positions());
         assert_eq!(positions.len(), rest.len(), "one position per vertex of the level");
@@ -161,22 +162,22 @@ impl Hierarchy {
             for [i, j, k] in [[a, b, c], [b, c, a], [c, a, b]].map(|t| t.map(|v| v as usize)) {
                 let (e, f) = (rest[j] - rest[i], rest[k] - rest[i]);
                 let [to_j, to_k] = mean_value(&e, &f, 0.0);
-                let turned = (positions[j] - positions[i]) * e.transpose() * to_j
+                let covariance = (positions[j] - positions[i]) * e.transpose() * to_j
                     + (positions[k] - positions[i]) * f.transpose() * to_k;
-                sums[i] += turned;
+                sums[i] += covariance;
                 sizes[i] += to_j * e.norm_squared() + to_k * f.norm_squared();
             }
         }
-        // Less than what any bend does, but it keeps a line of vertices from turning about itself.
-        let still =
+        // A regularization near rounding, for the undetermined rotation about a collinear ring.
+        let fitted =
             |(sum, size): (&Matrix3<f64>, &f64)| nearest_rotation(&(sum + Matrix3::identity() * (1e-13 * size)));
-        sums.iter().zip(&sizes).map(still).collect()
+        sums.iter().zip(&sizes).map(fitted).collect()
     }
 
     /// Positions of the vertices of `level` from those of `level + 1`.
     ///
     /// # Panics
-    /// For the coarsest level, and where the number of positions is not that of the coarser level's vertices.
+    /// For the coarsest level, and if the number of positions is not that of the coarser level's vertices.
     pub fn prolong(&self, level: usize, coarse: &[Point3<f64>]) -> Vec<Point3<f64>> {
         let rotations = self.rotations(level + 1, coarse);
         self.prolong_pose(level, &LevelPose { positions: coarse.to_vec(), rotations }).positions
@@ -196,66 +197,66 @@ impl Hierarchy {
         }
         for removal in step.removals.iter().rev() {
             let ring = &step.ring[removal.ring.start as usize..removal.ring.end as usize];
-            fine.bring_back(removal.vertex as usize, ring, rest);
+            fine.reinsert(removal.vertex as usize, ring, rest);
         }
         fine
     }
 }
 
 impl LevelPose {
-    /// Puts a vertex back into its ring.
-    fn bring_back(&mut self, u: usize, ring: &[(u32, f64)], rest: &[Point3<f64>]) {
-        let (mut middle, mut shift) = (Vector3::zeros(), Vector3::zeros());
+    /// Prolongs to a vertex from its ring.
+    fn reinsert(&mut self, u: usize, ring: &[(u32, f64)], rest: &[Point3<f64>]) {
+        let (mut mean, mut shift) = (Vector3::zeros(), Vector3::zeros());
         for &(j, w) in ring {
             let j = j as usize;
-            middle += (rest[j] - rest[u]) * w;
+            mean += (rest[j] - rest[u]) * w;
             shift += (self.positions[j] - rest[j]) * w;
         }
         let (mut frame, mut inherited, mut size) = (Matrix3::zeros(), Matrix3::zeros(), 0.0);
         for &(j, w) in ring {
             let j = j as usize;
-            let e = rest[j] - rest[u] - middle;
-            let turned = e + (self.positions[j] - rest[j]) - shift;
-            frame += turned * e.transpose() * w;
+            let e = rest[j] - rest[u] - mean;
+            let moved = e + (self.positions[j] - rest[j]) - shift;
+            frame += moved * e.transpose() * w;
             size += e.norm_squared() * w;
             inherited += self.rotations[j] * w;
         }
         if size > 0.0 {
-            inherited = inherited * INHERITED + frame / size;
+            inherited = inherited * INHERITED_WEIGHT + frame / size;
         }
         let r = nearest_rotation(&inherited);
-        self.positions[u] = rest[u] + shift + (middle - r * middle);
+        self.positions[u] = rest[u] + shift + (mean - r * mean);
         self.rotations[u] = r;
     }
 }
 
 impl Step {
-    /// Takes up to `most` vertices out of `left`, no two of them neighbors; returns them in ascending order.
+    /// Removes an independent set of up to `max` vertices of `remaining`; returns them in ascending order.
     fn pass(
         &mut self,
         mesh: &TriMesh,
         collapser: &mut Collapser<'_>,
         number: &[u32],
-        left: &[u32],
-        most: usize,
+        remaining: &[u32],
+        max: usize,
         run: &Run,
     ) -> Result<Vec<u32>, Stopped> {
-        let mut gone: Vec<u32> = left.iter().copied().filter(|&v| collapser.is_loose(v as usize)).collect();
-        gone.retain(|&v| !collapser.is_pinned(v as usize));
-        for &v in &gone {
+        let mut removed: Vec<u32> = remaining.iter().copied().filter(|&v| collapser.is_loose(v as usize)).collect();
+        removed.retain(|&v| !collapser.is_pinned(v as usize));
+        for &v in &removed {
             self.record(mesh, collapser, number, v);
         }
-        let mut offers: Vec<(f64, u32, u32)> = Vec::with_capacity(left.len());
-        for &u in left {
+        let mut candidates: Vec<(f64, u32, u32)> = Vec::with_capacity(remaining.len());
+        for &u in remaining {
             run.check()?;
-            offers.extend(collapser.best(u as usize).map(|(v, price)| (price, u, v)));
+            candidates.extend(collapser.best(u as usize).map(|(v, cost)| (cost, u, v)));
         }
-        offers.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let looked_at = ((offers.len() as f64 * SHARE_PER_PASS).ceil() as usize).min(offers.len());
+        candidates.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let considered = ((candidates.len() as f64 * CANDIDATE_FRACTION).ceil() as usize).min(candidates.len());
         let mut touched = vec![false; mesh.vertex_count()];
-        for &(_, u, v) in &offers[..looked_at] {
+        for &(_, u, v) in &candidates[..considered] {
             run.check()?;
-            if gone.len() >= most {
+            if removed.len() >= max {
                 break;
             }
             if touched[u as usize] || !collapser.allowed(u as usize, v as usize) {
@@ -266,13 +267,13 @@ impl Step {
                 touched[w as usize] = true;
             }
             collapser.collapse(u as usize, v as usize);
-            gone.push(u);
+            removed.push(u);
         }
-        gone.sort_unstable();
-        Ok(gone)
+        removed.sort_unstable();
+        Ok(removed)
     }
 
-    /// Writes down the ring of a vertex that is about to go.
+    /// Records the ring of a vertex before its removal.
     fn record(&mut self, mesh: &TriMesh, collapser: &mut Collapser<'_>, number: &[u32], u: u32) {
         let start = self.ring.len();
         self.ring.extend(collapser.ring(u as usize).iter().map(|&(w, _)| (w, 0.0)));
@@ -295,25 +296,25 @@ impl Step {
     }
 }
 
-/// Share of one triangle in the mean value weights of the two edges `e` and `f` from a vertex: `tan(θ/2)/‖e‖`, `tan(θ/2)/‖f‖`,
-/// with lengths of `floor` at least. Zero where there is no angle.
+/// Contribution of one triangle to the mean value weights of the two edges `e` and `f` from a vertex: `tan(θ/2)/‖e‖`, `tan(θ/2)/‖f‖`,
+/// with lengths of at least `floor`. Zero for a degenerate triangle.
 fn mean_value(e: &Vector3<f64>, f: &Vector3<f64>, floor: f64) -> [f64; 2] {
     let (of_e, of_f) = (e.norm().max(floor), f.norm().max(floor));
-    // tan(θ/2) = sin θ / (1 + cos θ), which a folded triangle takes to infinity.
+    // tan(θ/2) = sin θ / (1 + cos θ), unbounded for an angle of π.
     let tangent = e.cross(f).norm() / (of_e * of_f + e.dot(f)).max(1e-6 * of_e * of_f);
     let weights = [tangent / of_e, tangent / of_f];
     if weights.iter().all(|w| w.is_finite()) { weights } else { [0.0; 2] }
 }
 
-/// The mesh that is left, its vertices renumbered.
-fn compact(mesh: &TriMesh, left: &[u32], collapser: &Collapser<'_>) -> TriMesh {
+/// The mesh of the remaining vertices, renumbered.
+fn compact(mesh: &TriMesh, remaining: &[u32], collapser: &Collapser<'_>) -> TriMesh {
     let mut number = vec![0; mesh.vertex_count()];
-    for (i, &v) in left.iter().enumerate() {
+    for (i, &v) in remaining.iter().enumerate() {
         number[v as usize] = i as u32;
     }
     let triangles = collapser.triangles().map(|t| t.map(|v| number[v as usize])).collect();
-    let positions = left.iter().map(|&v| mesh.positions()[v as usize]).collect();
-    TriMesh::new(positions, triangles).expect("positions of a mesh, and triangles between vertices that are left")
+    let positions = remaining.iter().map(|&v| mesh.positions()[v as usize]).collect();
+    TriMesh::new(positions, triangles).expect("positions of a mesh, and triangles between remaining vertices")
 }
 
 #[cfg(test)]

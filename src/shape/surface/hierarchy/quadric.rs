@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-/// `Q(y) = Σ w (n·y + d)²` over planes with unit normal `n`, `y` taken from a point of the quadric's own, which is not kept
-/// here: of a million of them, every number counts.
+/// `Q(y) = Σ w (n·y + d)²` over planes with unit normal `n`; `y` is relative to a point of its own, which is not stored here to
+/// save memory for millions of quadrics.
 ///
 /// # Reference
 /// M. Garland, P. Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997.
@@ -15,7 +15,7 @@ pub(super) struct Quadric {
     b: Vector3<f64>,
     /// `Σ w d²`.
     c: f64,
-    /// Sum of the weights of surface planes: the area that the quadric stands for.
+    /// Sum of the weights of surface planes: the area of the quadric.
     pub(super) area: f64,
 }
 
@@ -28,7 +28,7 @@ impl Quadric {
         self.c += d * d * weight;
     }
 
-    /// Adds another quadric, whose own point lies at `−shift` from this one's.
+    /// Adds another quadric, whose own point is at `−shift` from this one's.
     pub(super) fn add(&mut self, other: &Self, shift: &Vector3<f64>) {
         let a_shift = other.times(shift);
         self.a.iter_mut().zip(other.a).for_each(|(a, more)| *a += more);

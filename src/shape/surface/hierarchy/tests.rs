@@ -62,7 +62,7 @@ fn positions_of(hierarchy: &Hierarchy, level: usize) -> Vec<Point3<f64>> {
 }
 
 #[test]
-fn levels_are_subsets_that_shrink_to_what_was_asked_for() {
+fn levels_are_nested_subsets_down_to_the_requested_size() {
     let mesh = tube(60, 40);
     let hierarchy = Hierarchy::new(&mesh, &[], 100, &Run::default()).expect("a run that never stops");
     assert_eq!(hierarchy.levels(), 3, "2402 vertices in steps of about 4");
@@ -78,7 +78,7 @@ fn levels_are_subsets_that_shrink_to_what_was_asked_for() {
 }
 
 #[test]
-fn a_coarse_level_is_as_closed_and_as_round_as_the_mesh() {
+fn a_coarse_level_keeps_topology_and_volume() {
     let mesh = tube(60, 40);
     let hierarchy = Hierarchy::new(&mesh, &[], 100, &Run::default()).expect("a run that never stops");
     let coarse = hierarchy.mesh(hierarchy.levels() - 1);
@@ -98,7 +98,7 @@ fn an_open_sheet_keeps_its_rim_and_its_corners() {
 }
 
 #[test]
-fn handles_stay_and_a_held_region_keeps_its_rim() {
+fn handles_stay_and_a_constrained_region_keeps_its_boundary() {
     let mesh = tube(60, 40);
     let region: Vec<u32> = (0..12 * 40).collect();
     let keep: Vec<u32> = region.iter().copied().chain([1500, 2000]).collect();
@@ -106,13 +106,13 @@ fn handles_stay_and_a_held_region_keeps_its_rim() {
     let names = hierarchy.vertices(hierarchy.levels() - 1);
     let stays = |v: u32| names.binary_search(&v).is_ok();
     assert!(stays(1500) && stays(2000));
-    assert!((11 * 40..12 * 40).all(stays), "the rim of the region");
+    assert!((11 * 40..12 * 40).all(stays), "the boundary of the region");
     let inside = (0..11 * 40).filter(|&v| stays(v)).count();
-    assert!(inside < 200, "{inside} of 440 stay in the midst");
+    assert!(inside < 200, "{inside} of 440 stay in the interior");
 }
 
 #[test]
-fn the_rest_shape_comes_back_bit_by_bit() {
+fn prolongation_reproduces_the_rest_shape() {
     let shifted: Vec<_> = tube(60, 40).positions().iter().map(|p| p + Vector3::new(1e6, -3e5, 7.0)).collect();
     for mesh in [tube(60, 40), sheet(30), tube(60, 40).with_positions(shifted).expect("a sound case")] {
         let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
@@ -126,7 +126,7 @@ fn the_rest_shape_comes_back_bit_by_bit() {
 }
 
 #[test]
-fn a_rigid_motion_comes_back_as_itself_on_every_level() {
+fn prolongation_reproduces_rigid_motions() {
     for mesh in [tube(60, 40), sheet(30)] {
         let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
         for angle in [0.1, 1.5, 3.1] {
@@ -146,20 +146,20 @@ fn a_rigid_motion_comes_back_as_itself_on_every_level() {
 }
 
 #[test]
-fn a_linear_map_of_a_plane_comes_back_inside_the_rim() {
+fn prolongation_reproduces_linear_maps_of_a_plane_in_the_interior() {
     let mesh = sheet(30);
     let hierarchy = Hierarchy::new(&mesh, &[], 60, &Run::default()).expect("a run that never stops");
     let stretched = |p: &Point3<f64>| Point3::new(1.5 * p.x + 0.2 * p.y, 0.7 * p.y, 0.0);
     let coarse: Vec<_> = hierarchy.mesh(1).positions().iter().map(stretched).collect();
     let inner = |p: &Point3<f64>| [p.x, p.y].iter().all(|&c| c > 0.0 && c < 29.0);
     for (p, rest) in hierarchy.prolong(0, &coarse).iter().zip(mesh.positions()).filter(|(_, rest)| inner(rest)) {
-        // A vertex may rest on one of the rim, which moves by its own rule.
+        // A vertex may be prolonged from boundary vertices, which move along the boundary.
         assert!((p - stretched(rest)).norm() < 0.3, "{rest} came to {p}");
     }
 }
 
 #[test]
-fn detail_turns_with_a_bend() {
+fn details_rotate_with_a_bend() {
     let mesh = tube(80, 30);
     let hierarchy = Hierarchy::new(&mesh, &[], 200, &Run::default()).expect("a run that never stops");
     let bend = |p: &Point3<f64>| {
@@ -178,7 +178,7 @@ fn detail_turns_with_a_bend() {
 }
 
 #[test]
-fn what_is_broken_stays_as_it_is_and_everything_stays_finite() {
+fn degenerate_input_is_kept_and_results_are_finite() {
     let mut positions = tube(20, 12).positions().to_vec();
     let mut triangles = tube(20, 12).triangles().to_vec();
     // A loose vertex, a fin on an edge, a triangle without area, one named twice, one of a single vertex.

@@ -1,6 +1,6 @@
-//! The quadratic form that the ARAP energy is near the rest shape.
+//! The Hessian of the ARAP energy at the rest shape.
 //!
-//! Cell `i` holds the triangles around vertex `i`; with displacements `d` of the vertices and a small turn `c_i` of each cell
+//! Cell `i` has the triangles around vertex `i`; with displacements `d` of the vertices and a small rotation `c_i` of each cell
 //!
 //! ```text
 //! E(d) = ⅓ Σ_i min_{c_i} Σ_{ab ∈ cell i} w_ab ‖d_a − d_b − c_i × e_ab‖²      e_ab = p_a − p_b,  w_ab half a cotangent
@@ -8,8 +8,8 @@
 //! C_i  = Σ w (‖e‖² I − e eᵀ),     B_i d = Σ w e × (d_a − d_b).
 //! ```
 //!
-//! (Equation 6 of the paper has `Σ w e eᵀ` for `C_i`, a slip: the sum is of `[e]ₓ [e]ₓᵀ`.) The paper's cells are spokes; with
-//! the rims, as here, three edges of a triangle stand together and no form is negative whatever its angles are.
+//! Equation 6 of the paper has `Σ w e eᵀ` for `C_i`, a misprint for the sum of `[e]ₓ [e]ₓᵀ`. Departure: the paper's cells are
+//! spokes; with rims the three edges of a triangle give a positive semidefinite form whatever its angles.
 
 use std::sync::Arc;
 
@@ -18,14 +18,15 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
+use plumbline_num::spatial::numbered_components;
 
-/// Eigenvalues of `C_i` below this share of the greatest are none: cells that are a line turn freely about it.
-const NO_TURN: f64 = 1e-12;
+/// Eigenvalues of `C_i` below this fraction of the largest are treated as 0: the rotation of a collinear cell about its line.
+const RANK_TOLERANCE: f64 = 1e-12;
 
 /// `B_i` of one cell, by vertex, with `C_i⁺`.
 struct Cell {
     vertices: Vec<u32>,
-    pulls: Vec<Matrix3<f64>>,
+    blocks: Vec<Matrix3<f64>>,
     inverse: Matrix3<f64>,
 }
 
@@ -48,9 +49,9 @@ pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents) -> Result<SparseM
     }
     for cell in &cells {
         for (m, &a) in cell.vertices.iter().enumerate() {
-            let left = cell.pulls[m].transpose() * cell.inverse / -3.0;
+            let left = cell.blocks[m].transpose() * cell.inverse / -3.0;
             for (n, &b) in cell.vertices.iter().enumerate().filter(|&(_, &b)| b <= a) {
-                add(&mut h, a, b, &(left * cell.pulls[n]));
+                add(&mut h, a, b, &(left * cell.blocks[n]));
             }
         }
     }
@@ -67,7 +68,7 @@ fn add(h: &mut SparseMatrix, a: u32, b: u32, block: &Matrix3<f64>) {
     for col in 0..3 {
         let first = if a == b { col } else { 0 };
         let slot = h.pattern().slot(3 * a as usize + first, 3 * b as usize + col);
-        let slot = slot.expect("the pattern holds every pair of a cell");
+        let slot = slot.expect("the pattern has every pair of a cell");
         for row in first..3 {
             h.values_mut()[slot + row - first] += block[(row, col)];
         }
@@ -82,22 +83,22 @@ fn cells(mesh: &TriMesh, cotangents: &Cotangents) -> Vec<Cell> {
         }
     }
     let edges: Vec<_> = cotangents.edges().collect();
-    let place = |v: u32| mesh.positions()[v as usize];
+    let position = |v: u32| mesh.positions()[v as usize];
     let cell = |triangles: &Vec<u32>| {
         let of_cell = || triangles.iter().flat_map(|&t| edges[t as usize]);
         let mut vertices: Vec<u32> = of_cell().map(|(a, _, _)| a).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let number = |v: u32| vertices.binary_search(&v).expect("every edge's end starts another edge");
-        let (mut pulls, mut turning) = (vec![Matrix3::zeros(); vertices.len()], Matrix3::zeros());
+        let number = |v: u32| vertices.binary_search(&v).expect("the end of every edge is the start of another one");
+        let (mut blocks, mut inertia) = (vec![Matrix3::zeros(); vertices.len()], Matrix3::zeros());
         for (a, b, w) in of_cell() {
-            let e: Vector3<f64> = place(a) - place(b);
-            turning += (Matrix3::identity() * e.norm_squared() - e * e.transpose()) * w;
-            let pull = e.cross_matrix() * w;
-            pulls[number(a)] += pull;
-            pulls[number(b)] -= pull;
+            let e: Vector3<f64> = position(a) - position(b);
+            inertia += (Matrix3::identity() * e.norm_squared() - e * e.transpose()) * w;
+            let block = e.cross_matrix() * w;
+            blocks[number(a)] += block;
+            blocks[number(b)] -= block;
         }
-        Cell { pulls, inverse: pseudo_inverse(&turning), vertices }
+        Cell { blocks, inverse: pseudo_inverse(&inertia), vertices }
     };
     around.iter().map(cell).collect()
 }
@@ -105,28 +106,25 @@ fn cells(mesh: &TriMesh, cotangents: &Cotangents) -> Vec<Cell> {
 /// `C⁺` of a positive semidefinite matrix.
 fn pseudo_inverse(c: &Matrix3<f64>) -> Matrix3<f64> {
     let eigen = SymmetricEigen::new(*c);
-    let most = eigen.eigenvalues.amax();
-    let inverse = eigen.eigenvalues.map(|v| if v > NO_TURN * most { 1.0 / v } else { 0.0 });
+    let largest = eigen.eigenvalues.amax();
+    let inverse = eigen.eigenvalues.map(|v| if v > RANK_TOLERANCE * largest { 1.0 / v } else { 0.0 });
     eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
 }
 
-/// Displacements of the rigid motions of each connected part, six for a part that is no line, not yet orthogonal: shifts,
-/// and turns about the part's middle.
-pub(super) fn rigid_motions(mesh: &TriMesh, part: &[u32]) -> Vec<Vec<f64>> {
-    let mut parts: Vec<u32> = part.to_vec();
-    parts.sort_unstable();
-    parts.dedup();
-    let number = |v: usize| parts.binary_search(&part[v]).expect("every part is listed");
-    let mut middles = vec![(Vector3::zeros(), 0.0); parts.len()];
-    for (v, p) in mesh.positions().iter().enumerate() {
-        let (sum, count) = &mut middles[number(v)];
+/// Displacements of the six infinitesimal rigid motions of each connected component, not orthogonalized: translations, and
+/// rotations about the centroid of its vertices.
+pub(super) fn rigid_motions(mesh: &TriMesh) -> Vec<Vec<f64>> {
+    let (component, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    let mut centroids = vec![(Vector3::zeros(), 0.0); count];
+    for (&c, p) in component.iter().zip(mesh.positions()) {
+        let (sum, count) = &mut centroids[c as usize];
         *sum += p.coords;
         *count += 1.0;
     }
-    let mut motions = vec![vec![0.0; 3 * part.len()]; 6 * parts.len()];
+    let mut motions = vec![vec![0.0; 3 * component.len()]; 6 * count];
     for (v, p) in mesh.positions().iter().enumerate() {
-        let k = number(v);
-        let arm = p.coords - middles[k].0 / middles[k].1;
+        let k = component[v] as usize;
+        let arm = p.coords - centroids[k].0 / centroids[k].1;
         let mut both = Matrix6::zeros();
         both.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         both.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());

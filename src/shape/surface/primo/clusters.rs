@@ -1,20 +1,20 @@
-//! Bodies in clusters that move as one: the coarse levels.
+//! Clusters of bodies that move rigidly: the coarse levels.
 //!
-//! Clusters are grown from pairs: in each round every cluster looks for the neighbor it is joined to most firmly for their
-//! size. What counts is the sum of the weights of the joints between them over the sum of their bodies, which keeps clusters
-//! compact and splits the shell where it is soft.
+//! Clusters grow by pairwise matching: in each pass every cluster is merged with the neighbor of the largest connection strength,
+//! the sum of the weights of the joints between them over their number of bodies. This keeps clusters compact and separates
+//! them where the shell is soft.
 
 use std::collections::BTreeMap;
 
 use super::shell::Shell;
 
-/// A body that does not move belongs to no cluster.
+/// Cluster of fixed bodies.
 pub(super) const FIXED: u32 = u32::MAX;
 
 /// A partition of the free bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clusters {
-    /// Cluster of each body, [`FIXED`] where it may not move.
+    /// Cluster of each body, or [`FIXED`].
     pub(super) of_body: Vec<u32>,
     /// Number of clusters.
     pub(super) count: usize,
@@ -62,7 +62,7 @@ impl Clusters {
         Self { leaving: Lists::new(count, leaving), members: Lists::new(count, members), of_body, count }
     }
 
-    /// Joints that leave a cluster, ascending.
+    /// Joints between a cluster and other bodies, ascending.
     pub(super) fn leaving(&self, cluster: usize) -> &[u32] {
         self.leaving.of(cluster)
     }
@@ -73,8 +73,8 @@ impl Clusters {
     }
 }
 
-/// Partitions from single bodies (the first) down to about `coarsest` clusters, each with about a quarter of the clusters of
-/// the one before. Free bodies with the same number in `rigid` are one cluster from the first.
+/// Partitions from single bodies (level 0) to about `coarsest` clusters, each with about a quarter of the clusters of
+/// the previous one. Free bodies with the same number in `rigid` are one cluster on all levels.
 pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usize) -> Vec<Clusters> {
     let mut of_body = vec![FIXED; shell.centers.len()];
     let (mut sizes, mut of_number) = (Vec::new(), BTreeMap::new());
@@ -93,7 +93,7 @@ pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usi
         let wanted = (count / 4).max(coarsest);
         let before = count;
         while count > wanted {
-            let merged = matched(&bonds(shell, &of_body), &sizes);
+            let merged = merge_pairs(&connections(shell, &of_body), &sizes);
             let now = merged.iter().max().map_or(0, |&c| c as usize + 1);
             if now == count {
                 break;
@@ -113,8 +113,8 @@ pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usi
     levels
 }
 
-/// Pairs of clusters that are joined, both ways round, ascending, with the sum of the weights between them.
-fn bonds(shell: &Shell, of_body: &[u32]) -> Vec<(u32, u32, f64)> {
+/// Pairs of connected clusters in both orders, ascending, with the sum of the weights between them.
+fn connections(shell: &Shell, of_body: &[u32]) -> Vec<(u32, u32, f64)> {
     let mut all: Vec<(u32, u32, f64)> = Vec::new();
     for joint in &shell.joints {
         let [a, b] = joint.bodies.map(|i| of_body[i as usize]);
@@ -133,11 +133,11 @@ fn bonds(shell: &Shell, of_body: &[u32]) -> Vec<(u32, u32, f64)> {
     all
 }
 
-/// Numbers of the merged clusters. Small ones choose first; one whose neighbors are all taken goes along with one of them.
-fn matched(bonds: &[(u32, u32, f64)], sizes: &[f64]) -> Vec<u32> {
+/// Indices of the merged clusters. Small clusters are matched first; one without an unmatched neighbor joins a matched one.
+fn merge_pairs(connections: &[(u32, u32, f64)], sizes: &[f64]) -> Vec<u32> {
     let mut starts = vec![0_usize; sizes.len() + 1];
-    for bond in bonds {
-        starts[bond.0 as usize + 1] += 1;
+    for connection in connections {
+        starts[connection.0 as usize + 1] += 1;
     }
     for c in 0..sizes.len() {
         starts[c + 1] += starts[c];
@@ -149,13 +149,13 @@ fn matched(bonds: &[(u32, u32, f64)], sizes: &[f64]) -> Vec<u32> {
         if merged[c] != FIXED {
             continue;
         }
-        let firmness = |&&(_, other, weight): &&(u32, u32, f64)| weight / (sizes[c] + sizes[other as usize]);
-        let of = &bonds[starts[c]..starts[c + 1]];
-        let firmest = |taken: bool| {
-            let open = of.iter().filter(|bond| (merged[bond.1 as usize] != FIXED) == taken);
-            open.max_by(|a, b| firmness(a).total_cmp(&firmness(b))).map(|bond| bond.1 as usize)
+        let strength = |&&(_, other, weight): &&(u32, u32, f64)| weight / (sizes[c] + sizes[other as usize]);
+        let of = &connections[starts[c]..starts[c + 1]];
+        let strongest = |taken: bool| {
+            let open = of.iter().filter(|c| (merged[c.1 as usize] != FIXED) == taken);
+            open.max_by(|a, b| strength(a).total_cmp(&strength(b))).map(|c| c.1 as usize)
         };
-        match (firmest(false), firmest(true)) {
+        match (strongest(false), strongest(true)) {
             (Some(other), _) => {
                 (merged[c], merged[other]) = (next, next);
                 next += 1;

@@ -1,6 +1,6 @@
 //! Rigid bodies and the elastic joints between them.
 //!
-//! A joint is the face on which two prisms meet in the rest shape. Its energy is an integral over that face,
+//! A joint is the common face of two prisms at rest. Its energy is an integral over that face,
 //!
 //! ```text
 //! w ∫ ‖T_i(f) − T_j(f)‖² df  =  w ‖T_i(o) − T_j(o)‖²  +  tr (R_i − R_j) S (R_i − R_j)ᵀ,
@@ -25,7 +25,7 @@ const BILINEAR: Matrix4<f64> = Matrix4::new(
 /// An elastic joint between two bodies.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
-    /// The bodies it joins.
+    /// The two bodies.
     pub(super) bodies: [u32; 2],
     /// `w`, dimensionless.
     pub(super) weight: f64,
@@ -49,55 +49,55 @@ impl Joint {
         Self { bodies, weight, center, moment: (moment + moment.transpose()) * 0.5 }
     }
 
-    /// Adds `more` times what it has in the direction `up`, in which it resists bending.
-    pub(super) fn stiffen(&mut self, up: &Vector3<f64>, more: f64) {
+    /// Adds the fraction `added` of the moment in the direction `up`, which resists bending.
+    pub(super) fn stiffen(&mut self, up: &Vector3<f64>, added: f64) {
         if let Some(up) = up.try_normalize(0.0) {
-            self.moment += up * up.transpose() * (more * up.dot(&(self.moment * up)));
+            self.moment += up * up.transpose() * (added * up.dot(&(self.moment * up)));
         }
     }
 
-    /// A spring at one point: it holds no rotation.
+    /// A spring at a point, which does not resist rotation.
     pub(super) fn spring(bodies: [u32; 2], weight: f64, center: Vector3<f64>) -> Self {
         Self { bodies, weight, center, moment: Matrix3::zeros() }
     }
 }
 
-/// Where a body is: `T(x) = at + R (x − c)` with `c` its center in the rest shape.
+/// The pose of a body: `T(x) = at + R (x − c)` with its rest center `c`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BodyPose {
     /// `R`.
-    pub(super) turn: Matrix3<f64>,
-    /// Where the center is.
+    pub(super) rotation: Matrix3<f64>,
+    /// Position of the center.
     pub(super) at: Vector3<f64>,
 }
 
 /// Bodies with joints.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shell {
-    /// Centers of the bodies in the rest shape.
+    /// Rest centers of the bodies.
     pub(super) centers: Vec<Vector3<f64>>,
     /// Whether a body may move.
     pub(super) free: Vec<bool>,
-    /// Joints with a free body at one end at least.
+    /// Joints with at least one free body.
     pub(super) joints: Vec<Joint>,
 }
 
 impl Shell {
-    /// Every body where it was.
+    /// The rest poses.
     pub(super) fn rest(&self) -> Vec<BodyPose> {
-        self.centers.iter().map(|&at| BodyPose { turn: Matrix3::identity(), at }).collect()
+        self.centers.iter().map(|&at| BodyPose { rotation: Matrix3::identity(), at }).collect()
     }
 
     /// `T_b(x)`.
     pub(super) fn carry(&self, poses: &[BodyPose], body: usize, x: &Vector3<f64>) -> Vector3<f64> {
-        poses[body].at + poses[body].turn * (x - self.centers[body])
+        poses[body].at + poses[body].rotation * (x - self.centers[body])
     }
 
-    /// A joint as its two bodies see it now.
-    pub(super) fn seen(&self, poses: &[BodyPose], joint: &Joint) -> [Side; 2] {
+    /// The current position of a joint on both of its bodies.
+    pub(super) fn sides(&self, poses: &[BodyPose], joint: &Joint) -> [Side; 2] {
         joint.bodies.map(|b| {
-            let turn = poses[b as usize].turn;
-            Side { at: self.carry(poses, b as usize, &joint.center), turn }
+            let rotation = poses[b as usize].rotation;
+            Side { at: self.carry(poses, b as usize, &joint.center), rotation }
         })
     }
 
@@ -107,28 +107,28 @@ impl Shell {
     }
 
     fn joint_energy(&self, poses: &[BodyPose], joint: &Joint) -> f64 {
-        let [i, j] = self.seen(poses, joint);
-        let apart = i.turn - j.turn;
-        joint.weight * (i.at - j.at).norm_squared() + (apart * joint.moment).component_mul(&apart).sum()
+        let [i, j] = self.sides(poses, joint);
+        let difference = i.rotation - j.rotation;
+        joint.weight * (i.at - j.at).norm_squared() + (difference * joint.moment).component_mul(&difference).sum()
     }
 
-    /// Rigid motion that carries points best to others; the second moment of weights is not weighed: all points alike.
+    /// The best rigid motion between two point sets with equal weights, as the pose of a body with this center.
     pub(super) fn fit(center: &Vector3<f64>, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> BodyPose {
         let n = from.len() as f64;
         let (a, b) = (from.iter().sum::<Vector3<f64>>() / n, to.iter().sum::<Vector3<f64>>() / n);
         let covariance: Matrix3<f64> = from.iter().zip(to).map(|(x, y)| (y - b) * (x - a).transpose()).sum();
-        let turn = nearest_rotation(&covariance);
-        BodyPose { turn, at: b + turn * (center - a) }
+        let rotation = nearest_rotation(&covariance);
+        BodyPose { rotation, at: b + rotation * (center - a) }
     }
 }
 
-/// A joint as one of its bodies carries it.
+/// A joint on one of its bodies.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Side {
     /// `T(o)`.
     pub(super) at: Vector3<f64>,
     /// `R`.
-    pub(super) turn: Matrix3<f64>,
+    pub(super) rotation: Matrix3<f64>,
 }
 
 #[cfg(test)]
@@ -147,7 +147,7 @@ mod tests {
         };
         let mut poses = shell.rest();
         for (k, pose) in poses.iter_mut().enumerate() {
-            pose.turn = Rotation3::new(Vector3::new(0.4, -0.3 + k as f64, 0.9)).into_inner();
+            pose.rotation = Rotation3::new(Vector3::new(0.4, -0.3 + k as f64, 0.9)).into_inner();
             pose.at += Vector3::new(0.1, 0.2 * k as f64, -0.3);
         }
         // Gauss's rule of two points is exact for the square of a bilinear function.

@@ -1,4 +1,4 @@
-//! The prisms of one mesh under one set of handles: bound once, posed many times.
+//! The prisms of a mesh with a set of handles: built once, solved for many poses.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -8,7 +8,7 @@ use super::global::Global;
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Joint, Shell};
 use super::sweep::sweep;
-use super::{Fabric, PrimoOptions, STIFF_SPRING};
+use super::{HARD_SPRING_WEIGHT, PrimoOptions, ShellMaterial};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use plumbline_num::energy::Convergence;
@@ -16,43 +16,43 @@ use plumbline_num::math::nearest_rotation;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::SparseError;
 
-/// Clusters of the coarsest level: a system of this size costs next to nothing.
+/// Clusters of the coarsest level: a system of this size is solved in a millisecond.
 const MIN_CLUSTERS: usize = 60;
-/// A coarse level is left when a step gains less than this share of the energy: what it cannot do finer levels must.
+/// Relative energy decrease per step below which a coarse level ends: the remaining energy needs finer clusters.
 const COARSE_TOLERANCE: f64 = 1e-2;
-/// Steps on a coarse level at most.
-const COARSE_STEPS: usize = 12;
-/// The minimum is near when a step gains less than this share of the energy: Newton's matrix is worth a try.
-const NEAR: f64 = 0.2;
-/// Rounds of local shape matching after each visit to a level; they even out what the level's clusters could not.
+/// Maximum steps on a coarse level.
+const MAX_COARSE_STEPS: usize = 12;
+/// Relative energy decrease per step below which Newton's matrix is tried: farther from the minimum it is mostly indefinite.
+const NEWTON_THRESHOLD: f64 = 0.2;
+/// Sweeps of local shape matching after each step on a level; they smooth the error within its clusters.
 const SWEEPS: usize = 3;
 
-/// A vertex that is held.
+/// A constrained vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor {
     pub(super) vertex: u32,
-    /// Weight of its spring, `None` where it is held exactly.
+    /// Weight of a soft constraint, `None` for a hard one.
     pub(super) soft: Option<f64>,
 }
 
-/// Where an anchor is wanted.
+/// The target of an anchor.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wish {
+pub(super) struct Target {
     pub(super) position: Point3<f64>,
-    /// How the surface is turned there, where that is known.
-    pub(super) turn: Option<Matrix3<f64>>,
+    /// Rotation of the surface there, if known.
+    pub(super) rotation: Option<Matrix3<f64>>,
 }
 
-/// What decides where a body stands that may not move.
+/// A fixed body, posed by its anchors.
 #[derive(Clone, Copy, Debug)]
-enum Ground {
-    /// A triangle of anchors (numbers among them).
+enum FixedBody {
+    /// A triangle of anchors (their indices).
     Triangle { body: u32, anchors: [u32; 3] },
-    /// One end of the springs of an anchor.
+    /// The fixed end of the springs of an anchor.
     Point { body: u32, anchor: u32 },
 }
 
-/// How a minimization went.
+/// The result of a minimization.
 #[derive(Debug)]
 pub(super) struct Minimized {
     pub(super) poses: Vec<BodyPose>,
@@ -65,7 +65,7 @@ pub(super) struct Solver {
     rest: TriMesh,
     origin: Vector3<f64>,
     anchors: Vec<Anchor>,
-    grounds: Vec<Ground>,
+    fixed_bodies: Vec<FixedBody>,
     pub(super) shell: Shell,
     pub(super) levels: Vec<Clusters>,
     globals: Vec<Option<Global>>,
@@ -75,29 +75,29 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    /// `still` says of each vertex whether its part of the surface is held by nothing.
+    /// `unconstrained`: whether each vertex is in a component without a handle.
     pub(super) fn new(
         mesh: &TriMesh,
         anchors: Vec<Anchor>,
-        still: &[bool],
+        unconstrained: &[bool],
         options: &PrimoOptions,
-        fabric: &Fabric<'_>,
+        material: &ShellMaterial<'_>,
     ) -> Self {
         let origin = mesh.bounding_box().map_or_else(Vector3::zeros, |(a, b)| nalgebra::center(&a, &b).coords);
         let rest = mesh.with_positions(mesh.positions().iter().map(|p| p - origin).collect());
-        let rest = rest.expect("finite positions less their middle");
-        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), fabric);
+        let rest = rest.expect("finite positions minus their center");
+        let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), material);
         let degenerate = Cotangents::new(&rest, CotangentRule::Raw).degenerate();
-        let grounds = ground(&mut shell, &rest, &anchors, still);
+        let fixed_bodies = fix_bodies(&mut shell, &rest, &anchors, unconstrained);
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
-        let levels = clusters::levels(&shell, fabric.rigid, MIN_CLUSTERS);
+        let levels = clusters::levels(&shell, material.rigid, MIN_CLUSTERS);
         let globals = levels.iter().map(|_| None).collect();
         Self {
             rest,
             origin,
             anchors,
-            grounds,
+            fixed_bodies,
             shell,
             levels,
             globals,
@@ -106,25 +106,25 @@ impl Solver {
         }
     }
 
-    /// Of these poses those of the least energy, once the fixed bodies stand where they are wished.
-    pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, wishes: &[Wish]) -> Vec<BodyPose> {
+    /// The candidate with the least energy, after the fixed bodies are at their targets.
+    pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, targets: &[Target]) -> Vec<BodyPose> {
         for poses in &mut candidates {
-            self.place(wishes, poses);
+            self.place_fixed(targets, poses);
         }
         let energy = |poses: &Vec<BodyPose>| self.shell.energy(poses);
         candidates.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b))).expect("one candidate at least")
     }
 
-    /// All bodies moved as the wishes are on the whole.
-    pub(super) fn moved_whole(&self, wishes: &[Wish]) -> Vec<BodyPose> {
-        let held: Vec<_> = self.anchors.iter().map(|a| self.rest.positions()[a.vertex as usize].coords).collect();
-        let wanted: Vec<_> = wishes.iter().map(|w| w.position.coords - self.origin).collect();
-        let whole = Shell::fit(&Vector3::zeros(), &held, &wanted);
-        let moved = |c: &Vector3<f64>| BodyPose { turn: whole.turn, at: whole.at + whole.turn * c };
+    /// All bodies moved by the best rigid motion to the targets.
+    pub(super) fn rigidly_moved(&self, targets: &[Target]) -> Vec<BodyPose> {
+        let from: Vec<_> = self.anchors.iter().map(|a| self.rest.positions()[a.vertex as usize].coords).collect();
+        let to: Vec<_> = targets.iter().map(|w| w.position.coords - self.origin).collect();
+        let whole = Shell::fit(&Vector3::zeros(), &from, &to);
+        let moved = |c: &Vector3<f64>| BodyPose { rotation: whole.rotation, at: whole.at + whole.rotation * c };
         self.shell.centers.iter().map(moved).collect()
     }
 
-    /// Bodies as they fit positions of the vertices: each cluster of the finest level as one, fixed ones by themselves.
+    /// Poses fitted to positions of the vertices: one rigid motion per cluster of the finest level, and per fixed body.
     pub(super) fn fitted(&self, positions: &[Lanes]) -> Vec<BodyPose> {
         let (mut poses, finest) = (self.shell.rest(), &self.levels[0]);
         let fixed =
@@ -141,23 +141,23 @@ impl Solver {
         poses
     }
 
-    /// Puts the fixed bodies where they are wished, those of unheld parts where they were.
-    fn place(&self, wishes: &[Wish], poses: &mut [BodyPose]) {
+    /// Sets the fixed bodies to their targets, those of unconstrained components to their rest poses.
+    fn place_fixed(&self, targets: &[Target], poses: &mut [BodyPose]) {
         for (body, _) in self.shell.free.iter().enumerate().filter(|(_, free)| !**free) {
-            poses[body] = BodyPose { turn: Matrix3::identity(), at: self.shell.centers[body] };
+            poses[body] = BodyPose { rotation: Matrix3::identity(), at: self.shell.centers[body] };
         }
-        for ground in &self.grounds {
-            match *ground {
-                Ground::Point { body, anchor } => {
-                    poses[body as usize].at = wishes[anchor as usize].position.coords - self.origin;
+        for fixed in &self.fixed_bodies {
+            match *fixed {
+                FixedBody::Point { body, anchor } => {
+                    poses[body as usize].at = targets[anchor as usize].position.coords - self.origin;
                 }
-                Ground::Triangle { body, anchors } => {
-                    let of = anchors.map(|a| wishes[a as usize]);
+                FixedBody::Triangle { body, anchors } => {
+                    let of = anchors.map(|a| targets[a as usize]);
                     let from = anchors.map(|a| self.rest.positions()[self.anchors[a as usize].vertex as usize].coords);
-                    let to = of.map(|wish| wish.position.coords - self.origin);
+                    let to = of.map(|target| target.position.coords - self.origin);
                     let mut pose = Shell::fit(&self.shell.centers[body as usize], &from, &to);
-                    if let [Some(a), Some(b), Some(c)] = of.map(|wish| wish.turn) {
-                        pose.turn = nearest_rotation(&(a + b + c));
+                    if let [Some(a), Some(b), Some(c)] = of.map(|target| target.rotation) {
+                        pose.rotation = nearest_rotation(&(a + b + c));
                     }
                     poses[body as usize] = pose;
                 }
@@ -165,7 +165,7 @@ impl Solver {
         }
     }
 
-    /// Coarse to fine, then all prisms until the energy stands.
+    /// Minimizes from coarse to fine clusters, then over all prisms until convergence.
     pub(super) fn minimize(
         &mut self,
         poses: Vec<BodyPose>,
@@ -173,7 +173,7 @@ impl Solver {
         run: &Run,
     ) -> Result<Minimized, SparseError> {
         let mut state = Minimized { energies: vec![self.shell.energy(&poses)], poses, converged: false };
-        // Below the rounding of joints a diagonal long there is nothing to gain.
+        // Rounding error of the energy of joints one diagonal long.
         let weights: f64 = self.shell.joints.iter().map(|j| j.weight).sum();
         let floor = weights * (1e-15 * self.rest.diagonal()).powi(2);
         if self.levels[0].count == 0 || state.energies[0] <= floor {
@@ -183,13 +183,13 @@ impl Solver {
         let finest = (0..self.levels.len()).find(|&l| self.levels[l].count <= self.largest_system);
         let finest = finest.unwrap_or(self.levels.len() - 1);
         for level in (finest.max(1)..self.levels.len()).rev() {
-            self.relax(level, &mut state, COARSE_STEPS, false, floor, run)?;
+            self.relax(level, &mut state, MAX_COARSE_STEPS, false, floor, run)?;
         }
-        let mut curved = false;
+        let mut newton = false;
         while state.energies.len() <= convergence.max_iterations && !state.converged {
             run.step(state.energies.len() as f64 / convergence.max_iterations as f64)?;
             let before = state.last();
-            self.relax(finest, &mut state, 1, curved, floor, run)?;
+            self.relax(finest, &mut state, 1, newton, floor, run)?;
             if finest > 0 {
                 for _ in 0..SWEEPS {
                     run.check()?;
@@ -199,19 +199,19 @@ impl Solver {
                 *state.energies.last_mut().expect("a step was taken") = swept;
             }
             let now = state.last();
-            curved = before - now <= NEAR * before;
+            newton = before - now <= NEWTON_THRESHOLD * before;
             state.converged = now <= floor || before - now <= convergence.tolerance * before;
         }
         Ok(state)
     }
 
-    /// Global steps on one level, each with local shape matching after it.
+    /// Global steps on one level, each followed by local shape matching.
     fn relax(
         &mut self,
         level: usize,
         state: &mut Minimized,
         steps: usize,
-        curved: bool,
+        newton: bool,
         floor: f64,
         run: &Run,
     ) -> Result<(), SparseError> {
@@ -224,7 +224,7 @@ impl Solver {
         for _ in 0..steps {
             run.check()?;
             let before = state.last();
-            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, curved, run)?;
+            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, newton, run)?;
             if level > 0 {
                 for _ in 0..SWEEPS {
                     run.check()?;
@@ -240,9 +240,9 @@ impl Solver {
         Ok(())
     }
 
-    /// Positions of the vertices: the mean over the prisms around each; wishes where they are held exactly; where no prism is
-    /// and nothing is held, the rest shape.
-    pub(super) fn positions(&self, poses: &[BodyPose], wishes: &[Wish]) -> Vec<Point3<f64>> {
+    /// Positions of the vertices: the mean over the prisms around each, targets for hard constraints, rest positions for vertices of
+    /// no triangle.
+    pub(super) fn positions(&self, poses: &[BodyPose], targets: &[Target]) -> Vec<Point3<f64>> {
         let mut sums = vec![(Vector3::zeros(), 0.0); self.rest.vertex_count()];
         for (t, corners) in self.rest.triangles().iter().enumerate() {
             for &v in corners {
@@ -255,9 +255,9 @@ impl Solver {
             Point3::from(if count > 0.0 { sum / count } else { rest.coords } + self.origin)
         };
         let mut positions: Vec<_> = sums.iter().zip(self.rest.positions()).map(mean).collect();
-        for (anchor, wish) in self.anchors.iter().zip(wishes) {
+        for (anchor, target) in self.anchors.iter().zip(targets) {
             if anchor.soft.is_none() {
-                positions[anchor.vertex as usize] = wish.position;
+                positions[anchor.vertex as usize] = target.position;
             }
         }
         positions
@@ -266,40 +266,40 @@ impl Solver {
 
 impl Minimized {
     pub(super) fn last(&self) -> f64 {
-        *self.energies.last().expect("the energy at the start")
+        *self.energies.last().expect("the energy of the initial guess")
     }
 }
 
-/// Fixes the prisms of triangles of exact anchors and of unheld parts, and ties springs to the other anchors.
-fn ground(shell: &mut Shell, rest: &TriMesh, anchors: &[Anchor], still: &[bool]) -> Vec<Ground> {
+/// Fixes the prisms with three hard constraints and those of unconstrained components, and adds springs for the other anchors.
+fn fix_bodies(shell: &mut Shell, rest: &TriMesh, anchors: &[Anchor], unconstrained: &[bool]) -> Vec<FixedBody> {
     let mut anchor_of = vec![u32::MAX; rest.vertex_count()];
     for (k, anchor) in anchors.iter().enumerate() {
         anchor_of[anchor.vertex as usize] = k as u32;
     }
     let exact = |k: u32| anchors.get(k as usize).is_some_and(|a| a.soft.is_none());
-    let (mut grounds, mut carried) = (Vec::new(), vec![false; anchors.len()]);
+    let (mut fixed_bodies, mut carried) = (Vec::new(), vec![false; anchors.len()]);
     let mut around = vec![Vec::new(); anchors.len()];
     for (t, corners) in rest.triangles().iter().enumerate() {
-        let held = corners.map(|v| anchor_of[v as usize]);
-        if held.iter().all(|&k| exact(k)) {
+        let of_corners = corners.map(|v| anchor_of[v as usize]);
+        if of_corners.iter().all(|&k| exact(k)) {
             shell.free[t] = false;
-            grounds.push(Ground::Triangle { body: t as u32, anchors: held });
-            for k in held {
+            fixed_bodies.push(FixedBody::Triangle { body: t as u32, anchors: of_corners });
+            for k in of_corners {
                 carried[k as usize] = true;
             }
-        } else if corners.iter().any(|&v| still[v as usize]) {
+        } else if corners.iter().any(|&v| unconstrained[v as usize]) {
             shell.free[t] = false;
         } else {
-            held.iter().filter(|&&k| k != u32::MAX).for_each(|&k| around[k as usize].push(t as u32));
+            of_corners.iter().filter(|&&k| k != u32::MAX).for_each(|&k| around[k as usize].push(t as u32));
         }
     }
     for (k, anchor) in anchors.iter().enumerate().filter(|&(k, _)| !carried[k]) {
-        let (body, place) = (shell.centers.len() as u32, rest.positions()[anchor.vertex as usize].coords);
-        shell.centers.push(place);
+        let (body, position) = (shell.centers.len() as u32, rest.positions()[anchor.vertex as usize].coords);
+        shell.centers.push(position);
         shell.free.push(false);
-        grounds.push(Ground::Point { body, anchor: k as u32 });
-        let weight = anchor.soft.unwrap_or(STIFF_SPRING) / around[k].len().max(1) as f64;
-        shell.joints.extend(around[k].iter().map(|&t| Joint::spring([t, body], weight, place)));
+        fixed_bodies.push(FixedBody::Point { body, anchor: k as u32 });
+        let weight = anchor.soft.unwrap_or(HARD_SPRING_WEIGHT) / around[k].len().max(1) as f64;
+        shell.joints.extend(around[k].iter().map(|&t| Joint::spring([t, body], weight, position)));
     }
-    grounds
+    fixed_bodies
 }

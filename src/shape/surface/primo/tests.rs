@@ -4,7 +4,7 @@ use super::clusters::{self, FIXED};
 use super::global::Global;
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Shell};
-use super::solver::{Anchor, Minimized, Solver, Wish};
+use super::solver::{Anchor, Minimized, Solver, Target};
 use super::sweep::sweep;
 use super::*;
 use crate::mesh::TriMesh;
@@ -33,18 +33,19 @@ fn bar(n: usize) -> TriMesh {
 fn shaken(shell: &Shell, seed: u64) -> Vec<BodyPose> {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut vector = |size: f64| Vector3::from_fn(|_, _| size * (random.f64() - 0.5));
-    let shake = |&at: &Vector3<f64>| BodyPose { turn: Rotation3::new(vector(0.8)).into_inner(), at: at + vector(0.4) };
+    let shake =
+        |&at: &Vector3<f64>| BodyPose { rotation: Rotation3::new(vector(0.8)).into_inner(), at: at + vector(0.4) };
     shell.centers.iter().map(shake).collect()
 }
 
-fn held(mesh: &TriMesh, ends: impl Fn(&Point3<f64>) -> bool) -> Vec<Anchor> {
+fn anchors_at(mesh: &TriMesh, ends: impl Fn(&Point3<f64>) -> bool) -> Vec<Anchor> {
     let numbered = mesh.positions().iter().zip(0..);
     numbered.filter(|(p, _)| ends(p)).map(|(_, vertex)| Anchor { vertex, soft: None }).collect()
 }
 
-fn wishes(mesh: &TriMesh, anchors: &[Anchor], motion: impl Fn(&Point3<f64>) -> Point3<f64>) -> Vec<Wish> {
-    let wish = |a: &Anchor| Wish { position: motion(&mesh.positions()[a.vertex as usize]), turn: None };
-    anchors.iter().map(wish).collect()
+fn targets(mesh: &TriMesh, anchors: &[Anchor], motion: impl Fn(&Point3<f64>) -> Point3<f64>) -> Vec<Target> {
+    let target = |a: &Anchor| Target { position: motion(&mesh.positions()[a.vertex as usize]), rotation: None };
+    anchors.iter().map(target).collect()
 }
 
 fn solve(
@@ -54,16 +55,16 @@ fn solve(
     motion: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> (Minimized, Vec<Point3<f64>>) {
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, &Fabric::default());
-    let wishes = wishes(mesh, anchors, motion);
-    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, &ShellMaterial::default());
+    let targets = targets(mesh, anchors, motion);
+    let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
     let found = solver.minimize(start, &convergence, &Run::default()).expect("a sound case");
-    let positions = solver.positions(&found.poses, &wishes);
+    let positions = solver.positions(&found.poses, &targets);
     (found, positions)
 }
 
-/// Turns the far end of a bar that is `length` long by `angle` about x.
+/// Rotates the far end of a bar of this `length` by `angle` about x.
 fn twist(length: f64, angle: f64) -> impl Fn(&Point3<f64>) -> Point3<f64> {
     move |p| {
         let (sin, cos) = if p.x > 0.5 * length { angle.sin_cos() } else { (0.0, 1.0) };
@@ -74,7 +75,7 @@ fn twist(length: f64, angle: f64) -> impl Fn(&Point3<f64>) -> Point3<f64> {
 
 #[test]
 fn the_gradient_is_that_of_central_differences_on_every_level() {
-    let mut shell = prisms(&bar(6), 0.7, &Fabric::default());
+    let mut shell = prisms(&bar(6), 0.7, &ShellMaterial::default());
     for fixed in [0, 1, 20] {
         shell.free[fixed] = false;
     }
@@ -94,7 +95,7 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
                 for &b in clusters.members(c) {
                     let pose = &mut moved[b as usize];
                     pose.at = center + turn * (pose.at - center) + Vector3::from_column_slice(&velocity[3..]);
-                    pose.turn = turn.matrix() * pose.turn;
+                    pose.rotation = turn.matrix() * pose.rotation;
                 }
                 0.5 * shell.energy(&moved)
             };
@@ -107,17 +108,19 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
 #[test]
 fn the_energy_is_the_same_wherever_the_whole_stands_and_grows_with_the_square_of_the_unit() {
     let mesh = bar(6);
-    let shell = prisms(&mesh, 0.7, &Fabric::default());
+    let shell = prisms(&mesh, 0.7, &ShellMaterial::default());
     let poses = shaken(&shell, 2);
     let energy = shell.energy(&poses);
     let r = Rotation3::new(Vector3::new(0.3, -2.0, 0.8)).into_inner();
-    let moved: Vec<_> =
-        poses.iter().map(|p| BodyPose { turn: r * p.turn, at: r * p.at + Vector3::new(3.0, 1.0, -7.0) }).collect();
+    let moved: Vec<_> = poses
+        .iter()
+        .map(|p| BodyPose { rotation: r * p.rotation, at: r * p.at + Vector3::new(3.0, 1.0, -7.0) })
+        .collect();
     assert!((shell.energy(&moved) - energy).abs() < 1e-12 * energy);
     let scaled = |s: f64| {
         let large = mesh.with_positions(mesh.positions().iter().map(|p| p * s).collect()).expect("a sound case");
-        let shell = prisms(&large, 0.7 * s, &Fabric::default());
-        let poses: Vec<_> = poses.iter().map(|p| BodyPose { turn: p.turn, at: p.at * s }).collect();
+        let shell = prisms(&large, 0.7 * s, &ShellMaterial::default());
+        let poses: Vec<_> = poses.iter().map(|p| BodyPose { rotation: p.rotation, at: p.at * s }).collect();
         shell.energy(&poses)
     };
     for s in [1e-3, 1e3] {
@@ -130,10 +133,10 @@ fn without_thickness_a_hinge_is_free_and_with_it_bending_costs_the_square() {
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, -1.0, 0.0]].map(Point3::from).to_vec();
     let sheet = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]).expect("a sound case");
     let folded = |h: f64| {
-        let shell = prisms(&sheet, h, &Fabric::default());
+        let shell = prisms(&sheet, h, &ShellMaterial::default());
         let mut poses = shell.rest();
-        let turn = Rotation3::new(Vector3::x() * 0.9).into_inner();
-        poses[1] = BodyPose { turn, at: turn * poses[1].at };
+        let rotation = Rotation3::new(Vector3::x() * 0.9).into_inner();
+        poses[1] = BodyPose { rotation, at: rotation * poses[1].at };
         shell.energy(&poses)
     };
     assert!(folded(0.0) < 1e-30, "{}", folded(0.0));
@@ -147,7 +150,7 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
         let mesh = mesh.with_positions(mesh.positions().iter().map(|p| p + far).collect()).expect("a sound case");
         let r = Rotation3::new(Vector3::new(1.0, -0.5, 2.0));
         let motion = |p: &Point3<f64>| r * (p - far) + far + Vector3::new(4.0, 5.0, -6.0);
-        let anchors = held(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
+        let anchors = anchors_at(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
         let (found, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), motion);
         assert!(found.converged);
         for (p, rest) in positions.iter().zip(mesh.positions()) {
@@ -157,19 +160,19 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
 }
 
 #[test]
-fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
+fn the_energy_never_increases_and_the_gradient_vanishes_at_the_end() {
     let mesh = bar(40);
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 19.4);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 19.4);
     let mut solver = Solver::new(
         &mesh,
         anchors.clone(),
         &vec![false; mesh.vertex_count()],
         &PrimoOptions::default(),
-        &Fabric::default(),
+        &ShellMaterial::default(),
     );
     assert!(solver.levels.len() > 1);
-    let wishes = wishes(&mesh, &anchors, twist(20.0, 2.0));
-    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let targets = targets(&mesh, &anchors, twist(20.0, 2.0));
+    let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let found = solver
         .minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }, &Run::default())
         .expect("a sound case");
@@ -182,28 +185,28 @@ fn the_energy_never_rises_and_ends_where_its_gradient_vanishes() {
 }
 
 #[test]
-fn whichever_way_it_is_minimized_the_minimum_is_the_same() {
+fn full_and_clustered_minimization_reach_the_same_minimum() {
     let mesh = bar(24);
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 11.4);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 11.4);
     let (all, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(12.0, 1.0));
     let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &Fabric::default());
-    let wishes = wishes(&mesh, &anchors, twist(12.0, 1.0));
-    let start = solver.best_of(vec![solver.shell.rest(), solver.moved_whole(&wishes)], &wishes);
+    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &ShellMaterial::default());
+    let targets = targets(&mesh, &anchors, twist(12.0, 1.0));
+    let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let slow = solver
         .minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }, &Run::default())
         .expect("a sound case");
     assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
-    let slowly = solver.positions(&slow.poses, &wishes);
+    let slowly = solver.positions(&slow.poses, &targets);
     let apart = slowly.iter().zip(&positions).map(|(a, b)| (a - b).norm());
     assert!(apart.fold(0.0, f64::max) < 1e-3 * mesh.diagonal());
 }
 
 #[test]
-fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
+fn local_shape_matching_decreases_the_energy_and_keeps_the_minimum() {
     let mesh = bar(10);
-    let mut shell = prisms(&mesh, 0.5, &Fabric::default());
+    let mut shell = prisms(&mesh, 0.5, &ShellMaterial::default());
     shell.free[0] = false;
     for clusters in clusters::levels(&shell, None, 8) {
         let mut poses = shaken(&shell, 3);
@@ -220,13 +223,13 @@ fn local_shape_matching_lowers_the_energy_and_stands_still_at_the_minimum() {
     let mut poses = shell.rest();
     sweep(&shell, clusters, &mut poses);
     for (pose, at) in poses.iter().zip(&shell.centers) {
-        assert!((pose.at - at).norm() < 1e-14 * 10.0 && (pose.turn - Matrix3::identity()).norm() < 1e-13);
+        assert!((pose.at - at).norm() < 1e-14 * 10.0 && (pose.rotation - Matrix3::identity()).norm() < 1e-13);
     }
 }
 
 #[test]
 fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
-    let mut shell = prisms(&bar(60), 0.5, &Fabric::default());
+    let mut shell = prisms(&bar(60), 0.5, &ShellMaterial::default());
     shell.free[7] = false;
     let levels = clusters::levels(&shell, None, 30);
     assert!(levels.len() >= 3 && levels.windows(2).all(|w| w[1].count * 2 < w[0].count));
@@ -242,7 +245,7 @@ fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
 #[test]
 fn a_single_vertex_pulls_and_a_soft_one_pulls_less() {
     let mesh = bar(12);
-    let mut anchors = held(&mesh, |p| p.x < 0.6);
+    let mut anchors = anchors_at(&mesh, |p| p.x < 0.6);
     let tip = mesh.vertex_count() as u32 - 1;
     let up = |p: &Point3<f64>| p + if p.x > 3.0 { Vector3::new(0.0, 0.0, 1.0) } else { Vector3::zeros() };
     let mut reached = Vec::new();
@@ -267,7 +270,7 @@ fn broken_triangles_stay_finite() {
     let fin = positions.len() as u32 - 1;
     triangles.extend([[16, 17, fin], [5, 6, 5], [8, 8, 8], [20, 21, 22], [20, 21, 22]]);
     let mesh = TriMesh::new(positions, triangles).expect("a sound case");
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 3.9);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 3.9);
     for thickness in [0.0, 1e-6, 1.0, 100.0] {
         let options = PrimoOptions { thickness, ..PrimoOptions::default() };
         let (found, positions) = solve(&mesh, &anchors, &options, twist(4.0, 1.5));
@@ -278,26 +281,28 @@ fn broken_triangles_stay_finite() {
 }
 
 #[test]
-fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() {
+fn components_without_handle_are_fixed_and_a_drag_continues_from_the_last_result() {
     let near = bar(12);
     let count = near.vertex_count() as u32;
     let far = near.positions().iter().map(|p| p + Vector3::new(0.0, 9.0, 0.0));
     let positions: Vec<_> = near.positions().iter().copied().chain(far).collect();
     let second = near.triangles().iter().map(|t| t.map(|v| v + count));
     let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
-    let anchors = held(&near, |p| p.x < 0.6 || p.x > 5.4);
+    let anchors = anchors_at(&near, |p| p.x < 0.6 || p.x > 5.4);
     let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
     let mut primo =
         super::super::Deformer::new(Method::Primo, &mesh, &handles, &DeformOptions::default(), &Run::default())
             .expect("a sound case");
-    let pose = HandlePose::new(wishes(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
+    let pose = HandlePose::new(targets(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
     let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
-    let first = primo.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
+    let first = primo.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
-    assert_eq!(first.report.held_still.len(), 1);
+    assert_eq!(first.report.fixed_components.len(), 1);
     assert_eq!(first.positions[count as usize..], mesh.positions()[count as usize..]);
-    for (k, start) in [Start::Last, Start::At(&first.positions), Start::Rest].into_iter().enumerate() {
-        let again = primo.deform(&pose, start, &convergence, &Run::default()).expect("a sound case");
+    for (k, guess) in
+        [InitialGuess::Last, InitialGuess::At(&first.positions), InitialGuess::Rest].into_iter().enumerate()
+    {
+        let again = primo.deform(&pose, guess, &convergence, &Run::default()).expect("a sound case");
         let (now, before) =
             (again.report.energies.last().expect("a sound case"), first.report.energies.last().expect("a sound case"));
         assert!((now / before - 1.0).abs() < 1e-6, "{now} against {before}");
@@ -306,7 +311,7 @@ fn through_the_door_parts_without_handle_stay_and_a_drag_goes_on_where_it_was() 
 }
 
 #[test]
-fn what_no_shell_can_be_is_refused() {
+fn invalid_shells_are_rejected() {
     let (mesh, handles) = (bar(2), Handles::exact([0]).expect("a sound case"));
     let said = |primo: PrimoOptions| {
         let options = DeformOptions { primo, ..DeformOptions::default() };
@@ -317,8 +322,8 @@ fn what_no_shell_can_be_is_refused() {
     let system = PrimoOptions { largest_system: 0, ..PrimoOptions::default() };
     assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
     let soft = vec![0.0; mesh.triangle_count()];
-    let fabric = Fabric { stiffness: Some(&soft), ..Fabric::default() };
-    let refused = Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric, &Run::default())
+    let material = ShellMaterial { stiffness: Some(&soft), ..ShellMaterial::default() };
+    let refused = Primo::with_material(&mesh, &handles, &DeformOptions::default(), &material, &Run::default())
         .expect_err("a faulty case");
     assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
 }
@@ -326,18 +331,20 @@ fn what_no_shell_can_be_is_refused() {
 #[test]
 fn a_stiffer_part_keeps_its_shape_better() {
     let mesh = bar(20);
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
     let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let pose = HandlePose::new(targets(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
     // How far the first half is twisted, as the angle of a ring in the middle.
     let angle = |factor: f64| {
         let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
         let stiffness: Vec<f64> =
             (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
         let options = DeformOptions::default();
-        let fabric = Fabric { stiffness: Some(&stiffness), ..Fabric::default() };
-        let mut primo = Primo::of_fabric(&mesh, &handles, &options, &fabric, &Run::default()).expect("a sound case");
-        let done = primo.deform(&pose, Start::Spread, &Convergence::default(), &Run::default()).expect("a sound case");
+        let material = ShellMaterial { stiffness: Some(&stiffness), ..ShellMaterial::default() };
+        let mut primo =
+            Primo::with_material(&mesh, &handles, &options, &material, &Run::default()).expect("a sound case");
+        let done =
+            primo.deform(&pose, InitialGuess::Spread, &Convergence::default(), &Run::default()).expect("a sound case");
         let ring = &done.positions[40..44];
         let side = ring[1] - ring[0] + (ring[2] - ring[3]);
         side.z.atan2(side.y)
@@ -353,10 +360,11 @@ fn a_grain_stiffens_bending_across_it_alone() {
     // One of two triangles turned about the middle of their common edge, which lies along y.
     let energy = |grain: Option<Vector3<f64>>, axis: Vector3<f64>| {
         let grain = grain.map(|g| [g; 2]);
-        let shell = prisms(&mesh, 0.5, &Fabric { grain: grain.as_ref().map(|g| &g[..]), ..Fabric::default() });
+        let shell =
+            prisms(&mesh, 0.5, &ShellMaterial { grain: grain.as_ref().map(|g| &g[..]), ..ShellMaterial::default() });
         let mut poses = shell.rest();
         let (turn, hinge) = (Rotation3::new(axis * 0.3), Vector3::new(0.0, 0.5, 0.0));
-        poses[1] = BodyPose { turn: turn.into_inner(), at: hinge + turn * (poses[1].at - hinge) };
+        poses[1] = BodyPose { rotation: turn.into_inner(), at: hinge + turn * (poses[1].at - hinge) };
         shell.energy(&poses)
     };
     let (bend, shear) = (Vector3::y(), Vector3::z());
@@ -369,9 +377,9 @@ fn a_grain_stiffens_bending_across_it_alone() {
 #[test]
 fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     let mesh = bar(20);
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
     let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let pose = HandlePose::new(wishes(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let pose = HandlePose::new(targets(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
     let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
     // A bone of some rings, and one that a handle holds in part.
     let number = |t: usize| match middle(t) {
@@ -380,11 +388,11 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
         _ => None,
     };
     let rigid: Vec<Option<u32>> = (0..mesh.triangle_count()).map(number).collect();
-    let fabric = Fabric { rigid: Some(&rigid), ..Fabric::default() };
-    let mut primo =
-        Primo::of_fabric(&mesh, &handles, &DeformOptions::default(), &fabric, &Run::default()).expect("a sound case");
+    let material = ShellMaterial { rigid: Some(&rigid), ..ShellMaterial::default() };
+    let mut primo = Primo::with_material(&mesh, &handles, &DeformOptions::default(), &material, &Run::default())
+        .expect("a sound case");
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
-    let done = primo.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
+    let done = primo.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     let inner: Vec<usize> = (0..mesh.vertex_count()).filter(|&v| (3.4..4.6).contains(&mesh.positions()[v].x)).collect();
     assert!(inner.len() >= 8);
     for (&v, &w) in inner.iter().zip(&inner[1..]).chain(inner.iter().zip(&inner[4..])) {
@@ -394,19 +402,20 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     let energies = &done.report.energies;
     assert!(energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
     let mut free = Primo::new(&mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
-    let free = free.deform(&pose, Start::Spread, &convergence, &Run::default()).expect("a sound case");
+    let free = free.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     let least = free.report.energies.last().expect("the energy at the start");
     assert!(energies[energies.len() - 1] > 1.02 * least, "what must not bend costs");
     // From any positions bones start straight.
-    let again = primo.deform(&pose, Start::At(&free.positions), &convergence, &Run::default()).expect("a sound case");
+    let again =
+        primo.deform(&pose, InitialGuess::At(&free.positions), &convergence, &Run::default()).expect("a sound case");
     let (a, b) = (again.report.energies.last().expect("the energy"), energies.last().expect("the energy"));
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
 }
 
 #[test]
-fn results_turn_and_grow_with_the_mesh() {
+fn results_are_equivariant_to_similarities() {
     let mesh = bar(10);
-    let anchors = held(&mesh, |p| p.x < 0.6 || p.x > 4.4);
+    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 4.4);
     let (plain, expected) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(5.0, 1.0));
     for (scale, offset) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)] {
         let turn = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));

@@ -1,7 +1,7 @@
-//! A closed surface reduced to a tetrahedron, vertex by vertex.
+//! Simplification of a closed surface to a tetrahedron by vertex removals.
 //!
-//! A vertex `v` may go into its neighbor `u` where both have exactly two neighbors in common (the link condition): the surface then
-//! stays a manifold of the same kind. Vertices of few and short edges go first.
+//! A vertex `v` may collapse to its neighbor `u` if both have exactly two common neighbors (the link condition): the topology is then
+//! preserved. Vertices of low valence with short edges are removed first.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,23 +9,23 @@ use std::collections::BinaryHeap;
 use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::run::{Run, Stopped};
 
-/// A vertex that was taken out.
+/// A removed vertex.
 #[derive(Clone, Debug)]
 pub(super) struct Removed {
     pub(super) vertex: u32,
-    /// Its neighbors then, counterclockwise; the first is the one into which it went.
+    /// Its neighbors at removal, counterclockwise; the first is the collapse target.
     pub(super) ring: Vec<u32>,
 }
 
-/// What it took to come down to four vertices.
+/// The removals down to four vertices.
 #[derive(Clone, Debug)]
 pub(super) struct Removals {
     pub(super) vertices: Vec<Removed>,
-    /// The four that are left, with their neighbors counterclockwise.
+    /// The four remaining vertices, with their neighbors counterclockwise.
     pub(super) left: Vec<(u32, Vec<u32>)>,
 }
 
-/// Takes out vertices of a closed surface of genus 0; `None` where none may go before four are left.
+/// Removes vertices of a closed surface of genus 0, those of `late` last; `None` if no vertex can be removed before four remain.
 pub(super) fn removals(mesh: &TriMesh, late: &[bool], run: &Run) -> Result<Option<Removals>, Stopped> {
     let Ok(half_edges) = HalfEdges::new(mesh) else { return Ok(None) };
     let n = mesh.vertex_count();
@@ -33,7 +33,7 @@ pub(super) fn removals(mesh: &TriMesh, late: &[bool], run: &Run) -> Result<Optio
     let mut version = vec![0_u32; n];
     let mut queue: BinaryHeap<_> = (0..n as u32).map(|v| Reverse((cost(mesh, &rings, v, late), v, 0))).collect();
     let (mut vertices, mut left) = (Vec::with_capacity(n), n);
-    // Vertices that could not go are tried again when their neighbors have changed.
+    // Vertices that cannot be removed are tried again when their neighbors have changed.
     while left > 4 {
         run.check()?;
         let Some(Reverse((_, v, seen))) = queue.pop() else { return Ok(None) };
@@ -55,8 +55,7 @@ pub(super) fn removals(mesh: &TriMesh, late: &[bool], run: &Run) -> Result<Optio
     Ok(Some(Removals { vertices, left: left.collect() }))
 }
 
-/// How late a vertex should go: by its number of edges and the shortest. The bits of numbers that are not negative are ordered as
-/// they are.
+/// Removal cost: valence squared times the shortest edge. The bits of non-negative numbers have the order of the numbers.
 fn cost(mesh: &TriMesh, rings: &[Vec<u32>], v: u32, late: &[bool]) -> (bool, u64) {
     let p = mesh.positions();
     let shortest =
@@ -65,7 +64,7 @@ fn cost(mesh: &TriMesh, rings: &[Vec<u32>], v: u32, late: &[bool]) -> (bool, u64
     (late.get(v as usize) == Some(&true), (shortest * degree * degree).to_bits())
 }
 
-/// Which of its neighbors a vertex may go into; the nearest.
+/// The nearest valid collapse target of a vertex, as an index of its ring.
 fn best_neighbor(mesh: &TriMesh, rings: &[Vec<u32>], v: u32) -> Option<usize> {
     let ring = &rings[v as usize];
     let common = |u: u32| rings[u as usize].iter().filter(|w| ring.contains(w)).count();
@@ -73,18 +72,18 @@ fn best_neighbor(mesh: &TriMesh, rings: &[Vec<u32>], v: u32) -> Option<usize> {
     (0..ring.len()).filter(|&k| common(ring[k]) == 2).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// The fan from the first of a ring takes the place of the vertex inside.
+/// Replaces the removed vertex by a fan from the first vertex of its ring.
 fn close(rings: &mut [Vec<u32>], v: u32, ring: &[u32]) {
     let (into, inner) = (ring[0], &ring[2..ring.len() - 1]);
     for w in inner {
         let of = &mut rings[*w as usize];
-        let place = of.iter().position(|x| *x == v).expect("neighbors know each other");
+        let place = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
         of[place] = into;
     }
     for w in [ring[1], ring[ring.len() - 1]] {
         rings[w as usize].retain(|x| *x != v);
     }
     let of = &mut rings[into as usize];
-    let place = of.iter().position(|x| *x == v).expect("neighbors know each other");
+    let place = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
     of.splice(place..=place, inner.iter().copied());
 }

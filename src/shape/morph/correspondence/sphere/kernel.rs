@@ -1,13 +1,13 @@
-//! Where inside a polygon on the sphere all of it is seen best.
+//! The Chebyshev center of the kernel of a spherical polygon.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Below this, rounding decides what is seen.
-const MIN_VOLUME: f64 = 1e-13;
+/// Minimum distance from the sides, above rounding.
+const MIN_DEPTH: f64 = 1e-13;
 
-/// The unit vector with the greatest least `n_k · x` over the sides' normals; `None` where no place sees all sides.
+/// The unit vector with the largest minimum `n_k · x` over the sides' normals; `None` if the kernel is empty.
 ///
-/// The optimum of a linear program in three unknowns touches two or three sides: all pairs and triples are tried.
+/// At the optimum of this linear program in three unknowns two or three constraints are active: all pairs and triples are tried.
 pub(super) fn deepest(polygon: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let n = polygon.len();
     let normals: Vec<Vector3<f64>> =
@@ -17,7 +17,7 @@ pub(super) fn deepest(polygon: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let mut consider = |x: Option<Vector3<f64>>| {
         let Some(x) = x else { return };
         let depth = least(&x);
-        if depth > MIN_VOLUME && best.is_none_or(|b| depth > b.0) {
+        if depth > MIN_DEPTH && best.is_none_or(|b| depth > b.0) {
             best = Some((depth, x));
         }
     };

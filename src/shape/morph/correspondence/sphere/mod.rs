@@ -1,20 +1,19 @@
-//! A closed surface without handles on the sphere, one to one; and two of them over it on each other.
+//! Bijective maps of closed surfaces of genus 0 to the sphere, and between two of them over the sphere.
 //!
-//! Vertices are taken out one by one by half-edge collapses until a tetrahedron is left ([`collapse`]), which lies on the sphere as it
-//! is. Then they come back in reverse. A vertex lies inside the polygon of its neighbors as they were when it left; those neighbors
-//! see the vertex into which it had collapsed, so that the part of the polygon from which all of it is seen is never empty, and the
-//! vertex is put where the nearest side is farthest,
+//! Vertices are removed one by one by half-edge collapses to a tetrahedron ([`collapse`]), which is mapped to the sphere directly.
+//! Then they are reinserted in reverse order. A vertex is placed inside the spherical polygon of its ring at removal; the collapse
+//! target is in the kernel of this polygon, which is therefore not empty, and the vertex is placed at its Chebyshev center,
 //!
 //! ```text
 //! max over |x| = 1   min_k  n_k · x,        n_k = pₖ × pₖ₊₁ / |pₖ × pₖ₊₁|.
 //! ```
 //!
-//! It and its neighbors then go, again and again, to where the surface around them is least stretched ([`stretch`]), until what was crowded has
-//! room; all vertices do so whenever their number has grown by a quarter. No triangle around them may turn over: the map is one to one
-//! throughout, by construction. Relaxation that does not weigh crowding instead (springs that are the stiffer the longer they are) shrinks
-//! limbs to 10⁻¹⁶ of their area, and the vertices of a horse find no place any more.
+//! The vertex and its neighbors are then moved to reduce the stretch energy around them ([`stretch`]) until convergence; so are all
+//! vertices whenever their number has grown by a quarter. No step may invert a triangle: the map is bijective throughout, by
+//! construction. Relaxation without a stretch energy (springs that are the stiffer the longer they are) shrinks limbs to 10⁻¹⁶ of
+//! their area, until vertices of a horse cannot be placed any more.
 //!
-//! Vertices may have places where they are wanted, so that one surface is laid out as another is.
+//! Vertices may have target positions, so that one surface is laid out like another.
 //!
 //! # Reference
 //! E. Praun, H. Hoppe, *Spherical parametrization and remeshing*, SIGGRAPH 2003.
@@ -36,58 +35,61 @@ use kernel::deepest;
 pub use overlay::over_spheres;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::numbered_components;
-use stretch::{Side, Wish};
+use stretch::{Side, Target};
 
-/// How surfaces are laid over each other by the sphere.
+/// Options of maps over the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SphereOptions {
-    /// Rounds in which landmarks are drawn to each other; those that have met end it early.
-    pub rounds: usize,
+    /// Maximum iterations that move landmarks to their targets; ends when all have arrived.
+    pub iterations: usize,
 }
 
 impl Default for SphereOptions {
     fn default() -> Self {
-        Self { rounds: 2000 }
+        Self { iterations: 2000 }
     }
 }
 
-/// Rounds of relaxation of all vertices whenever their number has grown by a quarter: at least, and at most while each gains [`GAIN`].
-const SWEEPS: usize = 60;
+/// Minimum relaxation sweeps of all vertices whenever their number has grown by a quarter: crowded regions grow slowly at first.
+const MIN_SWEEPS: usize = 60;
+/// Maximum sweeps, while each decreases the energy by the fraction [`MIN_DECREASE`].
 const MAX_SWEEPS: usize = 300;
-const GAIN: f64 = 1e-3;
+const MIN_DECREASE: f64 = 1e-3;
 
-/// Rounds around a vertex that came back, at most while each gains [`ROOM`]: what is crowded grows by about half in each.
-const AROUND: usize = 60;
-const ROOM: f64 = 0.05;
+/// Maximum relaxation sweeps around a reinserted vertex, while each decreases the energy by the fraction [`MIN_LOCAL_DECREASE`]: crowded
+/// triangles grow by about half in each.
+const MAX_LOCAL_SWEEPS: usize = 60;
+const MIN_LOCAL_DECREASE: f64 = 0.05;
 
-/// The smallest part of a step towards a landmark that is tried, and of one to where less is stretched.
+/// Minimum fraction of a step towards a landmark in the line search.
 const MIN_STEP: f64 = 1.0 / 64.0;
-const MIN_SETTLING: f64 = 1e-6;
+/// Minimum fraction of a step of the stretch energy in the line search: steps of indefinite Hessians are far too long.
+const MIN_DESCENT_STEP: f64 = 1e-6;
 
-/// The unit vector of every vertex of a closed surface of genus 0: no triangle turned over, none on another.
+/// The unit vector of every vertex of a closed surface of genus 0, a bijective map without inverted triangles.
 ///
 /// # Errors
-/// [`MorphError::Topology`] for an open surface, one in pieces or with handles, or no oriented manifold;
+/// [`MorphError::Topology`] for a surface with a boundary, several components or handles, or one that is not an oriented manifold;
 /// [`MorphError::Interrupted`].
 pub fn sphere_map(mesh: &TriMesh, which: &'static str, run: &Run) -> Result<Vec<Vector3<f64>>, MorphError> {
-    Ok(Ball::laid_out(mesh, which, Vec::new(), &[], run)?.at)
+    Ok(SphereEmbedding::new(mesh, which, Vec::new(), &[], run)?.at)
 }
 
 fn topology(which: &'static str, fault: String) -> MorphError {
-    let advice = "the sphere serves closed surfaces without handles in one piece; take the method registration";
+    let advice = "the sphere method needs a connected closed surface without handles; use the method registration";
     MorphError::Topology { which, fault, advice }
 }
 
 fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
-    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is no oriented manifold: {e}")))?;
+    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is not an oriented manifold: {e}")))?;
     let open = half_edges.boundary_edge_count();
     if open > 0 {
-        return Err(topology(which, format!("is open: {open} edges have one triangle")));
+        return Err(topology(which, format!("has a boundary: {open} edges have one triangle")));
     }
     let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
-    let (_, pieces) = numbered_components(mesh.vertex_count(), mesh.triangles());
-    if pieces != 1 {
-        return Err(topology(which, format!("is in {pieces} pieces, vertices that no triangle names among them")));
+    let (_, components) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    if components != 1 {
+        return Err(topology(which, format!("has {components} connected components, unreferenced vertices included")));
     }
     if euler != 2 {
         return Err(topology(which, format!("has genus {}", (2 - euler) / 2)));
@@ -95,66 +97,67 @@ fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
     Ok(())
 }
 
-/// A surface, perhaps not yet all of it, on the sphere.
-struct Ball<'m> {
+/// A surface on the sphere, during reinsertion in part.
+struct SphereEmbedding<'m> {
     mesh: &'m TriMesh,
     at: Vec<Vector3<f64>>,
-    /// Neighbors of each vertex, counterclockwise; empty while it is out.
+    /// Neighbors of each vertex, counterclockwise; empty while it is removed.
     rings: Vec<Vec<u32>>,
-    /// Vertices that are in.
+    /// Inserted vertices.
     order: Vec<u32>,
-    /// Where each vertex is wanted; empty where none is.
-    wishes: Vec<Wish>,
+    /// Target of each vertex; may be empty.
+    targets: Vec<Target>,
 }
 
-impl<'m> Ball<'m> {
-    /// A whole surface, as its wishes say where there are any; vertices of `late` are the last to go and the first to come back.
-    fn laid_out(
+impl<'m> SphereEmbedding<'m> {
+    /// The embedding of a surface, towards targets if there are any; vertices of `late` are removed last and reinserted first.
+    fn new(
         mesh: &'m TriMesh,
         which: &'static str,
-        wishes: Vec<Wish>,
+        targets: Vec<Target>,
         late: &[bool],
         run: &Run,
     ) -> Result<Self, MorphError> {
         check(mesh, which)?;
         let removed = removals(mesh, late, run)?
             .ok_or_else(|| topology(which, "cannot be reduced to a tetrahedron".to_owned()))?;
-        let mut ball = Self::new(mesh, &removed.left);
-        if !wishes.is_empty() {
-            let wanted: Vec<_> = ball.order.iter().map(|v| (*v, wishes[*v as usize].place)).collect();
-            ball.turn(&wanted);
-            ball.wishes = wishes;
+        let mut embedding = Self::tetrahedron(mesh, &removed.left);
+        if !targets.is_empty() {
+            let pairs: Vec<_> = embedding.order.iter().map(|v| (*v, targets[*v as usize].position)).collect();
+            embedding.rotate_to(&pairs);
+            embedding.targets = targets;
         }
         let mut next = 8;
         for removed in removed.vertices.iter().rev() {
             run.check()?;
-            ball.insert(removed)
-                .ok_or_else(|| topology(which, format!("has no room on the sphere at vertex {}", removed.vertex)))?;
-            ball.make_room(removed);
-            if ball.order.len() >= next {
+            embedding.insert(removed).ok_or_else(|| {
+                topology(which, format!("cannot be placed on the sphere at vertex {}", removed.vertex))
+            })?;
+            embedding.relax_around(removed);
+            if embedding.order.len() >= next {
                 next = next * 5 / 4;
-                ball.spread(run)?;
+                embedding.relax_all(run)?;
             }
         }
-        ball.spread(run)?;
-        Ok(ball)
+        embedding.relax_all(run)?;
+        Ok(embedding)
     }
 
-    /// The tetrahedron that is left.
-    fn new(mesh: &'m TriMesh, left: &[(u32, Vec<u32>)]) -> Self {
+    /// The remaining tetrahedron.
+    fn tetrahedron(mesh: &'m TriMesh, left: &[(u32, Vec<u32>)]) -> Self {
         let n = mesh.vertex_count();
         let mut this = Self {
             mesh,
             at: vec![Vector3::zeros(); n],
             rings: vec![Vec::new(); n],
             order: Vec::new(),
-            wishes: Vec::new(),
+            targets: Vec::new(),
         };
         for (v, ring) in left {
             this.rings[*v as usize].clone_from(ring);
             this.order.push(*v);
         }
-        // Counterclockwise from outside: the first vertex on top, its ring as it runs.
+        // Counterclockwise from outside: the first vertex on top, its ring in order.
         let (top, ring) = &left[0];
         this.at[*top as usize] = Vector3::z();
         for (k, v) in ring.iter().enumerate() {
@@ -164,7 +167,7 @@ impl<'m> Ball<'m> {
         this
     }
 
-    /// Puts a vertex back.
+    /// Reinserts a vertex.
     fn insert(&mut self, removed: &Removed) -> Option<()> {
         let polygon: Vec<Vector3<f64>> = removed.ring.iter().map(|v| self.at[*v as usize]).collect();
         self.at[removed.vertex as usize] = deepest(&polygon)?;
@@ -175,12 +178,12 @@ impl<'m> Ball<'m> {
             let place = ring.iter().position(|w| *w == into)?;
             ring[place] = removed.vertex;
         }
-        // Around the vertex it went into, the inner ones give way to it.
+        // In the ring of the collapse target it replaces the inner vertices.
         let ring = &mut self.rings[into as usize];
         ring.retain(|w| !inner.contains(w));
         let place = ring.iter().position(|w| *w == first)?;
         ring.insert(place + 1, removed.vertex);
-        // The two at the ends gain it between that vertex and their inner neighbor.
+        // In the rings of the two end vertices it is between the target and their inner neighbor.
         for (v, after) in [(first, true), (last, false)] {
             let ring = &mut self.rings[v as usize];
             let place = ring.iter().position(|w| *w == into)?;
@@ -191,12 +194,12 @@ impl<'m> Ball<'m> {
         Some(())
     }
 
-    /// Turns all so that these vertices are nearest to these places; not at all where places are too few to say how.
-    fn turn(&mut self, wanted: &[(u32, Vector3<f64>)]) {
-        // About the center of the sphere: every place and its opposite.
-        let both = |place: Vector3<f64>| [place, -place].map(Point3::from);
-        let from: Vec<_> = wanted.iter().flat_map(|w| both(self.at[w.0 as usize])).collect();
-        let to: Vec<_> = wanted.iter().flat_map(|w| both(w.1)).collect();
+    /// Rotates the sphere to align these vertices with these directions, if they determine a rotation.
+    fn rotate_to(&mut self, pairs: &[(u32, Vector3<f64>)]) {
+        // A rotation about the center of the sphere: use every direction and its opposite.
+        let both = |p: Vector3<f64>| [p, -p].map(Point3::from);
+        let from: Vec<_> = pairs.iter().flat_map(|w| both(self.at[w.0 as usize])).collect();
+        let to: Vec<_> = pairs.iter().flat_map(|w| both(w.1)).collect();
         let (map, rank) = nearest_similarity(&from, &to, &vec![1.0; from.len()], false);
         if rank > 1 {
             for v in &self.order {
@@ -205,25 +208,26 @@ impl<'m> Ball<'m> {
         }
     }
 
-    /// Moves a vertex that came back and its neighbors until what is crowded there has room.
-    fn make_room(&mut self, removed: &Removed) {
+    /// Relaxes a reinserted vertex and its neighbors.
+    fn relax_around(&mut self, removed: &Removed) {
         let mut last = f64::INFINITY;
-        for _ in 0..AROUND {
-            let energy = self.settle(removed.vertex) + removed.ring.iter().map(|v| self.settle(*v)).sum::<f64>();
-            if !(energy < (1.0 - ROOM) * last) {
+        for _ in 0..MAX_LOCAL_SWEEPS {
+            let energy =
+                self.relax_vertex(removed.vertex) + removed.ring.iter().map(|v| self.relax_vertex(*v)).sum::<f64>();
+            if !(energy < (1.0 - MIN_LOCAL_DECREASE) * last) {
                 break;
             }
             last = energy;
         }
     }
 
-    /// Relaxes all until little is gained.
-    fn spread(&mut self, run: &Run) -> Result<(), Stopped> {
+    /// Relaxes all vertices until convergence.
+    fn relax_all(&mut self, run: &Run) -> Result<(), Stopped> {
         let mut last = f64::INFINITY;
         for sweep in 0..MAX_SWEEPS {
             run.check()?;
             let energy = self.relax(&[]);
-            if sweep >= SWEEPS && !(energy < (1.0 - GAIN) * last) {
+            if sweep >= MIN_SWEEPS && !(energy < (1.0 - MIN_DECREASE) * last) {
                 break;
             }
             last = energy;
@@ -231,20 +235,20 @@ impl<'m> Ball<'m> {
         Ok(())
     }
 
-    /// Moves every vertex that is not held to where the surface around it is stretched least; returns how much it was, each triangle three times.
-    fn relax(&mut self, held: &[bool]) -> f64 {
+    /// Relaxes every vertex that is not fixed once; returns the previous energy, each triangle counted three times.
+    fn relax(&mut self, fixed: &[bool]) -> f64 {
         let mut sum = 0.0;
         for k in 0..self.order.len() {
             let v = self.order[k];
-            if held.get(v as usize) != Some(&true) {
-                sum += self.settle(v);
+            if fixed.get(v as usize) != Some(&true) {
+                sum += self.relax_vertex(v);
             }
         }
         sum
     }
 
-    /// Moves a vertex to where the surface around it is stretched less; returns how much it was.
-    fn settle(&mut self, v: u32) -> f64 {
+    /// A descent step of a vertex; returns the previous energy around it.
+    fn relax_vertex(&mut self, v: u32) -> f64 {
         let (ring, x, p) =
             (&self.rings[v as usize], self.at[v as usize], |v: u32| self.mesh.positions()[v as usize].coords);
         let side = |k: usize| {
@@ -252,41 +256,43 @@ impl<'m> Ball<'m> {
             Side::new([self.at[a as usize], self.at[b as usize]], [p(v), p(a), p(b)])
         };
         let sides: Vec<Side> = (0..ring.len()).map(side).collect();
-        let wish = self.wishes.get(v as usize);
-        let Some(((before, _), step)) = stretch::energy(&sides, wish, &x).zip(stretch::step(&sides, wish, &x)) else {
+        let target = self.targets.get(v as usize);
+        let Some(((before, _), step)) = stretch::energy(&sides, target, &x).zip(stretch::step(&sides, target, &x))
+        else {
             return 0.0;
         };
-        let mut share = 1.0;
-        while share >= MIN_SETTLING {
-            if let Some(place) = (x + step * share).try_normalize(1e-12)
-                && stretch::energy(&sides, wish, &place).is_some_and(|e| e.0 < before)
-                && self.sees_its_ring(v, &place)
+        let mut fraction = 1.0;
+        while fraction >= MIN_DESCENT_STEP {
+            if let Some(place) = (x + step * fraction).try_normalize(1e-12)
+                && stretch::energy(&sides, target, &place).is_some_and(|e| e.0 < before)
+                && self.is_valid(v, &place)
             {
                 self.at[v as usize] = place;
                 return before;
             }
-            share *= 0.5;
+            fraction *= 0.5;
         }
         before
     }
 
-    /// Moves a vertex towards a place, as far as nothing around it turns over; says whether it got there.
+    /// Moves a vertex towards a position, as far as no triangle around it is inverted; true if it arrives.
     fn step(&mut self, v: u32, to: &Vector3<f64>) -> bool {
         let from = self.at[v as usize];
-        let mut share = 1.0;
-        while share >= MIN_STEP {
-            if let Some(place) = (from + (to - from) * share).try_normalize(1e-12)
-                && self.sees_its_ring(v, &place)
+        let mut fraction = 1.0;
+        while fraction >= MIN_STEP {
+            if let Some(place) = (from + (to - from) * fraction).try_normalize(1e-12)
+                && self.is_valid(v, &place)
             {
                 self.at[v as usize] = place;
-                return share >= 1.0;
+                return fraction >= 1.0;
             }
-            share *= 0.5;
+            fraction *= 0.5;
         }
         false
     }
 
-    fn sees_its_ring(&self, v: u32, place: &Vector3<f64>) -> bool {
+    /// Whether no triangle around a vertex is inverted with the vertex at `place`.
+    fn is_valid(&self, v: u32, place: &Vector3<f64>) -> bool {
         let ring = &self.rings[v as usize];
         (0..ring.len()).all(|k| {
             let (p, q) = (self.at[ring[k] as usize], self.at[ring[(k + 1) % ring.len()] as usize]);

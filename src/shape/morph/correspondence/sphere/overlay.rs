@@ -1,25 +1,25 @@
-//! One surface over another by way of the sphere.
+//! Maps between two surfaces over the sphere.
 //!
-//! The second lies on the sphere as it likes; the first is laid out as it lies on the second after registration, as far as that is one to one:
-//! every vertex is wanted there while vertices come back one by one, then more and more. Left alone, limbs of the two would lie in different
-//! places. Then landmarks go the rest of their ways while everything else relaxes, and nothing turns over; and the rest is wanted once more
-//! where it was, with the landmarks held. A vertex of the first lies in a triangle of the second.
+//! The second surface is embedded freely. The first is embedded towards its non-rigid registration on the second, as far as that is
+//! bijective: every vertex has a target, with a penalty that grows after all vertices are reinserted. Without targets the limbs of the
+//! two surfaces would be at different positions. Then landmarks move to their targets while the other vertices relax without
+//! inversions; finally the penalty grows again with fixed landmarks. Each vertex of the first is in a triangle of the second.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::super::MorphError;
-use super::super::super::bvh::{Bvh, Nearest};
+use super::super::super::bvh::{Bvh, SurfacePoint};
 use super::super::registration::{RegistrationOptions, register};
-use super::stretch::Wish;
-use super::{Ball, SphereOptions, sphere_map};
+use super::stretch::Target;
+use super::{SphereEmbedding, SphereOptions, sphere_map};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::barycentric_areas;
 use plumbline_num::run::{Run, Stopped};
 
-/// Landmarks this near on the sphere have met.
-const MET: f64 = 1e-12;
+/// Distance on the sphere below which a landmark is at its target, for exact vertices in the result.
+const COINCIDENT: f64 = 1e-12;
 
-/// Where the vertices of `first` lie on `second`, through the sphere.
+/// Maps the vertices of `first` to points on `second`, over the sphere.
 ///
 /// # Errors
 /// As [`sphere_map`].
@@ -29,24 +29,24 @@ pub fn over_spheres(
     landmarks: &[(u32, u32)],
     options: &SphereOptions,
     run: &Run,
-) -> Result<Vec<Nearest>, MorphError> {
+) -> Result<Vec<SurfacePoint>, MorphError> {
     let goal = sphere_map(second, "second", run)?;
-    let mut held = vec![false; first.vertex_count()];
+    let mut fixed = vec![false; first.vertex_count()];
     for l in landmarks {
-        held[l.0 as usize] = true;
+        fixed[l.0 as usize] = true;
     }
-    let wishes = wishes(first, second, &goal, landmarks, &held, run)?;
-    let mut ball = Ball::laid_out(first, "first", wishes.clone(), &held, run)?;
-    if ball.wishes.is_empty() {
-        let wanted: Vec<_> = landmarks.iter().map(|&(v, w)| (v, goal[w as usize])).collect();
-        ball.turn(&wanted);
+    let targets = targets(first, second, &goal, landmarks, &fixed, run)?;
+    let mut embedding = SphereEmbedding::new(first, "first", targets.clone(), &fixed, run)?;
+    if embedding.targets.is_empty() {
+        let pairs: Vec<_> = landmarks.iter().map(|&(v, w)| (v, goal[w as usize])).collect();
+        embedding.rotate_to(&pairs);
     } else {
-        press(&mut ball, &[], run)?;
+        increase_penalty(&mut embedding, &[], run)?;
     }
-    ball.wishes.clear();
-    draw(&mut ball, &goal, landmarks, &held, options.rounds, run)?;
-    ball.wishes = wishes;
-    press(&mut ball, &held, run)?;
+    embedding.targets.clear();
+    move_landmarks(&mut embedding, &goal, landmarks, &fixed, options.iterations, run)?;
+    embedding.targets = targets;
+    increase_penalty(&mut embedding, &fixed, run)?;
     let sphere = second.with_positions(goal.iter().map(|p| Point3::from(*p)).collect())?;
     let bvh = Bvh::new(&sphere);
     let mut corner_of = vec![None; second.vertex_count()];
@@ -55,7 +55,7 @@ pub fn over_spheres(
     }
     let mut vertex_of = vec![None; first.vertex_count()];
     for &(v, w) in landmarks {
-        if (ball.at[v as usize] - goal[w as usize]).norm() <= MET {
+        if (embedding.at[v as usize] - goal[w as usize]).norm() <= COINCIDENT {
             vertex_of[v as usize] = corner_of[w as usize];
         }
     }
@@ -67,92 +67,95 @@ pub fn over_spheres(
         );
         let corners = second.corners(triangle as usize);
         let point: Vector3<f64> = corners.iter().zip(weights).map(|(p, w)| p.coords * w).sum();
-        Ok(Nearest { triangle, weights, point: Point3::from(point), squared: 0.0 })
+        Ok(SurfacePoint { triangle, weights, point: Point3::from(point), squared: 0.0 })
     };
-    ball.at.iter().enumerate().map(place).collect()
+    embedding.at.iter().enumerate().map(place).collect()
 }
 
-/// How strongly vertices are wanted where registration laid them, per area of the first surface over the square of its size, and how much more
-/// strongly landmarks are. Less leaves limbs where chance put them when there were few vertices, from where landmarks do not find their way.
-const WANTED: f64 = 1000.0;
-const LANDMARK: f64 = 1000.0;
-/// Then it grows tenfold so many times, with so many rounds each.
-const PRESSES: usize = 4;
-const ROUNDS_PRESSED: usize = 60;
+/// Weight of the target positions relative to the stretch energy (area squared). Smaller values leave limbs at their random initial
+/// positions, from which landmarks cannot reach their targets.
+const TARGET_WEIGHT: f64 = 1000.0;
+/// Factor of the weight for landmarks.
+const LANDMARK_FACTOR: f64 = 1000.0;
+/// Number of tenfold increases of the weights.
+const PENALTY_STEPS: usize = 4;
+/// Relaxation sweeps after each increase.
+const SWEEPS_PER_STEP: usize = 60;
 
-/// Every vertex is wanted where registration lays it; none where landmarks do not say how to register.
-fn wishes(
+/// Targets of all vertices from registration; none if the landmarks do not determine one.
+fn targets(
     first: &TriMesh,
     second: &TriMesh,
     goal: &[Vector3<f64>],
     landmarks: &[(u32, u32)],
-    held: &[bool],
+    fixed: &[bool],
     run: &Run,
-) -> Result<Vec<Wish>, MorphError> {
+) -> Result<Vec<Target>, MorphError> {
     let places = match register(first, second, landmarks, &RegistrationOptions::default(), run) {
         Err(MorphError::Landmarks { .. }) => return Ok(Vec::new()),
         registered => registered?,
     };
     let size = first.area();
-    let wish = |((place, area), held): ((&Nearest, f64), &bool)| {
+    let target = |((place, area), fixed): ((&SurfacePoint, f64), &bool)| {
         let corners = second.triangles()[place.triangle as usize].iter().zip(place.weights);
         let middle: Vector3<f64> = corners.map(|(v, w)| goal[*v as usize] * w).sum();
-        let weight = area * size * WANTED * if *held { LANDMARK } else { 1.0 };
-        Wish { place: middle.try_normalize(0.0).unwrap_or_else(Vector3::z), weight }
+        let weight = area * size * TARGET_WEIGHT * if *fixed { LANDMARK_FACTOR } else { 1.0 };
+        Target { position: middle.try_normalize(0.0).unwrap_or_else(Vector3::z), weight }
     };
-    Ok(places.iter().zip(barycentric_areas(first)).zip(held).map(wish).collect())
+    Ok(places.iter().zip(barycentric_areas(first)).zip(fixed).map(target).collect())
 }
 
-/// Wants every vertex more and more where it is wanted.
-fn press(ball: &mut Ball<'_>, held: &[bool], run: &Run) -> Result<(), Stopped> {
-    if ball.wishes.is_empty() {
+/// Increases the weights of the targets in steps.
+fn increase_penalty(embedding: &mut SphereEmbedding<'_>, fixed: &[bool], run: &Run) -> Result<(), Stopped> {
+    if embedding.targets.is_empty() {
         return Ok(());
     }
-    for _ in 0..PRESSES {
-        ball.wishes.iter_mut().for_each(|w| w.weight *= 10.0);
-        for _ in 0..ROUNDS_PRESSED {
+    for _ in 0..PENALTY_STEPS {
+        embedding.targets.iter_mut().for_each(|w| w.weight *= 10.0);
+        for _ in 0..SWEEPS_PER_STEP {
             run.check()?;
-            ball.relax(held);
+            embedding.relax(fixed);
         }
     }
     Ok(())
 }
 
-/// Rounds after which landmarks must have come nearer to their places by [`NEARER`], or they never will.
-const PATIENCE: usize = 100;
-const NEARER: f64 = 0.01;
+/// Iterations between convergence checks of the landmarks.
+const CHECK_INTERVAL: usize = 100;
+/// Minimum relative decrease of the landmark error between checks; below it landmarks are stuck.
+const MIN_DECREASE: f64 = 0.01;
 
-/// Draws landmarks to their places, for so many rounds at most.
-fn draw(
-    ball: &mut Ball<'_>,
+/// Moves landmarks to their targets in at most `iterations`.
+fn move_landmarks(
+    embedding: &mut SphereEmbedding<'_>,
     goal: &[Vector3<f64>],
     landmarks: &[(u32, u32)],
-    held: &[bool],
-    rounds: usize,
+    fixed: &[bool],
+    iterations: usize,
     run: &Run,
 ) -> Result<(), Stopped> {
     let mut last = f64::INFINITY;
-    for round in 0..rounds {
+    for iteration in 0..iterations {
         run.check()?;
-        let mut off = 0.0;
+        let mut error = 0.0;
         for &(v, w) in landmarks {
-            let missing = (ball.at[v as usize] - goal[w as usize]).norm();
-            if missing > MET && !ball.step(v, &goal[w as usize]) {
-                off += missing;
+            let distance = (embedding.at[v as usize] - goal[w as usize]).norm();
+            if distance > COINCIDENT && !embedding.step(v, &goal[w as usize]) {
+                error += distance;
             }
         }
-        if off == 0.0 || round % PATIENCE == PATIENCE - 1 && !(off < (1.0 - NEARER) * last) {
+        if error == 0.0 || iteration % CHECK_INTERVAL == CHECK_INTERVAL - 1 && !(error < (1.0 - MIN_DECREASE) * last) {
             break;
         }
-        if round % PATIENCE == PATIENCE - 1 {
-            last = off;
+        if iteration % CHECK_INTERVAL == CHECK_INTERVAL - 1 {
+            last = error;
         }
-        ball.relax(held);
+        embedding.relax(fixed);
     }
     Ok(())
 }
 
-/// The triangle of a map on the sphere in which a direction lies, and its weights there.
+/// The triangle of a map on the sphere that contains a direction, and its barycentric coordinates.
 fn located(bvh: &Bvh, sphere: &TriMesh, at: &Vector3<f64>) -> (u32, [f64; 3]) {
     let weights = |t: u32| {
         let [a, b, c] = sphere.corners(t as usize).map(|p| p.coords);

@@ -1,13 +1,13 @@
-//! How much a surface is stretched where it is taken from the sphere, and where a vertex is best for that.
+//! The stretch energy of a spherical map, and its descent steps.
 //!
 //! ```text
 //! E = Σ_t A_t (σ₁² + σ₂²) = Σ_t A_t Σ_k |b_k|² (|s_i|² + |s_j|² − |s_k|²) / (2 d_t²),        d_t = v · (p × q),
 //! ```
 //!
-//! `σ` the stretches of the map from the sphere to the surface, `A` the area of a triangle on the surface and `s` its edges, `b` its edges on the
-//! sphere. What is crowded on the sphere costs without bound, what has much room nothing, so that limbs, which conformal maps shrink to
-//! nothing, get room. In place of twice the area on the sphere stands the volume `d` that its corners span with the center: nearly the same for
-//! small triangles, and 0 exactly where one turns over, so that `E` keeps large ones from that too.
+//! with the singular values `σ` of the map from the sphere to the surface, the area `A` and the edges `s` of a triangle on the surface,
+//! and its edges `b` on the sphere. The energy is unbounded for crowded triangles and small for enlarged ones, so that limbs, which
+//! conformal maps shrink to nothing, keep their area. Instead of twice the area on the sphere it uses the volume `d` spanned by the
+//! corners and the center: nearly the same for small triangles, and 0 exactly at inversion, so that `E` prevents inversions.
 //!
 //! # Reference
 //! P. Sander, J. Snyder, S. Gortler, H. Hoppe, *Texture mapping progressive meshes*, SIGGRAPH 2001, section 3; E. Praun, H. Hoppe, *Spherical
@@ -15,10 +15,10 @@
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
-/// Of the squares of its edges, what a triangle's area is at least: slivers must not be crowded either.
+/// Area added to every triangle, as a fraction of its squared edges, so that slivers are not crowded either.
 const MIN_AREA: f64 = 0.01;
 
-/// A triangle at a vertex: its two other corners on the sphere, and `|s_i|² + |s_j|² − |s_k|²` of its edges opposite the vertex and those two.
+/// A triangle at a vertex: the two other corners on the sphere, and `|s_i|² + |s_j|² − |s_k|²` of its edges opposite the vertex and those two.
 pub(super) struct Side {
     pub(super) corners: [Vector3<f64>; 2],
     pub(super) weights: [f64; 3],
@@ -32,7 +32,7 @@ impl Side {
         Self { corners, weights: [b + c - a, c + a - b, a + b - c].map(|w| 0.5 * area * w) }
     }
 
-    /// `E` and its gradient in the vertex; `None` where the triangle has no area.
+    /// `E` and its gradient in the vertex; `None` for an inverted triangle.
     fn energy(&self, x: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
         let [p, q] = self.corners;
         let (to_p, to_q) = (p - x, q - x);
@@ -48,51 +48,53 @@ impl Side {
     }
 }
 
-/// A vertex wanted at a place: `weight |x − place|²` more.
+/// The target of a vertex: adds `weight |x − position|²`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wish {
-    pub(super) place: Vector3<f64>,
+pub(super) struct Target {
+    pub(super) position: Vector3<f64>,
     pub(super) weight: f64,
 }
 
 /// `E` of the triangles around a vertex at `x`, and its gradient.
-pub(super) fn energy(sides: &[Side], wish: Option<&Wish>, x: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
-    let pulled = wish.map_or((0.0, Vector3::zeros()), |w| {
-        let off = x - w.place;
+pub(super) fn energy(sides: &[Side], target: Option<&Target>, x: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+    let penalty = target.map_or((0.0, Vector3::zeros()), |w| {
+        let off = x - w.position;
         (w.weight * off.norm_squared(), off * (2.0 * w.weight))
     });
-    sides.iter().try_fold(pulled, |(sum, slope), side| {
+    sides.iter().try_fold(penalty, |(sum, slope), side| {
         let (energy, gradient) = side.energy(x)?;
         Some((sum + energy, slope + gradient))
     })
 }
 
-/// By how much of the least height of a triangle the gradient is looked at aside, for its change.
-const ASIDE: f64 = 1e-4;
-/// Least heights in a step where second derivatives cannot be trusted; shortened until it helps.
-const REACH: f64 = 100.0;
+/// Step of the finite differences of the gradient, as a fraction of the smallest triangle height.
+const DIFFERENCE_STEP: f64 = 1e-4;
+/// Length of the gradient step where the Hessian is indefinite, in smallest triangle heights; shortened by the line search.
+const GRADIENT_STEP: f64 = 100.0;
 
-/// The step in the tangent plane of `x` that makes `E` least, as far as its second derivatives can be trusted.
-pub(super) fn step(sides: &[Side], wish: Option<&Wish>, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+/// The Newton step of `E` in the tangent plane of `x`; a gradient step where the Hessian is indefinite.
+pub(super) fn step(sides: &[Side], target: Option<&Target>, x: &Vector3<f64>) -> Option<Vector3<f64>> {
     let height = |s: &Side| {
         let [p, q] = s.corners.map(|c| c - x);
         x.dot(&p.cross(&q)).abs() / p.norm().max(q.norm()).max((p - q).norm())
     };
     let nearest = sides.iter().map(height).fold(f64::INFINITY, f64::min);
     let plane = tangents(x);
-    let slope = |y: &Vector3<f64>| energy(sides, wish, y).map(|e| plane.transpose() * e.1);
+    let slope = |y: &Vector3<f64>| energy(sides, target, y).map(|e| plane.transpose() * e.1);
     let here = slope(x)?;
-    let aside = nearest * ASIDE;
-    let [first, second] = [0, 1].map(|k| slope(&(x + plane.column(k) * aside)).map(|there| (there - here) / aside));
+    let difference = nearest * DIFFERENCE_STEP;
+    let [first, second] =
+        [0, 1].map(|k| slope(&(x + plane.column(k) * difference)).map(|there| (there - here) / difference));
     let curvature = Matrix2::from_columns(&[first?, second?]);
     let curvature = 0.5 * (curvature + curvature.transpose());
     let newton = curvature.cholesky().map(|c| -c.solve(&here));
-    let step: Vector2<f64> = newton.unwrap_or_else(|| -here * (REACH * nearest / here.norm().max(f64::MIN_POSITIVE)));
+    let step: Vector2<f64> =
+        newton.unwrap_or_else(|| -here * (GRADIENT_STEP * nearest / here.norm().max(f64::MIN_POSITIVE)));
     let step = plane * step;
     step.iter().all(|c| c.is_finite()).then_some(step)
 }
 
-/// Two directions across a unit vector and each other.
+/// An orthonormal basis of the tangent plane of a unit vector.
 fn tangents(x: &Vector3<f64>) -> Matrix3x2<f64> {
     let mut along = Vector3::zeros();
     along[x.iamin()] = 1.0;
@@ -132,11 +134,11 @@ mod tests {
     #[test]
     fn the_gradient_is_how_the_energy_changes_and_the_step_makes_it_least() {
         let around = sides(1.0);
-        let wish = Wish { place: Vector3::new(0.3, -0.2, 0.9), weight: 1e-4 };
-        for wish in [None, Some(&wish)] {
+        let target = Target { position: Vector3::new(0.3, -0.2, 0.9), weight: 1e-4 };
+        for target in [None, Some(&target)] {
             let x = Vector3::new(0.002, -0.001, 1.0).normalize();
-            let at = |y: &Vector3<f64>| energy(&around, wish, y).unwrap().0;
-            let (before, gradient) = energy(&around, wish, &x).unwrap();
+            let at = |y: &Vector3<f64>| energy(&around, target, y).unwrap().0;
+            let (before, gradient) = energy(&around, target, &x).unwrap();
             for k in 0..3 {
                 let aside = Vector3::ith(k, 1e-7);
                 let slope = (at(&(x + aside)) - at(&(x - aside))) / 2e-7;
@@ -144,10 +146,10 @@ mod tests {
             }
             let mut y = x;
             for _ in 0..6 {
-                y = (y + step(&around, wish, &y).unwrap()).normalize();
+                y = (y + step(&around, target, &y).unwrap()).normalize();
             }
             let across = |y: &Vector3<f64>| {
-                let slope = energy(&around, wish, y).unwrap().1;
+                let slope = energy(&around, target, y).unwrap().1;
                 (slope - y * y.dot(&slope)).norm()
             };
             assert!(at(&y) < before && across(&y) < 1e-3 * across(&x), "{} of {}", across(&y), across(&x));

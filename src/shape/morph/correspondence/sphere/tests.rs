@@ -6,7 +6,7 @@ use crate::mesh::shapes;
 use plumbline_num::run::Run;
 
 /// No triangle turned over, and their solid angles make one sphere.
-fn one_to_one(mesh: &TriMesh, at: &[Vector3<f64>]) {
+fn assert_bijective(mesh: &TriMesh, at: &[Vector3<f64>]) {
     let mut whole = 0.0;
     for t in mesh.triangles() {
         let [a, b, c] = t.map(|v| at[v as usize]);
@@ -26,26 +26,26 @@ fn shapes_of_genus_0() -> Vec<TriMesh> {
 }
 
 #[test]
-fn shapes_without_handles_lie_on_the_sphere_one_to_one() {
+fn maps_of_genus_0_surfaces_to_the_sphere_are_bijective() {
     for mesh in shapes_of_genus_0() {
-        one_to_one(&mesh, &sphere_map(&mesh, "first", &Run::default()).unwrap());
+        assert_bijective(&mesh, &sphere_map(&mesh, "first", &Run::default()).unwrap());
     }
 }
 
 #[test]
-fn a_surface_laid_over_itself_by_the_sphere_lies_where_it_is() {
+fn the_map_of_a_surface_to_itself_over_the_sphere_is_the_identity() {
     for mesh in shapes_of_genus_0() {
         let landmarks: Vec<(u32, u32)> = (0..mesh.vertex_count() as u32).step_by(7).map(|v| (v, v)).collect();
         let method = CorrespondenceOptions::from(CorrespondenceMethod::Sphere);
         let laid = correspond(&mesh, &mesh, &landmarks, &method, &Run::default()).unwrap();
-        for (p, q) in laid.laid.positions().iter().zip(mesh.positions()) {
+        for (p, q) in laid.mapped.positions().iter().zip(mesh.positions()) {
             assert!((p - q).norm() < 1e-6 * mesh.diagonal());
         }
     }
 }
 
 #[test]
-fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
+fn landmarks_coincide_on_the_sphere_without_inversions() {
     let (first, second) = (shapes::icosphere(3), shapes::bar([4, 5, 12], [1.0, 1.0, 3.0]));
     // The six directions of the axes.
     let extreme = |mesh: &TriMesh, k: usize, sign: f64| {
@@ -65,7 +65,7 @@ fn landmarks_meet_on_the_sphere_and_nothing_turns_over() {
     assert!(laid.quality.landmark_error < 1e-12, "{}", laid.quality.landmark_error);
     assert_eq!(laid.quality.collapsed, 0);
     // Every place on its triangle.
-    assert!(laid.places.iter().all(|p| p.weights.iter().all(|w| *w >= 0.0)));
+    assert!(laid.points.iter().all(|p| p.weights.iter().all(|w| *w >= 0.0)));
 }
 
 /// A ball with six limbs, each as long as so many radii, turned a little.
@@ -86,10 +86,10 @@ fn farthest(mesh: &TriMesh, to: &Vector3<f64>) -> u32 {
 }
 
 #[test]
-fn long_limbs_get_room_on_the_sphere() {
+fn long_limbs_keep_area_on_the_sphere() {
     let mesh = with_limbs(4, 9.0);
     let at = sphere_map(&mesh, "first", &Run::default()).unwrap();
-    one_to_one(&mesh, &at);
+    assert_bijective(&mesh, &at);
     let share = |t: &[u32; 3], p: &dyn Fn(u32) -> Vector3<f64>| {
         let [a, b, c] = t.map(p);
         0.5 * (b - a).cross(&(c - a)).norm()
@@ -102,7 +102,7 @@ fn long_limbs_get_room_on_the_sphere() {
 }
 
 #[test]
-fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
+fn landmarks_at_the_tips_map_limbs_to_limbs_without_folds() {
     let (first, second) = (with_limbs(3, 4.0), with_limbs(4, 6.0));
     let axes = (0..3).flat_map(|k| [Vector3::ith(k, 1.0), Vector3::ith(k, -1.0)]);
     let landmarks: Vec<(u32, u32)> = axes.map(|d| (farthest(&first, &d), farthest(&second, &d))).collect();
@@ -118,11 +118,11 @@ fn limbs_lie_on_limbs_by_landmarks_at_their_tips_and_nothing_is_folded() {
 }
 
 #[test]
-fn surfaces_that_are_no_spheres_are_told_what_they_are() {
-    let told = |mesh: &TriMesh| sphere_map(mesh, "second", &Run::default()).unwrap_err().to_string();
-    assert!(told(&shapes::plane(3)).contains("the second mesh is open: 12 edges"));
-    assert!(told(&shapes::holed_torus(1, 10)).contains("has genus 1"));
+fn surfaces_of_other_topology_are_rejected() {
+    let message = |mesh: &TriMesh| sphere_map(mesh, "second", &Run::default()).unwrap_err().to_string();
+    assert!(message(&shapes::plane(3)).contains("the second mesh has a boundary: 12 edges"));
+    assert!(message(&shapes::holed_torus(1, 10)).contains("has genus 1"));
     let two = shapes::disjoint(&[shapes::icosphere(1), shapes::icosphere(1)]);
-    assert!(told(&two).contains("in 2 pieces"));
-    assert!(told(&shapes::book(3)).contains("the second mesh is no oriented manifold: vertices"));
+    assert!(message(&two).contains("has 2 connected components"));
+    assert!(message(&shapes::book(3)).contains("the second mesh is not an oriented manifold: vertices"));
 }

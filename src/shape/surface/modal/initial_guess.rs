@@ -1,12 +1,12 @@
-//! A start for iterations, from the low modes.
+//! Initial guesses from the low modes.
 //!
 //! ```text
 //! min_{R, t, q}  Σ_k λ_k q_k² + W Σ_h a_h ‖R (x_h + Σ_k q_k u_k(h)) + t − target_h‖²
 //! ```
 //!
-//! Few unknowns, so it costs next to nothing once the modes are there: the rigid motion and the coefficients are found in turns.
-//! What is long-waved in a pose, which local/global iterations find last, is in it from the start. Far along a mode the
-//! surface swells, since displacements are straight; one local/global iteration takes that back.
+//! A small problem once the modes are known: rigid motion and coefficients alternate. The guess has the low-frequency components
+//! of the pose, which local/global iterations find last. Large coefficients inflate the surface, since displacements are
+//! linear; one local/global iteration corrects that.
 //!
 //! # Reference
 //! Q. Huang, M. Wicke, B. Adams, L. Guibas, *Shape decomposition using modal analysis*, Computer Graphics Forum 28 (2009).
@@ -19,20 +19,20 @@ use crate::mesh::operators::barycentric_areas;
 use crate::surface::{HandlePose, Handles, SurfaceError};
 use plumbline_num::math::nearest_rotation;
 
-/// `W` over the highest `λ`, for handles that weigh as much as the whole surface: handles are met to a tenth of what the modes
-/// can do. Much more lets high modes run for what low ones nearly reach.
+/// `W` over the highest `λ`, for handles with the total weight of the surface: handles are met to a tenth of what the modes can
+/// reach. Much larger values amplify high modes for small errors of the low ones.
 const HANDLE_WEIGHT: f64 = 100.0;
-/// Turns of rigid motion and coefficients; they settle in a few.
-const TURNS: usize = 20;
+/// Iterations of rigid motion and coefficients; they converge in a few.
+const ITERATIONS: usize = 20;
 
-/// Positions of all vertices that follow a pose of the handles by a rigid motion of the whole and the low modes.
+/// Positions of all vertices for a pose of the handles, by a rigid motion and the low modes.
 ///
 /// # Errors
 /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Pose`], [`SurfaceError::NotFinite`].
 ///
 /// # Panics
-/// Where the modes are those of another mesh.
-pub fn modal_start(
+/// If the modes are those of another mesh.
+pub fn modal_initial_guess(
     mesh: &TriMesh,
     modes: &Modes,
     handles: &Handles,
@@ -51,26 +51,26 @@ pub fn modal_start(
     let targets: Vec<Vector3<f64>> = pose.positions().iter().map(|p| p.coords).collect();
     let mut q = DVector::zeros(modes.values.len());
     let mut motion = reduced.rigid(&q, &targets);
-    for _ in 0..TURNS {
+    for _ in 0..ITERATIONS {
         q = reduced.coefficients(&motion, &targets);
         motion = reduced.rigid(&q, &targets);
     }
-    let (turn, from, to) = motion;
-    let place = |(v, p): (usize, &Point3<f64>)| {
+    let (rotation, from, to) = motion;
+    let position = |(v, p): (usize, &Point3<f64>)| {
         let moved = modes.vectors.iter().zip(q.iter()).fold(p.coords, |sum, (u, q)| sum + u[v] * *q);
-        Point3::from(to + turn * (moved - from))
+        Point3::from(to + rotation * (moved - from))
     };
-    Ok(mesh.positions().iter().enumerate().map(place).collect())
+    Ok(mesh.positions().iter().enumerate().map(position).collect())
 }
 
-/// `y = to + turn (x − from)`.
+/// `(rotation, from, to)` of `y = to + rotation (x − from)`.
 type Rigid = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
 
-/// The problem at the handles.
+/// The problem restricted to the handles.
 struct Reduced {
     rest: Vec<Vector3<f64>>,
     /// Modes at the handles: by handle, then by mode.
-    moves: Vec<Vec<Vector3<f64>>>,
+    modes: Vec<Vec<Vector3<f64>>>,
     /// `W a_h`.
     weights: Vec<f64>,
     /// `diag λ + W Σ a u uᵀ`, factored; `None` without modes.
@@ -82,35 +82,36 @@ impl Reduced {
         let at = |v: u32| v as usize;
         let areas = barycentric_areas(mesh);
         let whole: f64 = areas.iter().sum();
-        let held: f64 = handles.vertices().iter().map(|&v| areas[at(v)]).sum();
+        let constrained: f64 = handles.vertices().iter().map(|&v| areas[at(v)]).sum();
         let highest = modes.values.last().copied().unwrap_or(1.0);
-        let scale = if held > 0.0 { HANDLE_WEIGHT * highest * whole / held } else { HANDLE_WEIGHT * highest };
-        let weight = |&v: &u32| scale * if held > 0.0 { areas[at(v)] } else { 1.0 };
+        let scale =
+            if constrained > 0.0 { HANDLE_WEIGHT * highest * whole / constrained } else { HANDLE_WEIGHT * highest };
+        let weight = |&v: &u32| scale * if constrained > 0.0 { areas[at(v)] } else { 1.0 };
         let weights: Vec<f64> = handles.vertices().iter().map(weight).collect();
         let rest = handles.vertices().iter().map(|&v| mesh.positions()[at(v)].coords).collect();
         let of_handle = |&v: &u32| modes.vectors.iter().map(|u| u[at(v)]).collect();
-        let moves: Vec<Vec<Vector3<f64>>> = handles.vertices().iter().map(of_handle).collect();
+        let at_handles: Vec<Vec<Vector3<f64>>> = handles.vertices().iter().map(of_handle).collect();
         let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(&modes.values));
-        for (u, w) in moves.iter().zip(&weights) {
+        for (u, w) in at_handles.iter().zip(&weights) {
             for i in 0..u.len() {
                 for j in 0..u.len() {
                     normal[(i, j)] += w * u[i].dot(&u[j]);
                 }
             }
         }
-        Self { rest, moves, weights, factor: normal.cholesky() }
+        Self { rest, modes: at_handles, weights, factor: normal.cholesky() }
     }
 
-    /// Where the modes put the handles before the rigid motion.
+    /// Positions of the handles after the modes, before the rigid motion.
     fn posed(&self, q: &DVector<f64>) -> Vec<Vector3<f64>> {
         let moved =
             |(x, u): (&Vector3<f64>, &Vec<Vector3<f64>>)| u.iter().zip(q.iter()).fold(*x, |sum, (u, q)| sum + u * *q);
-        self.rest.iter().zip(&self.moves).map(moved).collect()
+        self.rest.iter().zip(&self.modes).map(moved).collect()
     }
 
     fn rigid(&self, q: &DVector<f64>, targets: &[Vector3<f64>]) -> Rigid {
         let posed = self.posed(q);
-        // Handles without area all count alike by their common weight, which is positive.
+        // Handles without area have equal positive weights.
         let total: f64 = self.weights.iter().sum();
         let mean = |points: &[Vector3<f64>]| {
             points.iter().zip(&self.weights).map(|(p, w)| p * (w / total)).sum::<Vector3<f64>>()
@@ -121,12 +122,12 @@ impl Reduced {
         (nearest_rotation(&covariance), from, to)
     }
 
-    fn coefficients(&self, (turn, from, to): &Rigid, targets: &[Vector3<f64>]) -> DVector<f64> {
-        let modes = self.moves.first().map_or(0, Vec::len);
+    fn coefficients(&self, (rotation, from, to): &Rigid, targets: &[Vector3<f64>]) -> DVector<f64> {
+        let modes = self.modes.first().map_or(0, Vec::len);
         let mut right = DVector::zeros(modes);
-        for (((x, u), w), target) in self.rest.iter().zip(&self.moves).zip(&self.weights).zip(targets) {
-            let wanted = turn.transpose() * (target - to) + from - x;
-            u.iter().enumerate().for_each(|(k, u)| right[k] += w * u.dot(&wanted));
+        for (((x, u), w), target) in self.rest.iter().zip(&self.modes).zip(&self.weights).zip(targets) {
+            let offset = rotation.transpose() * (target - to) + from - x;
+            u.iter().enumerate().for_each(|(k, u)| right[k] += w * u.dot(&offset));
         }
         self.factor.as_ref().map_or_else(|| DVector::zeros(modes), |factor| factor.solve(&right))
     }

@@ -1,14 +1,14 @@
-//! Rotations of triangles on their way from nothing to all of it, continuous over the surface.
+//! Paths of the rotations of triangles from the identity, continuous over the surface.
 //!
-//! Where no triangle turns by nearly half a turn, `Rₜ(τ) = exp(τ log Rₜ)`. Otherwise the logarithm is not unique, and beside whole
-//! turns, where every axis is as good as another, it jumps. Then a triangle turns relative to a neighbor `p`,
+//! If all angles are well below π, `Rₜ(τ) = exp(τ log Rₜ)`. Otherwise the logarithm is not unique and discontinuous over the
+//! surface. Then a triangle rotates relative to a neighbor `p`,
 //!
 //! ```text
 //! Rₜ(τ) = Rₚ(τ) exp(τ log Rₚᵀ Rₜ),
 //! ```
 //!
-//! along the tree of neighbors that differ least, from the one that turned least on: a part twisted by two turns keeps them. Both ways
-//! are symmetric: the inverse rotations from the other end give the same in between.
+//! along the minimum spanning tree of the differences between neighbors, rooted at the least rotation: a part twisted by two full
+//! turns keeps them. Both cases are symmetric: the inverse rotations from the other end give the same interpolation.
 //!
 //! # Reference
 //! D. Xu, H. Zhang, Q. Wang, H. Bao, *Poisson shape interpolation*, SPM 2005, for rotations relative to neighbors.
@@ -19,44 +19,45 @@ use std::f64::consts::PI;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Angles are compared in these units, so that rounding does not choose the tree.
-const STEP: f64 = 1e-9;
+/// Quantization of angles, rad, so that rounding does not change the tree.
+const ANGLE_STEP: f64 = 1e-9;
 
-/// Up to this angle logarithms are far from where they jump. Relative rotations depend a little on the tree, hence not always.
-const SAFE: f64 = 0.85 * PI;
+/// Maximum angle for direct logarithms, at a margin from their discontinuity at π. Relative rotations depend slightly on the tree,
+/// hence they are used only where necessary.
+const MAX_DIRECT_ANGLE: f64 = 0.85 * PI;
 
-/// How every triangle turns.
+/// The rotation path of every triangle.
 #[derive(Clone, Debug)]
-pub(super) struct Unwinding {
-    /// The neighbor to which each turns relative; itself where to none.
+pub(super) struct RotationPaths {
+    /// The neighbor to which the rotation is relative; itself for an absolute one.
     parent: Vec<u32>,
-    /// Axis times angle at time 1.
-    turn: Vec<Vector3<f64>>,
-    /// Neighbors before those that turn relative to them.
+    /// Rotation vector at time 1.
+    rotation_vector: Vec<Vector3<f64>>,
+    /// Triangles in topological order, parents first.
     order: Vec<u32>,
 }
 
-impl Unwinding {
-    /// The way to these rotations; a triangle without one turns with the neighbor from which it is reached.
+impl RotationPaths {
+    /// The paths to these rotations; a triangle without one follows its parent.
     pub(super) fn new(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> Self {
         let (tree, order) = tree(triangles, rotations);
-        let mut this = Self { turn: vec![Vector3::zeros(); tree.len()], parent: tree.clone(), order };
-        let safe = rotations.iter().flatten().all(|r| r.angle() < SAFE);
+        let mut this = Self { rotation_vector: vec![Vector3::zeros(); tree.len()], parent: tree.clone(), order };
+        let direct = rotations.iter().flatten().all(|r| r.angle() < MAX_DIRECT_ANGLE);
         let mut reached: Vec<UnitQuaternion<f64>> = vec![UnitQuaternion::identity(); tree.len()];
         for &t in &this.order {
             let (t, p) = (t as usize, tree[t as usize] as usize);
             reached[t] = rotations[t].unwrap_or(reached[p]);
-            if safe || p == t {
+            if direct || p == t {
                 this.parent[t] = t as u32;
-                this.turn[t] = reached[t].scaled_axis();
+                this.rotation_vector[t] = reached[t].scaled_axis();
             } else {
-                this.turn[t] = (reached[p].inverse() * reached[t]).scaled_axis();
+                this.rotation_vector[t] = (reached[p].inverse() * reached[t]).scaled_axis();
             }
         }
         this
     }
 
-    /// `Rₜ(τ)` and `Rₜ(τ) Rₜ(1)⁻¹`, each triangle at its own time.
+    /// `Rₜ(τ)` and `Rₜ(τ) Rₜ(1)⁻¹` for one time per triangle.
     pub(super) fn at(&self, times: &[f64]) -> Vec<[UnitQuaternion<f64>; 2]> {
         let Some(&time) = times.first() else { return Vec::new() };
         if times.iter().any(|t| *t != time) {
@@ -68,8 +69,8 @@ impl Unwinding {
             let (t, p) = (t as usize, self.parent[t as usize] as usize);
             let before = if p == t { UnitQuaternion::identity() } else { whole[p] };
             let ahead = if p == t { UnitQuaternion::identity() } else { rotations[p][0] };
-            rotations[t] = step(&ahead, &before, &self.turn[t], time);
-            whole[t] = before * UnitQuaternion::from_scaled_axis(self.turn[t]);
+            rotations[t] = step(&ahead, &before, &self.rotation_vector[t], time);
+            whole[t] = before * UnitQuaternion::from_scaled_axis(self.rotation_vector[t]);
         }
         rotations
     }
@@ -81,8 +82,8 @@ impl Unwinding {
         }
         let (mut whole, mut at) = (UnitQuaternion::identity(), [UnitQuaternion::identity(); 2]);
         for t in chain.into_iter().rev() {
-            at = step(&at[0], &whole, &self.turn[t], time);
-            whole *= UnitQuaternion::from_scaled_axis(self.turn[t]);
+            at = step(&at[0], &whole, &self.rotation_vector[t], time);
+            whole *= UnitQuaternion::from_scaled_axis(self.rotation_vector[t]);
         }
         at
     }
@@ -92,14 +93,14 @@ impl Unwinding {
 fn step(
     ahead: &UnitQuaternion<f64>,
     before: &UnitQuaternion<f64>,
-    turn: &Vector3<f64>,
+    rotation_vector: &Vector3<f64>,
     time: f64,
 ) -> [UnitQuaternion<f64>; 2] {
-    let by = |share: f64| UnitQuaternion::from_scaled_axis(turn * share);
+    let by = |fraction: f64| UnitQuaternion::from_scaled_axis(rotation_vector * fraction);
     [ahead * by(time), ahead * by(time - 1.0) * before.inverse()]
 }
 
-/// For each triangle the neighbor from which it is reached, itself at the roots, and the order in which that happens.
+/// Minimum spanning forest (Prim): the parent of each triangle, itself at the roots, and the order of visits.
 fn tree(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> (Vec<u32>, Vec<u32>) {
     let neighbors = neighbors(triangles);
     let least = |t: usize| rotations[t].as_ref().map_or(i64::MAX, |r| quantized(r.angle()));
@@ -123,7 +124,7 @@ fn tree(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> (V
     (from, order)
 }
 
-/// By how much two neighbors differ; those without a rotation come last.
+/// Quantized angle between two neighbors; maximal for those without a rotation.
 fn difference(rotations: &[Option<UnitQuaternion<f64>>], t: usize, u: usize) -> i64 {
     match (&rotations[t], &rotations[u]) {
         (Some(a), Some(b)) => quantized(a.angle_to(b)),
@@ -132,10 +133,10 @@ fn difference(rotations: &[Option<UnitQuaternion<f64>>], t: usize, u: usize) -> 
 }
 
 fn quantized(angle: f64) -> i64 {
-    (angle / STEP).round() as i64
+    (angle / ANGLE_STEP).round() as i64
 }
 
-/// Triangles that share an edge with each.
+/// The triangles with a common edge, for each triangle.
 pub(in crate::morph) fn neighbors(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut sides: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
     for (t, &[a, b, c]) in triangles.iter().enumerate() {
@@ -158,29 +159,29 @@ mod tests {
 
     use super::*;
 
-    /// A strip of triangles, the next one turned by a little more than the last.
+    /// A strip of triangles.
     fn strip(n: u32) -> Vec<[u32; 3]> {
         (0..n).map(|t| if t % 2 == 0 { [t, t + 1, t + 2] } else { [t + 1, t, t + 2] }).collect()
     }
 
     #[test]
-    fn a_strip_twisted_by_three_turns_is_twisted_by_half_of_them_on_half_the_way() {
+    fn a_strip_twisted_by_three_turns_is_twisted_by_half_of_them_at_half_time() {
         let axis = Vector3::new(1.0, -2.0, 0.5).normalize();
         for turns in [0.2, 3.0] {
             let angle = |t: u32| TAU * turns * (f64::from(t) - 20.0) / 99.0;
             let turned = |t: u32, share: f64| UnitQuaternion::from_scaled_axis(axis * (share * angle(t)));
             let rotations: Vec<_> = (0..100).map(|t| (t != 60).then(|| turned(t, 1.0))).collect();
-            let way = Unwinding::new(&strip(100), &rotations);
+            let paths = RotationPaths::new(&strip(100), &rotations);
             let varied: Vec<f64> = (0..100).map(|t| f64::from(t) / 99.0).collect();
             for times in [vec![0.5; 100], varied] {
-                let found = way.at(&times);
+                let found = paths.at(&times);
                 for t in (0..100_u32).filter(|&t| t != 60) {
                     let [ahead, back] = &found[t as usize];
                     let time = times[t as usize];
                     assert!(ahead.angle_to(&turned(t, time)) < 1e-6, "{turns} {t}");
                     assert!(back.angle_to(&turned(t, time - 1.0)) < 1e-6, "{turns} {t}");
                 }
-                // The one without a rotation follows its neighbor.
+                // The triangle without a rotation follows its neighbor.
                 assert!(found[60][0].angle_to(&turned(60, times[60])) < TAU * turns / 99.0 + 1e-6);
             }
         }
