@@ -168,7 +168,7 @@ def portraits(a):
 def retargeted(a, source, target, label, alone=False):
     """Rows of one photo brought to one size."""
     picture = cv2.imread(str(source))
-    size, weight, lines = picture.shape[1::-1], photo_maps.salience(picture), photo_maps.segments(picture)
+    size, weight, lines = picture.shape[1::-1], photo_maps.saliency(picture), photo_maps.segments(picture)
     marks = a.out / "maps" / f"{source.stem}.segments.json"
     marks.parent.mkdir(parents=True, exist_ok=True)
     marks.write_text(json.dumps(lines))

@@ -48,7 +48,7 @@ def seam_carved(picture, width, mode):
     return x, np.repeat(np.arange(len(x), dtype=np.float32)[:, None], width, 1)
 
 
-def salience(picture):
+def saliency(picture):
     """Spectral residual (Hou and Zhang 2007) at 64 x 64, brought to the size of the picture; its largest value is 1."""
     small = cv2.resize(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.float32), (64, 64),
                        interpolation=cv2.INTER_AREA)

@@ -4,8 +4,8 @@
 //! x ↦ s R x + t,      R = argmin Σ ‖A_iᵀ B_i − R‖²,      (s, t) = argmin Σ ‖s R a_i + t − b_i‖²
 //! ```
 //!
-//! `A_i, a_i` and `B_i, b_i` are the axes (`world_from_cam`) and centers of corresponding cameras. The rotation comes from the
-//! axes alone, so that cameras on a line, or all in one place, are aligned too.
+//! `A_i, a_i` and `B_i, b_i` are the axes (`world_from_cam`) and centers of corresponding cameras. The rotation comes
+//! from the axes alone, so that cameras on a line, or all at one position, are aligned too.
 //!
 //! # Reference
 //! S. Umeyama, IEEE TPAMI 13(4), 1991 (scale and translation; with the rotation given they are linear).
@@ -32,14 +32,14 @@ impl Similarity3 {
         Point3::from(self.scale * (self.rotation * x.coords) + self.translation)
     }
 
-    /// A camera of this world, as it stands in the world that the similarity leads to.
+    /// A camera of this world in the target world of the similarity.
     pub fn camera(&self, pose: &CameraPose) -> CameraPose {
         CameraPose::looking_from(self.apply(&pose.center()), pose.rotation * self.rotation.inverse())
     }
 }
 
-/// The similarity that lays cameras of one world over the same cameras of another, and the RMS distance of centers that it
-/// leaves, in units of the second. `None` for no cameras. Cameras that all stand in one place keep their scale.
+/// The similarity that lays cameras of one world over the same cameras of another, and the RMS distance of centers that
+/// it leaves, in units of the second. `None` for no cameras. Cameras at one position keep their scale.
 pub fn align(pairs: &[(CameraPose, CameraPose)]) -> Option<(Similarity3, f64)> {
     if pairs.is_empty() {
         return None;

@@ -1,4 +1,4 @@
-//! What the EXIF data of a photo tells about its lens.
+//! The lens of a photo from its EXIF data.
 //!
 //! ```text
 //! f_px = f_35 · d_px / 43.267 mm,     d_px = √(W² + H²)
@@ -13,16 +13,16 @@ use plumbline_num::math::{Point2, Vec2};
 
 /// Diagonal of a 36 × 24 mm picture, mm.
 pub(super) const DIAGONAL_35_MM: f64 = 43.266_615_305_567_87;
-/// Equivalent focal lengths that cameras have, mm: the widest fisheyes 4, the longest telescopes 3000.
-const EQUIVALENT_MM: (f64, f64) = (2.0, 5000.0);
-/// Real focal lengths, mm: phones 1.5.
-const FOCAL_MM: (f64, f64) = (0.3, 5000.0);
-/// Crop factors: medium format 0.5, phones' front cameras 12, endoscopes 30.
-const CROP: (f64, f64) = (0.2, 50.0);
-/// Widest equivalent focal length, mm, that action cameras give without straightening the picture.
+/// Plausible equivalent focal lengths, mm, with a margin: the widest fisheyes have 4, the longest telescopes 3000.
+const PLAUSIBLE_EQUIVALENT_MM: (f64, f64) = (2.0, 5000.0);
+/// Plausible focal lengths, mm, with a margin: phones have 1.5.
+const PLAUSIBLE_FOCAL_MM: (f64, f64) = (0.3, 5000.0);
+/// Plausible crop factors, with a margin: medium format 0.5, phones' front cameras 12, endoscopes 30.
+const PLAUSIBLE_CROP: (f64, f64) = (0.2, 50.0);
+/// Longest equivalent focal length, mm, at which action cameras do not rectify the picture.
 const ACTION_WIDE_MM: f64 = 21.0;
 
-/// What is known of a picture; `None` where the file does not say.
+/// Metadata of a picture; `None` where the file has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExifFacts {
     /// Width and height of the picture, px, before any rotation for display.
@@ -49,7 +49,7 @@ pub enum ExifLensError {
     #[error("the picture's size is not known")]
     NoSize,
     /// No focal length from which the field of view would follow.
-    #[error("the picture does not tell its field of view ({why}): give --fov, a lens file, or mark lines")]
+    #[error("the picture's metadata do not give its field of view ({why}): give --fov, a lens file, or mark lines")]
     NoFocal {
         /// What is missing.
         why: &'static str,
@@ -63,9 +63,9 @@ pub enum ExifLensError {
         value: f64,
         /// Its unit.
         unit: &'static str,
-        /// Smallest that is believed.
+        /// Smallest plausible value.
         low: f64,
-        /// Largest that is believed.
+        /// Largest plausible value.
         high: f64,
     },
 }
@@ -97,19 +97,19 @@ impl ExifFacts {
     pub fn crop_factor(&self) -> Option<f64> {
         let (equivalent, real) = (self.focal_35_mm?, self.focal_mm?);
         let crop = equivalent / real;
-        (equivalent > 0.0 && crop >= CROP.0 && crop <= CROP.1).then_some(crop)
+        (equivalent > 0.0 && crop >= PLAUSIBLE_CROP.0 && crop <= PLAUSIBLE_CROP.1).then_some(crop)
     }
 
     fn focal_px(&self, diagonal: f64) -> Result<(Vec2, String), ExifLensError> {
         let known = |value: Option<f64>| value.filter(|v| *v != 0.0);
         let (equivalent, real) = (known(self.focal_35_mm), known(self.focal_mm));
         if let Some(f) = real {
-            believed("the focal length", f, "mm", FOCAL_MM)?;
+            believed("the focal length", f, "mm", PLAUSIBLE_FOCAL_MM)?;
         }
         if let Some(f) = equivalent {
-            believed("the focal length in 35 mm film", f, "mm", EQUIVALENT_MM)?;
+            believed("the focal length in 35 mm film", f, "mm", PLAUSIBLE_EQUIVALENT_MM)?;
             if let Some(real) = real {
-                believed("the ratio of the two focal lengths", f / real, "", CROP)?;
+                believed("the ratio of the two focal lengths", f / real, "", PLAUSIBLE_CROP)?;
             }
             let px = f * diagonal / DIAGONAL_35_MM;
             return Ok((Vec2::new(px, px), format!("{f} mm in 35 mm film")));
@@ -137,7 +137,7 @@ impl ExifFacts {
     }
 }
 
-/// Refuses what no camera has, NaN included.
+/// Refuses implausible values, NaN included.
 fn believed(name: &'static str, value: f64, unit: &'static str, (low, high): (f64, f64)) -> Result<(), ExifLensError> {
     if value >= low && value <= high {
         return Ok(());

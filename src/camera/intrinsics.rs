@@ -9,7 +9,8 @@ use nalgebra::Matrix2;
 use super::{Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Steps of Newton's method in [`Intrinsics::undistorted`]; it converges quadratically and starts near.
+/// Maximum number of Newton iterations in [`Intrinsics::undistorted`]: they converge quadratically from a close initial
+/// guess.
 const NEWTON_STEPS: usize = 20;
 
 /// How a camera maps directions to pixels; square pixels, center of projection given.

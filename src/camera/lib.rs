@@ -1,4 +1,4 @@
-//! Cameras: where they stand and how they project.
+//! Cameras: poses, intrinsics, lens models and profiles.
 //!
 //! Axes of a camera: +x right, +y down, +z forward. A pose is `cam_from_world`; pixels are as everywhere in this library,
 //! centers at integer + 0.5.

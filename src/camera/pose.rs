@@ -41,11 +41,11 @@ impl CameraPose {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// The pose at `share` of the way to `other`, in even motion; also before 0 and beyond 1.
+    /// The pose at the fraction `fraction` of the uniform motion to `other`; also below 0 and above 1.
     #[must_use]
-    pub fn toward(&self, other: &Self, share: f64) -> Self {
-        let turn = (other.rotation * self.rotation.inverse()).scaled_axis() * share;
-        let center = self.center() + (other.center() - self.center()) * share;
+    pub fn toward(&self, other: &Self, fraction: f64) -> Self {
+        let turn = (other.rotation * self.rotation.inverse()).scaled_axis() * fraction;
+        let center = self.center() + (other.center() - self.center()) * fraction;
         Self::looking_from(center, UnitQuaternion::from_scaled_axis(turn) * self.rotation)
     }
 

@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Rotation3};
 use super::Vec3;
 use plumbline_num::math::without_reflection;
 
-/// Angle, rad, below which the closed forms lose digits and the series to fourth order is exact to rounding.
+/// Angle, rad, below which the closed forms lose digits and the fourth-order series is exact to rounding.
 const SMALL: f64 = 1e-2;
 
 /// `argmax tr(Rᵀ M)` over rotations (W. Kabsch, Acta Cryst. A32, 1976): the rotation nearest to `M`. `None` where `M` is not

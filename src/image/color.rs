@@ -1,4 +1,4 @@
-//! How sample values stand for color. Carried through untouched; codes are those of ITU-T H.273.
+//! Color description of a frame, passed through unchanged; codes are those of ITU-T H.273.
 
 /// Range, primaries, transfer, matrix and chroma siting of a frame. 2 is "unspecified" in each H.273 code.
 #[derive(Clone, Copy, Debug, PartialEq)]

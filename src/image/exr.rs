@@ -1,4 +1,4 @@
-//! OpenEXR files of 32-bit floats, for what is no picture: maps of positions.
+//! OpenEXR files of 32-bit floats, for maps of positions.
 
 use std::io::{self, Seek, Write};
 

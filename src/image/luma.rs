@@ -74,7 +74,7 @@ fn whole_ratio<T>(luma: &PlaneRef<'_, T>, out: &Plane<u8>) -> Option<usize> {
     (whole && ratio <= MAX_RATIO).then_some(ratio)
 }
 
-/// Largest whole ratio whose column sums fit `u16` at 8 bit, and block sums `u32` at 16.
+/// Largest integer ratio whose column sums fit `u16` at 8 bit, and block sums `u32` at 16.
 const MAX_RATIO: usize = 256;
 
 /// Whole ratios, which is nearly every video, are summed as integers; the rest by general area weights.

@@ -9,10 +9,12 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Longest stem, bytes, that goes into the name: the rest of the 255 that file systems take is for the marks.
+/// Maximum length of the stem in the temporary name, bytes: the rest of the 255 that file systems allow is for the
+/// prefix and the random part.
 const MAX_STEM: usize = 160;
 
-/// Beginnings that may be swept away between their creation and their lock before the place counts as unusable.
+/// Attempts to create and lock a temporary file, which a concurrent cleanup may remove in between, before the folder
+/// counts as unusable.
 const ATTEMPTS: usize = 16;
 
 /// Random letters and digits in a name.
@@ -95,7 +97,7 @@ impl AtomicFile {
     /// The same for every file in an unfinished folder, under their own names in `folder`.
     ///
     /// # Errors
-    /// What the system says; what has not moved yet is removed.
+    /// The system's error; files not yet moved are removed.
     pub fn publish_into(self, folder: &Path) -> io::Result<()> {
         for entry in std::fs::read_dir(&self.path)? {
             let entry = entry?;
@@ -148,7 +150,7 @@ impl Name {
     }
 }
 
-/// Removes what has a name of this kind and no owner. What cannot be told or removed stays.
+/// Removes files with a name of this kind and no owner. Files whose owner is unknown, or that cannot be removed, stay.
 fn sweep(folder: &Path, name: &Name) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok) {
         let ours = entry.file_name().to_str().is_some_and(|n| name.matches(n));

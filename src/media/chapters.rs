@@ -3,7 +3,7 @@
 use super::Input;
 use super::av::{Chapter, Demuxer, Rational};
 
-/// The source's chapters on the result's clock: moved by the start, cut to the span, those outside left out.
+/// The source's chapters on the result's clock: shifted by the start, clipped to the span, without those outside.
 pub(super) fn trimmed(demuxer: &Demuxer, source: &Input) -> Vec<Chapter> {
     let (start, end) = source.span_us(demuxer);
     demuxer.chapters().into_iter().filter_map(|c| cut(c, start.unwrap_or(0), end)).collect()

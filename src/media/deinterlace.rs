@@ -23,9 +23,9 @@ use super::Deinterlace;
 use super::av::PlanarFrame;
 use plumbline_image::{FrameBuffer, PixelFormat};
 
-/// Change below which a place counts as still, as a fraction of the full range. Camera noise is about 1 %; smaller makes
-/// still areas lose vertical detail, larger lets slow motion comb.
-const STILL: f32 = 0.015;
+/// Change, as a fraction of the full range, below which a pixel counts as static. Camera noise is about 1 %; smaller
+/// loses vertical detail in static areas, larger lets slow motion comb.
+const MOTION_THRESHOLD: f32 = 0.015;
 
 /// Rebuilds pictures from their earlier field.
 pub(super) struct Deinterlacer {
@@ -88,14 +88,14 @@ fn rebuild_plane(
     rebuilt: usize,
 ) {
     let max = i32::from(u16::MAX >> (16 - format.bits));
-    let limits = Limits { max, still: (STILL * max as f32) as i32 };
+    let limits = Limits { max, still: (MOTION_THRESHOLD * max as f32) as i32 };
     match format.bytes_per_sample() {
         1 => rebuild::<1>(current, before, out, size, limits, rebuilt),
         _ => rebuild::<2>(current, before, out, size, limits, rebuilt),
     }
 }
 
-/// Largest sample, and the change below which a place is still.
+/// Largest sample, and the change below which a pixel is static.
 #[derive(Clone, Copy)]
 struct Limits {
     max: i32,

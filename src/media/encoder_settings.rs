@@ -6,7 +6,7 @@ use super::info::{Ratio, VideoInfo};
 use super::{MediaError, WriteOptions};
 use plumbline_image::ColorDescription;
 
-/// Presets of x264, slowest last; other encoders' scales are laid along them.
+/// Presets of x264, slowest last; other encoders' scales are mapped to them.
 const PRESETS: [&str; 9] =
     ["ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow"];
 

@@ -27,10 +27,10 @@ pub fn encoders(codec: Codec) -> Vec<EncoderInfo> {
     software.chain(hardware).collect()
 }
 
-/// Side of the trial picture, px: above every device's smallest.
+/// Side of the test picture, px: above the minimum of every device.
 const TRIAL: usize = 256;
 
-/// Refuses a wish that cannot be fulfilled on this machine.
+/// Refuses an encoder that is not available on this machine.
 ///
 /// # Errors
 /// [`MediaError::NoEncoder`], with the encoders that there are.

@@ -127,7 +127,7 @@ pub enum MediaError {
         /// FFmpeg's name of the format.
         format: String,
     },
-    /// Frames change their size or format on the way.
+    /// Frames change their size or format within the clip.
     #[error(
         "{path}: frame {frame} is {now}, all before it are {was}; cut the clip there or bring it to one size first"
     )]
@@ -209,7 +209,7 @@ pub enum MediaError {
         /// The output as given.
         path: PathBuf,
     },
-    /// The output's name does not tell a container.
+    /// The output's extension is not that of a container.
     #[error("{path}: no container is known for this name; end it in .mp4, .mov, .mkv, .webm, .avi, .ts or %05d.png")]
     UnknownContainer {
         /// The output as given.

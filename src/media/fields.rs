@@ -17,17 +17,19 @@
 
 use super::FieldOrder;
 
-/// Columns that are looked at, from the middle of the picture: enough lines cross them.
+/// Number of columns that are compared, from the middle of the picture: enough lines cross them.
 const COLUMNS: usize = 128;
-/// Frames that are judged: whatever a clip is, it is from its beginning, and the rest of it costs nothing.
-const JUDGED: u32 = 150;
-/// How much worse the far field must fit than the near one: hand-held motion from frame to frame makes up to a fifth.
-const FAR: f64 = 1.2;
-/// Misfit of own lines, against that of the near field, from which they count as another time's.
-const OTHER_TIME: f64 = 0.7;
-/// Frames of two fields that make a verdict, and by what factor they must outnumber whole ones. A shake that turns round
-/// within a frame makes single frames err about the order, not about the fields: the order is what more of them say.
-const VOTES: u32 = 8;
+/// Number of frames that are classified: the beginning of a clip decides for all of it.
+const MAX_FRAMES: u32 = 150;
+/// Ratio of the far field's misfit to the near field's from which the fields are of different times: hand-held motion
+/// from frame to frame makes up to 1.2.
+const MIN_FAR_RATIO: f64 = 1.2;
+/// Misfit of a frame's own lines relative to the near field's from which they are of different times.
+const MIN_OWN_RATIO: f64 = 0.7;
+/// Minimum number of interlaced frames, and the factor by which they must outnumber progressive ones. A shake that
+/// reverses within a frame makes single frames err about the order, not about the fields: the majority decides the
+/// order.
+const MIN_VOTES: u32 = 8;
 const MAJORITY: u32 = 2;
 
 /// Judges frames as they pass.
@@ -50,7 +52,7 @@ struct Strip {
 impl FieldDetector {
     /// Takes the next frame's first plane: rows of `width` samples of one or two bytes.
     pub(super) fn push(&mut self, plane: (&[u8], usize), (width, height): (usize, usize), bytes: usize) {
-        if self.judged >= JUDGED || height < 8 || width == 0 {
+        if self.judged >= MAX_FRAMES || height < 8 || width == 0 {
             return;
         }
         let columns = COLUMNS.min(width);
@@ -80,11 +82,11 @@ impl FieldDetector {
     pub(super) fn verdict(&self) -> Option<FieldOrder> {
         let fields = self.top + self.bottom;
         let order = if self.top >= self.bottom { FieldOrder::TopFirst } else { FieldOrder::BottomFirst };
-        (fields >= VOTES && fields > MAJORITY * self.whole).then_some(order)
+        (fields >= MIN_VOTES && fields > MAJORITY * self.whole).then_some(order)
     }
 }
 
-/// What one frame shows; `None` where it does not move enough to tell.
+/// Classification of a frame; `None` where it does not move enough.
 fn judge(before: &Strip, now: &Strip, after: &Strip) -> Option<FieldOrder> {
     if before.samples.len() != now.samples.len() || after.samples.len() != now.samples.len() {
         return None;
@@ -98,10 +100,10 @@ fn judge(before: &Strip, now: &Strip, after: &Strip) -> Option<FieldOrder> {
     }
     let [a, b, own] = [sums[0], sums[1], own].map(|s| s as f64);
     let (far, near) = (a.max(b), a.min(b));
-    if own < OTHER_TIME * near {
+    if own < MIN_OWN_RATIO * near {
         return Some(FieldOrder::Progressive);
     }
-    (far > FAR * near).then_some(if a > b { FieldOrder::TopFirst } else { FieldOrder::BottomFirst })
+    (far > MIN_FAR_RATIO * near).then_some(if a > b { FieldOrder::TopFirst } else { FieldOrder::BottomFirst })
 }
 
 /// How badly line `y` of `other` fits between its neighbors in `now`.

@@ -1,4 +1,4 @@
-//! The focal length that a container tells.
+//! The focal length from a container's metadata.
 //!
 //! Cameras give it in 35-mm terms: that of a lens with the same diagonal angle of view on a frame of 36 × 24 mm. For a picture
 //! of `W × H` px,
@@ -21,14 +21,14 @@ use std::path::Path;
 
 /// Diagonal of a 35-mm frame, mm.
 const DIAGONAL_MM: f64 = 43.266_615_305_567_87;
-/// Shortest and longest lens believed, mm in 35-mm terms.
-const BELIEVED_MM: std::ops::RangeInclusive<f64> = 5.0..=3000.0;
-/// Names under which it is told.
+/// Plausible focal lengths, mm in 35-mm terms.
+const PLAUSIBLE_MM: std::ops::RangeInclusive<f64> = 5.0..=3000.0;
+/// Metadata keys of the focal length.
 const TAGS: [&str; 3] =
     ["com.apple.quicktime.camera.focal_length.35mm_equivalent", "FocalLengthIn35mmFormat", "FocalLengthIn35mmFilm"];
-/// Largest atom that is read whole, bytes: the lists of keys are a few hundred.
+/// Maximum size of an atom that is read whole, bytes: the lists of keys have a few hundred.
 const MAX_ATOM: u64 = 1 << 20;
-/// Most atoms looked at: a damaged file must not hold us up.
+/// Maximum number of atoms read: bounds the time on a damaged file.
 const MAX_ATOMS: usize = 10_000;
 
 /// Focal length, px, of a lens of `f35_mm` in 35-mm terms, for pictures of `width × height` px.
@@ -44,7 +44,7 @@ pub(super) fn of_tags<'t>(tags: impl Iterator<Item = (&'t String, &'t String)>) 
 /// `26`, `26.0 mm` or `50.00mm`.
 fn millimeters(text: &str) -> Option<f64> {
     let number = text.trim().trim_end_matches("mm").trim_end();
-    number.parse().ok().filter(|mm| BELIEVED_MM.contains(mm))
+    number.parse().ok().filter(|mm| PLAUSIBLE_MM.contains(mm))
 }
 
 /// The focal length among the keys of the tracks of a QuickTime or MP4 file, mm in 35-mm terms; `None` for any other file.
@@ -151,7 +151,7 @@ fn value(data: &[u8]) -> Option<f64> {
         (24, 8) => f64::from_bits(integer()),
         _ => return None,
     };
-    BELIEVED_MM.contains(&found).then_some(found)
+    PLAUSIBLE_MM.contains(&found).then_some(found)
 }
 
 #[cfg(test)]

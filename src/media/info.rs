@@ -71,7 +71,7 @@ pub(super) struct HdrBytes {
     pub(super) light: Option<Vec<u8>>,
 }
 
-/// The video stream of an input, and what of the whole file belongs to it.
+/// The video stream of an input, with the properties of its file.
 #[derive(Clone, Debug)]
 pub struct VideoInfo {
     /// Coded width, px.
@@ -84,11 +84,11 @@ pub struct VideoInfo {
     pub source_format: String,
     /// Unit of every timestamp.
     pub timebase: Timebase,
-    /// Mean rate of the frames, 1/s, where the container tells or lets derive it.
+    /// Mean frame rate, 1/s, if known from the container.
     pub frame_rate: Option<Ratio>,
     /// Width over height of a pixel; `None` where unspecified.
     pub sample_aspect: Option<Ratio>,
-    /// Clockwise turn that a player applies, degrees, a multiple of 90 in practice; frames are delivered unturned.
+    /// Clockwise rotation that a player applies, degrees, a multiple of 90 in practice; frames are delivered unturned.
     pub rotation_deg: f64,
     /// The player mirrors the picture as well.
     pub mirrored: bool,
@@ -98,7 +98,7 @@ pub struct VideoInfo {
     pub field_order: FieldOrder,
     /// Short name of the codec.
     pub codec: String,
-    /// Frames in the stream, where the container tells; trimming and edit lists are not taken into account.
+    /// Frames in the stream, if known from the container; trimming and edit lists are not taken into account.
     pub frames_estimate: Option<u64>,
     /// Length, s, of the trimmed span where one was asked for.
     pub duration_s: Option<f64>,

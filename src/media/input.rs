@@ -15,10 +15,10 @@ use super::error::reason;
 use super::info::Ratio;
 use super::sequence::Sequence;
 
-/// Bytes of standard input that are spooled unless asked otherwise.
+/// Default limit of the copy of standard input, bytes.
 pub const SPOOL_LIMIT: u64 = 16 << 30;
 
-/// Frame rate of image sequences unless told otherwise, 1/s: FFmpeg's.
+/// Default frame rate of image sequences, 1/s: FFmpeg's.
 pub const PICTURE_RATE: Ratio = Ratio { num: 25, den: 1 };
 
 /// A clip to read. Cheap to clone; a spooled copy is removed with the last clone.
@@ -78,7 +78,7 @@ impl Input {
         Ok(Self::of(text, Source::File(path.to_owned())))
     }
 
-    /// Pictures as a clip, in the order given; `name` is what the user called them.
+    /// Pictures as a clip, in the order given; `name` is used in messages.
     ///
     /// # Errors
     /// [`MediaError::Missing`], [`MediaError::MixedPictures`], [`MediaError::Spool`].

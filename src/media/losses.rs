@@ -6,8 +6,8 @@
 
 use std::collections::BTreeSet;
 
-/// Times remembered at most; a decoder reorders far fewer.
-const HORIZON: usize = 512;
+/// Maximum number of pending times; a decoder reorders far fewer.
+const MAX_PENDING: usize = 512;
 
 /// Display times still expected, and complaints not yet explained by a missing picture.
 #[derive(Debug, Default)]
@@ -20,7 +20,7 @@ impl Losses {
     /// A packet with a picture for time `pts` went to the decoder.
     pub(super) fn sent(&mut self, pts: i64) {
         self.expected.insert(pts);
-        while self.expected.len() > HORIZON {
+        while self.expected.len() > MAX_PENDING {
             self.expected.pop_first();
         }
     }

@@ -1,7 +1,7 @@
 //! Where a result goes, and how it gets there in one piece.
 //!
-//! A file is written beside its target ([`AtomicFile`]), synced and renamed last. Whatever happens before that, nothing stands
-//! under the final name and the input is untouched.
+//! A file is written beside its target ([`AtomicFile`]), synced and renamed last. Whatever happens before that, nothing
+//! is under the final name and the input is untouched.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ fn streams(container: &str) -> bool {
 /// Device and inode, so that links in any disguise are seen through.
 #[cfg(unix)]
 type Identity = (u64, u64);
-/// The file's place without links.
+/// The file's path without links.
 #[cfg(not(unix))]
 type Identity = PathBuf;
 

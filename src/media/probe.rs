@@ -27,7 +27,7 @@ pub struct MediaInfo {
     pub bit_rate: Option<u64>,
     /// Index of the stream that would be processed; `None` where there is no video.
     pub video: Option<usize>,
-    /// Focal length that the container tells, mm in 35-mm terms.
+    /// Focal length in the container's metadata, mm in 35-mm terms.
     pub focal_35mm: Option<f64>,
     /// All streams, in the container's order.
     pub streams: Vec<StreamInfo>,
@@ -90,7 +90,7 @@ pub enum StreamKind {
     Unknown,
 }
 
-/// What the headers tell of a video stream.
+/// Headers of a video stream.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VideoSummary {
     /// Coded width, px.
@@ -103,11 +103,11 @@ pub struct VideoSummary {
     pub frame_rate: Option<Ratio>,
     /// Smallest rate in which all frame times are whole: differs from the mean where the rate varies.
     pub base_rate: Option<Ratio>,
-    /// Frames, where the container tells.
+    /// Number of frames, if known from the container.
     pub frames: Option<u64>,
     /// Width over height of a pixel.
     pub sample_aspect: Option<Ratio>,
-    /// Clockwise turn that a player applies, degrees.
+    /// Clockwise rotation that a player applies, degrees.
     pub rotation_deg: f64,
     /// The player mirrors the picture as well.
     pub mirrored: bool,
@@ -117,7 +117,7 @@ pub struct VideoSummary {
     pub full_range: Option<bool>,
     /// H.273 codes of primaries, transfer and matrix; 2 is unspecified.
     pub color: [u8; 3],
-    /// Mastering display or content light data stand in the container.
+    /// The container has mastering display or content light data.
     pub hdr_metadata: bool,
 }
 
@@ -163,7 +163,7 @@ pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
 }
 
 impl MediaInfo {
-    /// Focal length that the container tells, px of the video's coded picture.
+    /// Focal length in the container's metadata, px of the coded picture.
     pub fn focal_px(&self) -> Option<f64> {
         let StreamKind::Video(video) = &self.streams.get(self.video?)?.kind else { return None };
         self.focal_35mm.map(|mm| focal_px(mm, video.width as usize, video.height as usize))

@@ -1,4 +1,4 @@
-//! How to read a clip, and what became of it.
+//! Options for reading a clip, and a report.
 
 use serde::{Deserialize, Serialize};
 
@@ -42,13 +42,13 @@ pub struct ReadOptions {
 pub struct ReadReport {
     /// Frames delivered.
     pub frames: u64,
-    /// Of these: with concealed errors, or repeated in place of a lost one.
+    /// Of these: with concealed errors, or repeated instead of a lost one.
     pub corrupt: u64,
-    /// Of these: repetitions in place of pictures that could not be decoded at all.
+    /// Of these: repetitions instead of pictures that could not be decoded at all.
     pub concealed: u64,
     /// Packets that the demuxer or decoder rejected.
     pub bad_packets: u64,
-    /// Pictures lost at the very end, where nothing stands in for them.
+    /// Pictures lost at the very end, without replacement.
     pub lost: u64,
     /// Frames whose time was missing or did not increase, and was set from its neighbors.
     pub retimed: u64,

@@ -1,8 +1,8 @@
 //! Streaming decode: frames in display order, each with its own timestamp, memory independent of the clip's length.
 //!
 //! The frame's pixels are the decoder's own, reference-counted; they return to its pool when the frame is dropped. The
-//! first picture is decoded when the clip is opened, because only pixels tell for certain what a stream holds (format,
-//! fields, HDR metadata inside the bitstream).
+//! first picture is decoded when the clip is opened, because only decoded pixels show the stream's actual properties
+//! (format, fields, HDR metadata inside the bitstream).
 //!
 //! Damaged packets do not end a clip. What the decoder conceals is marked [`Frame::corrupt`]; a picture that is lost
 //! altogether is replaced by the one after it under its own time, so that the number of frames stays.
@@ -21,7 +21,7 @@ use super::{Input, MediaError, ReadOptions, ReadReport};
 use plumbline_image::{Frame, FrameBuffer};
 use plumbline_num::time::{Timebase, Timestamp};
 
-/// Read errors in a row after which a file counts as ended: a demuxer that makes no headway would never stop.
+/// Consecutive read errors after which a file counts as ended: a demuxer without progress would never stop.
 const MAX_BAD_READS: u32 = 256;
 
 /// A clip being decoded.

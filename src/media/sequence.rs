@@ -73,7 +73,7 @@ impl Sequence {
         Ok(Some(Self { pattern: muxer_pattern(folder, text), first, files, _links: None }))
     }
 
-    /// `files` in this order; `name` is what the user called them.
+    /// `files` in this order; `name` is used in messages.
     ///
     /// # Errors
     /// [`MediaError::Missing`] without a file, [`MediaError::MixedPictures`] where they are of several kinds,

@@ -1,4 +1,4 @@
-//! Frames on their way to the encoder: pooled memory, and the conversion the encoder needs, if any.
+//! Frames for the encoder: pooled memory and pixel format conversion.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! How to write a result, and what became of it.
+//! Options for writing a clip, and a report.
 
 use std::fmt;
 use std::str::FromStr;

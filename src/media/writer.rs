@@ -27,7 +27,7 @@ pub struct VideoWriter {
     surface: Surface,
     info: VideoInfo,
     video_stream: usize,
-    /// Durations by time, for encoders that lose them on the way.
+    /// Durations by time, for encoders that lose them.
     durations: HashMap<i64, i64>,
     shift: i64,
     packet: Packet,
@@ -35,7 +35,7 @@ pub struct VideoWriter {
 }
 
 impl VideoWriter {
-    /// Starts writing `output`: `video` is what the frames will be, `source` is where all the rest comes from.
+    /// Starts writing `output`: `video` describes the frames, `source` provides all other streams and metadata.
     ///
     /// # Errors
     /// Targets that must not or cannot be written, encoders that do not exist or refuse, and with `strict` every loss.

@@ -1,4 +1,4 @@
-//! The largest upright rectangle within what a warp shows, and the largest that keeps what must be kept.
+//! The largest axis-aligned rectangle that a warp covers, optionally one that contains a given box.
 //!
 //! The picture under the warp has a curved border. On a raster of it, a pixel counts as covered where all its corners are;
 //! the largest rectangle of covered pixels is found in one pass over the rows, with the heights of covered columns on a
@@ -80,7 +80,7 @@ impl Coverage {
             Some(kept) => Some(self.pixels(kept)?),
             None => None,
         };
-        let at = |width: f64| self.place(&sums, width, width / aspect, kept);
+        let at = |width: f64| self.position(&sums, width, width / aspect, kept);
         let widest = (self.cols as f64).min(self.rows as f64 * aspect);
         if let Some(whole) = at(widest) {
             return Some(whole);
@@ -151,7 +151,7 @@ impl Coverage {
 
     /// Where a rectangle of `width × height` pixels is covered wholly, nearest to the middle. Its corners lie anywhere; the
     /// pixels it touches count.
-    fn place(&self, sums: &[u32], width: f64, height: f64, kept: Option<[usize; 4]>) -> Option<Rect> {
+    fn position(&self, sums: &[u32], width: f64, height: f64, kept: Option<[usize; 4]>) -> Option<Rect> {
         let (cols, rows) = (width.ceil() as usize, height.ceil() as usize);
         if cols == 0 || rows == 0 || cols > self.cols || rows > self.rows {
             return None;
@@ -166,11 +166,11 @@ impl Coverage {
             let (x, y) = (2 * i + cols, 2 * j + rows);
             x.abs_diff(self.cols).pow(2) + y.abs_diff(self.rows).pow(2)
         };
-        let places = (0..=self.rows - rows).flat_map(|j| (0..=self.cols - cols).map(move |i| (i, j)));
+        let positions = (0..=self.rows - rows).flat_map(|j| (0..=self.cols - cols).map(move |i| (i, j)));
         let holds = |i: usize, j: usize| {
             kept.is_none_or(|[x0, y0, x1, y1]| i <= x0 && j <= y0 && i + cols >= x1 && j + rows >= y1)
         };
-        let (i, j) = places.filter(|&(i, j)| holds(i, j) && full(i, j)).min_by_key(|&(i, j)| off(i, j))?;
+        let (i, j) = positions.filter(|&(i, j)| holds(i, j) && full(i, j)).min_by_key(|&(i, j)| off(i, j))?;
         // In the middle of the pixels it touches, or as far off it as what is kept demands.
         let slack = |count: usize, length: f64, at: usize, kept: Option<(usize, usize)>| {
             let middle = 0.5 * (count as f64 - length);

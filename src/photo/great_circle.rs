@@ -1,4 +1,4 @@
-//! How far samples of a line lie from one great circle, in pixels.
+//! Distance of the samples of a line from a great circle, in pixels.
 //!
 //! What is straight in space is seen in directions `u` of one plane through the camera, `n·u = 0`: a great circle. A sample
 //! at pixel `p` looks in direction `u(p)`; its distance from the image of the circle is, to first order,
@@ -7,9 +7,9 @@
 //! d = n·u(p) / ‖Gᵀ n‖  px,      G = ∂u/∂p      (3×2),
 //! ```
 //!
-//! positive on the side that `n` points to. Measured in pixels rather than angles, every sample counts by what its marking
-//! is worth, however much the lens squeezes the world there. The best circle minimizes `Σ d²`; as `‖Gᵀ n‖` hardly changes
-//! with `n`, a few rounds of the smallest eigenvector of `Σ u uᵀ / ‖Gᵀ n‖²` suffice.
+//! positive on the side that `n` points to. Measured in pixels rather than angles, every sample has the accuracy of its
+//! mark, whatever the local scale of the lens. The best circle minimizes `Σ d²`; as `‖Gᵀ n‖` hardly changes with `n`, a
+//! few iterations of the smallest eigenvector of `Σ u uᵀ / ‖Gᵀ n‖²` suffice.
 //!
 //! # Reference
 //! P. D. Sampson, *Fitting conic sections to "very scattered" data*, CGIP 18, 1982 (the first-order distance).
@@ -20,26 +20,27 @@ use plumbline_camera::Lens;
 use plumbline_camera::Vec3;
 use plumbline_num::math::Point2;
 
-/// Rounds of reweighting: the distances change by less than a thousandth after the second.
-const ROUNDS: usize = 3;
-/// Least slope of `n·u`, 1/px: a guard where a sample looks along `n`, far off the circle.
+/// Iterations of the reweighting: the distances change by less than a thousandth after the second.
+const REWEIGHTINGS: usize = 3;
+/// Lower bound on the slope of `n·u`, 1/px: avoids a division by zero where a sample looks along `n`, far off the
+/// circle.
 const MIN_SLOPE: f64 = 1e-12;
 
-/// What a pixel sees: the direction, and how it turns with the pixel.
+/// The viewing ray of a pixel and its derivative.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight {
     /// Unit direction.
     pub ray: Vec3,
     /// `∂u/∂p`, rad/px.
-    pub turn: Matrix3x2<f64>,
+    pub ray_per_px: Matrix3x2<f64>,
 }
 
 impl Sight {
-    /// What `lens` sees at `p`; `None` outside its field.
+    /// The ray of `lens` at `p`; `None` outside its field.
     pub fn new(lens: &Lens, p: Point2) -> Option<Self> {
         let ray = lens.unproject(p)?;
         let (_, jacobian) = lens.project_with_jacobian(&ray)?;
-        Some(Self { ray, turn: inverse_on_tangent(&jacobian, &ray)? })
+        Some(Self { ray, ray_per_px: inverse_on_tangent(&jacobian, &ray)? })
     }
 
     /// Signed distance from the great circle with unit normal `n`, px.
@@ -48,7 +49,7 @@ impl Sight {
     }
 
     fn slope(&self, n: &Vec3) -> f64 {
-        self.turn.tr_mul(n).norm().max(MIN_SLOPE)
+        self.ray_per_px.tr_mul(n).norm().max(MIN_SLOPE)
     }
 }
 
@@ -61,14 +62,15 @@ fn inverse_on_tangent(jacobian: &Matrix2x3<f64>, ray: &Vec3) -> Option<Matrix3x2
     Some(tangent * flat.try_inverse()?)
 }
 
-/// Unit normal of the best great circle through `sights`; `None` for fewer than two or where they do not tell one.
+/// Unit normal of the best great circle through `sights`; `None` for fewer than two, or where they do not determine
+/// one.
 pub fn best_circle(sights: &[Sight]) -> Option<Vec3> {
     if sights.len() < 2 {
         return None;
     }
-    let mut weights: Vec<f64> = sights.iter().map(|s| s.turn.norm_squared().recip()).collect();
+    let mut weights: Vec<f64> = sights.iter().map(|s| s.ray_per_px.norm_squared().recip()).collect();
     let mut normal = None;
-    for _ in 0..ROUNDS {
+    for _ in 0..REWEIGHTINGS {
         let moment: Matrix3<f64> = sights.iter().zip(&weights).map(|(s, w)| s.ray * s.ray.transpose() * *w).sum();
         let trace = moment.trace();
         if !(trace > 0.0 && trace.is_finite()) {
@@ -116,7 +118,7 @@ mod tests {
                 let step = 1e-4 * nalgebra::Vector2::ith(axis, 1.0);
                 let ray = |q| lens.unproject(q).expect("inside the field");
                 let slope = (ray(p + step) - ray(p - step)) / 2e-4;
-                assert!((slope - sight.turn.column(axis)).norm() < 1e-9, "{p} {axis}");
+                assert!((slope - sight.ray_per_px.column(axis)).norm() < 1e-9, "{p} {axis}");
             }
         }
     }

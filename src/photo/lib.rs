@@ -1,4 +1,4 @@
-//! Pictures: straight lines made straight, and new shapes that spare what matters; for clips too.
+//! Rectification and retargeting of photos and clips, plumb-line calibration, line detection.
 //!
 //! Both are warps of a grid: on the viewing sphere for `rectify`, on the picture for `retarget`. Nothing here touches
 //! pixels that are written; results are maps.

@@ -2,7 +2,7 @@
 
 use plumbline_num::math::Point2;
 
-/// How a line shall lie in the output.
+/// Orientation constraint of a line in the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Orientation {
     /// Straight, at whatever angle suits.

@@ -1,11 +1,11 @@
-//! How a marked line fared, measured on the marked points alone: between them nobody measured.
+//! Report on a marked line, measured at the marked points only.
 
 use super::warp::{FittedLine, LineReport, PhotoWarp};
 use super::{Line, Orientation};
 use plumbline_camera::{Lens, Vec3};
 use plumbline_num::math::{Point2, Rect};
 
-/// Points into which a line of two points is cut to be measured.
+/// Samples of a line with two marked points.
 const SAMPLES: usize = 33;
 
 /// The report on `line` under `warp`.
@@ -13,7 +13,7 @@ pub(super) fn of_line(line: &Line, lens: Option<&Lens>, warp: &PhotoWarp) -> Lin
     let marked = measured(line, lens);
     let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
     let shown: Vec<Point2> = marked.iter().filter_map(|p| (warp.forward)(*p)).filter(|p| frame.contains(*p)).collect();
-    let share = shown.len() as f64 / marked.len().max(1) as f64;
+    let fraction = shown.len() as f64 / marked.len().max(1) as f64;
     let off_lens_px = lens.filter(|_| line.points.len() > 2).and_then(|lens| off_great_circle(&line.points, lens));
     let none = LineReport {
         name: line.name.clone(),
@@ -23,7 +23,7 @@ pub(super) fn of_line(line: &Line, lens: Option<&Lens>, warp: &PhotoWarp) -> Lin
         angle: 0.0,
         angle_error: None,
         off_lens_px,
-        shown: share,
+        shown: fraction,
     };
     let Some(fit) = FittedLine::through(&shown) else { return none };
     let offs = || shown.iter().map(|p| fit.off(*p).abs());
@@ -57,14 +57,14 @@ fn undirected(angle: f64) -> f64 {
 /// The points to measure: the marked ones, or for two ends the line between them.
 fn measured(line: &Line, lens: Option<&Lens>) -> Vec<Point2> {
     let [a, b] = line.points[..] else { return line.points.clone() };
-    let share = |k: usize| k as f64 / (SAMPLES - 1) as f64;
+    let fraction = |k: usize| k as f64 / (SAMPLES - 1) as f64;
     let ends = lens.and_then(|lens| Some((lens, lens.unproject(a)?, lens.unproject(b)?)));
     match ends {
         Some((lens, from, to)) => {
-            let between = (0..SAMPLES).map(|k| lens.project(&(from * (1.0 - share(k)) + to * share(k))));
+            let between = (0..SAMPLES).map(|k| lens.project(&(from * (1.0 - fraction(k)) + to * fraction(k))));
             between.flatten().collect()
         }
-        None => (0..SAMPLES).map(|k| a + (b - a) * share(k)).collect(),
+        None => (0..SAMPLES).map(|k| a + (b - a) * fraction(k)).collect(),
     }
 }
 

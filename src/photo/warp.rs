@@ -1,12 +1,12 @@
-//! What both commands give: a map, its grid, and how the marked lines fared.
+//! The result of rectifying and retargeting: a map, its grid, and a report on the marked lines.
 
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::WarpField;
 use plumbline_num::math::{Point2, Vec2};
 
-/// A line off straightness by more than this, px, and by more than a thousandth of its length is called bent.
+/// Deviation from straightness, px, and as a fraction of the length, above both of which a line counts as bent.
 const BENT_PX: f64 = 1.0;
-const BENT_SHARE: f64 = 1e-3;
+const BENT_FRACTION: f64 = 1e-3;
 
 /// Where a point of the source lies in the output; `None` where the warp does not show it.
 pub type Forward = dyn Fn(Point2) -> Option<Point2> + Send + Sync;
@@ -23,7 +23,7 @@ pub struct PhotoWarp {
     pub forward: Box<Forward>,
     /// The marked lines, in their order.
     pub lines: Vec<LineReport>,
-    /// Numbers of the given faces of which the output does not show all.
+    /// Indices of the faces that the crop cuts.
     pub cut_faces: Vec<usize>,
     /// Solves of the energy; 0 where the map has a closed form.
     pub iterations: usize,
@@ -38,7 +38,7 @@ impl std::fmt::Debug for PhotoWarp {
     }
 }
 
-/// How a marked line lies in the output.
+/// Report on a marked line in the output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineReport {
     /// The line's name.
@@ -56,14 +56,14 @@ pub struct LineReport {
     /// Largest distance of a marked point from the great circle that fits the line best, source px: large where the lens or
     /// the marking is wrong. `None` without a lens, and for lines of two points.
     pub off_lens_px: Option<f64>,
-    /// Share of the marked points that the output shows.
+    /// Fraction of the marked points that the output shows.
     pub shown: f64,
 }
 
 impl LineReport {
     /// The line could not be made straight.
     pub fn is_bent(&self) -> bool {
-        self.max_px > BENT_PX && self.max_px > BENT_SHARE * self.length_px
+        self.max_px > BENT_PX && self.max_px > BENT_FRACTION * self.length_px
     }
 }
 
@@ -105,7 +105,7 @@ impl FittedLine {
         self.normal().dot(&(p.coords - self.center))
     }
 
-    /// Place of a point along the line, from the center.
+    /// Position of a point along the line, from the center.
     pub fn along(&self, p: Point2) -> f64 {
         self.direction.dot(&(p.coords - self.center))
     }

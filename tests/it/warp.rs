@@ -54,7 +54,7 @@ fn wave(p: Point2) -> Point2 {
     p + Vec2::new(4.0 * (p.y / 50.0).sin(), 3.0 * (p.x / 70.0).cos())
 }
 
-fn wavy_salience(grid: &Grid) -> Vec<f64> {
+fn wavy_saliency(grid: &Grid) -> Vec<f64> {
     (0..grid.cell_count()).map(|c| 0.5 + 0.3 * ((c * 7) % 5) as f64 / 5.0).collect()
 }
 
@@ -66,7 +66,7 @@ struct Row {
 }
 
 /// The sum as printed in the paper, term by term, for positions `V` (not displacements).
-fn paper_rows(grid: &Grid, pre: Homography, points: &[PointPair], salience: &[f64], alpha: f64, prox: f64) -> Vec<Row> {
+fn paper_rows(grid: &Grid, pre: Homography, points: &[PointPair], saliency: &[f64], alpha: f64, prox: f64) -> Vec<Row> {
     let unit = cell_px(grid);
     let hat: Vec<Vec2> = (0..grid.vertex_count()).map(|i| homography(pre)(grid.vertex(i)).coords / unit).collect();
     let mut rows = Vec::new();
@@ -84,7 +84,7 @@ fn paper_rows(grid: &Grid, pre: Homography, points: &[PointPair], salience: &[f6
             rows.push(Row { terms, b: point.dst[xy] / unit, w });
         }
     }
-    for (cell, w_s) in salience.iter().enumerate() {
+    for (cell, w_s) in saliency.iter().enumerate() {
         let [tl, tr, bl, br] = grid.corners(cell);
         // (V₁, V₂, V₃), right angle at V₂.
         let triangles = [
@@ -189,9 +189,9 @@ fn the_mesh_minimizes_the_sum_printed_in_the_paper() {
         let mut s = ContentPreserving::new(8, 5, W, H, opts).expect("valid");
         let mut points = scatter(70, 4, |p| wave(homography(pre)(p)));
         points.iter_mut().enumerate().for_each(|(k, p)| p.weight = 0.1 + 0.2 * (k % 7) as f64);
-        let salience = wavy_salience(s.grid());
-        let (mesh, report) = s.solve(&pre, &points, &salience).expect("regular");
-        let expected = solve_densely(s.grid(), &paper_rows(s.grid(), pre, &points, &salience, alpha, opts.proximity));
+        let saliency = wavy_saliency(s.grid());
+        let (mesh, report) = s.solve(&pre, &points, &saliency).expect("regular");
+        let expected = solve_densely(s.grid(), &paper_rows(s.grid(), pre, &points, &saliency, alpha, opts.proximity));
         let err = largest_step(&mesh, &expected);
         assert!(err < 1e-9 * cell_px(s.grid()), "differs by {err} px");
         assert_eq!(report.raised, 0);
@@ -333,7 +333,7 @@ fn salient_cells_keep_their_shape_better() {
     let points = scatter(300, 12, wave);
     let mut s = solver(32, 18);
     let left = |c: usize| c % 32 < 16;
-    let salience: Vec<f64> = (0..32 * 18).map(|c| if left(c) { 5.0 } else { 0.5 }).collect();
+    let saliency: Vec<f64> = (0..32 * 18).map(|c| if left(c) { 5.0 } else { 0.5 }).collect();
     let bend = |mesh: &GridMesh, side: bool| -> f64 {
         (0..32 * 18)
             .filter(|&c| left(c) == side)
@@ -342,7 +342,7 @@ fn salient_cells_keep_their_shape_better() {
             .sum()
     };
     let (even, _) = s.solve(&Homography::identity(), &points, &[]).expect("regular");
-    let (uneven, _) = s.solve(&Homography::identity(), &points, &salience).expect("regular");
+    let (uneven, _) = s.solve(&Homography::identity(), &points, &saliency).expect("regular");
     assert!(bend(&uneven, true) < 0.5 * bend(&even, true));
     assert!(bend(&uneven, false) < 1.5 * bend(&even, false));
 }
@@ -351,7 +351,7 @@ fn salient_cells_keep_their_shape_better() {
 fn a_used_solver_gives_the_same_as_a_new_one() {
     let mut used = solver(32, 18);
     let first = scatter(500, 13, wave);
-    used.solve(&perspective(), &first, &wavy_salience(&used.grid().clone())).expect("regular");
+    used.solve(&perspective(), &first, &wavy_saliency(&used.grid().clone())).expect("regular");
     let points = scatter(100, 14, wave);
     let (a, ra) = used.solve(&Homography::identity(), &points, &[]).expect("regular");
     let (b, rb) = solver(32, 18).solve(&Homography::identity(), &points, &[]).expect("regular");
@@ -361,11 +361,11 @@ fn a_used_solver_gives_the_same_as_a_new_one() {
 #[test]
 fn a_frame_allocates_nothing() {
     let mut s = solver(32, 18);
-    let (points, salience) = (scatter(300, 16, wave), wavy_salience(s.grid()));
+    let (points, saliency) = (scatter(300, 16, wave), wavy_saliency(s.grid()));
     let mut mesh = s.grid().to_mesh();
-    s.solve_into(&perspective(), &points, &salience, &mut mesh).expect("regular");
+    s.solve_into(&perspective(), &points, &saliency, &mut mesh).expect("regular");
     let count = allocations_of(|| {
-        s.solve_into(&Homography::identity(), &points, &salience, &mut mesh).expect("regular");
+        s.solve_into(&Homography::identity(), &points, &saliency, &mut mesh).expect("regular");
     });
     assert_eq!(count, 0);
 }
@@ -397,11 +397,11 @@ fn bad_input_is_refused_with_its_reason() {
     assert!(error(s.solve(&identity, &[negative], &[])).contains("weight -1"));
     assert_eq!(
         error(s.solve(&identity, &[good], &[0.5; 7])),
-        "salience of cell 7 is NaN (expected 144 finite numbers above 0, or none)"
+        "saliency of cell 7 is NaN (expected 144 finite numbers above 0, or none)"
     );
-    let mut salience = vec![0.5; 144];
-    salience[3] = 0.0;
-    assert!(error(s.solve(&identity, &[good], &salience)).starts_with("salience of cell 3 is 0"));
+    let mut saliency = vec![0.5; 144];
+    saliency[3] = 0.0;
+    assert!(error(s.solve(&identity, &[good], &saliency)).starts_with("saliency of cell 3 is 0"));
     let mirror = Homography::new(Matrix3::new(-1.0, 0.0, W, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0));
     assert_eq!(
         error(s.solve(&mirror, &[good], &[])),

@@ -149,8 +149,8 @@ impl RectifyArgs {
             if to != Target::Optimized {
                 return vec![stage];
             }
-            let judged = StageEntry::built("salience", &ImportanceSettings::default()).input("image", "photo");
-            vec![judged, stage.input("importance", "salience")]
+            let judged = StageEntry::built("saliency", &ImportanceSettings::default()).input("image", "photo");
+            vec![judged, stage.input("importance", "saliency")]
         })
     }
 

@@ -103,7 +103,7 @@ fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndisto
         focal_px_of(&input)
     })?;
     found.warnings.into_iter().for_each(|w| context.warn(w));
-    let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], salience: None };
+    let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
     let mut options = options(settings, &video);
     let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
     let wanted = settings.size.map_or(warp.size, |size| size.pixels(warp.size));
@@ -196,7 +196,7 @@ mod tests {
     fn undistorted() -> Undistorted {
         let fov = FieldOfView::degrees(110.0, FieldAxis::Horizontal);
         let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
-        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], salience: None };
+        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], saliency: None };
         let target = Target::Fixed(Projection::Rectilinear);
         let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
         Undistorted::new(rectify(&input, &options, &Run::default()).expect("a map"), (640, 360))

@@ -106,7 +106,7 @@ impl Stage for PhotoRectifySettings {
             lens: &found.lens,
             lines: &lines,
             faces: &faces,
-            salience: importance.as_ref().map(|i| i.plane()),
+            saliency: importance.as_ref().map(|i| i.plane()),
         };
         let mut options = options(self, &found.lens);
         let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;

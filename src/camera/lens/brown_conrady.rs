@@ -26,11 +26,11 @@ use super::{LensError, PlaneModel, invert, polynomial};
 use crate::Vec3;
 use plumbline_num::math::Vec2;
 
-/// Radius to which an unbounded plane is followed: 89.99° off the axis.
+/// Radius up to which an unbounded plane is searched, focal lengths: 89.99° off the axis.
 const MAX_PLANE_RADIUS: f64 = 1e4;
-/// Rays of the plane on which the end of the field is searched, and steps on each.
+/// Directions in the plane in which the end of the field is searched, and steps along each.
 const SEARCH: (usize, usize) = (24, 128);
-/// Newton steps at most; three to five are usual.
+/// Maximum number of Newton iterations; three to five are usual.
 const NEWTON_STEPS: usize = 40;
 
 /// The plane that is distorted.

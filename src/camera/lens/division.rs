@@ -56,15 +56,15 @@ impl RadialModel for Division {
 
 /// `tan(t r) = t tan θ`, given `t = 2 tan(ω/2)` for `0 < ω < π`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ArcTangent(pub(super) f64);
+pub(super) struct FovModel(pub(super) f64);
 
-impl ArcTangent {
+impl FovModel {
     fn valid(self) -> bool {
         self.0 > 0.0 && self.0.is_finite()
     }
 }
 
-impl RadialModel for ArcTangent {
+impl RadialModel for FovModel {
     fn radius(&self, theta: f64) -> (f64, f64) {
         let (t, (sin, cos)) = (self.0, theta.sin_cos());
         ((t * sin).atan2(cos) / t, 1.0 / (cos * cos + t * t * sin * sin))
@@ -102,11 +102,11 @@ mod tests {
     }
 
     #[test]
-    fn the_arc_tangent_is_that_of_the_paper() {
+    fn the_field_of_view_model_is_that_of_the_paper() {
         let (omega, theta) = (0.93_f64, 0.6_f64);
         let t = 2.0 * (omega / 2.0).tan();
         let paper = (t * theta.tan()).atan() / omega;
-        assert!((ArcTangent(t).radius(theta).0 * t / omega - paper).abs() < 1e-15);
-        assert_eq!(ArcTangent(-1.0).limit(), 0.0);
+        assert!((FovModel(t).radius(theta).0 * t / omega - paper).abs() < 1e-15);
+        assert_eq!(FovModel(-1.0).limit(), 0.0);
     }
 }

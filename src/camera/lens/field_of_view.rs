@@ -38,7 +38,7 @@ impl FieldAxis {
     }
 }
 
-/// The angle between what two opposite ends of a picture show.
+/// The angle between the rays of two opposite ends of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldOfView {
     /// The angle, rad.
@@ -81,8 +81,8 @@ impl Lens {
         Ok(Self { projection, focal: Vec2::new(focal, focal), center: Point2::new(0.5 * size.0, 0.5 * size.1), size })
     }
 
-    /// The angle between what opposite ends of the picture show, each measured from the axis; `None` where an end shows
-    /// nothing.
+    /// The angle between the rays of opposite ends of the picture, each measured from the axis; `None` where an end
+    /// shows nothing.
     pub fn field_of_view(&self, axis: FieldAxis) -> Option<FieldOfView> {
         let (w, h) = self.size;
         let c = self.center;
@@ -110,7 +110,7 @@ fn limit(projection: &Projection, axis: FieldAxis) -> (f64, bool) {
     }
 }
 
-/// Focal length, px, at which the end of an axis shows what lies `half` off the middle.
+/// Focal length, px, at which the end of an axis is at the angle `half` from the center.
 fn focal(projection: &Projection, half: f64, axis: FieldAxis, (w, h): (f64, f64)) -> Option<f64> {
     let (sin, cos) = half.sin_cos();
     let seen = |x: f64, y: f64| projection.with(|m| m.plane(&Vec3::new(x * sin, y * sin, cos)));

@@ -1,15 +1,14 @@
 //! Inverses of increasing functions, by Newton's method kept inside a bracket.
 
-/// Steps at most. Newton's takes four to six; bisection, where it has to step in, halves the bracket: 60 halvings exhaust a
-/// double.
+/// Maximum number of iterations. Newton takes four to six; 60 bisections exhaust a double.
 const MAX_STEPS: usize = 80;
 
-/// Relative step after which nothing is left to do: Newton's next one would be its square, times a curvature that is far below
-/// 10⁴ but at the fold itself.
+/// Relative step at which the iteration ends: Newton's next step would be its square, times a curvature far below 10⁴
+/// except at a fold.
 const SMALL_STEP: f64 = 1e-10;
 
-/// `x` in `[0, limit]` with `f(x) = target`, for `f` increasing on it with `f(0) = 0`; `function` returns `(f, f′)`. `None`
-/// where `target` lies outside `[0, f(limit)]` or is NaN.
+/// `x` in `[0, limit]` with `f(x) = target`, for `f` increasing on it with `f(0) = 0`; `function` returns `(f, f′)`.
+/// `None` if `target` is outside `[0, f(limit)]` or NaN.
 pub(super) fn increasing(target: f64, limit: f64, start: f64, function: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
     if !(target >= 0.0 && limit > 0.0 && target <= function(limit).0) {
         return None;

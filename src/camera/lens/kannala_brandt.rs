@@ -1,4 +1,4 @@
-//! Fisheye lenses told by a polynomial of the angle.
+//! Fisheye lenses with a polynomial of the angle.
 //!
 //! ```text
 //! Kannala–Brandt   r = θ (1 + k₁ θ² + k₂ θ⁴ + k₃ θ⁶ + k₄ θ⁸)

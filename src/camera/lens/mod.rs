@@ -4,10 +4,10 @@
 //! p = c + (f_x m_x, f_y m_y),      m = projection(ray)
 //! ```
 //!
-//! A [`Projection`] maps directions to a plane of unit focal length (on the axis `m ≈ (x, y)/z`); focal lengths and the center
-//! give pixels. A direction need not be of unit length. What a lens cannot show, and what its formula shows twice, has no
-//! image: formulas are inverted only on the branch that leads from the axis to the first angle at which the image turns
-//! back, [`Lens::max_angle`]. NaN and infinities have no image and no direction.
+//! A [`Projection`] maps directions to a plane of unit focal length (on the axis `m ≈ (x, y)/z`); focal lengths and the
+//! center give pixels. A direction need not be of unit length. Directions outside a lens's field, or where its formula
+//! is not invertible, have no image: formulas are inverted only on the branch that leads from the axis to the first
+//! angle at which the image turns back, [`Lens::max_angle`]. NaN and infinities have no image and no direction.
 
 mod brown_conrady;
 mod division;
@@ -39,7 +39,7 @@ pub use unified::Unified;
 use super::Vec3;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Aspects that differ by less than this are the same: scaled pictures round their sides, video sides to multiples of 8.
+/// Difference below which aspect ratios are equal: scaled pictures round their sides, video sides to multiples of 8.
 const SAME_ASPECT: f64 = 0.005;
 
 /// A projection with its scale: the map between directions in space and pixels.

@@ -18,7 +18,7 @@ use super::{LensError, PlaneModel, invert, polynomial};
 use crate::Vec3;
 use plumbline_num::math::Vec2;
 
-/// Radius, focal lengths, to which the polynomial is followed at most: an equidistant lens shows 180° off the axis at π.
+/// Radius up to which the polynomial is searched, focal lengths: an equidistant lens reaches 180° at π.
 const MAX_RADIUS: f64 = 50.0;
 
 /// Angle along a ray polynomial, symmetric about the axis.

@@ -24,7 +24,7 @@ use super::PlaneModel;
 use crate::Vec3;
 use plumbline_num::math::Vec2;
 
-/// A projection that is told by longitude and latitude.
+/// A projection by longitude and latitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Panoramic {
     Equirectangular,

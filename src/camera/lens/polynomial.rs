@@ -1,4 +1,4 @@
-//! Real polynomials: values, and the first place above zero where one changes its sign.
+//! Real polynomials: values, and the first sign change above zero.
 //!
 //! Roots are separated by those of the derivative: between two neighbors the polynomial is monotone, so that a change of sign
 //! at the ends means one root, found by bisection. Nothing can be missed or counted twice, whatever the coefficients.
@@ -47,7 +47,7 @@ fn sign_changes(c: &[f64], limit: f64) -> Vec<f64> {
     changes
 }
 
-/// The sign change between `low` and `high`, as far as doubles tell.
+/// The sign change between `low` and `high`, to double precision.
 fn bisected(c: &[f64], mut low: f64, mut high: f64) -> f64 {
     let sign = value(c, low) > 0.0;
     loop {

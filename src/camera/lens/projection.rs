@@ -1,6 +1,6 @@
 //! The projections by name.
 
-use super::division::{ArcTangent, Division};
+use super::division::{Division, FovModel};
 use super::panoramic::Panoramic;
 use super::radial::Radial;
 use super::{AnglePolynomial, BrownConrady, KannalaBrandt, Ocam, PlaneModel, RadialPolynomial, Unified};
@@ -24,8 +24,8 @@ pub enum Projection {
     AnglePolynomial(AnglePolynomial),
     /// One division parameter `λ`, dimensionless (in focal lengths).
     Division(f64),
-    /// `tan(t r) = t tan θ`, given `t = 2 tan(ω/2)`: the field-of-view model, with slope 1 on the axis.
-    ArcTangent(f64),
+    /// The field-of-view (FOV) model of Devernay and Faugeras: `tan(t r) = t tan θ`, `t = 2 tan(ω/2)`, slope 1 on the axis.
+    FieldOfView(f64),
     /// Sphere models.
     Unified(Unified),
     /// Polynomial along the ray.
@@ -61,7 +61,7 @@ impl Projection {
             Self::KannalaBrandt(_) => "kannala-brandt",
             Self::AnglePolynomial(_) => "angle-polynomial",
             Self::Division(_) => "division",
-            Self::ArcTangent(_) => "arc-tangent",
+            Self::FieldOfView(_) => "field-of-view",
             Self::Unified(_) => "unified",
             Self::Ocam(_) => "ocam",
             Self::BrownConrady(_) => "brown-conrady",
@@ -127,7 +127,7 @@ impl Projection {
             Self::KannalaBrandt(model) => with(model),
             Self::AnglePolynomial(model) => with(model),
             Self::Division(lambda) => with(&Division(*lambda)),
-            Self::ArcTangent(t) => with(&ArcTangent(*t)),
+            Self::FieldOfView(t) => with(&FovModel(*t)),
             Self::Unified(model) => with(model),
             Self::Ocam(model) => with(model),
             Self::BrownConrady(model) => with(model),

@@ -21,7 +21,7 @@ use super::PlaneModel;
 use crate::Vec3;
 use plumbline_num::math::Vec2;
 
-/// A projection that is told by the distance `r` from the center at which an angle `θ` off the axis is seen; `r` increases
+/// A projection defined by the distance `r` from the center at which an angle `θ` off the axis is seen; `r` increases
 /// with `θ` up to the limit.
 pub(super) trait RadialModel {
     /// `(r, dr/dθ)`, at angles from 0 to the limit.

@@ -17,7 +17,7 @@
 use super::radial::{Radial, RadialModel};
 use super::{LensError, Projection, invert, polynomial};
 
-/// Radius, focal lengths, to which a rectilinear base is followed: 89.99° off the axis.
+/// Radius up to which a rectilinear base is searched, focal lengths: 89.99° off the axis.
 const MAX_PLANE_RADIUS: f64 = 1e4;
 
 /// A classical projection with a polynomial of its radius.

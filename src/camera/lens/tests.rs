@@ -18,7 +18,7 @@ pub(crate) fn projections() -> Vec<Projection> {
         Projection::Division(-0.31),
         Projection::Division(0.02),
         Projection::Division(0.0),
-        Projection::ArcTangent(2.0 * (0.45_f64).tan()),
+        Projection::FieldOfView(2.0 * (0.45_f64).tan()),
         Projection::Unified(Unified::camera(0.41).expect("valid")),
         Projection::Unified(Unified::camera(0.72).expect("valid")),
         Projection::Unified(Unified::extended(0.586, 1.139).expect("valid")),

@@ -104,7 +104,7 @@ fn of_model(model: &str, p: &[f64], size: (f64, f64), line: usize) -> Result<cra
             let [omega] = exactly(model, rest, line)?;
             let t = 2.0 * (0.5 * omega).tan();
             scale = fov_scale(t);
-            Projection::ArcTangent(t)
+            Projection::FieldOfView(t)
         }
         "THIN_PRISM_FISHEYE" => {
             let [k1, k2, p1, p2, k3, k4, sx, sy] = exactly(model, rest, line)?;

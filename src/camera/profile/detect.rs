@@ -38,7 +38,7 @@ pub fn parse_lens(text: &str, picture: &ExifFacts) -> Result<Profile, ProfileErr
     from_tree(&yaml::tree(text)?, text, picture)
 }
 
-/// The lens in a tree, told by its keys.
+/// The lens in a tree, recognized by its keys.
 fn from_tree(tree: &Value, text: &str, picture: &ExifFacts) -> Result<Profile, ProfileError> {
     let root = At::root(tree);
     let has = |key: &str| root.get(key).is_some();

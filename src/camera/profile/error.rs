@@ -43,7 +43,7 @@ pub enum ProfileError {
     Syntax {
         /// Name of the format.
         format: &'static str,
-        /// What the parser says, with the place.
+        /// The parser's message, with the position.
         reason: String,
     },
     /// Something needed is not there.
@@ -59,7 +59,7 @@ pub enum ProfileError {
     Value {
         /// Path of the key, or the line.
         key: String,
-        /// What stands there, shortened.
+        /// The value found, shortened.
         value: String,
         /// What belongs there.
         expected: String,
@@ -74,10 +74,8 @@ pub enum ProfileError {
         /// The models that are known.
         known: &'static str,
     },
-    /// More than one camera, and nothing tells which is meant.
-    #[error(
-        "holds several cameras ({names}) and the picture's size does not tell which is meant: keep one in the file"
-    )]
+    /// More than one camera, none of which has the picture's size.
+    #[error("holds several cameras ({names}) and the picture's size does not select one: keep one in the file")]
     Several {
         /// Their names.
         names: String,
@@ -85,7 +83,7 @@ pub enum ProfileError {
     /// A database without the lens, or with too little known about the picture to find it.
     #[error("{reason}")]
     NotInDatabase {
-        /// What was looked for, what comes near, and what to do.
+        /// The name searched for, similar names, and a remedy.
         reason: String,
     },
     /// Parameters that make no lens.

@@ -12,7 +12,7 @@ use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "lens JSON";
 const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthographic, kannala-brandt (kb), angle-polynomial, \
-                     division, arc-tangent, unified, ocam, brown-conrady, radial-polynomial, equirectangular, cylindrical, \
+                     division, field-of-view, unified, ocam, brown-conrady, radial-polynomial, equirectangular, cylindrical, \
                      mercator, panini";
 
 /// A lens file, version 1.
@@ -25,7 +25,7 @@ const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthogr
 /// | `kannala-brandt` | `k`: r = θ (1 + k₁ θ² + k₂ θ⁴ + k₃ θ⁶ + k₄ θ⁸) |
 /// | `angle-polynomial` | `k`: r = θ (1 + k₁ θ + k₂ θ² + k₃ θ³) |
 /// | `division` | `lambda`: ray ∝ (x, y, 1 + λ r²) |
-/// | `arc-tangent` | `t`: tan(t r) = t tan θ |
+/// | `field-of-view` (`arc-tangent`) | `t`: tan(t r) = t tan θ |
 /// | `unified` | `alpha`, `beta` (1), `xi` (0); focal lengths with slope 1 on the axis |
 /// | `ocam` | `k`: ray ∝ (x, y, 1 + k₁ r + k₂ r² + …), `affine`: four numbers by rows |
 /// | `brown-conrady` | `k`: 1 + k₁ s + … above, `q`: 1 + q₁ s + … below the line, `p`: p₁ p₂, `s`: s₁ … s₄, `plane`, `xi` |
@@ -172,7 +172,7 @@ impl LensFile {
             Projection::KannalaBrandt(model) => self.k = model.coefficients().to_vec(),
             Projection::AnglePolynomial(model) => self.k = model.coefficients().to_vec(),
             Projection::Division(lambda) => self.lambda = Some(*lambda),
-            Projection::ArcTangent(t) => self.t = Some(*t),
+            Projection::FieldOfView(t) => self.t = Some(*t),
             Projection::Unified(model) => {
                 let (xi, alpha, beta) = model.parameters();
                 (self.xi, self.alpha, self.beta) = (Some(xi), Some(alpha), Some(beta));
@@ -237,7 +237,7 @@ impl LensFile {
             "kannala-brandt" | "kb" => (Projection::kannala_brandt(list("k", &self.k)?), &["k"]),
             "angle-polynomial" => (Projection::AnglePolynomial(AnglePolynomial::new(list("k", &self.k)?)), &["k"]),
             "division" => (Projection::Division(need("lambda", self.lambda)?), &["lambda"]),
-            "arc-tangent" => (Projection::ArcTangent(need("t", self.t)?), &["t"]),
+            "field-of-view" | "arc-tangent" => (Projection::FieldOfView(need("t", self.t)?), &["t"]),
             "unified" => (self.unified(need("alpha", self.alpha)?)?, &["alpha", "beta", "xi"]),
             "ocam" => (self.ocam()?, &["k", "affine"]),
             "brown-conrady" => (self.brown_conrady()?, &["k", "q", "p", "s", "plane", "xi"]),

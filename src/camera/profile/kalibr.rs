@@ -7,8 +7,9 @@
 //! | `eucm` | `alpha beta fu fv pu pv` | `none` |
 //! | `ds` | `xi alpha fu fv pu pv` | `none` |
 //!
-//! The form with an `image` and a `parameter` mapping names its numbers; which are there tells the model: `alpha` (unified),
-//! `alpha beta` (extended), `alpha xi` (double sphere), `k1 … k4` (Kannala–Brandt), `k1 k2 p1 p2 [k3]` (standard).
+//! The form with an `image` and a `parameter` mapping names its numbers; their presence determines the model: `alpha`
+//! (unified), `alpha beta` (extended), `alpha xi` (double sphere), `k1 … k4` (Kannala–Brandt), `k1 k2 p1 p2 [k3]`
+//! (standard).
 
 use super::opencv::standard;
 use super::tree::At;
@@ -69,7 +70,7 @@ fn of_chain(name: &str, at: &At<'_>) -> Result<Profile, ProfileError> {
                 "equidistant" | "equi" => Projection::kannala_brandt(coefficients()?),
                 "fov" => {
                     let t = 2.0 * (0.5 * coefficients()?[0]).tan();
-                    return finished(name, at, Projection::ArcTangent(t), fov_scale(t), intrinsics.exactly()?);
+                    return finished(name, at, Projection::FieldOfView(t), fov_scale(t), intrinsics.exactly()?);
                 }
                 _ => return refused(),
             };

@@ -7,8 +7,8 @@
 //! u = u_mm / f_mm,                   f_px = f_mm · d_px / (43.267 / c_camera),
 //! ```
 //!
-//! so that a lens keeps its distortion on another sensor. Between the focal lengths of a zoom, coefficients are interpolated
-//! linearly; beyond them the nearest are taken. `real-focal` takes the place of the nominal focal length.
+//! so that a lens keeps its distortion on another sensor. Between the focal lengths of a zoom, coefficients are
+//! interpolated linearly; beyond them the nearest are used. `real-focal` replaces the nominal focal length.
 //!
 //! # Reference
 //! The lensfun authors, *The lensfun database and file format* (`cropfactor`, `aspect-ratio`, `distortion`, `center`).
@@ -24,10 +24,11 @@ use crate::{Projection, RadialPolynomial};
 use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "lensfun";
+/// Aspect ratio of entries without one, as in lensfun: a 36 × 24 mm sensor.
 const DEFAULT_ASPECT: f64 = 1.5;
-/// Names less alike than this are different lenses: one word in three may be missing, as makers' names often are.
-const ALIKE: f64 = 0.6;
-/// Files of a database folder that are read at most.
+/// Similarity of names below which lenses are different: one word in three may be missing, as makers' names often are.
+const MIN_SIMILARITY: f64 = 0.6;
+/// Maximum number of files of a database folder: bounds the time on a wrong folder.
 const MAX_FILES: usize = 1000;
 
 /// The lens of a picture from a lensfun file, a folder of them, or, without a path, the system's database.
@@ -56,7 +57,7 @@ pub fn lensfun_lens(source: Option<&Path>, picture: &ExifFacts) -> Result<Profil
     lens_of_documents(&documents, picture)
 }
 
-/// Databases of this machine: the newest version of the first place that has one.
+/// Databases of this machine: the newest version in the first folder that has one.
 fn system_files() -> Vec<PathBuf> {
     let found = |place: &str| {
         let mut versions: Vec<PathBuf> =
@@ -89,7 +90,7 @@ pub(super) fn lens_of_documents(documents: &[Document<'_>], picture: &ExifFacts)
     let mut notes = Vec::new();
     let crop = crop.or_else(|| {
         notes.push(
-            "neither the database nor the picture tells the sensor's size: that of the lens entry is taken".into(),
+            "neither the database nor the picture gives the sensor's size: that of the lens entry is used".into(),
         );
         number(lens, "cropfactor")
     });
@@ -160,7 +161,7 @@ fn lens<'a, 'i>(
         let Some((alike, found)) = most_alike(all.iter().copied(), wanted) else {
             return not_found("the lensfun file has no lenses".to_owned());
         };
-        if alike >= ALIKE {
+        if alike >= MIN_SIMILARITY {
             return Ok(found);
         }
         return not_found(format!(

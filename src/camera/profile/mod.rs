@@ -46,7 +46,7 @@ pub use lensfun::lensfun_lens;
 use super::{ExifFacts, Lens};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Larger files are refused: the largest lens files, those of databases, have 0.4 MB.
+/// Maximum file size, bytes: the largest lens files, those of databases, have 0.4 MB.
 const MAX_BYTES: u64 = 8 << 20;
 
 /// A lens and where it comes from.
@@ -58,7 +58,7 @@ pub struct Profile {
     pub format: &'static str,
     /// The lens, for the picture size of the file.
     pub lens: Lens,
-    /// Error of the calibration, px, where the file tells it.
+    /// Error of the calibration, px, if the file has it.
     pub rms_px: Option<f64>,
     /// What was assumed where the file does not say.
     pub notes: Vec<String>,
@@ -68,7 +68,7 @@ pub struct Profile {
 /// none; the lens returned is for the size in the file ([`Lens::resized`] makes it fit).
 ///
 /// # Errors
-/// [`LensFileError`] with what is wrong and where.
+/// [`LensFileError`] with the cause and its position.
 pub fn read_lens(path: &Path, picture: &ExifFacts) -> Result<Profile, LensFileError> {
     let read = || {
         if path.is_dir() {

@@ -25,10 +25,10 @@ pub(super) fn words(name: &str) -> BTreeSet<String> {
     words
 }
 
-/// Words that say nothing about which lens it is.
+/// Words that do not distinguish lenses.
 const COMMON: [&str; 4] = ["mm", "f", "lens", "with"];
 
-/// How alike two names are, 0 to 1: the share of their words that both have.
+/// Similarity of two names, 0 to 1: the fraction of words in common.
 pub(super) fn likeness(a: &BTreeSet<String>, b: &BTreeSet<String>) -> f64 {
     let telling = |w: &&String| !COMMON.contains(&w.as_str());
     let common = a.intersection(b).filter(telling).count();

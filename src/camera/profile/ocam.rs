@@ -14,7 +14,7 @@ use super::{Pinhole, Profile, ProfileError};
 use crate::{Ocam, Projection};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Degrees that calibrations have: 3 to 7.
+/// Maximum number of coefficients; calibrations have degrees 3 to 7.
 const MAX_COEFFICIENTS: usize = 24;
 
 pub(super) fn is_calibration(text: &str) -> bool {

@@ -1,9 +1,10 @@
 //! Calibrations written with OpenCV's storage (YAML, XML, JSON) and ROS camera files.
 //!
-//! Which of OpenCV's cameras is meant is told, in this order, by `distortion_model` (`plumb_bob`, `rational_polynomial`,
-//! `equidistant`, `fisheye`, `standard`, `omnidir`), by `fisheye_model`, by `xi` (omnidirectional), by the number of coefficients
-//! (only the standard camera has other than 4), and last by the names: `K` with `D` is how fisheye calibrations are written,
-//! `camera_matrix` with `distortion_coefficients` standard ones. The last is noted, as it is a guess.
+//! The camera model is determined, in this order, by `distortion_model` (`plumb_bob`, `rational_polynomial`,
+//! `equidistant`, `fisheye`, `standard`, `omnidir`), by `fisheye_model`, by `xi` (omnidirectional), by the number of
+//! coefficients (only the standard camera has other than 4), and last by the names: `K` with `D` is how fisheye
+//! calibrations are written, `camera_matrix` with `distortion_coefficients` standard ones. The last is noted, as it is
+//! a guess.
 
 use serde_json::Value;
 
@@ -48,13 +49,13 @@ fn size(root: &At<'_>, picture: &ExifFacts, notes: &mut Vec<String>) -> Result<(
     let expected = "the picture's width in px; and image_height";
     let size = picture.size.ok_or_else(|| ProfileError::Missing { key: "image_width".to_owned(), expected })?;
     notes.push(format!(
-        "the file does not tell the picture's size: {} × {} px, that of this picture, is taken",
+        "the file does not give the picture's size: {} × {} px, that of this picture, is used",
         size.0, size.1
     ));
     Ok(size)
 }
 
-/// The projection and what its focal lengths are to be divided by.
+/// The projection and the divisor of its focal lengths.
 fn projection(root: &At<'_>, matrix: &At<'_>, notes: &mut Vec<String>) -> Result<(Projection, f64), ProfileError> {
     let coefficients = root.any(COEFFICIENTS);
     let numbers = coefficients.as_ref().map_or(Ok(Vec::new()), At::numbers)?;

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::ProfileError;
 
-/// A place in a tree.
+/// A node of a tree, with its path.
 #[derive(Clone)]
 pub(super) struct At<'a> {
     pub(super) value: &'a Value,
@@ -24,13 +24,13 @@ impl<'a> At<'a> {
         if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
     }
 
-    /// What stands under `key`; nothing for null.
+    /// The value of `key`; `None` for null.
     pub(super) fn get(&self, key: &str) -> Option<Self> {
         let value = self.value.get(key).filter(|v| !v.is_null())?;
         Some(Self { value, path: self.below(key) })
     }
 
-    /// What stands under the first of `keys` that is there.
+    /// The value of the first of `keys` that is present.
     pub(super) fn any(&self, keys: &[&str]) -> Option<Self> {
         keys.iter().find_map(|key| self.get(key))
     }

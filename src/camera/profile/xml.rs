@@ -5,9 +5,9 @@ use serde_json::{Map, Value, json};
 
 use super::ProfileError;
 
-/// Elements and texts in a document; the largest lens database has 60 000.
+/// Maximum number of elements and texts in a document; the largest lens database has 60 000.
 const MAX_NODES: u32 = 1_000_000;
-/// Storage nests three levels.
+/// Maximum nesting; lens files have three levels.
 const MAX_NESTING: usize = 32;
 
 /// The document in a text.

@@ -6,7 +6,7 @@ use yaml_rust2::scanner::TScalarStyle;
 
 use super::ProfileError;
 
-/// Lens files nest three levels.
+/// Maximum nesting; lens files have three levels.
 const MAX_NESTING: usize = 32;
 
 /// The first document of a text. OpenCV's first line, `%YAML:1.0`, is no YAML and is passed over.

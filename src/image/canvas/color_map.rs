@@ -10,7 +10,7 @@
 use super::Rgb;
 use super::srgb::srgb_from_linear;
 
-/// Colors of a map before they are interpolated: 8 bits hold no more.
+/// Entries of the interpolated table: 8-bit colors resolve no more.
 const STEPS: usize = 256;
 
 /// A color for every value in [0, 1].

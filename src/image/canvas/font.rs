@@ -21,7 +21,7 @@ const GLYPHS: [(char, [u8; 7]); 47] = [
     (')', [8, 4, 2, 2, 2, 4, 8]),        ('_', [0, 0, 0, 0, 0, 0, 31]),
 ];
 
-/// What stands for a character that the font lacks: a frame.
+/// Glyph of characters that the font lacks: a frame.
 const UNKNOWN: [u8; 7] = [31, 17, 17, 17, 17, 17, 31];
 
 /// (column, row) of every dot of `c`, columns 0 to 4, rows 0 to 6. Small letters look like capitals.

@@ -1,12 +1,13 @@
-//! How much each place of a picture matters when the picture is given another shape.
+//! Importance of each pixel for retargeting.
 //!
 //! ```text
 //! I = max(floor, mask(faces(Ĝ (υ + (1 − υ) Ŝ))))
 //! ```
 //!
 //! with saliency `Ŝ` ([`super::saliency`]) and the mean gradient `Ĝ` ([`super::gradient`]), each in [0, 1]. Wang et al.
-//! multiply the two, `υ` = 0: but where a picture is busy all over, what does not stand out shows distortion too. Faces, and weaker the body expected below them, are raised to a value of their own.
-//! A mask by hand has the last word: 0 makes a place unimportant, 1 as important as can be, ½ leaves what was found.
+//! multiply the two, `υ` = 0: but where a picture is busy all over, what does not stand out shows distortion too.
+//! Faces, and weaker the body expected below them, are raised to a value of their own. A mask by hand overrides it: 0
+//! is unimportant, 1 fully important, ½ leaves the computed value.
 //!
 //! # Reference
 //! Y.-S. Wang, C.-L. Tai, O. Sorkine, T.-Y. Lee, *Optimized scale-and-stretch for image resizing*, ACM Trans. Graph.
@@ -19,20 +20,20 @@ use plumbline_num::math::{Point2, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 
-/// Radius over which gradients are averaged, as a share of the longer side: about a cell of the retargeting grid. Without
-/// it outlines alone would matter, and objects be squeezed between them.
+/// Radius of the gradient's average, as a fraction of the longer side: about a cell of the retargeting grid. Without it
+/// only outlines would be important, and objects be squeezed between them.
 const GRADIENT_RADIUS: f64 = 0.0125;
-/// Quantile of the gradient that counts as fully busy. At 1 a single lamp would make all else look even.
+/// Quantile of the gradient that maps to 1. At the maximum a single lamp would make everything else look even.
 const BUSY_QUANTILE: f64 = 0.9;
-/// `υ`: what texture that does not stand out counts, relative to texture that does. At 0 hair above sunglasses and chairs
-/// beside a table are squeezed as if they were sky; at 1 a wave is worth a child.
+/// `υ`: weight of texture that is not salient relative to texture that is. At 0 hair above sunglasses and chairs beside
+/// a table are squeezed like sky; at 1 a wave weighs as much as a child.
 const UNSALIENT: f32 = 0.4;
-/// Radius of the last averaging, as a share of the longer side: neighboring cells shall not differ abruptly.
+/// Radius of the final blur, as a fraction of the longer side: neighboring cells must not differ abruptly.
 const BLUR_RADIUS: f64 = 0.01;
-/// What a body expected below a face is raised to.
+/// Minimum importance of the body expected below a face.
 const BODY: f32 = 0.7;
 
-/// Why importance cannot be had. All but `Unreadable` are the fault of what was given.
+/// Errors of importance. All but `Unreadable` are faults of the input.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportanceError {
@@ -66,7 +67,7 @@ pub enum ImportanceError {
         x: usize,
         /// Row.
         y: usize,
-        /// What stands there.
+        /// The value found.
         value: f32,
     },
     /// A setting out of its range.
@@ -82,7 +83,7 @@ pub enum ImportanceError {
 pub struct ImportanceOptions {
     /// Longer side of the picture that is looked at, px.
     pub max_side: usize,
-    /// Least importance of any place, in (0, 1]. At 0.01 the sky may vanish altogether; at 1 nothing matters more than
+    /// Minimum importance, above 0, up to 1. At 0.01 the sky may vanish altogether; at 1 nothing matters more than
     /// anything else.
     pub floor: f32,
 }

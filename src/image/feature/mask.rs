@@ -38,9 +38,9 @@ pub enum MaskError {
         "the mask covers {covered_percent:.1} % of the picture (expected at most {limit_percent} %); white means masked: invert it?"
     )]
     CoversAll {
-        /// Masked share after growing, %.
+        /// Masked fraction after dilation, %.
         covered_percent: f64,
-        /// Largest accepted share, %.
+        /// Largest accepted fraction, %.
         limit_percent: f64,
     },
     /// The picture is at fault: it is too large or empty.
@@ -48,7 +48,8 @@ pub enum MaskError {
     Size(#[from] ImageError),
 }
 
-/// Largest share of the picture that a mask may take, %. Beyond it the few points left say nothing of the camera.
+/// Largest fraction of the picture that a mask may cover, %: beyond it the few remaining points do not determine the
+/// camera's motion.
 const MAX_COVERED_PERCENT: f64 = 98.0;
 
 impl Mask {

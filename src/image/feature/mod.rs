@@ -1,4 +1,4 @@
-//! What can be found in one picture: corners, straight edges, masks that say where not to look, faces, and what matters.
+//! Features of one picture: corners, line segments, masks, faces, saliency and importance.
 
 mod corners;
 mod faces;

@@ -1,4 +1,4 @@
-//! What stands out, without learned weights: minimum barrier distance to the border, and color unlike the border's.
+//! Saliency without learned weights: minimum barrier distance to the border, and color contrast with the border.
 //!
 //! Background reaches the border of the picture along paths that change little. The *barrier* of a path `π` in one channel
 //! `I` is `max_π I − min_π I`; the distance of a pixel is the smallest barrier among all paths to the border,
@@ -28,17 +28,17 @@ use nalgebra::{Matrix3, Vector3};
 use super::LabPicture;
 use crate::Plane;
 
-/// Raster scans; the paper's number. One more changes few pixels.
+/// Raster scans, as in the paper; one more changes few pixels.
 const SCANS: usize = 3;
-/// Width of the sides that stand for background, as a share of the shorter side; the paper's.
+/// Width of the border regions that represent the background, as a fraction of the shorter side; as in the paper.
 const SIDE: f64 = 0.1;
-/// Slope of the sigmoid; the paper's. Larger makes a mask of it.
+/// Slope of the sigmoid; as in the paper. Larger makes the map binary.
 const SLOPE: f32 = 10.0;
-/// How much less the corners count than the middle. The paper's centeredness lets them vanish, which in a picture to be
-/// retargeted is too bold: what stands at the border was put there by the photographer.
+/// Reduction of the saliency in the corners relative to the middle. The paper's 1 suppresses objects at the border,
+/// which the photographer framed deliberately.
 const CORNER_LOSS: f32 = 0.5;
 
-/// Largest differences below this are noise of rounding, not contrast.
+/// Largest difference below which a picture has no contrast but rounding.
 const MIN_CONTRAST: f32 = 1e-3;
 
 /// Saliency of every pixel, in [0, 1].

@@ -73,7 +73,7 @@ impl Grid {
         corners(self.cols, cell)
     }
 
-    /// The cell of a point, and its place there; `None` outside the rectangle or for NaN.
+    /// The cell of a point, and its position in it; `None` outside the rectangle or for NaN.
     pub fn locate(&self, p: Point2) -> Option<CellPoint> {
         let inside = p.x >= 0.0 && p.x <= self.width && p.y >= 0.0 && p.y <= self.height;
         if !inside {
@@ -103,7 +103,7 @@ impl GridMesh {
         corners(self.cols, cell)
     }
 
-    /// A cell as it lies now.
+    /// The deformed quad of a cell.
     pub fn quad(&self, cell: usize) -> Quad {
         Quad(self.corners(cell).map(|i| self.vertices[i]))
     }

@@ -1,4 +1,4 @@
-//! A regular grid of quads over an image, and what it becomes when its vertices move.
+//! A regular grid of quads over an image, and its deformed mesh.
 
 mod mesh;
 mod quad;

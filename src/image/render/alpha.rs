@@ -1,8 +1,8 @@
 //! Transparency: colors are averaged by how much of them shows.
 //!
-//! Files hold colors `c` beside their opacity `α`. What lies under full transparency means nothing, and must not come in from
-//! the side when pixels are interpolated: what is interpolated is `α c` and `α`, and the color of the result their quotient.
-//! Products are held in 16 bit, whatever the depth of the frame.
+//! Files hold colors `c` beside their opacity `α`. Colors under full transparency are meaningless and must not leak
+//! into their neighbors: `α c` and `α` are interpolated, and the color of the result is their quotient. Products have
+//! 16 bit, whatever the depth of the frame.
 
 use rayon::prelude::*;
 

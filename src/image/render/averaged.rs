@@ -28,14 +28,15 @@ use super::avx2::Kernels;
 #[cfg(not(target_arch = "x86_64"))]
 use super::source::Sample as Kernels;
 
-/// Scale from which pixels are spread, and over how much more until they are spread fully.
-const ONSET: f32 = 1.2;
-const RAMP: f32 = 0.8;
-/// Source pixels between two samples of a mean.
-const APART: f32 = 1.5;
-/// Most samples of a mean along an axis.
+/// Scale (source px per output px) from which samples are spread over the pixel, and the range over which the spread
+/// grows to the full pixel.
+const MIN_SCALE: f32 = 1.2;
+const SCALE_RANGE: f32 = 0.8;
+/// Distance between two samples of a mean, source px: below the support of the kernel.
+const SAMPLE_SPACING: f32 = 1.5;
+/// Maximum number of samples of a mean along an axis: bounds the time of extreme scales.
 const MAX_SAMPLES: f32 = 64.0;
-/// Widest lattice cell, px.
+/// Maximum lattice cell, px.
 const MAX_CELL_PX: usize = 32;
 
 /// Samples of the pixels in a lattice cell along one axis: how many, and over which part of the pixel.
@@ -48,9 +49,12 @@ struct Spread {
 impl Spread {
     /// For a pixel that spans `m` source pixels.
     fn of(m: f32) -> Self {
-        let shrinks = m > ONSET && m.is_finite();
+        let shrinks = m > MIN_SCALE && m.is_finite();
         if shrinks {
-            Self { count: (m / APART).ceil().clamp(2.0, MAX_SAMPLES) as u32, part: ((m - ONSET) / RAMP).min(1.0) }
+            Self {
+                count: (m / SAMPLE_SPACING).ceil().clamp(2.0, MAX_SAMPLES) as u32,
+                part: ((m - MIN_SCALE) / SCALE_RANGE).min(1.0),
+            }
         } else {
             Self { count: 1, part: 0.0 }
         }

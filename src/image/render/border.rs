@@ -1,4 +1,4 @@
-//! What stands beyond the edges of the source.
+//! Extrapolation beyond the edges of the source.
 
 /// Samples outside the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -14,7 +14,7 @@ pub enum Border {
 }
 
 impl Border {
-    /// The sample that stands for index `i` of `n`; `None`: black.
+    /// The index of the sample used for index `i` of `n`; `None`: black.
     pub(super) fn resolve(self, i: i32, n: usize) -> Option<usize> {
         let n = n as i32;
         let inside = match self {

@@ -31,7 +31,7 @@ pub use kernel::Interpolation;
 
 use crate::warp::Lattice;
 use crate::{Frame, Layout, PixelFormat};
-use plane::{Backend, Job, Tables};
+use plane::{InstructionSet, Job, Tables};
 use plumbline_num::run::{Run, Stopped};
 use scan::{MAX_SIZE, Siting};
 use source::Source;
@@ -82,7 +82,7 @@ pub enum RenderError {
 pub struct RenderOptions {
     /// Kernel between pixels.
     pub interpolation: Interpolation,
-    /// What stands outside the source.
+    /// Extrapolation outside the source.
     pub border: Border,
 }
 
@@ -91,18 +91,22 @@ pub struct RenderOptions {
 pub struct Renderer {
     border: Border,
     tables: Tables,
-    backend: Backend,
+    instructions: InstructionSet,
 }
 
 impl Renderer {
     /// A renderer with the fastest code path of this machine.
     pub fn new(options: RenderOptions) -> Self {
-        Self { border: options.border, tables: Tables::new(options.interpolation), backend: Backend::detect() }
+        Self {
+            border: options.border,
+            tables: Tables::new(options.interpolation),
+            instructions: InstructionSet::detect(),
+        }
     }
 
     /// A renderer without SIMD kernels. Its results are the same.
     pub fn portable(options: RenderOptions) -> Self {
-        Self { backend: Backend::Portable, ..Self::new(options) }
+        Self { instructions: InstructionSet::Portable, ..Self::new(options) }
     }
 
     /// Renders `src` through `lattice` into `dst`, which takes over its time and color.
@@ -134,10 +138,10 @@ impl Renderer {
         Ok(())
     }
 
-    /// What to do with plane `i`, and the value that stands for black in it.
+    /// The job of plane `i`, and its value of black.
     fn job<'a>(&'a self, src: &Frame, lattice: &'a Lattice, i: usize) -> (Job<'a>, i32) {
         let siting = Siting::of(src.format, &src.color, i);
-        (Job { lattice, siting, tables: &self.tables, backend: self.backend }, black(src, i))
+        (Job { lattice, siting, tables: &self.tables, instructions: self.instructions }, black(src, i))
     }
 }
 

@@ -18,17 +18,17 @@ use super::source::Sample as Kernels;
 /// scheduling (0.1 ms at 1080p), few enough that small planes still split.
 pub(super) const ROWS_PER_TASK: usize = 16;
 
-/// The code that samples.
+/// Instruction set of the sampling code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Backend {
+pub(super) enum InstructionSet {
     /// Scalar Rust.
     Portable,
-    /// AVX2 kernels; made only by [`Backend::detect`] on processors that have it.
+    /// AVX2 kernels; made only by [`InstructionSet::detect`] on processors that have it.
     #[cfg(target_arch = "x86_64")]
     Avx2,
 }
 
-impl Backend {
+impl InstructionSet {
     /// The fastest code this processor runs.
     pub(super) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -60,7 +60,7 @@ pub(super) struct Job<'a> {
     pub(super) lattice: &'a Lattice,
     pub(super) siting: Siting,
     pub(super) tables: &'a Tables,
-    pub(super) backend: Backend,
+    pub(super) instructions: InstructionSet,
 }
 
 impl Job<'_> {
@@ -82,23 +82,23 @@ impl Job<'_> {
 
     /// Samples `source` at positions in units of 1/256 px.
     pub(super) fn sample<S: Kernels>(&self, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
-        self.backend.sample(self.tables, source, at, out);
+        self.instructions.sample(self.tables, source, at, out);
     }
 
     fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, (xs, ys): (&mut [i32], &mut [i32]), out: &mut [S]) {
-        self.backend.positions(&self.siting, self.lattice, j, xs, ys);
-        self.backend.sample(self.tables, source, (xs, ys), out);
+        self.instructions.positions(&self.siting, self.lattice, j, xs, ys);
+        self.instructions.sample(self.tables, source, (xs, ys), out);
     }
 }
 
-impl Backend {
+impl InstructionSet {
     /// [`Siting::positions`].
     fn positions(self, siting: &Siting, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
         match self {
             Self::Portable => siting.positions(lattice, j, xs, ys),
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // a call into `avx2`, whose only condition is the processor
-            // SAFETY: `Backend::Avx2` is made only where the processor has AVX2.
+            // SAFETY: `InstructionSet::Avx2` is made only where the processor has AVX2.
             Self::Avx2 => unsafe { avx2::positions(siting, lattice, j, xs, ys) },
         }
     }
@@ -122,5 +122,5 @@ impl Backend {
 
 /// Samples `source` at positions in units of 1/256 px, as `renderer` would.
 pub(super) fn sample_row<S: Kernels>(renderer: &Renderer, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
-    renderer.backend.sample(&renderer.tables, source, at, out);
+    renderer.instructions.sample(&renderer.tables, source, at, out);
 }

@@ -1,8 +1,8 @@
 //! Source positions along a row of an output plane, in fixed point.
 //!
-//! Sample `i` of a plane subsampled by `F` stands at the luma position `X = F i + ½ + o`, `o` the siting offset of
-//! [`crate::ColorDescription::chroma_offset`]. If the field moves it by `d(X)` luma px, its source index in the
-//! same plane is
+//! Sample `i` of a plane subsampled by `F` is at the luma position `X = F i + ½ + o`, `o` the siting offset of
+//! [`crate::ColorDescription::chroma_offset`]. If the field moves it by `d(X)` luma px, its source index in the same
+//! plane is
 //!
 //! ```text
 //! i' = (X + d(X) − ½ − o) / F = i + d(X) / F,
@@ -17,14 +17,14 @@ use crate::{ColorDescription, PixelFormat};
 
 /// Fractional bits while positions are advanced. An error of one unit per step grows to 5e-4 px over a cell of 32 px.
 const FRACTION_BITS: u32 = 16;
-/// Offsets are held within this, px, so that positions fit an `i32` with [`FRACTION_BITS`].
+/// Offsets are clamped to this, px, so that positions fit an `i32` with [`FRACTION_BITS`].
 const MAX_OFFSET_PX: f32 = 16_000.0;
 /// Largest width and height that fit beside [`MAX_OFFSET_PX`].
 pub(super) const MAX_SIZE: usize = 16_384;
 /// Position of a sample whose source is not defined: outside whatever the size.
 pub(super) const NOWHERE: i32 = -(MAX_SIZE as i32) << PHASE_BITS;
 
-/// Where the samples of a plane stand among the luma samples.
+/// Position of a plane's samples relative to the luma samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Siting {
     /// Binary logarithm of luma px per sample, x and y.
@@ -58,14 +58,14 @@ impl Siting {
         let mut ends = lattice.row(l).iter().zip(lattice.row(l + 1)).map(|(u, v)| at(u, v));
         let per_cell = lattice.step() >> self.log2.0;
         let phase = (0.5 + self.offset.0) / step;
-        let share = 1.0 / per_cell as f32;
+        let ratio = 1.0 / per_cell as f32;
         let (unit_x, unit_y) = (unit(self.log2.0), unit(self.log2.1));
         let mut left = ends.next().unwrap_or_default();
         let cells = xs.chunks_mut(per_cell).zip(ys.chunks_mut(per_cell)).zip(ends);
         for (k, ((xs, ys), right)) in cells.enumerate() {
             let slope = [right[0] - left[0], right[1] - left[1]];
-            let x = Line::new(left[0], slope[0], phase, share, unit_x);
-            let y = Line::new(left[1], slope[1], phase, share, unit_y);
+            let x = Line::new(left[0], slope[0], phase, ratio, unit_x);
+            let y = Line::new(left[1], slope[1], phase, ratio, unit_y);
             if slope[0].is_finite() && slope[1].is_finite() {
                 x.write(xs, (k * per_cell) as i32, 1);
                 y.write(ys, j as i32, 0);
@@ -92,11 +92,11 @@ pub(super) struct Line {
 #[allow(clippy::inline_always)] // see `positions`
 impl Line {
     /// From the offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase`
-    /// of the cell behind the left end, samples are `share` of the cell apart.
+    /// of the cell behind the left end, samples are `ratio` of the cell apart.
     #[inline(always)]
-    pub(super) fn new(left: f32, slope: f32, phase: f32, share: f32, unit: f32) -> Self {
+    pub(super) fn new(left: f32, slope: f32, phase: f32, ratio: f32, unit: f32) -> Self {
         let start = (left + slope * phase).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
-        let advance = (slope * share).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
+        let advance = (slope * ratio).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
         Self { start: start as i32, advance: advance as i32 }
     }
 

@@ -1,4 +1,4 @@
-//! Changes to EXIF in place: the block keeps its length and every offset in it, so that what is not understood (the notes of
+//! Changes to EXIF in place: the block keeps its length and every offset in it, so that unknown entries (the notes of
 //! the camera's maker, whose offsets may count from anywhere) stays readable.
 //!
 //! The block is a TIFF file: a header with the byte order, then directories of 12-byte entries
@@ -41,7 +41,7 @@ pub(super) enum Order {
 }
 
 impl Order {
-    /// The order that a TIFF header tells.
+    /// The byte order in a TIFF header.
     pub(super) fn of(block: &[u8]) -> Option<Self> {
         match block.get(..4)? {
             b"II*\0" => Some(Self::Little),
@@ -101,7 +101,7 @@ impl Directory {
     }
 }
 
-/// An entry as it stands, in the block's byte order.
+/// An unparsed entry, in the block's byte order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) tag: u16,
@@ -143,7 +143,7 @@ fn number(block: &[u8], order: Order, entry: usize) -> Option<u32> {
     }
 }
 
-/// Sets one short or long number; a short that is too small becomes a long, in the same place.
+/// Sets one short or long number; a short that is too small becomes a long, at the same position.
 fn set_number(block: &mut [u8], order: Order, entry: usize, value: u32) {
     let kind = order.u16_at(block, entry + 2);
     let lone = order.u32_at(block, entry + 4) == Some(1);

@@ -2,7 +2,7 @@
 
 use exif::{Exif, In, Reader, Tag, Value};
 
-/// Longest text that is believed, characters.
+/// Maximum length of a text, characters: longer ones are garbage.
 const MAX_CHARACTERS: usize = 120;
 
 /// What EXIF says of camera and lens.
@@ -20,7 +20,7 @@ pub struct ExifTags {
     pub focal_mm: Option<f64>,
     /// Focal length of a full-frame camera with the same field of view, mm.
     pub focal_35mm: Option<f64>,
-    /// Pixels per mm of the sensor, x and y, at the size that EXIF tells.
+    /// Pixels per mm of the sensor, x and y, at the size given in EXIF.
     pub sensor_px_per_mm: Option<(f64, f64)>,
     /// Size of the picture when it was taken, px.
     pub size_px: Option<(u32, u32)>,
@@ -28,7 +28,7 @@ pub struct ExifTags {
     pub digital_zoom: Option<f64>,
     /// f-number.
     pub aperture: Option<f64>,
-    /// Distance of what is in focus, m.
+    /// Focus distance, m.
     pub subject_distance_m: Option<f64>,
 }
 

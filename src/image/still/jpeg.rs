@@ -1,4 +1,4 @@
-//! JPEG: what its markers say before it is decoded, and encoding in bands on all threads.
+//! JPEG: its markers read before decoding, and encoding in bands on all threads.
 //!
 //! A restart marker lets a decoder begin anew: prediction starts from zero and the bits at a byte. Bands of whole rows of
 //! blocks, each coded as if it were a picture of its own with the same tables, therefore join to one picture by restart
@@ -13,9 +13,9 @@ use super::save::check_side;
 use super::{StillError, StillFormat};
 use crate::{Frame, Layout, PlaneRef};
 
-/// Quality from which chroma keeps its resolution.
+/// Quality from which chroma is not subsampled.
 const FULL_CHROMA: u8 = 90;
-/// Bands of a large picture: enough that threads end together, few enough that markers cost nothing.
+/// Bands of a large picture: enough to balance threads, few enough that restart markers cost below a kilobyte.
 const BANDS: usize = 24;
 /// Longest restart interval, blocks.
 const MAX_INTERVAL: usize = 65_535;

@@ -16,7 +16,7 @@ use super::sniff::{HEAD, refuse_raw_name, sniff};
 use super::{ExifTags, Photo, StillError, StillFormat, Turn, exif, jpeg, tiff};
 use crate::{Layout, PixelFormat};
 
-/// Bytes beyond the pixels that a decoder may take: rows, tables, metadata.
+/// Memory beyond the pixels that a decoder may take, bytes: rows, tables, metadata.
 const SPARE: u64 = 64 << 20;
 
 /// How pictures are read.
@@ -190,7 +190,7 @@ impl<'r> Opened<'r> {
     }
 }
 
-/// A WebP file says in its head how long it is; what is behind the pixels would be missed otherwise.
+/// A WebP file declares its length in its header; a truncation behind the pixels would go unnoticed otherwise.
 fn check_riff(reader: &mut (impl BufRead + Seek), head: &[u8]) -> Result<(), StillError> {
     let [_, _, _, _, a, b, c, d, ..] = *head else { return Err(StillError::Truncated) };
     let claimed = u64::from(u32::from_le_bytes([a, b, c, d])) + 8;
@@ -211,7 +211,7 @@ fn jpeg_decoder(
     JpegDecoder::new(Cursor::new(bytes)).map_err(StillError::of_decoder)
 }
 
-/// The planes of what a decoder gives.
+/// The planes of a decoded picture.
 fn pixel_format(decoder: &dyn ImageDecoder) -> Result<PixelFormat, StillError> {
     if matches!(decoder.original_color_type(), ExtendedColorType::Cmyk8 | ExtendedColorType::Cmyk16) {
         return Err(StillError::Cmyk);

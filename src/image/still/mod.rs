@@ -14,8 +14,8 @@
 //! | TIFF | 8 and 16 bit, gray and RGB | uncompressed, 8 and 16 bit, alpha (`tiff.rs`) |
 //! | WebP | lossy and lossless, not animated | lossless; 8 bit |
 //!
-//! Other kinds are told by their first bytes and refused with what to do; HEIF pictures (HEIC, AVIF) are left to the layer
-//! that knows a decoder for them ([`StillError::Heif`]).
+//! Other formats are recognized by their first bytes and refused with a remedy; HEIF pictures (HEIC, AVIF) are left to
+//! the layer that knows a decoder for them ([`StillError::Heif`]).
 
 mod error;
 mod exif;
@@ -44,7 +44,7 @@ pub use sniff::{RAW_EXTENSIONS, StillFormat};
 
 use super::Frame;
 
-/// A picture and what its file says of it.
+/// A picture and its file's metadata.
 #[derive(Debug)]
 pub struct Photo {
     /// The pixels, upright: gray or GBR, 8 or 16 bit, with or without alpha.

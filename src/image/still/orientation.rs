@@ -1,4 +1,4 @@
-//! The eight ways a camera can have been held, EXIF tag 274.
+//! The eight orientations of a camera, EXIF tag 274.
 //!
 //! With `(w, h)` the size of the stored picture, the pixel at `(i, j)` of the upright one is stored at
 //!
@@ -18,7 +18,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// The turn that a value of the tag asks for; values that mean nothing ask for none.
+    /// The orientation for a value of the tag; undefined values give the identity.
     pub const fn of_tag(value: u32) -> Self {
         let (swap, flip_x, flip_y) = match value {
             2 => (false, true, false),
@@ -63,7 +63,7 @@ impl Turn {
 mod tests {
     use super::*;
 
-    /// The letter F as it stands in a file, for each value of the tag (EXIF 2.3, 4.6.4 A, drawn).
+    /// The letter F as stored in a file, for each value of the tag (EXIF 2.3, 4.6.4 A, drawn).
     const STORED: [[&str; 5]; 8] = [
         ["###", "#..", "##.", "#..", "#.."],
         ["###", "..#", ".##", "..#", "..#"],

@@ -7,7 +7,7 @@ use super::reduce::{over_white, to_8_bit};
 use super::{StillError, Turn};
 use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
 
-/// Rows per parallel task.
+/// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
 const ROWS: usize = 32;
 
 /// A sample type: `u8` or `u16`.

@@ -10,7 +10,7 @@ use super::packed::{is_still, pack};
 use super::{Photo, StillError, StillFormat, exif, jpeg, reduce, tiff};
 use crate::{Frame, Layout};
 
-/// Longest block that fits into the one segment of a JPEG file that EXIF may have, bytes.
+/// Maximum size of EXIF in JPEG, bytes: one segment.
 const MAX_EXIF_IN_JPEG: usize = 65_527;
 
 /// How pictures are written.
@@ -80,7 +80,7 @@ pub fn encode(
     Ok(saved)
 }
 
-/// EXIF that tells the size of what is written.
+/// EXIF with the size of the written picture.
 fn upright(photo: &Photo, saved: &mut Saved) -> Option<Vec<u8>> {
     let mut block = photo.exif.clone()?;
     let good = exif::describe(&mut block, photo.frame.width, photo.frame.height);

@@ -23,7 +23,7 @@ pub const RAW_EXTENSIONS: [&str; 28] = [
     "nrw", "orf", "pef", "raf", "raw", "rw2", "rwl", "sr2", "srf", "srw", "x3f", "gpr",
 ];
 
-/// Bytes that [`sniff`] looks at.
+/// Bytes that [`sniff`] reads.
 pub(super) const HEAD: usize = 64;
 
 impl StillFormat {
@@ -108,7 +108,7 @@ pub(super) fn sniff(head: &[u8]) -> Result<StillFormat, StillError> {
     }
 }
 
-/// Files of the ISO family tell by their brands whether they hold a still picture.
+/// Files of the ISO family declare by their brands whether they contain a still picture.
 fn iso_brand(head: &[u8]) -> Result<StillFormat, StillError> {
     let brands = || head.get(8..).unwrap_or_default().chunks_exact(4);
     if brands().any(|b| b == b"crx ") {

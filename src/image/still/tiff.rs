@@ -20,16 +20,16 @@ use super::packed::{Sample, pack_rows, planes_of};
 use super::{StillError, exif as block};
 use crate::{Frame, Layout};
 
-/// Bytes of a strip, about.
+/// Approximate size of a strip, bytes: large enough to compress, small enough that readers need not hold the picture.
 const STRIP: usize = 1 << 20;
-/// Type of bytes without a meaning.
+/// Type of opaque bytes.
 const UNDEFINED: u16 = 7;
 const ICC_PROFILE: u16 = 34_675;
 const DNG_VERSION: u16 = 50_706;
 const SUB_DIRECTORIES: u16 = 330;
 const NEW_SUBFILE_TYPE: u16 = 254;
 
-/// Tags that describe how pixels are stored, or repeat what stands elsewhere: those of the old file mean nothing in the new.
+/// Tags that describe the storage of pixels, or repeat other tags: those of the old file are invalid in the new one.
 const STORAGE: [u16; 37] = [
     254, 255, 256, 257, 258, 259, 262, 263, 266, 273, 277, 278, 279, 280, 281, 284, 292, 293, 301, 317, 320, 322, 323,
     324, 325, 330, 338, 339, 340, 341, 347, 513, 514, 530, 700, 33_723, 34_675,

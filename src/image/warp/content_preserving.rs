@@ -35,22 +35,22 @@
 //! (SIGGRAPH) 28 (2009), section 4.
 
 use super::WarpError;
-use super::salience::BASE;
+use super::cell_saliency::BASE;
 use crate::grid::{Grid, GridMesh};
 use plumbline_num::energy::{Complex, Ordering, QuadraticEnergy};
 use plumbline_num::math::{Homography, Point2};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
-/// `N₀`: the number of points for which the paper's `α` = 20 is meant. Larger trusts points more against shape.
+/// `N₀`: the number of points for which the paper's `α` = 20 is meant. Larger weights points more against shape.
 const REFERENCE_POINTS: f64 = 400.0;
 
-/// `N_min`: with a smaller sum of weights points no longer share the whole `N₀`. Without it, three points (or all points in
-/// the first frame of their fade) would bend the frame as much as four hundred.
-const TRUSTED_POINTS: f64 = 50.0;
+/// `N_min`: total weight of points below which each keeps its share of it instead of `N₀`. Without it, three points (or
+/// all points in the first frame of their fade) would bend the frame as much as four hundred.
+const MIN_POINTS: f64 = 50.0;
 
-/// Times `α` is raised before giving up: 4¹² is beyond what rounding leaves of `E_d`.
-const FOLD_ROUNDS: i32 = 12;
+/// Increases of `α` before the solver gives up: at 4¹² times its weight, rounding exceeds `E_d`.
+const MAX_FOLD_ITERATIONS: i32 = 12;
 
 /// Where a point of the source should go.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,9 +69,9 @@ pub struct ContentPreservingOptions {
     /// `α` > 0: stiffness of cells against the pull of points. The paper's 20 keeps shapes; 1 follows points with visible
     /// swimming, 1000 leaves hardly more than a similarity.
     pub alpha: f64,
-    /// Weight of the pre-warp relative to all points together, in (0, 1]: `ε = proximity·N₀ / vertices`. At 0.005 a frame
-    /// evenly covered by points errs from them by half a percent of what the pre-warp left; at 0.1 the mesh hardly leaves
-    /// the pre-warp, at 10⁻⁶ cells without points extrapolate freely.
+    /// Weight of the pre-warp relative to all points together, in (0, 1]: `ε = proximity·N₀ / vertices`. At 0.005 a
+    /// frame evenly covered by points deviates from them by half a percent of the pre-warp's residual; at 0.1 the mesh
+    /// hardly leaves the pre-warp, at 10⁻⁶ cells without points extrapolate freely.
     pub proximity: f64,
 }
 
@@ -172,19 +172,19 @@ impl ContentPreserving {
 
     /// The mesh, `out_from_src`, of one frame.
     ///
-    /// `pre_warp` maps source to output, near to where the points go; `salience` is [`super::cell_salience`] of the frame,
+    /// `pre_warp` maps source to output, near to where the points go; `saliency` is [`super::cell_saliency`] of the frame,
     /// or empty for 0.5 everywhere.
     ///
     /// # Errors
-    /// [`WarpError::Point`], [`WarpError::Salience`], [`WarpError::PreWarp`] for input that cannot be used.
+    /// [`WarpError::Point`], [`WarpError::Saliency`], [`WarpError::PreWarp`] for input that cannot be used.
     pub fn solve(
         &mut self,
         pre_warp: &Homography,
         points: &[PointPair],
-        salience: &[f64],
+        saliency: &[f64],
     ) -> Result<(GridMesh, WarpReport), WarpError> {
         let mut mesh = self.grid.to_mesh();
-        let report = self.solve_into(pre_warp, points, salience, &mut mesh)?;
+        let report = self.solve_into(pre_warp, points, saliency, &mut mesh)?;
         Ok((mesh, report))
     }
 
@@ -196,10 +196,10 @@ impl ContentPreserving {
         &mut self,
         pre_warp: &Homography,
         points: &[PointPair],
-        salience: &[f64],
+        saliency: &[f64],
         mesh: &mut GridMesh,
     ) -> Result<WarpReport, WarpError> {
-        self.check_salience(salience)?;
+        self.check_saliency(saliency)?;
         self.prewarp(pre_warp)?;
         let outside = self.place_points(pre_warp, points)?;
         mesh.copy_from(&self.prewarped);
@@ -214,16 +214,16 @@ impl ContentPreserving {
             rms_px,
         };
         if !self.data.is_empty() {
-            self.deform(salience, mesh, &mut report)?;
+            self.deform(saliency, mesh, &mut report)?;
         }
         Ok(report)
     }
 
     /// Solves with growing `α` until no cell folds.
-    fn deform(&mut self, salience: &[f64], mesh: &mut GridMesh, report: &mut WarpReport) -> Result<(), WarpError> {
-        for raised in 0..=FOLD_ROUNDS {
+    fn deform(&mut self, saliency: &[f64], mesh: &mut GridMesh, report: &mut WarpReport) -> Result<(), WarpError> {
+        for raised in 0..=MAX_FOLD_ITERATIONS {
             let alpha = self.options.alpha * 4_f64.powi(raised);
-            self.assemble(alpha, salience);
+            self.assemble(alpha, saliency);
             let cell_px = self.cell_px;
             let displacement = self.energy.minimize(&Run::default())?;
             for ((v, v_hat), d) in mesh.vertices.iter_mut().zip(&self.prewarped.vertices).zip(displacement) {
@@ -236,7 +236,7 @@ impl ContentPreserving {
             }
         }
         mesh.copy_from(&self.prewarped);
-        report.raised = FOLD_ROUNDS;
+        report.raised = MAX_FOLD_ITERATIONS;
         report.reverted = true;
         Ok(())
     }
@@ -285,31 +285,31 @@ impl ContentPreserving {
         Ok(outside)
     }
 
-    fn check_salience(&self, salience: &[f64]) -> Result<(), WarpError> {
+    fn check_saliency(&self, saliency: &[f64]) -> Result<(), WarpError> {
         let cells = self.grid.cell_count();
         let bad = |value: f64| !(value > 0.0 && value.is_finite());
-        if let Some(cell) = salience.iter().position(|&value| bad(value)) {
-            return Err(WarpError::Salience { cell, value: salience[cell], cells });
+        if let Some(cell) = saliency.iter().position(|&value| bad(value)) {
+            return Err(WarpError::Saliency { cell, value: saliency[cell], cells });
         }
-        if !salience.is_empty() && salience.len() != cells {
-            return Err(WarpError::Salience { cell: salience.len().min(cells), value: f64::NAN, cells });
+        if !saliency.is_empty() && saliency.len() != cells {
+            return Err(WarpError::Saliency { cell: saliency.len().min(cells), value: f64::NAN, cells });
         }
         Ok(())
     }
 
-    fn assemble(&mut self, alpha: f64, salience: &[f64]) {
+    fn assemble(&mut self, alpha: f64, saliency: &[f64]) {
         self.energy.clear();
-        self.add_similarity(alpha, salience);
+        self.add_similarity(alpha, saliency);
         self.add_data();
         let epsilon = self.options.proximity * REFERENCE_POINTS / self.grid.vertex_count() as f64;
         self.energy.add_everywhere(epsilon, Complex::new(0.0, 0.0));
     }
 
     /// `α E_s`: per corner the row `b z_m − a z_n + (a − b) z_k`, whose two triangles weigh `1/|a|² + 1/|b|²`.
-    fn add_similarity(&mut self, alpha: f64, salience: &[f64]) {
+    fn add_similarity(&mut self, alpha: f64, saliency: &[f64]) {
         let to_cells = 1.0 / self.cell_px;
         for cell in 0..self.grid.cell_count() {
-            let w_s = alpha * salience.get(cell).copied().unwrap_or(BASE);
+            let w_s = alpha * saliency.get(cell).copied().unwrap_or(BASE);
             let z = self.prewarped.quad(cell).0.map(|p| Complex::new(p.x * to_cells, p.y * to_cells));
             let mut form = [Complex::new(0.0, 0.0); 10];
             for [k, m, n] in RIGHT_ANGLES {
@@ -325,7 +325,7 @@ impl ContentPreserving {
     /// `E_d` on displacements: `λₖ |βₖ · d − (Pₖ − H P̂ₖ)|²`.
     fn add_data(&mut self) {
         let sum: f64 = self.data.iter().map(|term| term.weight).sum();
-        let scale = REFERENCE_POINTS / sum.max(TRUSTED_POINTS);
+        let scale = REFERENCE_POINTS / sum.max(MIN_POINTS);
         for term in &self.data {
             let beta = term.beta.map(|b| Complex::new(b, 0.0));
             self.energy.add(term.cell as usize, term.weight * scale, &beta, term.residual);

@@ -9,8 +9,8 @@
 use crate::grid::GridMesh;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Rows of cells over which a correction at the border dies away. Fewer and the border cells are visibly squeezed, more
-/// and the interior loses some of its anchors.
+/// Rows of cells over which a correction at the border decays. Fewer visibly squeeze the border cells, more displace
+/// interior anchors.
 const FALLOFF_CELLS: usize = 8;
 
 /// Moves vertices of `mesh` outwards until the rectangle `[0,width]×[0,height]` is covered again, given that it is
@@ -20,7 +20,7 @@ pub fn keep_covered(mesh: &mut GridMesh, pre_warped: &GridMesh, width: f64, heig
     Side::all(mesh.cols, mesh.rows).iter().fold(0.0, |worst, side| worst.max(side.push_out(mesh, pre_warped, &corners)))
 }
 
-/// One side of the grid: `n + 1` border vertices, and the way to the vertices behind each.
+/// One side of the grid: `n + 1` border vertices, and the stride to the vertices behind each.
 struct Side {
     start: usize,
     along: isize,

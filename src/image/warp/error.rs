@@ -36,9 +36,9 @@ pub enum WarpError {
         /// Weight.
         weight: f64,
     },
-    /// Input: salience must be one finite, positive number per cell, or absent.
-    #[error("salience of cell {cell} is {value} (expected {cells} finite numbers above 0, or none)")]
-    Salience {
+    /// Input: saliency must be one finite, positive number per cell, or absent.
+    #[error("saliency of cell {cell} is {value} (expected {cells} finite numbers above 0, or none)")]
+    Saliency {
         /// First cell that has none or a bad one.
         cell: usize,
         /// Its value, NaN where absent.

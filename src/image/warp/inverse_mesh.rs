@@ -33,12 +33,14 @@ use super::FieldError;
 use crate::grid::GridMesh;
 use plumbline_num::math::{Point2, PointMap, Vec2};
 
-/// Steps of the fixed point before Newton's method takes over. Cells of a video warp, `|k|` below 0.03, need three to five.
+/// Iterations of the fixed point before Newton's method takes over. Cells of a video warp, `|k|` below 0.03, need three
+/// to five.
 const FIXED_POINT_STEPS: usize = 6;
-/// Newton steps. Three suffice for convex cells; strongly sheared ones near a corner take up to six.
+/// Maximum number of Newton iterations. Three suffice for convex cells; strongly sheared ones near a corner take up to
+/// six.
 const NEWTON_STEPS: usize = 8;
-/// A step of `(s, t)` below this is the last: what is left is smaller by the factor `|k|`, or quadratically.
-const CONVERGED: f64 = 1e-8;
+/// Step of `(s, t)` at which the iteration ends: the error left is smaller by the factor `|k|`, or quadratic.
+const STEP_TOLERANCE: f64 = 1e-8;
 /// A point this far outside a cell, in cells, still counts as inside: both neighbors agree there, and without slack
 /// rounding could send the walk back and forth.
 const SLACK: f64 = 1e-7;
@@ -59,7 +61,7 @@ struct Cell {
     k: Vec2,
 }
 
-/// Where Newton's method starts.
+/// Initial guess of Newton's method.
 const CENTER: Vec2 = Vec2::new(0.5, 0.5);
 
 impl Cell {
@@ -97,7 +99,7 @@ impl Cell {
                 let next = linear - self.k * (v.x * v.y);
                 let moved = (next - v).amax();
                 v = next;
-                if moved < CONVERGED {
+                if moved < STEP_TOLERANCE {
                     return CENTER + v;
                 }
             }
@@ -112,7 +114,7 @@ impl Cell {
         for _ in 1..NEWTON_STEPS {
             let Some(du) = self.step(x, u) else { break };
             u += du;
-            if du.amax() < CONVERGED {
+            if du.amax() < STEP_TOLERANCE {
                 return u;
             }
         }

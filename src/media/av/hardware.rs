@@ -11,7 +11,7 @@ use super::{AvError, AvFrame, Pix};
 /// A device and its pool of surfaces.
 pub(super) struct Surfaces(NonNull<ffi::AVBufferRef>);
 
-/// Surfaces kept ready: more than the encoder's reordering depth, few enough for small devices.
+/// Number of surfaces: more than the encoder's reordering depth, few enough for small devices.
 const POOL: i32 = 24;
 
 impl Surfaces {

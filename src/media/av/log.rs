@@ -22,7 +22,7 @@ pub(crate) fn install() {
     });
 }
 
-/// Forgets what this thread's FFmpeg calls complained about.
+/// Clears the messages of this thread's FFmpeg calls.
 pub(crate) fn forget() {
     LAST.with_borrow_mut(String::clear);
 }

@@ -1,4 +1,4 @@
-//! The safe shell around FFmpeg's C interface: every `unsafe` block of the media layer stands in this folder.
+//! Safe wrappers of FFmpeg's C interface: every `unsafe` block of the media crate is in this folder.
 //!
 //! The binding's own wrappers are used for what they declare (constants, structures, functions) and not for ownership:
 //! its packet iterator hides read errors, its pixel format conversions are undefined for formats newer than itself, and

@@ -20,7 +20,7 @@ impl OutputFormat {
         unsafe { ffi::av_guess_format(name.as_ptr(), ptr::null(), ptr::null()).as_ref() }.map(Self)
     }
 
-    /// The container that a file name's extension stands for.
+    /// The container of a file name's extension.
     pub(crate) fn for_file(file_name: &str) -> Option<Self> {
         let name = c_string(file_name);
         // SAFETY: as above.
@@ -32,7 +32,7 @@ impl OutputFormat {
         unsafe { string(self.0.name) }
     }
 
-    /// Codec headers stand apart from the packets.
+    /// Codec headers are separate from the packets.
     pub(crate) fn wants_global_header(self) -> bool {
         self.0.flags & ffi::AVFMT_GLOBALHEADER != 0
     }

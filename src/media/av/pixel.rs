@@ -1,4 +1,4 @@
-//! Pixel formats: FFmpeg's numbers, what they mean, and the planar format that holds them without loss.
+//! Pixel formats: FFmpeg's numbers, their meaning, and the planar format that represents them without loss.
 
 use ffmpeg_next::ffi;
 
@@ -18,7 +18,7 @@ pub(crate) enum Route {
     Repack(PixelFormat),
     /// Fewer than eight bits: widened to eight.
     Widen(PixelFormat),
-    /// Cannot be held (floating point, raw sensor data, hardware surfaces).
+    /// Not representable (floating point, raw sensor data, hardware surfaces).
     Refused,
 }
 

@@ -7,7 +7,7 @@ use ffmpeg_next::ffi;
 use super::error::check;
 use super::{AvError, Packet, Rational, StreamRef, find_encoder};
 
-/// Room for one encoded event; FFmpeg's own tool takes the same.
+/// Buffer for one encoded event, bytes; as in FFmpeg's own tool.
 const EVENT_BYTES: usize = 1 << 20;
 
 /// A subtitle decoder and an encoder fed from it.

@@ -1,23 +1,23 @@
-//! Why lines give no lens.
+//! Errors of plumb-line calibration.
 
 use plumbline_num::run::Stopped;
 
-/// Marked lines that cannot tell a lens.
+/// Marked lines from which no lens can be estimated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// A size that is no size.
+    /// A size that is not positive and finite.
     #[error("picture size {0} × {1} px is invalid (expected two finite numbers above 0)")]
     Size(f64, f64),
-    /// A mark that is no number.
+    /// A mark that is not finite.
     #[error("line {line:?} has a point that is not finite: mark it again")]
     NotFinite {
         /// Name of the line.
         line: String,
     },
-    /// Too little to go by.
+    /// Too few lines or points.
     #[error(
-        "{lines} lines of three points or more with {samples} points in all tell no lens (expected 2 lines and {needed} \
+        "{lines} lines of three points or more with {samples} points in all do not determine a lens (expected 2 lines and {needed} \
          points): mark more points along long lines near the picture's edges"
     )]
     TooFew {
@@ -40,7 +40,7 @@ pub enum CalibrationError {
     LinesDisagree {
         /// Lines that agree.
         used: usize,
-        /// Lines that could tell.
+        /// Lines of three points or more.
         lines: usize,
     },
     /// The run was interrupted, or its time is used up.

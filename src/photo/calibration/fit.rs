@@ -11,27 +11,30 @@ use plumbline_num::math::Point2;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
 use plumbline_num::run::Run;
 
-/// Fields of view along the width from which fits start, degrees: basins of attraction are wider than their distances.
-const STARTS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
-/// Steps from each start, enough to tell the best, and steps of each round after it.
+/// Fields of view along the width of the initial guesses, degrees: closer together than the basins of attraction are
+/// wide.
+const INITIAL_FIELDS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
+/// Iterations from each initial guess: enough to rank them.
 const TRIAL_STEPS: usize = 8;
+/// Maximum number of iterations of each later fit: a limit for ill-conditioned models, the tolerance usually ends it.
 const MAX_STEPS: usize = 40;
-/// Rounds of reweighting lines.
-const ROUNDS: usize = 8;
-/// Standard deviation of samples in the first round, px: that of marks by hand.
-const FIRST_NOISE: f64 = 0.5;
-/// A line counts half where its rms is this many times the usual one.
-const SOFT: f64 = 3.0;
-/// A line is bent where its rms is this many times the usual one: for lines of 5 samples under normal noise the odds are
-/// below 1 in 10⁶.
-const BENT: f64 = 4.0;
-/// Least rms for a line to be called bent, shares of the diagonal: half a pixel of a photo of a megapixel, below which
-/// marks by hand scatter.
-const VISIBLE: f64 = 4e-4;
-/// Steps for derivatives: of `ln f`, of the center (px), of the radial terms.
+/// Iterations of the robust reweighting of lines.
+const REWEIGHTINGS: usize = 8;
+/// Standard deviation of samples before the first reweighting, px: that of marks by hand.
+const INITIAL_NOISE_PX: f64 = 0.5;
+/// Scale of the Geman–McClure loss: a line at this multiple of the median rms has a quarter of the weight.
+const LOSS_SCALE: f64 = 3.0;
+/// A line is an outlier if its rms is this multiple of the median: for lines of 5 samples under normal noise the odds
+/// are below 1 in 10⁶.
+const OUTLIER_SCALE: f64 = 4.0;
+/// Minimum rms of an outlier, as a fraction of the diagonal: half a pixel of a photo of a megapixel, the scatter of
+/// marks by hand.
+const MIN_OUTLIER_RMS: f64 = 4e-4;
+/// Steps of the central differences: of `ln f`, of the center (px), of the radial terms; all shift a sample by about
+/// the same 10⁻² px in a photo of 1000 px.
 const STEPS: [f64; PARAMETERS] = [1e-5, 1e-2, 1e-2, 1e-5, 1e-5];
 
-/// The marks that tell a bend.
+/// The marked points of lines with three or more.
 #[derive(Debug)]
 pub(super) struct Samples {
     lines: Vec<Vec<Point2>>,
@@ -94,11 +97,11 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The best fit over all starts; `None` where the model sees the samples from none of them, and where the run ended.
+    /// The best fit over all initial guesses; `None` if none of them sees all samples, or the run was stopped.
     pub(super) fn new(samples: &Samples, model: LensModel, options: &CalibrationOptions, run: &Run) -> Option<Self> {
         let mut problem = Problem::new(samples, model, options);
         let mut best: Option<(f64, Parameters)> = None;
-        for start in starts(model, samples.size) {
+        for start in initial_guesses(model, samples.size) {
             problem.x = start;
             if let Some(cost) =
                 problem.run(TRIAL_STEPS, run).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least))
@@ -107,7 +110,7 @@ impl Fit {
             }
         }
         problem.x = best?.1;
-        for _ in 0..ROUNDS {
+        for _ in 0..REWEIGHTINGS {
             problem.soften(options.mark_sigma)?;
             problem.run(MAX_STEPS, run)?;
         }
@@ -158,7 +161,9 @@ impl Fit {
         let n = self.freedom as f64;
         let sigma = self.noise.max(options.mark_sigma);
         let left_out = self.used.iter().filter(|u| !**u).count() as f64;
-        n * (2.0 * sigma.ln()) + (self.model.parameters() as f64 + BENT * BENT * left_out) * n.ln() + self.priors
+        n * (2.0 * sigma.ln())
+            + (self.model.parameters() as f64 + OUTLIER_SCALE * OUTLIER_SCALE * left_out) * n.ln()
+            + self.priors
     }
 
     /// Per line: rms and largest distance, px, and whether it took part. Samples that the lens does not see count as far as
@@ -176,9 +181,9 @@ impl Fit {
     }
 }
 
-/// Where fits of a model start.
-fn starts(model: LensModel, size: (f64, f64)) -> impl Iterator<Item = Parameters> {
-    STARTS_DEG.into_iter().map(move |degrees| {
+/// Initial guesses of a model.
+fn initial_guesses(model: LensModel, size: (f64, f64)) -> impl Iterator<Item = Parameters> {
+    INITIAL_FIELDS_DEG.into_iter().map(move |degrees| {
         let fov = FieldOfView::degrees(degrees, FieldAxis::Horizontal);
         let mut x = Parameters::zeros();
         x[0] = log_focal(&model.projection([0.0; 2]), fov, size);
@@ -190,7 +195,7 @@ fn rms(distances: &[f64]) -> f64 {
     (distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt()
 }
 
-/// The weighted problem at its present point.
+/// The weighted least-squares problem and its current parameters.
 struct Problem<'a> {
     samples: &'a Samples,
     model: LensModel,
@@ -206,10 +211,10 @@ struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     fn new(samples: &'a Samples, model: LensModel, options: &CalibrationOptions) -> Self {
-        let (fov, share) = options.field_of_view.unwrap_or_else(|| model.usual_field());
+        let (fov, sigma) = options.field_of_view.unwrap_or_else(|| model.usual_field());
         let center = options.center_sigma * samples.size.0.hypot(samples.size.1);
         let mut prior = [(0.0, center); PARAMETERS];
-        prior[0] = (log_focal(&model.projection([0.0; 2]), fov, samples.size), share);
+        prior[0] = (log_focal(&model.projection([0.0; 2]), fov, samples.size), sigma);
         for (p, sigma) in prior[3..].iter_mut().zip(model.term_sigma()) {
             *p = (0.0, *sigma);
         }
@@ -221,7 +226,7 @@ impl<'a> Problem<'a> {
             trial: Parameters::zeros(),
             prior,
             weights: vec![1.0; samples.lines()],
-            noise: FIRST_NOISE,
+            noise: INITIAL_NOISE_PX,
             h: DMatrix::zeros(p, p),
             g: DVector::zeros(p),
         }
@@ -250,33 +255,33 @@ impl<'a> Problem<'a> {
         Some(minimize(self, cost, &options, run).ok()?.cost)
     }
 
-    /// Rms of each line, and the usual one: the median over lines, but at least the accuracy of marks.
+    /// Rms of each line, and the median over lines, at least the accuracy of marks.
     fn line_rms(&self, least: f64) -> Option<(Vec<f64>, f64)> {
         let distances = self.samples.distances(&self.model.lens(&self.x, self.samples.size))?;
         let each: Vec<f64> = distances.iter().map(|d| rms(d)).collect();
         let mut sorted = each.clone();
         sorted.sort_by(f64::total_cmp);
-        // The lower median: of two lines or four the better half tells what is usual.
+        // The lower median: of two or four lines the better half sets the scale.
         Some((each, sorted[(sorted.len() - 1) / 2].max(least)))
     }
 
-    /// New weights by Geman and McClure, new noise.
+    /// Updates the weights (Geman–McClure) and the noise.
     fn soften(&mut self, least: f64) -> Option<()> {
         let (each, usual) = self.line_rms(least)?;
         for (w, r) in self.weights.iter_mut().zip(&each) {
-            let ratio = r / (SOFT * usual);
+            let ratio = r / (LOSS_SCALE * usual);
             *w = (1.0 + ratio * ratio).powi(-2);
         }
         self.noise = usual;
         Some(())
     }
 
-    /// Lines are in or out from here on.
+    /// Classifies lines as inliers or outliers.
     fn decide(&mut self, least: f64) -> Option<()> {
         let (each, usual) = self.line_rms(least)?;
-        let visible = VISIBLE * self.samples.size.0.hypot(self.samples.size.1);
+        let visible = MIN_OUTLIER_RMS * self.samples.size.0.hypot(self.samples.size.1);
         for (w, r) in self.weights.iter_mut().zip(&each) {
-            *w = if *r > (BENT * usual).max(visible) { 0.0 } else { 1.0 };
+            *w = if *r > (OUTLIER_SCALE * usual).max(visible) { 0.0 } else { 1.0 };
         }
         Some(())
     }

@@ -1,4 +1,4 @@
-//! Plumb-line calibration: the lens from lines that are known to be straight, and nothing else.
+//! Plumb-line calibration: lens parameters from lines that are straight in the world.
 //!
 //! Unknown are focal length `f`, center `c` and up to two radial terms `k`; each marked line has an unknown great circle.
 //! With `d` the distance in pixels of a sample from its line's best circle under the lens
@@ -8,22 +8,22 @@
 //! E(f, c, k) = Σ_lines w_l Σ_samples (d/σ)² + ‖c − middle‖²/σ_c² + Σᵢ (kᵢ/σ_k)² + (ln f − ln f₀)²/σ_f².
 //! ```
 //!
-//! The circles are eliminated: they are fitted anew for every trial lens. The weights `w_l` fall where a line as a whole does
-//! not fit (Geman–McClure on its rms); a line that does not fit in the end is left out and named. `σ` is estimated.
+//! The circles are eliminated: they are refitted for every trial lens. The weights `w_l` are robust (Geman–McClure on a
+//! line's rms); outlier lines are excluded and reported. `σ` is estimated.
 //!
-//! **What lines tell, and what they do not.** Straightness is kept by every projective map: lines fix the radial function
-//! `r ↦ tan θ` up to a factor. How it bends tells the focal length only within a family: `tan(r/f)` of the equidistant one
+//! **Observability.** Straightness is invariant under projective maps: lines determine the radial function `r ↦ tan θ`
+//! up to a factor. Its curvature determines the focal length only within a family: `tan(r/f)` of the equidistant one
 //! bends by its third order term `r³/(3f²)`, which the first radial term can take the place of,
 //!
 //! ```text
 //! tan θ = r/f + (1/3 − k₁) (r/f)³ + …
 //! ```
 //!
-//! so with free terms the focal length hangs on higher orders and on the prior that `k` is small. Straight lines in a
-//! straight picture tell nothing at all: there the prior, which is the field of view that the photo's own data claim, is the
-//! answer. A slight bend may be a usual lens's barrel or a narrow cut from a fisheye; without a claim, lenses that are made
-//! (rectilinear ones around 70°, fisheyes around 170°) are the answer. [`Calibration::focal_sigma`] says how well the focal
-//! length is known; that lines become straight does not depend on it.
+//! so with free terms the focal length depends on higher orders and on the prior that `k` is small. Straight lines in
+//! an undistorted picture carry no information: the prior, the field of view from the photo's metadata, decides. Slight
+//! curvature may be the barrel distortion of an ordinary lens or a narrow crop of a fisheye; without metadata the prior
+//! is that of common lenses (rectilinear around 70°, fisheyes around 170°). [`Calibration::focal_sigma`] is the
+//! standard deviation of the focal length; straightness of the result does not depend on it.
 //!
 //! **Which model.** All models are fitted; the one of least
 //!
@@ -32,7 +32,7 @@
 //! ```
 //!
 //! is taken (Schwarz), `p` being its number of parameters, `n` the number of samples less two per line, and `σ₀` the
-//! accuracy of marks below which a better fit means nothing.
+//! accuracy of marks below which a better fit is not significant.
 //!
 //! # References
 //! D. C. Brown, *Close-Range Camera Calibration*, Photogrammetric Engineering 37(8), 1971 (the plumb-line method).
@@ -58,21 +58,22 @@ use plumbline_num::run::Run;
 use super::Line;
 use fit::{Fit, Samples};
 
-/// Lines with this many samples or more tell a bend.
+/// Minimum number of samples of a line with a measurable curvature.
 const MIN_SAMPLES: usize = 3;
 
 /// Settings of [`calibrate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationOptions {
-    /// The models that compete; the first of equally good ones is taken.
+    /// The candidate models; the first of equally good ones is chosen.
     pub models: Vec<LensModel>,
-    /// What the photo's own data claim its field of view to be, and the share by which the focal length may be off (standard
-    /// deviation). `None`: what lenses of a model usually have, [`LensModel::usual_field`].
+    /// Field of view from the photo's metadata, and the relative standard deviation of its focal length. `None`: the
+    /// prior of each model, [`LensModel::usual_field`].
     pub field_of_view: Option<(FieldOfView, f64)>,
-    /// Standard deviation of the center around the middle of the picture, shares of the diagonal: sensors sit within a
-    /// percent.
+    /// Standard deviation of the principal point about the middle of the picture, as a fraction of the diagonal,
+    /// default 0.01: sensors are aligned within a percent.
     pub center_sigma: f64,
-    /// Accuracy of marks below which a better fit means nothing, px: `σ₀`. Corner finders reach a tenth, hands a half.
+    /// `σ₀`: accuracy of marks, px, default 0.1, below which a better fit is not significant. Corner detectors reach
+    /// 0.1, marks by hand 0.5.
     pub mark_sigma: f64,
 }
 
@@ -91,8 +92,7 @@ pub struct Calibration {
     pub model: LensModel,
     /// Standard deviation of the samples around their circles, px.
     pub noise_px: f64,
-    /// Standard deviation of the focal length, as a share of it: what lines and priors leave open within this model, and by
-    /// how much other models that fit about as well differ.
+    /// Relative standard deviation of the focal length: within this model, and between models that fit about as well.
     pub focal_sigma: f64,
     /// The field of view along the width and its standard deviation, likewise, rad; `None` where the picture's sides see nothing.
     pub field_of_view: Option<(f64, f64)>,
@@ -100,7 +100,7 @@ pub struct Calibration {
     pub center_sigma: Vec2,
     /// How each line fits, in the order given.
     pub lines: Vec<LineFit>,
-    /// How all models fared, in the order of the options; those that could not be fitted are missing.
+    /// The fits of all models, in the order of the options; those that failed are missing.
     pub candidates: Vec<Candidate>,
 }
 
@@ -111,29 +111,29 @@ pub struct LineFit {
     pub name: String,
     /// Root mean square and largest distance of its samples from their great circle, px of the source.
     pub distance_px: Option<(f64, f64)>,
-    /// What it did.
+    /// Its role in the fit.
     pub role: LineRole,
 }
 
-/// What a line did for a calibration.
+/// Role of a line in a calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineRole {
-    /// It took part.
+    /// An inlier.
     Used,
-    /// It does not fit with the others under any lens: it is not straight in the world, or marked wrongly.
+    /// An outlier: not straight in the world, or marked wrongly.
     Bent,
-    /// It has fewer than three points, which tell no bend.
+    /// Fewer than three points: no measurable curvature.
     TooShort,
 }
 
-/// How a model fared.
+/// The fit of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
     /// The model.
     pub model: LensModel,
     /// Standard deviation of the samples around their circles, px.
     pub noise_px: f64,
-    /// The criterion: less is better; differences below 2 mean nothing, above 10 much.
+    /// The criterion: smaller is better; differences below 2 are not significant, above 10 decisive.
     pub score: f64,
     /// Focal length, px.
     pub focal: f64,
@@ -185,8 +185,8 @@ fn width_field(lens: &Lens) -> Option<f64> {
     lens.field_of_view(FieldAxis::Horizontal).map(|fov| fov.radians)
 }
 
-/// How far a figure of the other candidates lies from the best one's, root mean square, each candidate weighing by its
-/// probability `∝ exp(−score/2)`.
+/// Root mean square difference of a quantity of the candidates from the best one's, each weighted by its probability `∝
+/// exp(−score/2)`.
 fn disagreement(candidates: &[Candidate], figure: impl Fn(&Candidate) -> Option<f64>, best: f64) -> f64 {
     let least = candidates.iter().fold(f64::INFINITY, |m, c| m.min(c.score));
     let weighed = candidates.iter().filter_map(|c| Some(((-0.5 * (c.score - least)).exp(), figure(c)?)));
@@ -197,7 +197,7 @@ fn disagreement(candidates: &[Candidate], figure: impl Fn(&Candidate) -> Option<
 fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidate>) -> Calibration {
     let lens = fit.lens();
     let mut fits = fit.line_fits(samples).into_iter();
-    let told = lines.iter().map(|line| {
+    let reports = lines.iter().map(|line| {
         let (distance_px, role) = if line.points.len() < MIN_SAMPLES {
             (None, LineRole::TooShort)
         } else {
@@ -206,7 +206,7 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
         };
         LineFit { name: line.name.clone(), distance_px, role }
     });
-    let lines = told.collect();
+    let lines = reports.collect();
     let sigma = fit.sigma();
     let center_sigma = Vec2::new(sigma[1], sigma[2]);
     let among_focals = disagreement(&candidates, |c| Some(c.focal.ln()), lens.focal.x.ln());
@@ -225,8 +225,8 @@ fn report(lines: &[Line], samples: &Samples, fit: &Fit, candidates: Vec<Candidat
     }
 }
 
-/// Logarithm of the focal length that a field of view means under a projection; a wider field than the projection can show
-/// gives what it nearly can.
+/// Logarithm of the focal length for a field of view under a projection; a field too wide for the projection is
+/// narrowed until it fits.
 fn log_focal(projection: &Projection, fov: FieldOfView, size: (f64, f64)) -> f64 {
     let narrower = std::iter::successors(Some(fov.radians), |radians| Some(0.9 * radians));
     let focal = narrower.take(40).find_map(|radians| {

@@ -1,4 +1,4 @@
-//! The lens models that compete.
+//! The candidate lens models.
 
 use nalgebra::SVector;
 
@@ -6,7 +6,7 @@ use super::middle;
 use plumbline_camera::{BrownConrady, DistortedPlane, DistortionTerms, FieldAxis, FieldOfView, Lens, Projection};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Most parameters of a model: focal length, center, two radial terms.
+/// Maximum number of parameters of a model: focal length, center, two radial terms.
 pub(super) const PARAMETERS: usize = 5;
 /// `(ln f, c_x − W/2, c_y − H/2, k₁, k₂)`; terms that a model lacks stay zero.
 pub(super) type Parameters = SVector<f64, PARAMETERS>;
@@ -29,9 +29,9 @@ pub enum LensModel {
     KannalaBrandt1,
     /// `r = f θ (1 + k₁ θ² + k₂ θ⁴)`.
     KannalaBrandt2,
-    /// `u = m / (1 + λ m²)` for a rectilinear `u`. Lines alone tell `λ/f²` and no more.
+    /// `u = m / (1 + λ m²)` for a rectilinear `u`. Lines alone determine only `λ/f²`.
     Division,
-    /// `m = u (1 + k₁ u²)` for a rectilinear `u`. Lines alone tell little more than `k₁/f²`.
+    /// `m = u (1 + k₁ u²)` for a rectilinear `u`. Lines alone determine little more than `k₁/f²`.
     BrownConrady1,
     /// `m = u (1 + k₁ u² + k₂ u⁴)` for a rectilinear `u`.
     BrownConrady2,
@@ -81,15 +81,15 @@ impl LensModel {
         }
     }
 
-    /// The field of view that lenses of this model usually have, and by which share their focal lengths differ from it:
-    /// ordinary lenses from 40° to 110° along the diagonal, fisheyes from 130° to more than 200°. Without the second, lines
-    /// that bend slightly would be taken for a narrow cut from a fisheye, which nobody sells.
+    /// The field of view that lenses of this model usually have, and the relative standard deviation of their focal
+    /// lengths: ordinary lenses from 40° to 110° along the diagonal, fisheyes from 130° to more than 200°. Without this
+    /// prior, slightly bent lines would be explained by a narrow crop of a fisheye.
     pub fn usual_field(self) -> (FieldOfView, f64) {
-        let (degrees, share) = match self {
+        let (degrees, sigma) = match self {
             Self::Rectilinear | Self::Division | Self::BrownConrady1 | Self::BrownConrady2 => (70.0, 0.5),
             _ => (170.0, 0.35),
         };
-        (FieldOfView::degrees(degrees, FieldAxis::Diagonal), share)
+        (FieldOfView::degrees(degrees, FieldAxis::Diagonal), sigma)
     }
 
     /// The projection with these radial terms.

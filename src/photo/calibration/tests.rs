@@ -181,7 +181,9 @@ fn what_tells_no_lens_is_refused_with_the_reason() {
     let refused =
         |lines: &[Line], size| calibrate(lines, size, &options, &Run::default()).expect_err("refused").to_string();
     let good = scene(&lens(Projection::Equidistant, 120.0), 0.2, 1);
-    assert!(refused(&[], SIZE).starts_with("0 lines of three points or more with 0 points in all tell no lens"));
+    assert!(
+        refused(&[], SIZE).starts_with("0 lines of three points or more with 0 points in all do not determine a lens")
+    );
     assert!(refused(&good[..1], SIZE).contains("expected 2 lines"));
     assert!(refused(&good, (0.0, f64::NAN)).starts_with("picture size 0 × NaN px is invalid"));
     let mut broken = good.clone();

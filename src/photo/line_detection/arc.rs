@@ -8,19 +8,19 @@ use plumbline_image::feature::Segment;
 use plumbline_num::math::Vec2;
 
 /// Distance of samples along an edge, px of the view.
-const SAMPLE: f64 = 4.0;
-/// Pieces are tried for joining where their ends lie within this many pixels of the other's circle: short pieces point a
-/// little beside.
-const REACH: f64 = 4.0;
-/// Root mean square distance from the common circle, px, up to which pieces are one line. Ends of edges are known to a few
-/// tenths.
-const FIT: f64 = 0.7;
-/// Largest gap between pieces, as a share of their lengths: beyond, chance joins more than straightness does.
-const GAP: f64 = 0.4;
-/// Lines repeat another where they lie within this many pixels of it along most of their length: the two edges of a bar.
-const REPEAT: f64 = 5.0;
-/// Share of a repeat's length that the other line covers.
-const REPEAT_SHARE: f64 = 0.6;
+const SAMPLE_SPACING: f64 = 4.0;
+/// Distance of a piece's ends from the other's circle, px, up to which both are tested for joining: the direction of
+/// short pieces is inaccurate.
+const MAX_JOIN_DISTANCE: f64 = 4.0;
+/// RMS distance from the common circle, px, up to which pieces belong to one line: the ends of edges are accurate to a
+/// few tenths.
+const MAX_JOIN_RMS: f64 = 0.7;
+/// Maximum gap between pieces, as a fraction of their lengths: beyond it, chance alignments outnumber broken lines.
+const MAX_GAP: f64 = 0.4;
+/// Distance, px, within which a line duplicates a longer one: the two edges of a bar.
+const DUPLICATE_DISTANCE: f64 = 5.0;
+/// Fraction of a duplicate's length that the other line covers.
+const MIN_DUPLICATE_OVERLAP: f64 = 0.6;
 
 /// A piece of a great circle that an edge was seen along.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub(super) struct Arc {
 impl Arc {
     /// The arc of an edge of a view; `None` where the view does not look along it.
     pub(super) fn of_segment(view: &View, segment: &Segment) -> Option<Self> {
-        let samples = (segment.length() / SAMPLE).ceil().max(2.0) as usize;
+        let samples = (segment.length() / SAMPLE_SPACING).ceil().max(2.0) as usize;
         let at = |k: usize| segment.start + (segment.end - segment.start) * (k as f64 / samples as f64);
         let rays: Option<Vec<Vec3>> = (0..=samples).map(|k| view.ray(at(k))).collect();
         let rays = rays?;
@@ -90,7 +90,7 @@ impl Arc {
     /// The arc of both pieces, where they are pieces of one line. Which side is brighter does not matter: along a row of
     /// tiles it changes from one to the next.
     fn joined(&self, other: &Self) -> Option<Self> {
-        let tolerance = REACH * self.pixel.max(other.pixel);
+        let tolerance = MAX_JOIN_DISTANCE * self.pixel.max(other.pixel);
         if !(self.normal.dot(&other.normal).abs() > 0.9)
             || other.ends().iter().any(|u| self.normal.dot(u).abs() > tolerance)
         {
@@ -99,14 +99,14 @@ impl Arc {
         let [from, to] = self.extent_of(other);
         let gap = (from - self.half).max(-self.half - to);
         let lengths = 2.0 * (self.half + other.half);
-        if gap > GAP * lengths {
+        if gap > MAX_GAP * lengths {
             return None;
         }
         let moment = self.moment + other.moment;
         let eigen = SymmetricEigen::new(moment);
         let least = eigen.eigenvalues.imin();
         let rms = (eigen.eigenvalues[least].max(0.0) / moment.trace()).sqrt();
-        if !(rms <= FIT * self.pixel.max(other.pixel)) {
+        if !(rms <= MAX_JOIN_RMS * self.pixel.max(other.pixel)) {
             return None;
         }
         let normal: Vec3 = eigen.eigenvectors.column(least).into_owned();
@@ -123,13 +123,13 @@ impl Arc {
 
     /// Whether this one, the shorter, adds nothing to `other`.
     fn repeats(&self, other: &Self) -> bool {
-        let near = |u: &Vec3| other.normal.dot(u).abs() < REPEAT * self.pixel;
+        let near = |u: &Vec3| other.normal.dot(u).abs() < DUPLICATE_DISTANCE * self.pixel;
         if !self.ends().iter().all(near) {
             return false;
         }
         let [from, to] = other.extent_of(self);
         let common = to.min(other.half) - from.max(-other.half);
-        common > REPEAT_SHARE * (to - from)
+        common > MIN_DUPLICATE_OVERLAP * (to - from)
     }
 }
 

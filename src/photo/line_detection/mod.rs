@@ -1,4 +1,4 @@
-//! Straight lines of a photo, found by themselves.
+//! Detection of the straight lines of a photo.
 //!
 //! What is straight in the world is bent by a wide lens, so edges are not looked for on the photo but on perspective views of
 //! it (`view`), where they are straight. Each edge is a piece of a great circle on the viewing sphere; pieces of one circle
@@ -34,22 +34,24 @@ use arc::Arc;
 use vanishing::Directions;
 use view::View;
 
-/// How far hair and chin stand outside a face's box, as a share of it.
+/// Margin around a face's box for hair and chin, as a fraction of it.
 const FACE_MARGIN: f64 = 0.25;
-/// Points at which a line is asked whether it lies on a face.
+/// Points at which a line is tested against face boxes.
 const SAMPLES: usize = 33;
 
 /// Settings of [`detect_lines`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineDetectionOptions {
-    /// Longest side on which edges are looked for, px: finer ones are too short to matter for a warp.
+    /// Longest side of the picture on which edges are detected, px, default 1400: finer edges are too short to matter
+    /// for a warp.
     pub max_side: usize,
-    /// Most lines.
+    /// Maximum number of lines, default 60.
     pub max_lines: usize,
-    /// Least length of a line that runs to a vanishing point, as a share of the photo's diagonal; faint and blurred edges,
-    /// such as those of clouds, must be longer.
+    /// Minimum length of a line that meets a vanishing point, as a fraction of the photo's diagonal, default 0.07;
+    /// faint and blurred edges, such as those of clouds, must be longer.
     pub min_length: f64,
-    /// Least length of a line that does not, likewise: foliage and clothes have short edges.
+    /// Minimum length of any other line, as a fraction of the diagonal, default 0.12: foliage and clothes have short
+    /// edges.
     pub min_free_length: f64,
 }
 
@@ -64,7 +66,7 @@ impl Default for LineDetectionOptions {
 pub struct LineDetection {
     /// The best lines, the best first.
     pub lines: Vec<DetectedLine>,
-    /// The direction of down in the lens's axes, where vertical lines tell it.
+    /// Direction of gravity in the lens's axes, if vertical lines determine it.
     pub down: Option<Vec3>,
     /// Directions of horizontal groups, the strongest first.
     pub horizontals: Vec<Vec3>,
@@ -79,7 +81,7 @@ pub struct DetectedLine {
     pub group: LineGroup,
     /// Length, source px.
     pub length_px: f64,
-    /// Share of the length along which an edge is seen, in [0, 1].
+    /// Fraction of the length along which an edge is detected, in [0, 1].
     pub coverage: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Which lines are kept, how they are named, and how they shall lie.
+//! Selection, names and orientations of the detected lines.
 
 use super::arc::Arc;
 use super::vanishing::Directions;
@@ -6,18 +6,20 @@ use super::{DetectedLine, Line, LineDetectionOptions, LineGroup, Orientation, PI
 use plumbline_camera::{Lens, Vec3};
 use plumbline_num::math::Point2;
 
-/// Distance of points along a line, shares of the photo's diagonal.
+/// Distance of points along a line, as a fraction of the photo's diagonal.
 const SPACING: f64 = 0.02;
-/// Least share of a line along which an edge is seen.
+/// Minimum fraction of a line along which an edge is detected.
 const MIN_COVERAGE: f64 = 0.6;
-/// Cells along a side over which lines are spread.
+/// Cells along a side for the even distribution of lines over the photo.
 const CELLS: f64 = 4.0;
-/// Sine of the steepest pitch at which verticals shall be upright, 20°: looking up a tower they converge, and are meant to.
-const LEVEL: f64 = 0.34;
-/// Sine of the largest angle between a horizontal and the view's own horizontal, 4°: a wall that faces the camera.
-const FACING: f64 = 0.07;
-/// Tangent of the largest angle at which a line of a photo without a lens counts as along an axis: half a degree.
-const ALONG_AXIS: f64 = 0.0087;
+/// Sine of the maximum pitch at which verticals are constrained, 20°: in a view up a tower they are meant to converge.
+const MAX_PITCH_SINE: f64 = 0.34;
+/// Sine of the maximum angle between a horizontal and the image plane, 4°, at which it is constrained: a wall that
+/// faces the camera.
+const MAX_FACING_SINE: f64 = 0.07;
+/// Maximum slope relative to an axis, half a degree, at which a line of a photo without a lens is constrained to that
+/// axis.
+const MAX_AXIS_SLOPE: f64 = 0.0087;
 
 /// A line before it is named.
 struct Course {
@@ -93,12 +95,12 @@ fn seen_points(arc: &Arc, lens: &Lens) -> Option<Vec<Point2>> {
 
 /// How a line of a group shall lie.
 fn orientation(group: LineGroup, directions: &Directions) -> Orientation {
-    let Some(down) = directions.down.filter(|d| d.z.abs() < LEVEL) else { return Orientation::Free };
+    let Some(down) = directions.down.filter(|d| d.z.abs() < MAX_PITCH_SINE) else { return Orientation::Free };
     match group {
         LineGroup::Vertical => Orientation::Vertical,
         LineGroup::Horizontal(i) => {
             let across = down.cross(&Vec3::z()).normalize();
-            let facing = directions.horizontals[i].cross(&across).norm() < FACING;
+            let facing = directions.horizontals[i].cross(&across).norm() < MAX_FACING_SINE;
             if facing { Orientation::Horizontal } else { Orientation::Free }
         }
         LineGroup::Free => Orientation::Free,
@@ -108,9 +110,9 @@ fn orientation(group: LineGroup, directions: &Directions) -> Orientation {
 /// How a line of a photo without a lens lies already.
 fn along_axis(a: Point2, b: Point2) -> Orientation {
     let d = (b - a).abs();
-    if d.y < ALONG_AXIS * d.x {
+    if d.y < MAX_AXIS_SLOPE * d.x {
         Orientation::Horizontal
-    } else if d.x < ALONG_AXIS * d.y {
+    } else if d.x < MAX_AXIS_SLOPE * d.y {
         Orientation::Vertical
     } else {
         Orientation::Free

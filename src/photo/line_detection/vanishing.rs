@@ -17,20 +17,20 @@ use super::LineGroup;
 use super::arc::Arc;
 use plumbline_camera::Vec3;
 
-/// Longest lines that are paired.
-const PAIRED: usize = 90;
-/// `τ`, sine: buildings are square to better than a degree, lenses known to about one.
+/// Number of longest lines whose pairs are vanishing-point candidates: 4005 pairs.
+const MAX_PAIRED: usize = 90;
+/// `τ`, sine of the angular tolerance: buildings are square to better than a degree, lenses accurate to about one.
 const TOLERANCE: f64 = 0.02;
-/// Cosine of the largest angle between the vertical and the picture's y axis: 40°.
-const UPRIGHT: f64 = 0.766;
-/// Fewest lines of a group.
+/// Cosine of the maximum angle between the vertical and the picture's y axis: 40°.
+const MIN_UPRIGHT_COSINE: f64 = 0.766;
+/// Minimum number of lines of a group.
 const MIN_LINES: usize = 4;
-/// Least support of a group, rad of line: half a view's width.
+/// Minimum support of a group, rad of line length: half a view's width.
 const MIN_SUPPORT: f64 = 0.5;
-/// Most horizontal groups.
-const HORIZONTALS: usize = 3;
-/// Sine of the least angle between two groups: 8°.
-const APART: f64 = 0.14;
+/// Maximum number of horizontal groups.
+const MAX_HORIZONTALS: usize = 3;
+/// Sine of the minimum angle between two groups: 8°.
+const MIN_GROUP_SINE: f64 = 0.14;
 
 /// The vertical and horizontal directions of a scene, in the lens's axes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,10 +45,10 @@ impl Directions {
         let Some(down) = vertical(arcs) else { return Self::default() };
         let mut left: Vec<&Arc> = arcs.iter().filter(|a| fit(a, &down) <= 0.0).collect();
         let mut horizontals: Vec<Vec3> = Vec::new();
-        while horizontals.len() < HORIZONTALS {
-            let apart = |v: &Vec3| horizontals.iter().all(|h| h.cross(v).norm() > APART);
+        while horizontals.len() < MAX_HORIZONTALS {
+            let apart = |v: &Vec3| horizontals.iter().all(|h| h.cross(v).norm() > MIN_GROUP_SINE);
             let candidates =
-                left.iter().take(PAIRED).filter_map(|a| a.normal.cross(&down).try_normalize(0.05)).filter(apart);
+                left.iter().take(MAX_PAIRED).filter_map(|a| a.normal.cross(&down).try_normalize(0.05)).filter(apart);
             let Some(v) = supported(candidates, &left) else { break };
             horizontals.push(v);
             left.retain(|a| fit(a, &v) <= 0.0);
@@ -76,8 +76,8 @@ fn support<'a>(arcs: impl Iterator<Item = &'a Arc>, v: &Vec3) -> f64 {
 }
 
 fn vertical(arcs: &[Arc]) -> Option<Vec3> {
-    let paired = &arcs[..arcs.len().min(PAIRED)];
-    let upright = |v: &Vec3| v.y.abs() > UPRIGHT;
+    let paired = &arcs[..arcs.len().min(MAX_PAIRED)];
+    let upright = |v: &Vec3| v.y.abs() > MIN_UPRIGHT_COSINE;
     let pairs = paired.iter().enumerate().flat_map(|(i, a)| paired[..i].iter().map(move |b| a.normal.cross(&b.normal)));
     let candidates = pairs.filter_map(|v| v.try_normalize(0.01)).filter(upright);
     let all: Vec<&Arc> = arcs.iter().collect();

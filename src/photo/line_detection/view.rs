@@ -8,26 +8,25 @@ use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::{Plane, PlaneRef};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Half the field of a view of many: 45° is a face of a cube; the rest overlaps, so that no line is cut short at a seam
-/// before the next view sees enough of it.
+/// Half the field of a cube view: 45° is a face of a cube, 5° overlap, so that no line is cut at a seam.
 const HALF_FIELD: f64 = 50.0 * PI / 180.0;
-/// Photos whose corners look this far off the axis are seen in one view. Beyond, its corners are too stretched.
-const SINGLE: f64 = 55.0 * PI / 180.0;
-/// Longest focal length of a view of many, px: bounds the work on panoramas.
+/// Corner angle up to which a photo is processed in one view; beyond, its corners are too stretched.
+const MAX_SINGLE_VIEW: f64 = 55.0 * PI / 180.0;
+/// Maximum focal length of a cube view, px: bounds the work on panoramas.
 const MAX_FOCAL: f64 = 500.0;
-/// A view is worth its time where it sees the photo in this share of probed points.
+/// Minimum fraction of probed points of a view that the photo covers; other views are skipped.
 const MIN_VISIBLE: f64 = 0.02;
 
 /// A perspective view.
 #[derive(Debug)]
 pub(super) struct View {
     luma: Plane<f32>,
-    sight: Sight,
+    rays: ViewRays,
 }
 
-/// Where the pixels of a view look.
+/// Viewing rays of a view's pixels.
 #[derive(Debug)]
-enum Sight {
+enum ViewRays {
     /// The photo itself, shrunk by a whole factor.
     Photo { lens: Lens, shrunk: f64 },
     /// A pinhole camera turned away from the lens's axis.
@@ -41,17 +40,20 @@ impl View {
         let shrunk = shrink(luma, factor);
         let scale = factor as f64;
         let corner = lens.corner_angle();
-        if lens.projection == Projection::Rectilinear && corner < SINGLE {
-            return vec![Self { luma: shrunk, sight: Sight::Photo { lens: lens.clone(), shrunk: scale } }];
+        if lens.projection == Projection::Rectilinear && corner < MAX_SINGLE_VIEW {
+            return vec![Self { luma: shrunk, rays: ViewRays::Photo { lens: lens.clone(), shrunk: scale } }];
         }
         let focal = (lens.focal.x.max(lens.focal.y) / scale).min(MAX_FOCAL);
-        let (half, turns) =
-            if corner < SINGLE { (corner, vec![nalgebra::Rotation3::identity()]) } else { (HALF_FIELD, cube()) };
+        let (half, turns) = if corner < MAX_SINGLE_VIEW {
+            (corner, vec![nalgebra::Rotation3::identity()])
+        } else {
+            (HALF_FIELD, cube())
+        };
         let side = (2.0 * focal * half.tan()).ceil().max(8.0) as usize;
         let middle = Vec2::repeat(0.5 * side as f64);
-        let sights = turns.into_iter().map(|lens_from_view| Sight::Turned { lens_from_view, focal, middle });
-        let worth = sights.filter(|sight| seen(sight, lens, side) >= MIN_VISIBLE);
-        worth.map(|sight| Self { luma: sampled(&shrunk, scale, lens, &sight, side), sight }).collect()
+        let all_rays = turns.into_iter().map(|lens_from_view| ViewRays::Turned { lens_from_view, focal, middle });
+        let worth = all_rays.filter(|rays| seen(rays, lens, side) >= MIN_VISIBLE);
+        worth.map(|rays| Self { luma: sampled(&shrunk, scale, lens, &rays, side), rays }).collect()
     }
 
     /// Gray levels; no numbers where the photo does not reach.
@@ -61,9 +63,9 @@ impl View {
 
     /// The share of a sharp edge's step in gray that its nearest pixels show: less where the photo is stretched.
     pub(super) fn sharpness(&self) -> f64 {
-        match self.sight {
-            Sight::Photo { .. } => 1.0,
-            Sight::Turned { .. } => 0.8,
+        match self.rays {
+            ViewRays::Photo { .. } => 1.0,
+            ViewRays::Turned { .. } => 0.8,
         }
     }
 
@@ -76,19 +78,19 @@ impl View {
 
     /// The unit direction in the lens's axes in which a point of the view looks.
     pub(super) fn ray(&self, p: Point2) -> Option<Vec3> {
-        self.sight.ray(p)
+        self.rays.ray(p)
     }
 
     /// Angle that a pixel of the view spans in the middle, rad.
     pub(super) fn pixel_angle(&self) -> f64 {
-        match &self.sight {
-            Sight::Photo { lens, shrunk } => shrunk / lens.focal.x,
-            Sight::Turned { focal, .. } => 1.0 / focal,
+        match &self.rays {
+            ViewRays::Photo { lens, shrunk } => shrunk / lens.focal.x,
+            ViewRays::Turned { focal, .. } => 1.0 / focal,
         }
     }
 }
 
-impl Sight {
+impl ViewRays {
     fn ray(&self, p: Point2) -> Option<Vec3> {
         match self {
             Self::Photo { lens, shrunk } => lens.unproject(p * *shrunk),
@@ -109,11 +111,11 @@ fn cube() -> Vec<nalgebra::Rotation3<f64>> {
 }
 
 /// Share of a coarse grid of a view's points that the photo shows.
-fn seen(sight: &Sight, lens: &Lens, side: usize) -> f64 {
+fn seen(rays: &ViewRays, lens: &Lens, side: usize) -> f64 {
     const PROBES: usize = 24;
     let step = side as f64 / PROBES as f64;
     let at = |k: usize| Point2::new(((k % PROBES) as f64 + 0.5) * step, ((k / PROBES) as f64 + 0.5) * step);
-    let shown = |k: &usize| on_photo(lens, sight.ray(at(*k))).is_some();
+    let shown = |k: &usize| on_photo(lens, rays.ray(at(*k))).is_some();
     (0..PROBES * PROBES).filter(shown).count() as f64 / (PROBES * PROBES) as f64
 }
 
@@ -125,12 +127,12 @@ fn on_photo(lens: &Lens, ray: Option<Vec3>) -> Option<Point2> {
 }
 
 /// The view of a photo that was shrunk by `scale`.
-fn sampled(photo: &Plane<f32>, scale: f64, lens: &Lens, sight: &Sight, side: usize) -> Plane<f32> {
+fn sampled(photo: &Plane<f32>, scale: f64, lens: &Lens, rays: &ViewRays, side: usize) -> Plane<f32> {
     let mut out = Plane::new(side, side);
     let (data, stride) = out.as_mut().into_data();
     data.par_chunks_mut(stride).enumerate().for_each(|(y, row)| {
         for (x, sample) in row[..side].iter_mut().enumerate() {
-            let ray = sight.ray(Point2::new(x as f64 + 0.5, y as f64 + 0.5));
+            let ray = rays.ray(Point2::new(x as f64 + 0.5, y as f64 + 0.5));
             *sample = on_photo(lens, ray).map_or(f32::NAN, |p| bilinear(photo.as_ref(), p / scale));
         }
     });
@@ -155,12 +157,12 @@ fn shrink(luma: PlaneRef<'_, f32>, factor: usize) -> Plane<f32> {
     let (w, h) = (luma.width() / factor, luma.height() / factor);
     let mut out = Plane::new(w, h);
     let (data, stride) = out.as_mut().into_data();
-    let share = 1.0 / (factor * factor) as f32;
+    let weight = 1.0 / (factor * factor) as f32;
     data.par_chunks_mut(stride).take(h).enumerate().for_each(|(y, row)| {
         for k in 0..factor {
             let blocks = luma.row(y * factor + k).chunks_exact(factor);
             for (sum, block) in row.iter_mut().zip(blocks) {
-                *sum += share * block.iter().sum::<f32>();
+                *sum += weight * block.iter().sum::<f32>();
             }
         }
     });
@@ -180,7 +182,7 @@ mod tests {
         for (x, y) in [(200.0, 150.0), (5.0, 150.0), (395.0, 295.0), (200.0, 3.0), (30.0, 280.0)] {
             let ray = lens.unproject(Point2::new(x, y)).expect("inside the field");
             let shows = |v: &View| {
-                let Sight::Turned { lens_from_view, focal, middle } = &v.sight else { panic!("one view of many") };
+                let ViewRays::Turned { lens_from_view, focal, middle } = &v.rays else { panic!("one view of many") };
                 let d = lens_from_view.inverse() * ray;
                 let p = *focal * Vec2::new(d.x, d.y) / d.z + *middle;
                 let n = v.luma.width() as f64;

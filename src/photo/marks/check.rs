@@ -1,4 +1,4 @@
-//! What a marked line may not be.
+//! Validation of marked lines and faces.
 
 use std::collections::HashMap;
 
@@ -7,19 +7,20 @@ use super::{MarkedLine, MarksError};
 use crate::Orientation;
 use plumbline_num::math::{Point2, Rect};
 
-/// Most lines of a file.
+/// Maximum number of lines or faces of a file: far above what a person marks, far below what exhausts memory.
 pub(super) const MAX_MARKS: usize = 10_000;
-/// Most points of a file.
+/// Maximum number of points of a file: ten per line.
 const MAX_POINTS: usize = 100_000;
-/// Points may lie this far outside the picture, px: marks on the outermost pixel's outer edge, whatever the convention.
+/// Tolerance, px, for points outside the picture: marks on the outermost pixel's outer edge in either pixel-center
+/// convention.
 const SLACK: f64 = 0.5;
-/// A line with all points within this distance of its first has no direction, px.
+/// Minimum extent of a line, px: shorter ones have no direction.
 const MIN_EXTENT: f64 = 1.0;
-/// Lines whose ends lie within this distance of each other are the same, px: less than marks by hand repeat.
+/// Distance of the ends, px, below which two lines are duplicates: below the repeatability of marks by hand.
 const SAME: f64 = 0.5;
 
 /// A mark by its place, from 1, and its name.
-pub(super) fn told(kind: &str, index: usize, name: &str) -> String {
+pub(super) fn described(kind: &str, index: usize, name: &str) -> String {
     format!("{kind} {} ({name:?})", index + 1)
 }
 
@@ -34,7 +35,7 @@ pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Res
     let mut seen = HashMap::new();
     for (i, name) in names.enumerate() {
         if let Some(first) = seen.insert(name, i) {
-            return Err(MarksError::SameName { first: told(kind, first, name), second: told(kind, i, name) });
+            return Err(MarksError::SameName { first: described(kind, first, name), second: described(kind, i, name) });
         }
     }
     Ok(())
@@ -46,15 +47,15 @@ pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<Ma
     count("points", marked.iter().map(|m| m.line.points.len()).sum(), MAX_POINTS)?;
     names("line", marked.iter().map(|m| m.line.name.as_str()))?;
     for (i, m) in marked.iter().enumerate() {
-        line(&told("line", i, &m.line.name), &m.line.points, size)?;
+        line(&described("line", i, &m.line.name), &m.line.points, size)?;
     }
     let (mut kept, mut notes) = (Vec::<(usize, MarkedLine)>::new(), Vec::new());
     let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
     for (i, m) in marked.into_iter().enumerate() {
-        let here = told("line", i, &m.line.name);
+        let here = described("line", i, &m.line.name);
         let twin = neighbors(&m).filter_map(|c| cells.get(&c)).flatten().map(|k| &kept[*k]).find(|(_, k)| same(k, &m));
         if let Some((first, twin)) = twin {
-            let there = told("line", *first, &twin.line.name);
+            let there = described("line", *first, &twin.line.name);
             let (one, other) = (twin.line.orientation, m.line.orientation);
             if one != other {
                 let [one, other] = [one, other].map(|o| Written(o).to_string());

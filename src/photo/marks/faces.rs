@@ -144,7 +144,7 @@ impl FacesFile {
 fn face(i: usize, e: Entry, (width, height): (u32, u32)) -> Result<MarkedFace, MarksError> {
     let name = e.name.unwrap_or_else(|| format!("face {}", i + 1));
     let refused = |field: &str, value: String, expected: String| {
-        Err(MarksError::Value { mark: check::told("face", i, &name), field: field.into(), value, expected })
+        Err(MarksError::Value { mark: check::described("face", i, &name), field: field.into(), value, expected })
     };
     for (field, side) in [("w", e.w), ("h", e.h)] {
         if !(side > 0.0 && side.is_finite()) {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::MarksError;
 use plumbline_num::document::{DocumentError, Kind};
 
-/// Largest file, bytes: a hundred thousand points with many digits.
+/// Maximum size of a file, bytes: a hundred thousand points with many digits.
 pub(super) const MAX_BYTES: u64 = 1 << 24;
 
 /// The picture that was marked.

@@ -4,14 +4,14 @@
 //! E(V) = Σ_q w_q ‖(I − A_q A_q⁺) V_q‖²  +  λ Σ_k (c/|e_k|) (n(φ_k + θ_{m(k)}) · e'_k)²
 //! ```
 //!
-//! The first sum is what the four corners `V_q` of a cell lack of being a similar copy of what they are in the picture: `A_q`
-//! spans all similar copies. In the second `e_k` are pieces of lines within one cell, at the angle `φ_k` in the picture and
-//! `e'_k` in the output; lines of one of 50 ranges `m` of directions turn together, by `θ_m`, and `n(·)` is the normal of the
-//! direction that this gives them. So straight lines stay straight and parallel ones parallel, and none is turned without
-//! those that belong to it. `c` is the side of a cell. The coordinates that put the border on the rectangle are not unknowns.
+//! The first sum is what the four corners `V_q` of a cell lack of being a similar copy of what they are in the picture:
+//! `A_q` spans all similar copies. In the second `e_k` are pieces of lines within one cell, at the angle `φ_k` in the
+//! picture and `e'_k` in the output; lines of one of 50 bins `m` of directions rotate together, by `θ_m`, and `n(·)` is
+//! the normal of the resulting direction. Straight lines stay straight and parallel lines parallel. `c` is the side of
+//! a cell. The coordinates that put the border on the rectangle are not unknowns.
 //!
-//! Solved for `V` and `θ` in turn: for given `θ` it is a linear system, for given `V` each `θ_m` is the mean turn of its
-//! pieces, weighted by length.
+//! Alternating minimization: for given `θ` a linear system in `V`; for given `V` each `θ_m` is the length-weighted mean
+//! rotation of its pieces.
 //!
 //! # Reference
 //! K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, ACM Trans. Graph. (SIGGRAPH) 32 (2013), section 3.2.
@@ -25,9 +25,9 @@ use plumbline_num::energy::{EnergyError, Ordering, QuadraticEnergy};
 use plumbline_num::math::{Point2, PointMap, Vec2};
 use plumbline_num::run::Run;
 
-/// Ranges of directions.
+/// Bins of line directions, 3.6° each, as in the paper.
 const BINS: usize = 50;
-/// Samples of a line per side of a cell.
+/// Samples of a line per side of a cell: a piece's end is off by at most a sixth of a cell.
 const PER_CELL: f64 = 6.0;
 
 /// A piece of a line within one cell.
@@ -79,23 +79,23 @@ impl<'a> Rectangling<'a> {
         Ok(Self { source, shapes, weights, pieces, straightness, cell_px, unknown_of, energy })
     }
 
-    /// Turns of the ranges of directions from the picture to a mesh; those without a piece do not turn.
-    pub(super) fn turns(&self, mesh: &GridMesh) -> [f64; BINS] {
+    /// Mean rotation of each bin of directions from the picture to a mesh; 0 for empty bins.
+    pub(super) fn rotations(&self, mesh: &GridMesh) -> [f64; BINS] {
         let (mut sums, mut lengths) = ([0.0; BINS], [0.0; BINS]);
         for piece in &self.pieces {
             let now = piece.now(mesh);
-            let turned = (now.y.atan2(now.x) - piece.angle + PI).rem_euclid(2.0 * PI) - PI;
-            sums[piece.bin] += piece.length * turned;
+            let rotation = (now.y.atan2(now.x) - piece.angle + PI).rem_euclid(2.0 * PI) - PI;
+            sums[piece.bin] += piece.length * rotation;
             lengths[piece.bin] += piece.length;
         }
         std::array::from_fn(|m| if lengths[m] > 0.0 { sums[m] / lengths[m] } else { 0.0 })
     }
 
-    /// The mesh of least energy over the rectangle of `size`, for given turns; without them lines count for nothing.
+    /// The minimizer over the rectangle of `size`, for given rotations; `None`: without the line terms.
     pub(super) fn solve(
         &mut self,
         size: (f64, f64),
-        turns: Option<&[f64; BINS]>,
+        rotations: Option<&[f64; BINS]>,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
         self.energy.clear();
@@ -104,9 +104,9 @@ impl<'a> Rectangling<'a> {
         for (cell, (shape, w)) in self.shapes.iter().zip(&self.weights).enumerate() {
             rows.extend(shape.iter().map(|row| (cell, *w, *row)));
         }
-        for piece in turns.iter().flat_map(|turns| self.pieces.iter().map(move |p| (p, turns[p.bin]))) {
-            let (piece, turn) = piece;
-            let (sin, cos) = (piece.angle + turn).sin_cos();
+        for piece in rotations.iter().flat_map(|rotations| self.pieces.iter().map(move |p| (p, rotations[p.bin]))) {
+            let (piece, rotation) = piece;
+            let (sin, cos) = (piece.angle + rotation).sin_cos();
             let row = std::array::from_fn(|k| piece.corners[k / 2] * if k % 2 == 0 { -sin } else { cos });
             rows.push((piece.cell, self.straightness * self.cell_px / piece.length, row));
         }
@@ -170,9 +170,9 @@ fn number_free_coordinates(mesh: &GridMesh) -> (Vec<Option<usize>>, usize) {
 fn shape_residual(quad: &Quad) -> [[f64; 8]; 8] {
     let mean = quad.0.iter().fold(Vec2::zeros(), |sum, p| sum + p.coords) / 4.0;
     let z: [f64; 8] = std::array::from_fn(|k| (quad.0[k / 2].coords - mean)[k % 2]);
-    let turned: [f64; 8] = std::array::from_fn(|k| if k % 2 == 0 { -z[k + 1] } else { z[k - 1] });
+    let rotation: [f64; 8] = std::array::from_fn(|k| if k % 2 == 0 { -z[k + 1] } else { z[k - 1] });
     let shift = |axis: usize| -> [f64; 8] { std::array::from_fn(|k| if k % 2 == axis { 1.0 } else { 0.0 }) };
-    let basis = [z, turned, shift(0), shift(1)].map(|v| {
+    let basis = [z, rotation, shift(0), shift(1)].map(|v| {
         let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
         v.map(|x| x / norm)
     });

@@ -20,7 +20,7 @@ pub enum RectangleError {
         "only {percent:.1} % of the picture lies inside its border (expected at least 20): is it the right picture?"
     )]
     Empty {
-        /// Share inside, %.
+        /// Fraction inside, %.
         percent: f64,
     },
     /// The outline cannot be laid out without folds.

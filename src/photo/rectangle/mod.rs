@@ -1,22 +1,23 @@
-//! Panoramas with an irregular outline as rectangles.
+//! Rectangling of panoramas with an irregular outline.
 //!
-//! What stitching leaves has a ragged border. A crop to the largest rectangle loses much of it, filling invents; warping keeps
-//! all and bends a little where it shows least. The outline is found (`outline.rs`), the picture grown to its bounding
-//! rectangle by seams, which says where the grid lies in it (`seams.rs`, `start.rs`), and the grid is solved for shapes, lines
-//! and a straight border (`energy.rs`). Then the rectangle takes the shape that stretches least: with `s_x`, `s_y` the mean
-//! growth of the cells along x and y, a rectangle of `w/s_x × h/s_y` leaves none, and the grid is solved again in it.
+//! Stitched pictures have an irregular border. A crop to the largest rectangle loses much of the picture, inpainting
+//! invents content; warping keeps everything at the cost of a small distortion. The outline is detected (`outline.rs`),
+//! the picture is expanded to its bounding rectangle by seams, which places the initial grid (`seams.rs`,
+//! `initial_grid.rs`), and the grid is solved for shapes, lines and a straight border (`energy.rs`). Then the aspect
+//! ratio with the least stretch is chosen: with `s_x`, `s_y` the mean growth of the cells along x and y, a rectangle of
+//! `w/s_x × h/s_y` leaves none, and the grid is solved again in it.
 //!
-//! **Folds.** The grid in the picture has none. A solved grid that folds is solved again with four times the weight where it
-//! does, and drawn back towards the last that does not if that does not help.
+//! **Folds.** The grid in the picture has none. A solution with folds is solved again with four times the weight of the
+//! folded cells, and finally interpolated back to the last one without folds.
 //!
 //! # Reference
 //! K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, ACM Trans. Graph. (SIGGRAPH) 32 (2013).
 
 mod energy;
 mod error;
+mod initial_grid;
 mod outline;
 mod seams;
-mod start;
 #[cfg(test)]
 mod tests;
 
@@ -36,39 +37,41 @@ use plumbline_num::math::{Point2, PointMap, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
-/// Largest side of an output, px: what the renderer takes.
+/// Largest side of an output, px: the renderer's limit.
 const MAX_SIDE: usize = 16_384;
-/// Solves of grid and turns in turn, for each shape of the rectangle.
-const ROUNDS: usize = 10;
-/// Times the shape of folding cells is raised before the grid is drawn back.
-const FOLD_ROUNDS: usize = 6;
-/// Least share of the picture inside its outline.
+/// Alternations between grid and rotations for each shape of the rectangle, as in the paper.
+const ITERATIONS: usize = 10;
+/// Attempts with fourfold weight of folded cells before the grid is interpolated back: `4⁶` exceeds the default weight
+/// of lines.
+const MAX_FOLD_ITERATIONS: usize = 6;
+/// Minimum fraction of the picture inside its outline: below, the detected border is not one of stitching.
 const MIN_INSIDE: f64 = 0.2;
-/// Points along the longer side at which the result is tried for pixels from outside.
-const TRIED: usize = 600;
+/// Points along the longer side at which the result is checked for pixels from outside the outline.
+const RASTER: usize = 600;
 
 /// Shape of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum RectangleShape {
-    /// The one that stretches least, as dense as the picture.
+    /// The aspect ratio with the least stretch, at the density of the picture.
     #[default]
     Natural,
-    /// This ratio of width to height, as dense as the picture.
+    /// This ratio of width to height, at the density of the picture.
     Aspect(f64),
-    /// So many pixels.
+    /// Width and height, px.
     Exact(usize, usize),
 }
 
-/// How to make a rectangle.
+/// Options of [`rectangle`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RectangleOptions {
     /// Shape of the output.
     pub shape: RectangleShape,
-    /// Cells of the grid, about; 64 to 10 000. With 400, as in the paper, ragged outlines lose more of what is there.
+    /// Approximate number of grid cells, 64 to 10 000, default 1600. With 400, as in the paper, ragged outlines lose
+    /// more of the picture.
     pub cells: usize,
-    /// `λ`: straightness of lines relative to the shape of cells, ≥ 0.
+    /// `λ`: weight of line straightness relative to cell shape, 0 to 1e8, default 1000.
     pub straightness: f64,
-    /// Weight of cells with faces, ≥ 1.
+    /// Weight of cells with faces, 1 to 1e6, default 10.
     pub faces: f64,
 }
 
@@ -78,12 +81,12 @@ impl Default for RectangleOptions {
     }
 }
 
-/// What is known of the picture.
+/// A picture to make rectangular.
 #[derive(Clone, Copy, Debug)]
 pub struct RectangleInput<'a> {
     /// Width and height, px.
     pub size: (usize, usize),
-    /// Where the picture ends.
+    /// The outline of the picture.
     pub outline: &'a Outline,
     /// Its gray levels, at any resolution.
     pub luma: PlaneRef<'a, u8>,
@@ -100,7 +103,7 @@ pub struct Rectangled {
     pub warp: PhotoWarp,
     /// Mean growth of the cells along x and y, before the scale of an exact size.
     pub stretch: [f64; 2],
-    /// Share of the output that shows what lies outside the outline.
+    /// Fraction of the output from outside the outline.
     pub outside: f64,
 }
 
@@ -118,7 +121,7 @@ pub fn rectangle(
     if share < MIN_INSIDE {
         return Err(RectangleError::Empty { percent: 100.0 * share });
     }
-    let source = start::start(input.outline, input.luma, input.size, options.cells, run)?;
+    let source = initial_grid::initial_grid(input.outline, input.luma, input.size, options.cells, run)?;
     let weights = weights(&source, input.faces, options.faces);
     let lines: Vec<Line> = input.lines.iter().filter(|line| !input.outline.runs_along(line)).cloned().collect();
     let mut energy = Rectangling::new(&source, &lines, weights, options.straightness)?;
@@ -179,7 +182,7 @@ fn pixels(size: (f64, f64), shape: RectangleShape) -> Result<(usize, usize), Rec
     Ok((side("width of the output", size.0)?, side("height of the output", size.1)?))
 }
 
-/// More where faces are.
+/// Cell weights: `face` at faces, 1 elsewhere.
 fn weights(source: &GridMesh, faces: &[Rect], face: f64) -> Vec<f64> {
     let weight = |cell: usize| {
         let center = source.quad(cell).at(0.5, 0.5);
@@ -201,7 +204,7 @@ fn scaled(mesh: &GridMesh, x: f64, y: f64) -> GridMesh {
     GridMesh { cols: mesh.cols, rows: mesh.rows, vertices }
 }
 
-/// The grid over a rectangle, from one without folds, and the solves it took.
+/// The solution over a rectangle, given a grid without folds, and the number of solves.
 fn solved(
     energy: &mut Rectangling<'_>,
     mut sound: GridMesh,
@@ -209,14 +212,14 @@ fn solved(
     run: &Run,
 ) -> Result<(GridMesh, usize), RectangleError> {
     let mut solves = 0;
-    for _ in 0..FOLD_ROUNDS {
+    for _ in 0..MAX_FOLD_ITERATIONS {
         let mut found = energy.solve(size, None, run)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..ITERATIONS {
             run.check()?;
-            let turns = energy.turns(&found);
-            found = energy.solve(size, Some(&turns), run)?;
+            let rotations = energy.rotations(&found);
+            found = energy.solve(size, Some(&rotations), run)?;
         }
-        solves += ROUNDS + 1;
+        solves += ITERATIONS + 1;
         let folded: Vec<usize> =
             (0..energy.weights.len()).filter(|&cell| !(found.quad(cell).least_jacobian() > 0.0)).collect();
         if folded.is_empty() {
@@ -278,13 +281,13 @@ struct InPicture {
 
 impl PointMap for InPicture {
     fn map(&self, p: Point2) -> Option<Point2> {
-        let held = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
-        Some(self.mesh.at(self.grid.locate(held)?))
+        let clamped = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
+        Some(self.mesh.at(self.grid.locate(clamped)?))
     }
 
     fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
-        let held = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
-        let at = self.grid.locate(held)?;
+        let clamped = Point2::new(p.x.clamp(0.0, self.grid.width), p.y.clamp(0.0, self.grid.height));
+        let at = self.grid.locate(clamped)?;
         let [a, b, c, d] = self.mesh.quad(at.cell).0;
         let along: Vector2<f64> = (b - a) * (1.0 - at.t) + (d - c) * at.t;
         let down: Vector2<f64> = (c - a) * (1.0 - at.s) + (d - b) * at.s;
@@ -292,10 +295,10 @@ impl PointMap for InPicture {
     }
 }
 
-/// Share of the output that comes from outside.
+/// Fraction of the output from outside the outline.
 fn outside(warp: &PhotoWarp, outline: &Outline) -> f64 {
     let (width, height) = (warp.size.0 as f64, warp.size.1 as f64);
-    let step = width.max(height) / TRIED as f64;
+    let step = width.max(height) / RASTER as f64;
     let count = |length: f64| (length / step).ceil().max(1.0) as usize;
     let (cols, rows) = (count(width), count(height));
     let at = |k: usize| {

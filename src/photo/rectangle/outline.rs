@@ -1,11 +1,11 @@
 //! Where a stitched picture ends: what lies around it, transparent, black or white, found by flooding from the frame.
 //!
-//! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at most
-//! `T` in every channel (through transparent ones where there is an alpha plane). `T` starts at what rounding does and grows to
-//! what JPEG does to flat color, but stops before the flood breaks into the picture: white borders lie beside pale skies. Where
-//! the two mix, within two pixels of the flood and along the frame, whatever is nearer to the border's color than `SOFT` is
-//! outside too. Outside is grown by two pixels, where compression rings, and of what is left the largest connected part is the
-//! picture.
+//! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at
+//! most `T` in every channel (through transparent ones where there is an alpha plane). `T` grows from rounding errors
+//! to JPEG noise, but stops before the flood leaks into the picture: white borders adjoin pale skies. Where the two
+//! mix, within two pixels of the flood and along the frame, whatever is nearer to the border's color than
+//! `MIXED_TOLERANCE` is outside too. The outside is dilated by two pixels against compression ringing; the largest
+//! connected component of the rest is the picture.
 //!
 //! The result is a raster of blocks: one is inside where all its pixels are.
 
@@ -16,33 +16,33 @@ use plumbline_image::Frame;
 use plumbline_image::still::rgb_of_frame;
 use plumbline_num::math::{Point2, Rect, Vec2};
 
-/// Blocks along the longer side, at most.
+/// Maximum number of blocks along the longer side: the seams' time grows with its cube.
 const RASTER: usize = 480;
-/// Tolerances `T` of the flood, gray levels of 255.
+/// Tolerances `T` of the flood, gray levels of 255: from rounding to the noise of JPEG compression on a flat color.
 const TOLERANCES: [u8; 3] = [4, 8, 12];
-/// Difference from the border's color within which a pixel beside the flood is a mixture, gray levels.
-const SOFT: u8 = 40;
-/// Width of mixed edges, px.
-const MIXED: usize = 2;
-/// A tolerance whose flood takes this share more of the picture has broken into it.
-const LEAK: f64 = 0.02;
-/// Least share of the frame's pixels that have the border's color.
-const MIN_PER_FRAME: usize = 10;
-/// Blocks within which a line runs along the outline.
-const BESIDE: usize = 2;
-/// Gray levels from black or white within which a border is one of them.
-const NEARLY: u8 = 16;
-/// Pixels by which the outside is grown.
-const RINGING: usize = 2;
-/// Shares of the bounds that the inside fills between which an outline is irregular: above, a crop is enough.
-const NEARLY_ALL: f64 = 0.985;
-/// RMS distance of the outline from a circle, blocks, and its part that grows with the radius, below which it is one: the
-/// outline falls between blocks, and lenses are not quite round.
-const ROUND: (f64, f64) = (0.6, 0.005);
-/// Blocks along an outline that can be told from a circle, at least.
-const MIN_OUTLINE: f64 = 12.0;
+/// Difference from the border's color within which a pixel next to the flood is a mixture of both, gray levels.
+const MIXED_TOLERANCE: u8 = 40;
+/// Width of mixed edges, px: interpolation of the stitcher.
+const MIXED_PX: usize = 2;
+/// Increase of the flooded fraction from one tolerance to the next that indicates a leak into the picture.
+const MAX_GROWTH: f64 = 0.02;
+/// Minimum percentage of the frame's pixels that have the border's color.
+const MIN_FRAME_PERCENT: usize = 10;
+/// Distance, blocks, within which a line counts as part of the outline.
+const LINE_MARGIN: usize = 2;
+/// Difference from black or white, gray levels, up to which a border counts as one of them.
+const COLOR_TOLERANCE: u8 = 16;
+/// Dilation of the outside, px: the reach of compression ringing that the mixed edge leaves.
+const RINGING_PX: usize = 2;
+/// Fraction of its bounds that the inside fills above which a crop suffices.
+const MAX_FILL: f64 = 0.985;
+/// Maximum RMS distance of a circular outline from its circle: blocks, and a fraction of the radius. The first covers
+/// quantization to blocks, the second lenses that are not quite round.
+const MAX_CIRCLE_RMS: (f64, f64) = (0.6, 0.005);
+/// Minimum number of outline blocks for a circle fit: fewer lie near a circle by chance.
+const MIN_CIRCLE_BLOCKS: f64 = 12.0;
 
-/// Which blocks of a picture lie inside its outline.
+/// The outline of a picture: a raster of blocks inside and outside.
 #[derive(Clone, Debug)]
 pub struct Outline {
     /// Blocks along x and y.
@@ -68,7 +68,8 @@ impl Outline {
         let block = width.max(height).div_ceil(RASTER);
         let (cols, rows) = (width.div_ceil(block), height.div_ceil(block));
         let whole = |k: usize| {
-            let span = |i: usize, n: usize| (i * block).saturating_sub(RINGING)..((i + 1) * block + RINGING).min(n);
+            let span =
+                |i: usize, n: usize| (i * block).saturating_sub(RINGING_PX)..((i + 1) * block + RINGING_PX).min(n);
             let (xs, ys) = (span(k % cols, width), span(k / cols, height));
             ys.into_iter().all(|y| !outside[y * width..][xs.clone()].contains(&true))
         };
@@ -77,7 +78,7 @@ impl Outline {
         (outline.inside.contains(&true) && outline.inside.contains(&false)).then_some(outline)
     }
 
-    /// Share of the picture inside.
+    /// Fraction of the picture inside.
     pub fn share(&self) -> f64 {
         self.count() as f64 / self.inside.len() as f64
     }
@@ -100,7 +101,7 @@ impl Outline {
     pub fn is_stitched(&self) -> bool {
         let [x0, y0, x1, y1] = self.bounds();
         let fills = self.count() as f64 / ((x1 - x0) * (y1 - y0)) as f64;
-        self.touched == [true; 4] && (0.4..NEARLY_ALL).contains(&fills) && self.share() > 0.3 && !self.is_round()
+        self.touched == [true; 4] && (0.4..MAX_FILL).contains(&fills) && self.share() > 0.3 && !self.is_round()
     }
 
     /// Whether the inside is a disk, or as much of one as the frame holds: what a fisheye shows. The blocks along the outline,
@@ -108,22 +109,22 @@ impl Outline {
     pub fn is_round(&self) -> bool {
         let outline: Vec<Vec2> = self.along().collect();
         let count = outline.len() as f64;
-        if count < MIN_OUTLINE {
+        if count < MIN_CIRCLE_BLOCKS {
             return false;
         }
         let mean = outline.iter().sum::<Vec2>() / count;
-        let (mut moments, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        let (mut moments, mut moments_rhs) = (Matrix3::zeros(), Vector3::zeros());
         for p in outline.iter().map(|p| p - mean) {
             let row = Vector3::new(p.x, p.y, 1.0);
             moments += row * row.transpose();
-            pull += row * p.norm_squared();
+            moments_rhs += row * p.norm_squared();
         }
-        let Some(solved) = moments.cholesky().map(|c| c.solve(&pull)) else { return false };
+        let Some(solved) = moments.cholesky().map(|c| c.solve(&moments_rhs)) else { return false };
         let center = mean + solved.xy() / 2.0;
         let radius = (solved.z + solved.xy().norm_squared() / 4.0).sqrt();
         let misses = outline.iter().map(|p| ((p - center).norm() - radius).powi(2)).sum::<f64>();
         let diagonal = (self.cols as f64).hypot(self.rows as f64);
-        (misses / count).sqrt() <= ROUND.0 + ROUND.1 * radius && radius < diagonal
+        (misses / count).sqrt() <= MAX_CIRCLE_RMS.0 + MAX_CIRCLE_RMS.1 * radius && radius < diagonal
     }
 
     /// Blocks inside that have one outside beside them.
@@ -145,7 +146,7 @@ impl Outline {
     /// Whether a line runs along the outline: nothing that is straight in the world, but where the picture was cut.
     pub(super) fn runs_along(&self, line: &Line) -> bool {
         let near = |p: Point2| {
-            let reach = (BESIDE * self.block) as f64;
+            let reach = (LINE_MARGIN * self.block) as f64;
             let beside = |dx: f64, dy: f64| !self.contains(p + Vec2::new(dx, dy) * reach);
             beside(0.0, 0.0) || beside(1.0, 0.0) || beside(-1.0, 0.0) || beside(0.0, 1.0) || beside(0.0, -1.0)
         };
@@ -161,7 +162,7 @@ impl Outline {
         Rect { min: Point2::new(x0, y0), max: Point2::new(x1, y1) }
     }
 
-    /// Forgets all but the largest 4-connected part of the inside.
+    /// Keeps the largest 4-connected component of the inside.
     fn keep_largest_part(&mut self) {
         let mut part = vec![0_u32; self.inside.len()];
         let (mut parts, mut largest) = (0, (0, 0));
@@ -222,14 +223,14 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
     for tolerance in TOLERANCES {
         let next = flooded(&|k| pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= tolerance));
         let taken = share(&next);
-        if found.as_ref().is_some_and(|(before, _)| taken > before + LEAK) {
+        if found.as_ref().is_some_and(|(before, _)| taken > before + MAX_GROWTH) {
             break;
         }
         found = Some((taken, next));
     }
     let mut outside = found.map(|(_, outside)| outside).filter(|o| o.contains(&true))?;
     add_mixed(&mut outside, (width, height), &around, |k| {
-        pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= SOFT)
+        pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= MIXED_TOLERANCE)
     });
     Some(outside)
 }
@@ -239,10 +240,10 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
 fn add_mixed(outside: &mut [bool], (width, height): (usize, usize), around: &[usize], mixed: impl Fn(usize) -> bool) {
     let at_frame = |k: usize| {
         let (x, y) = (k % width, k / width);
-        x.min(width - 1 - x).min(y).min(height - 1 - y) < MIXED
+        x.min(width - 1 - x).min(y).min(height - 1 - y) < MIXED_PX
     };
     let mut edge: Vec<usize> = (0..outside.len()).filter(|&k| outside[k]).collect();
-    for _ in 0..MIXED {
+    for _ in 0..MIXED_PX {
         let before = std::mem::take(&mut edge);
         for k in before {
             for next in beside(k, width, height) {
@@ -301,8 +302,8 @@ fn border_color(pixels: &[[u8; 3]], around: &[usize]) -> Option<[u8; 3]> {
     let (_, (count, sum)) = bins.into_iter().max_by_key(|(_, (count, _))| *count)?;
     let color = sum.map(|s| (s / count) as u8);
     // Walls and skies have a color along the frame, too.
-    let plain = color.iter().all(|c| *c <= NEARLY) || color.iter().all(|c| *c >= 255 - NEARLY);
-    (plain && count * 100 >= around.len() * MIN_PER_FRAME).then_some(color)
+    let plain = color.iter().all(|c| *c <= COLOR_TOLERANCE) || color.iter().all(|c| *c >= 255 - COLOR_TOLERANCE);
+    (plain && count * 100 >= around.len() * MIN_FRAME_PERCENT).then_some(color)
 }
 
 /// Which sides of the frame touch the outside.
@@ -347,7 +348,7 @@ impl Depth {
         top * (1.0 - t) + bottom * t
     }
 
-    /// The way inwards at a point: a unit vector, or zero in the middle.
+    /// Unit direction inwards at a point; zero in the middle.
     pub(super) fn inwards(&self, p: Vec2) -> Vec2 {
         let e = 1.5;
         let slope = Vec2::new(

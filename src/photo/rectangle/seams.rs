@@ -17,12 +17,13 @@
 
 use plumbline_num::run::{Run, Stopped};
 
-/// Energy of a missing pixel: more than any path through the picture.
+/// Energy of a missing pixel: above that of any path through the picture.
 const MISSING: f32 = 1e6;
-/// What a seam leaves on its pixels: a quarter of the range, so that the next one goes elsewhere unless all else has edges.
-const LEFT: f32 = 64.0;
-/// Least energy of a pixel: short seams are preferred in flat regions.
-const FLAT: f32 = 1.0;
+/// Energy that a seam adds to its pixels, a quarter of the gray range: later seams avoid them unless everything else
+/// has edges.
+const REUSE_PENALTY: f32 = 64.0;
+/// Minimum energy of a pixel: prefers short seams in flat regions.
+const MIN_ENERGY: f32 = 1.0;
 
 /// A picture that grows; row-major.
 #[derive(Clone, Debug)]
@@ -120,7 +121,7 @@ impl Canvas {
             }
             for v in cut.saturating_sub(1)..=cut {
                 let k = self.at(side, u, v);
-                self.left[k] += LEFT;
+                self.left[k] += REUSE_PENALTY;
             }
         }
     }
@@ -133,7 +134,7 @@ impl Canvas {
         let step = |valid: bool, next: usize| {
             if valid && !self.missing[next] { (self.luma[next] - self.luma[k]).abs() } else { 0.0 }
         };
-        FLAT + self.left[k] + step(x + 1 < self.width, k + 1) + step(y + 1 < self.height, k + self.width)
+        MIN_ENERGY + self.left[k] + step(x + 1 < self.width, k + 1) + step(y + 1 < self.height, k + self.width)
     }
 
     /// How far from the side the path of least energy lies at each place.

@@ -8,8 +8,8 @@
 //! Mercator        s = (λ, asinh tan φ)                 for views wider than that; poles stay outside
 //! ```
 //!
-//! R. Carroll et al. (below) write the equations in longitude and latitude, `u_φ = −v_λ/cos φ`, `v_φ = u_λ/cos φ`, and keep
-//! off the poles; in the Mercator chart theirs become ours, in the stereographic one there are no poles to keep off.
+//! R. Carroll et al. (below) write the equations in longitude and latitude, `u_φ = −v_λ/cos φ`, `v_φ = u_λ/cos φ`, and
+//! exclude the poles; in the Mercator chart their equations are ours, and the stereographic chart has no poles.
 //!
 //! # Reference
 //! R. Carroll, M. Agrawala, A. Agarwala, *Optimizing content-preserving projections for wide-angle images*, ACM Trans. Graph.
@@ -44,27 +44,27 @@ impl Chart {
         Self { plane, view_from_camera }
     }
 
-    /// Turns directions of the camera into directions of the view.
+    /// Rotation from camera to view.
     pub(super) fn view_from_camera(&self) -> &Rotation3<f64> {
         &self.view_from_camera
     }
 
-    /// Place of a direction of the camera.
+    /// Position of a direction of the camera.
     pub(super) fn at(&self, ray_in_camera: &Vec3) -> Option<Vec2> {
         self.at_view(&(self.view_from_camera * ray_in_camera))
     }
 
-    /// Place of a direction of the view.
+    /// Position of a direction of the view.
     pub(super) fn at_view(&self, ray_in_view: &Vec3) -> Option<Vec2> {
         self.plane.project(ray_in_view).map(|s| s.coords)
     }
 
-    /// The direction of the camera at a place: a unit vector.
+    /// Unit direction of the camera at a position.
     pub(super) fn ray(&self, s: Vec2) -> Option<Vec3> {
         self.ray_in_view(s).map(|ray| self.view_from_camera.inverse() * ray)
     }
 
-    /// The direction of the view at a place: a unit vector.
+    /// Unit direction of the view at a position.
     pub(super) fn ray_in_view(&self, s: Vec2) -> Option<Vec3> {
         self.plane.unproject(Point2::from(s))
     }
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn places_and_directions_are_inverse_to_each_other() {
+    fn positions_and_directions_are_inverse_to_each_other() {
         let chart = Chart::stereographic(Rotation3::from_euler_angles(0.3, 0.1, -0.2));
         let ray = Vec3::new(0.5, -0.7, 0.3).normalize();
         assert!((chart.ray(chart.at(&ray).expect("inside")).expect("inside") - ray).norm() < 1e-12);

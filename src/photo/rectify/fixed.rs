@@ -1,4 +1,4 @@
-//! Projections with a formula: for comparison, and where one of them is what is wanted.
+//! Closed-form projections: rectilinear, Panini, cylindrical and others.
 
 use nalgebra::{Matrix2, Matrix3x2, Rotation3};
 
@@ -12,11 +12,11 @@ use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::Map;
 use plumbline_num::math::{Point2, PointMap, Vec2};
 
-/// Farthest from the middle that a rectilinear picture reaches, rad: 65°, where it stretches 2.4-fold.
+/// Largest angle from the center of a rectilinear output, rad: 65°, where it stretches 2.4-fold.
 const RECTILINEAR_REACH: f64 = 1.134_464_014;
-/// Farthest to the sides that a Panini projection reaches, rad: 80°.
+/// Largest longitude of a Panini output, rad: 80°, where it magnifies 1.7-fold.
 const PANINI_REACH: f64 = 1.396_263_402;
-/// Farthest up and down that projections on cylinders reach, rad: 70°.
+/// Largest latitude of a cylindrical output, rad: 70°, where Mercator magnifies 2.9-fold.
 const CYLINDER_REACH: f64 = 1.221_730_476;
 
 /// The warp to `projection`, as far as it can show the picture.
@@ -32,8 +32,8 @@ pub(super) fn unframed(
     let focal = density(lens, &view_from_camera);
     let plane =
         Lens { projection: projection.clone(), focal: Vec2::repeat(focal), center: Point2::origin(), size: (1.0, 1.0) };
-    let place = |i: usize| plane.project(&sphere.chart.ray_in_view(sphere.vertex(i))?);
-    let vertices: Option<Vec<Point2>> = (0..sphere.grid.vertex_count()).map(place).collect();
+    let position = |i: usize| plane.project(&sphere.chart.ray_in_view(sphere.vertex(i))?);
+    let vertices: Option<Vec<Point2>> = (0..sphere.grid.vertex_count()).map(position).collect();
     let (cols, rows) = (sphere.grid.cols, sphere.grid.rows);
     let mesh = GridMesh { cols, rows, vertices: vertices.ok_or(RectifyError::EmptyView)? };
     let map = SourceFromPlane { plane: plane.clone(), view_from_camera, lens: lens.clone(), window };
@@ -42,7 +42,8 @@ pub(super) fn unframed(
     Ok(Unframed { maps: vec![Map::Radial(Box::new(map))], mesh, forward })
 }
 
-/// Pixels of the source per radian where the viewer looks, and at the picture's center where it shows nothing there.
+/// Pixels of the source per radian at the view's center, or at the picture's center if the view's center is outside the
+/// field.
 pub(super) fn density(lens: &Lens, view_from_camera: &Rotation3<f64>) -> f64 {
     let camera_from_view = view_from_camera.inverse();
     let (axis, right) = (camera_from_view * Vec3::z(), camera_from_view * Vec3::x());
@@ -53,7 +54,7 @@ pub(super) fn density(lens: &Lens, view_from_camera: &Rotation3<f64>) -> f64 {
         .unwrap_or(0.5 * (lens.focal.x + lens.focal.y))
 }
 
-/// The wanted window, cut to what the projection shows with bearable stretch.
+/// The requested window, clamped to the projection's limits.
 fn within_reach(projection: &Projection, window: Option<Window>) -> Window {
     let (half_width, half_height) = match projection {
         Projection::Rectilinear => (RECTILINEAR_REACH, RECTILINEAR_REACH),
@@ -94,7 +95,7 @@ impl PointMap for SourceFromPlane {
     fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
         let e = 1e-3;
         let slope = |d: Vec2| Some((self.ray(p + d)? - self.ray(p - d)?) / (2.0 * e));
-        let by_place = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
-        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_place)
+        let by_position = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
+        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_position)
     }
 }

@@ -12,38 +12,38 @@ use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
-/// Pixels along the longer side of the raster on which the crop is found.
+/// Pixels along the longer side of the raster on which the crop is searched: the crop is exact to 1/800 of the side.
 const RASTER: usize = 800;
-/// A face that stands out of the frame by more than this share of its longer side is cut: two pixels of the raster.
+/// Tolerance for faces at the frame, as a fraction of its longer side: two pixels of the raster.
 const CUT: f64 = 2.0 / RASTER as f64;
-/// Largest side of an output, px: what the renderer takes.
+/// Largest side of an output, px: the renderer's limit.
 const MAX_SIDE: f64 = 16_384.0;
 
-/// What is cut away: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
+/// Crop of the output: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Crop {
-    /// Nothing where the picture's border can be made straight; all outside the largest rectangle otherwise.
+    /// The whole picture where its border can be made straight; the largest covered rectangle otherwise.
     #[default]
     Auto,
-    /// All outside the largest rectangle that the picture fills.
+    /// The largest rectangle that the picture covers.
     Rectangle,
-    /// As [`Self::Auto`], and of that the largest rectangle with this ratio of width to height.
+    /// As [`Self::Auto`], then the largest rectangle with this ratio of width to height.
     Aspect(AspectRatio),
-    /// Nothing: the output holds the whole picture, with its curved border.
+    /// No crop: the output contains the whole picture with its curved border.
     None,
 }
 
-/// How large the output is.
+/// Size of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum OutputSize {
-    /// As wide as the source; for panoramas, whose view is a part of them, as dense.
+    /// The width of the source; for panoramas, their density in px/rad.
     #[default]
     Source,
-    /// So many pixels; the crop takes this shape.
+    /// Width and height, px; the crop takes this aspect ratio.
     Exact(usize, usize),
 }
 
-/// A warp whose output is a plane: positions are in px at the density of the source where the viewer looks.
+/// A warp to an unbounded plane, in px at the density of the source at the view's center.
 pub(super) struct Unframed {
     /// From the plane to the source, the map nearest to the plane first.
     pub(super) maps: Vec<Map>,
@@ -54,7 +54,7 @@ pub(super) struct Unframed {
 }
 
 impl Unframed {
-    /// The warp of the part that the options ask for.
+    /// The warp with the crop and size of the options.
     pub(super) fn framed(
         mut self,
         lens: &Lens,
@@ -81,7 +81,7 @@ impl Unframed {
         })
     }
 
-    /// The part of the plane that is kept; `None` where the picture fills nothing.
+    /// The crop rectangle in the plane; `None` if the picture covers none.
     fn crop(&mut self, bounds: Rect, lens: &Lens, faces: &[Rect], options: &RectifyOptions) -> Option<Rect> {
         let pixel = bounds.width().max(bounds.height()) / RASTER as f64;
         let plane_from_raster = Matrix2x3::new(pixel, 0.0, bounds.min.x, 0.0, pixel, bounds.min.y);
@@ -120,7 +120,7 @@ impl Unframed {
     }
 }
 
-/// Points along each side of a face.
+/// Points along each side of a face at which its outline is mapped.
 const FACE_POINTS: usize = 9;
 
 /// Bounds of the part of a face that the picture has, under a map; `None` where the map does not show all of it.
@@ -135,7 +135,7 @@ fn outline(face: &Rect, picture: &Rect, forward: &Forward) -> Option<Rect> {
     points.try_fold(Rect { min: first, max: first }, |b, p| Some(Rect { min: b.min.inf(&p?), max: b.max.sup(&p?) }))
 }
 
-/// The largest rectangle that holds as many faces as can be had, the largest faces first; `None` where it is none.
+/// The largest rectangle that contains faces, added greedily by size; `None` if it can contain none.
 fn around_faces(faces: &mut [Rect], largest: impl Fn(Option<&Rect>) -> Option<Rect>) -> Option<Rect> {
     faces.sort_by(|a, b| (b.width() * b.height()).total_cmp(&(a.width() * a.height())));
     let mut best: Option<(Rect, Rect)> = None;
@@ -152,7 +152,7 @@ fn within(inner: &Rect, outer: &Rect) -> bool {
     inner.min.x >= outer.min.x && inner.min.y >= outer.min.y && inner.max.x <= outer.max.x && inner.max.y <= outer.max.y
 }
 
-/// Numbers of the faces of which a warp cuts a part away.
+/// Indices of the faces that the crop cuts.
 fn cut_faces(faces: &[Rect], lens: &Lens, forward: &Forward, size: (usize, usize)) -> Vec<usize> {
     let picture = Rect::of_size(lens.size.0, lens.size.1);
     let grown = Vec2::repeat(CUT * size.0.max(size.1) as f64);

@@ -1,8 +1,8 @@
-//! Wide-angle pictures without bent lines and without stretched edges.
+//! Rectification of wide-angle pictures: straight lines without stretched edges.
 //!
-//! No flat picture of a wide field is both straight (only the rectilinear one is, and it stretches the edges by `1/cos θ`)
-//! and true in shape (only conformal ones are, and they bend lines). People look at lines, faces and what is salient: there
-//! the picture is made right, and what must give way does so elsewhere. See `solver.rs` for the energy.
+//! No flat picture of a wide field is both straight (only the rectilinear one is, and it stretches the edges by `1/cos
+//! θ`) and true in shape (only conformal ones are, and they bend lines). Distortion is minimized where it is visible,
+//! at lines, faces and salient regions, and moved to the rest. See `solver.rs` for the energy.
 //!
 //! # Reference
 //! R. Carroll, M. Agrawala, A. Agarwala, *Optimizing content-preserving projections for wide-angle images*, ACM Trans. Graph.
@@ -41,47 +41,48 @@ pub enum Target {
     /// The minimizer of the energy.
     #[default]
     Optimized,
-    /// A projection with a formula.
+    /// A closed-form projection.
     Fixed(Projection),
 }
 
-/// Where the viewer looks, relative to the camera.
+/// Viewing direction relative to the camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct View {
-    /// To the right, rad.
+    /// Yaw to the right, rad.
     pub yaw: f64,
-    /// Up, rad.
+    /// Pitch upwards, rad.
     pub pitch: f64,
-    /// Clockwise, rad.
+    /// Roll clockwise, rad.
     pub roll: f64,
 }
 
 impl View {
-    /// Turns directions of the camera into directions of the view.
+    /// Rotation from camera to view.
     pub fn view_from_camera(&self) -> Rotation3<f64> {
-        let turned = |axis, angle| Rotation3::from_axis_angle(&axis, angle);
-        let camera_from_view =
-            turned(Vec3::y_axis(), self.yaw) * turned(Vec3::x_axis(), self.pitch) * turned(Vec3::z_axis(), self.roll);
+        let rotation = |axis, angle| Rotation3::from_axis_angle(&axis, angle);
+        let camera_from_view = rotation(Vec3::y_axis(), self.yaw)
+            * rotation(Vec3::x_axis(), self.pitch)
+            * rotation(Vec3::z_axis(), self.roll);
         camera_from_view.inverse()
     }
 }
 
-/// How to rectify.
+/// Options of [`rectify`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RectifyOptions {
     /// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
     pub target: Target,
-    /// Where the viewer looks.
+    /// Viewing direction.
     pub view: View,
-    /// How much the view shows; `None`: all that the picture has, as far as the projection can show it.
+    /// Angular extent of the view; `None`: the whole picture, up to the limits of the projection.
     pub window: Option<Window>,
-    /// What is cut away.
+    /// Crop of the output.
     pub crop: Crop,
-    /// How large the output is.
+    /// Size of the output.
     pub size: OutputSize,
-    /// Cells along the longer side of the grid, 4 to 512; even.
+    /// Cells along the longer side of the grid, even, 4 to 512, default 48. The time grows with the square.
     pub cells: usize,
-    /// What the energies weigh.
+    /// Weights of the energy's terms.
     pub weights: EnergyWeights,
 }
 
@@ -99,17 +100,17 @@ impl Default for RectifyOptions {
     }
 }
 
-/// What is known of the picture.
+/// A picture to rectify.
 #[derive(Clone, Copy, Debug)]
 pub struct RectifyInput<'a> {
     /// The lens, for the picture's size.
     pub lens: &'a Lens,
     /// Lines to make straight, source px.
     pub lines: &'a [Line],
-    /// Faces to keep in shape, source px.
+    /// Faces whose shape is preserved, source px.
     pub faces: &'a [Rect],
-    /// Where distortion would show, over the whole picture at any resolution, in [0, 1].
-    pub salience: Option<&'a Plane<f32>>,
+    /// Saliency of the whole picture at any resolution, in [0, 1].
+    pub saliency: Option<&'a Plane<f32>>,
 }
 
 /// The warp that rectifies a picture.

@@ -1,8 +1,8 @@
-//! A view whose lines may change: what does not depend on them is kept.
+//! A view whose lines may change: everything that does not depend on them is computed once.
 //!
-//! The first solve starts from the chart, on cells twice as large. A line that is dragged moves little from one solve to the
-//! next: [`Rectifier::follow`] starts from the last sheet, on the grid itself, and keeps what was decided then: whether the
-//! border is straight, so that the picture does not jump.
+//! The initial guess of the first solve is the chart, on cells twice as large. A dragged line moves little between
+//! solves: [`Rectifier::follow`] starts from the last solution on the full grid and keeps the choice of a straight or
+//! free border, so that the picture does not jump.
 
 use super::error::RectifyError;
 use super::frame::{Crop, OutputSize, Unframed};
@@ -18,7 +18,7 @@ use plumbline_image::warp::{InverseMesh, Map};
 use plumbline_num::math::Rect;
 use plumbline_num::run::Run;
 
-/// A view of a picture, to be solved for any lines.
+/// Rectifies one view of a picture for varying lines.
 #[derive(Debug)]
 pub struct Rectifier {
     lens: Lens,
@@ -26,12 +26,12 @@ pub struct Rectifier {
     faces: Vec<Rect>,
     coarse: Sheet,
     fine: Sheet,
-    /// The sides of the picture on both grids, where they may become straight.
+    /// The sides of the picture on both grids, if the border may become straight.
     sides: Option<[Vec<GridLine>; 2]>,
     solved: Option<Solved>,
 }
 
-/// What the last solve found.
+/// The last solution.
 #[derive(Debug)]
 struct Solved {
     lines: Vec<Line>,
@@ -58,7 +58,7 @@ impl Rectifier {
         };
         let sheet = |sphere: SphereGrid| {
             let faces = input.faces.iter().filter_map(|f| FaceTarget::new(f, lens, &sphere)).collect();
-            let base = CellWeights::new(&sphere, lens, input.faces, input.salience);
+            let base = CellWeights::new(&sphere, lens, input.faces, input.saliency);
             Sheet::new(sphere, faces, options.weights, base)
         };
         let (coarse, fine) = (sheet(coarse)?, sheet(fine)?);
@@ -69,10 +69,11 @@ impl Rectifier {
         Ok(rectifier)
     }
 
-    /// Solves for other lines from the start: the result depends on them alone.
+    /// Solves for other lines from scratch: the result does not depend on earlier solves.
     ///
     /// # Errors
-    /// [`RectifyError::Energy`] for lines that are not finite; [`RectifyError::Interrupted`]: the last solve then stands.
+    /// [`RectifyError::Energy`] for lines that are not finite; [`RectifyError::Interrupted`]; the last solution is
+    /// kept.
     pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), RectifyError> {
         let mut iterations = 0;
         let mut found = None;
@@ -82,15 +83,15 @@ impl Rectifier {
         let border = found.is_some();
         let sheet = match found {
             Some(sheet) => sheet,
-            // The border cannot be had straight without harm.
+            // The straight border folds: solve with a free one.
             None => self.solve_with(lines, false, &mut iterations, run)?.expect("folds are held"),
         };
         self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations });
         Ok(())
     }
 
-    /// Solves for lines that have moved little since the last solve, from where they lay then: a fraction of the time. Falls
-    /// back to [`Self::solve`] where the sheet would fold.
+    /// Solves for lines that have moved little, starting from the last solution. Falls back to [`Self::solve`] if the
+    /// grid would fold.
     ///
     /// # Errors
     /// As [`Self::solve`].
@@ -125,8 +126,8 @@ impl Rectifier {
         Ok(warp)
     }
 
-    /// Changes what is cut away and how large the output is: nothing is solved, [`Self::warp`] gives the new one. A crop that
-    /// wants a straight border where the last one did not takes effect with the next [`Self::solve`].
+    /// Changes crop and size of the output without solving; [`Self::warp`] returns the new warp. A change from a free
+    /// to a straight border takes effect with the next [`Self::solve`].
     ///
     /// # Errors
     /// [`RectifyError::Option`], [`RectifyError::Size`].
@@ -151,14 +152,14 @@ impl Rectifier {
     ) -> Result<Option<GridMesh>, RectifyError> {
         let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
         let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
-        let (start, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
+        let (initial, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
         let folding = if border { Folding::Refused } else { Folding::Held };
-        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&start)), folding, run)?;
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding, run)?;
         *iterations += first.iterations + last.iterations;
         Ok((!border || !last.folded).then_some(sheet))
     }
 
-    /// Lines on a grid, after the sides where they are wanted.
+    /// Lines on a grid, preceded by the sides of the picture if they are to be straight.
     fn on_grid(&self, lines: &[Line], sphere: &SphereGrid, sides: Option<usize>) -> Vec<GridLine> {
         let mut all = sides.and_then(|k| Some(self.sides.as_ref()?[k].clone())).unwrap_or_default();
         all.extend(lines.iter().filter_map(|line| GridLine::new(line, &self.lens, sphere)));

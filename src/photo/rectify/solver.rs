@@ -10,25 +10,28 @@
 //! E_f = Σ_faces Σₖ ‖u_k − (a t_k + b R t_k + c)‖²             a face is a similar copy of what one sees looking at it
 //! ```
 //!
-//! `R` is the quarter turn from +x to +y. `E_c` is the sum of squared Cauchy–Riemann equations in the chart, which is
-//! conformal: angles on the sphere are angles in the chart. Weights: `w = 1 + 2 w_L + 2 w_S + 4 w_F` (line ends, salience,
-//! faces), larger where distortion shows; the paper's `w_c = .4`, `w_l = 1000` enter squared. Its `w_s = .05` belongs to its
-//! own grid; `ℓ` says the same for any grid. `E_s` is measured in the chart, so that the chart itself costs nothing.
+//! `R` is the rotation by 90° from +x to +y. `E_c` is the sum of squared Cauchy–Riemann equations in the chart, which
+//! is conformal: angles on the sphere are angles in the chart. Weights: `w = 1 + 2 w_L + 2 w_S + 4 w_F` (line ends,
+//! saliency, faces), larger where distortion shows; the paper's `w_c = .4`, `w_l = 1000` enter squared. Its `w_s = .05`
+//! belongs to its own grid; `ℓ` says the same for any grid. `E_s` is measured in the chart, so that the chart itself
+//! costs nothing.
 //!
-//! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s` is the minimizer of `E`
-//! with the small pull `ε`, multiplied by a number: the energy without the pull is homogeneous. That also decides the place.
+//! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s` is the minimizer of
+//! `E` with the small regularization `ε`, up to a factor: the energy without it is homogeneous. `ε` also fixes the
+//! translation.
 //!
-//! **Rotation.** Where no line has an orientation, the sheet is the one with `Σ s × u = 0`: a multiple of the energy's answer
-//! to the right-hand side `R s` is taken off. It must be kept from turning: the linearized lines of `straight.rs` do not see
-//! distances across a line after a quarter turn, and would have the chart, turned, for a sheet of straight lines.
+//! **Rotation.** Where no line has an orientation, the constraint `Σ s × u = 0` fixes the rotation: a multiple of the
+//! response to the right-hand side `R s` is subtracted. Without it the linearized lines of `straight.rs` would accept
+//! the chart rotated by 90° as straight: they do not see distances along a line.
 //!
-//! **Lines** of free orientation make `E_l` bilinear: it is linearized about the present sheet (`straight.rs`) until no vertex
-//! moves, three or four solves. They are done on cells twice as large first, at an eighth of the cost. What lines and faces
-//! share, their offsets and similarities, are a border of the sparse system ([`BorderedEnergy`]): its pattern is that of the
-//! grid, so that lines may come, go and move without a new analysis.
+//! **Lines** of free orientation make `E_l` bilinear: it is linearized about the present sheet (`straight.rs`) until no
+//! vertex moves: three or four solves, first on cells twice as large at an eighth of the cost. The unknowns of lines
+//! (offsets) and faces (similarities) form a border of the sparse system ([`BorderedEnergy`]): its pattern is that of
+//! the grid, so that lines may come, go and move without a new analysis.
 //!
-//! **Folds.** Least squares does not forbid them. Cells that fold get four times the conformality, lines that are continued
-//! through them let go of what nobody marked, and the sheet is solved again; a sheet that keeps folding goes back along the line to the last one that does not, at worst the chart.
+//! **Folds.** Least squares does not exclude them. Folded cells get four times the conformality weight, continuations
+//! of lines through them are relaxed, and the grid is solved again; a grid that keeps folding is interpolated back to
+//! the last one without folds, at worst the chart.
 //!
 //! # Reference
 //! Carroll et al. 2009, sections 4.1 to 4.4.
@@ -41,39 +44,45 @@ use plumbline_num::energy::{BorderedEnergy, EnergyError, Ordering};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::run::Run;
 
-/// `ε`: far below what conformality weighs and far above rounding. The sheet is scaled afterwards, so its size does not count.
-const PULL: f64 = 1e-6;
-/// Keeps unknowns of lines that have shrunk to a point.
-const IDLE: f64 = 1e-9;
-/// Conformality of cells that the picture does not show, relative to those it does: they only carry on.
-const OUTSIDE: f64 = 0.1;
+/// `ε`: five orders below the default conformality weight, so that it does not bend the solution, and ten above
+/// rounding. The solution is rescaled, so its absolute size has no effect.
+const REGULARIZATION: f64 = 1e-6;
+/// Diagonal term on all unknowns: keeps the system definite when a line has shrunk to a point and its offsets occur in
+/// no equation. Far below [`REGULARIZATION`].
+const PIVOT_FLOOR: f64 = 1e-9;
+/// Conformality of cells outside the picture relative to those inside: they only extrapolate the map, and at 1 would
+/// resist as much as visible cells.
+const OUTSIDE_WEIGHT: f64 = 0.1;
 /// Unknowns of a face: a, b; c (2).
 const FACE_UNKNOWNS: usize = 4;
-/// A round that moves no vertex by more, cells, is the last: what the next one would move is of second order in it.
-const STILL: f64 = 0.02;
-/// A round that moves more than this share of the one before does not settle: the next starts half way.
-const UNSETTLED: f64 = 0.7;
-/// By how much the conformality of folding cells is raised each time.
-const STIFFER: f64 = 4.0;
-/// Times it is raised before going back.
-const FOLD_ROUNDS: usize = 8;
-/// Halvings on the way back to a sheet without folds.
-const BACKTRACKS: i32 = 30;
-/// Rounds after a small change of the lines: one goes there, the second takes out what the first left of second order.
-const FOLLOWING: usize = 2;
+/// Largest vertex displacement, cells, at which the linearization counts as converged: the error left is of second
+/// order in it, below a thousandth of a cell.
+const STEP_TOLERANCE: f64 = 0.02;
+/// Ratio of successive steps above which the iteration oscillates; the next linearization is then about the midpoint.
+const DIVERGENCE_RATIO: f64 = 0.7;
+/// Factor on the conformality of folded cells per attempt.
+const FOLD_STIFFENING: f64 = 4.0;
+/// Attempts before the last grid without folds is returned: `4⁸` exceeds the ratio of the default weights of lines and
+/// conformality.
+const MAX_FOLD_ITERATIONS: usize = 8;
+/// Halvings of the step towards a folded grid: after 30 the displacement is below 10⁻⁹ of it.
+const MAX_HALVINGS: i32 = 30;
+/// Linear solves after a small change of the lines: the second removes the second-order error of the first.
+const FOLLOW_ITERATIONS: usize = 2;
 
-/// What the energies weigh.
+/// Weights of the energy's terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnergyWeights {
-    /// `w_c`: shapes are kept.
+    /// `w_c`: weight of conformality, above 0, default 0.16 (the paper's 0.4 squared). Larger keeps shapes and lets
+    /// lines bend.
     pub conformality: f64,
-    /// `ℓ`, rad: over which length scale may change. 0 lets it change from cell to cell.
+    /// `ℓ`, rad, 0 to 10, default 0.15: length over which the scale may change. 0 lets it change from cell to cell.
     pub smooth_length: f64,
-    /// `w_l`: lines are straight.
+    /// `w_l`: weight of line straightness, 0 to 1e8, default 1e4.
     pub straightness: f64,
-    /// `w_f`: faces keep their shape as a whole.
+    /// `w_f`: weight of the rigidity of faces, 0 to 1e8, default 1000.
     pub faces: f64,
-    /// Rounds of linearization at most, ≥ 1.
+    /// Maximum number of linearizations per solve, at least 1, default 20; three or four usually suffice.
     pub rounds: usize,
 }
 
@@ -83,7 +92,7 @@ impl Default for EnergyWeights {
     }
 }
 
-/// The sheet of one view: grid and faces are given for good, lines at every solve, vertices are asked for.
+/// The grid of one view: cells and faces are fixed, lines are given per solve, vertices are the unknowns.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) sphere: SphereGrid,
@@ -92,9 +101,9 @@ pub(super) struct Sheet {
     /// Weights of the cells without the lines'.
     base: CellWeights,
     energy: BorderedEnergy,
-    /// First element of the second differences, and of the pull; cells come first.
+    /// First element of the second differences and of the regularization; those of the cells precede both.
     smooth: usize,
-    pull: usize,
+    regularization: usize,
     forms: CellForms,
 }
 
@@ -107,12 +116,12 @@ struct CellForms {
     mixed: [f64; 36],
 }
 
-/// When to give up folding cells.
+/// What to do with folded cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Folding {
-    /// Hold them stiffer, several times.
+    /// Stiffen them and solve again.
     Held,
-    /// At once: the caller has another way.
+    /// Return the folded grid: the caller has an alternative.
     Refused,
 }
 
@@ -121,7 +130,7 @@ pub(super) enum Folding {
 pub(super) struct SolveReport {
     /// Linear solves.
     pub(super) iterations: usize,
-    /// Cells had to be held stiffer, or the sheet drawn back, to keep it from folding.
+    /// Cells were stiffened, or the grid interpolated back, to remove folds.
     pub(super) folded: bool,
 }
 
@@ -132,12 +141,12 @@ impl Sheet {
         weights: EnergyWeights,
         base: CellWeights,
     ) -> Result<Self, EnergyError> {
-        let (list, smooth, pull) = element_list(&sphere.grid);
-        let place = |i: usize| sphere.grid.vertex(i / 2);
+        let (list, smooth, regularization) = element_list(&sphere.grid);
+        let position = |i: usize| sphere.grid.vertex(i / 2);
         let n = 2 * sphere.grid.vertex_count();
-        let ordering = Ordering::NestedDissection((0..n).map(place).map(|p| [p.x, p.y, 0.0]).collect());
+        let ordering = Ordering::NestedDissection((0..n).map(position).map(|p| [p.x, p.y, 0.0]).collect());
         let energy = BorderedEnergy::new(n, list.iter().map(Vec::as_slice), &ordering)?;
-        Ok(Self { sphere, faces, weights, base, energy, smooth, pull, forms: CellForms::new() })
+        Ok(Self { sphere, faces, weights, base, energy, smooth, regularization, forms: CellForms::new() })
     }
 
     /// The vertices in the chart: the regular grid.
@@ -145,23 +154,23 @@ impl Sheet {
         (0..self.sphere.grid.vertex_count()).map(|i| self.sphere.vertex(i)).collect()
     }
 
-    /// The sheet of least energy that has no fold, in the unit of the chart; lines start as they lie on `start`. Where folds
-    /// are refused, it may have some.
+    /// The minimizer without folds, in chart units; lines are first linearized about `initial`. With
+    /// [`Folding::Refused`] the result may have folds.
     pub(super) fn solve(
         &mut self,
         lines: &[GridLine],
-        start: Option<GridMesh>,
+        initial: Option<GridMesh>,
         folding: Folding,
         run: &Run,
     ) -> Result<(GridMesh, SolveReport), EnergyError> {
-        let mut sound = start.unwrap_or_else(|| self.mesh(self.rest()));
+        let mut sound = initial.unwrap_or_else(|| self.mesh(self.rest()));
         if sound.folded_cells() > 0 {
             sound = self.mesh(self.rest());
         }
         let mut lines = lines.to_vec();
         let mut cells = self.conformality(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
-        for _ in 0..FOLD_ROUNDS {
+        for _ in 0..MAX_FOLD_ITERATIONS {
             let found = self.straightened(&lines, &cells, &sound, self.weights.rounds, &mut report.iterations, run)?;
             let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
@@ -173,15 +182,15 @@ impl Sheet {
             }
             sound = drawn_back(&sound, &found);
             let touched = self.around(&folded);
-            cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= STIFFER);
+            cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= FOLD_STIFFENING);
             for line in &mut lines {
-                line.let_go(&touched);
+                line.relax_extensions(&touched);
             }
         }
         Ok((sound, report))
     }
 
-    /// The sheet after a small change of the lines, from the one before it; `None` where it would fold.
+    /// The solution after a small change of the lines, from the previous one; `None` if it folds.
     pub(super) fn follow(
         &mut self,
         lines: &[GridLine],
@@ -189,39 +198,40 @@ impl Sheet {
         run: &Run,
     ) -> Result<Option<GridMesh>, EnergyError> {
         let cells = self.conformality(lines);
-        let mesh = self.straightened(lines, &cells, before, FOLLOWING, &mut 0, run)?;
+        let mesh = self.straightened(lines, &cells, before, FOLLOW_ITERATIONS, &mut 0, run)?;
         Ok((mesh.folded_cells() == 0).then_some(mesh))
     }
 
     /// `w_c w²` of each cell.
     fn conformality(&self, lines: &[GridLine]) -> Vec<f64> {
         let weights = self.base.with_ends(&self.sphere, lines);
-        let shown = |(w, inside): (&f64, &bool)| self.weights.conformality * if *inside { w * w } else { OUTSIDE };
+        let shown =
+            |(w, inside): (&f64, &bool)| self.weights.conformality * if *inside { w * w } else { OUTSIDE_WEIGHT };
         weights.0.iter().zip(&self.sphere.inside).map(shown).collect()
     }
 
-    /// Rounds from `start` until one moves no vertex by more than [`STILL`].
+    /// Iterates from `initial` until no vertex moves by more than [`STEP_TOLERANCE`].
     fn straightened(
         &mut self,
         lines: &[GridLine],
         cells: &[f64],
-        start: &GridMesh,
+        initial: &GridMesh,
         rounds: usize,
         iterations: &mut usize,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
-        let still = STILL * self.sphere.cell();
+        let tolerance = STEP_TOLERANCE * self.sphere.cell();
         let free = lines.iter().any(|line| line.normal.is_none());
-        let (mut mesh, mut before) = (start.clone(), f64::INFINITY);
+        let (mut mesh, mut before) = (initial.clone(), f64::INFINITY);
         for k in 0..rounds.max(1) {
             run.step(k as f64 / rounds.max(1) as f64)?;
-            let mut next = self.round(lines, cells, &mesh, run)?;
+            let mut next = self.linearized_solve(lines, cells, &mesh, run)?;
             *iterations += 1;
             let moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
-            if !free || !(moved > still) {
+            if !free || !(moved > tolerance) {
                 return Ok(next);
             }
-            if moved > UNSETTLED * before {
+            if moved > DIVERGENCE_RATIO * before {
                 next.vertices.iter_mut().zip(&mesh.vertices).for_each(|(b, a)| *b = nalgebra::center(a, b));
             }
             (mesh, before) = (next, moved);
@@ -230,7 +240,7 @@ impl Sheet {
     }
 
     /// The minimizer of the energy linearized about `mesh`.
-    fn round(
+    fn linearized_solve(
         &mut self,
         lines: &[GridLine],
         cells: &[f64],
@@ -242,16 +252,16 @@ impl Sheet {
         self.add_cells(cells);
         self.add_lines(lines, mesh);
         self.add_faces(offsets);
-        self.add_pull();
+        self.add_regularization();
         let rest = self.rest();
         let pairs = |x: &[f64]| x.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect::<Vec<_>>();
         let mut found = pairs(self.energy.minimize(run)?);
         if lines.iter().all(|line| line.normal.is_none()) {
             let aside: Vec<f64> = rest.iter().flat_map(|s| [-s.y, s.x]).collect();
             let answer = pairs(&self.energy.response(&aside));
-            let turn = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| s.perp(a)).sum::<f64>();
-            let share = turn(&found) / turn(&answer);
-            found.iter_mut().zip(answer).for_each(|(u, a)| *u -= share * a);
+            let rotation = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| s.perp(a)).sum::<f64>();
+            let factor = rotation(&found) / rotation(&answer);
+            found.iter_mut().zip(answer).for_each(|(u, a)| *u -= factor * a);
         }
         let dot = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| a.dot(s)).sum::<f64>();
         let scale = dot(&rest) / dot(&found);
@@ -285,7 +295,7 @@ impl Sheet {
             form.iter_mut().zip(parts).for_each(|(form, (c, m))| *form = w * c + smooth * m);
             self.energy.add_form(cell, &form);
         }
-        for element in self.smooth..self.pull {
+        for element in self.smooth..self.regularization {
             self.energy.add(element, smooth, &[1.0, -2.0, 1.0], 0.0);
         }
     }
@@ -295,12 +305,12 @@ impl Sheet {
         for line in lines {
             let offset = first;
             first += line.offsets();
-            let Some(lie) = line.lie(mesh) else { continue };
+            let Some(position) = line.position(mesh) else { continue };
             for (k, vertex) in line.vertices.iter().enumerate() {
                 let w = self.weights.straightness * line.weights[k];
                 let mut a = [0.0; 8];
-                place(&mut a, vertex, lie.normal.x, lie.normal.y);
-                let s = lie.along[k];
+                point_coefficients(&mut a, vertex, position.normal.x, position.normal.y);
+                let s = position.along[k];
                 let shared = [(offset, s - 1.0), (first - 1, -s)];
                 self.energy.add_shared(vertex.cell, w, &a, &shared[..], 0.0);
             }
@@ -313,7 +323,7 @@ impl Sheet {
             for (vertex, t) in &face.points {
                 for (x, y, unknowns) in [(1.0, 0.0, [-t.x, t.y, -1.0, 0.0]), (0.0, 1.0, [-t.y, -t.x, 0.0, -1.0])] {
                     let mut a = [0.0; 8];
-                    place(&mut a, vertex, x, y);
+                    point_coefficients(&mut a, vertex, x, y);
                     let shared = [0, 1, 2, 3].map(|k| (at + k, unknowns[k]));
                     self.energy.add_shared(vertex.cell, w, &a, &shared, 0.0);
                 }
@@ -321,12 +331,12 @@ impl Sheet {
         }
     }
 
-    fn add_pull(&mut self) {
-        self.energy.add_everywhere(IDLE, 0.0);
+    fn add_regularization(&mut self) {
+        self.energy.add_everywhere(PIVOT_FLOOR, 0.0);
         for i in 0..self.sphere.grid.vertex_count() {
             let s = self.sphere.vertex(i);
-            self.energy.add(self.pull + 2 * i, PULL, &[1.0], s.x);
-            self.energy.add(self.pull + 2 * i + 1, PULL, &[1.0], s.y);
+            self.energy.add(self.regularization + 2 * i, REGULARIZATION, &[1.0], s.x);
+            self.energy.add(self.regularization + 2 * i + 1, REGULARIZATION, &[1.0], s.y);
         }
     }
 }
@@ -360,7 +370,7 @@ fn add_square(form: &mut [f64; 36], w: f64, a: &[f64; 8]) {
 }
 
 /// The coefficients of `x u_x + y u_y` at a point of a cell, over the coordinates of the cell's corners.
-fn place(a: &mut [f64], vertex: &CellPoint, x: f64, y: f64) {
+fn point_coefficients(a: &mut [f64], vertex: &CellPoint, x: f64, y: f64) {
     for (k, w) in Quad::weights(vertex.s, vertex.t).into_iter().enumerate() {
         (a[2 * k], a[2 * k + 1]) = (w * x, w * y);
     }
@@ -382,10 +392,11 @@ pub(super) fn halved(mesh: &GridMesh) -> GridMesh {
     GridMesh { cols, rows, vertices }
 }
 
-/// The sheet farthest on the straight way from a sheet without folds to another that has none either.
+/// The mesh without folds farthest along the straight path from `sound`, which has none, to `found`, by halving the
+/// step.
 pub(crate) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
     let mut mesh = sound.clone();
-    for k in 1..=BACKTRACKS {
+    for k in 1..=MAX_HALVINGS {
         let t = 0.5_f64.powi(k);
         for (i, v) in mesh.vertices.iter_mut().enumerate() {
             *v = sound.vertices[i] + t * (found.vertices[i] - sound.vertices[i]);
@@ -397,7 +408,8 @@ pub(crate) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
     sound.clone()
 }
 
-/// The unknowns of every element, each list ascending: cells, second differences, pulls; with the first of the two latter.
+/// The unknowns of every element, each list ascending: cells, second differences, regularization; and the first element
+/// of the latter two.
 fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, usize, usize) {
     let corners = |cell: usize| grid.corners(cell).into_iter().flat_map(|i| [2 * i, 2 * i + 1]);
     let mut list: Vec<Vec<usize>> = (0..grid.cell_count()).map(|cell| corners(cell).collect()).collect();
@@ -412,7 +424,7 @@ fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, usize, usize) {
             triple(grid.cols + 1);
         }
     }
-    let pull = list.len();
+    let regularization = list.len();
     list.extend((0..2 * grid.vertex_count()).map(|i| vec![i]));
-    (list, smooth, pull)
+    (list, smooth, regularization)
 }

@@ -7,19 +7,19 @@ use plumbline_camera::{Lens, Vec3};
 use plumbline_image::grid::{CellPoint, Grid};
 use plumbline_num::math::{Point2, PointMap, Rect, Vec2};
 
-/// Farthest from the center of the view that a stereographic chart reaches, rad: 110°, where it magnifies threefold.
+/// Largest angle from the view's center in a stereographic chart, rad: 110°, where it magnifies threefold.
 const MAX_ANGLE: f64 = 1.919_862_177;
-/// Farthest up and down that a Mercator chart reaches, rad: 75°, where it magnifies fourfold.
+/// Largest latitude in a Mercator chart, rad: 75°, where it magnifies fourfold.
 const MAX_LATITUDE: f64 = 1.308_996_939;
-/// Farthest to the sides that a Mercator chart reaches, rad: short of the direction behind, where it is cut.
+/// Largest longitude in a Mercator chart, rad: 1° short of the direction behind, where the chart is cut.
 const MAX_LONGITUDE: f64 = 3.12;
-/// How far the grid reaches beyond the picture on each side, as a share of its extent: the map is then sound on both sides of
-/// the border.
+/// Extension of the grid beyond the picture on each side, as a fraction of its extent: one cell of the default 48, so
+/// that the map is defined on both sides of the border.
 const EDGE: f64 = 0.02;
-/// Points along each side of the picture at which its field is looked for.
+/// Samples along each side of the picture at which its field is measured: two per cell of the default grid.
 const FIELD_SAMPLES: usize = 97;
 
-/// The part of the world that a view shows, as angles to either side of its center.
+/// Angular extent of a view, measured from its center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// To the left and to the right, rad, in (0, π].
@@ -28,15 +28,15 @@ pub struct Window {
     pub half_height: f64,
 }
 
-/// Chart, grid and what of it the picture shows.
+/// Chart, grid, and the cells that the picture covers.
 #[derive(Clone, Debug)]
 pub(super) struct SphereGrid {
     pub(super) chart: Chart,
-    /// Place of the grid's first vertex in the chart.
+    /// Position of the grid's first vertex in the chart.
     pub(super) origin: Vec2,
     /// Cells over the rectangle `[0, width] × [0, height]` of chart units from the origin on; cells are square.
     pub(super) grid: Grid,
-    /// Cells of which the picture shows a part.
+    /// Cells that the picture covers at least partly.
     pub(super) inside: Vec<bool>,
 }
 
@@ -64,12 +64,12 @@ impl SphereGrid {
         fine
     }
 
-    /// Place of vertex `i` in the chart.
+    /// Position of vertex `i` in the chart.
     pub(super) fn vertex(&self, i: usize) -> Vec2 {
         self.origin + self.grid.vertex(i).coords
     }
 
-    /// The cell of a place in the chart.
+    /// The cell of a position in the chart.
     pub(super) fn locate(&self, s: Vec2) -> Option<CellPoint> {
         self.grid.locate(Point2::from(s - self.origin))
     }
@@ -101,7 +101,7 @@ impl SphereGrid {
     }
 }
 
-/// The stereographic chart where it reaches, Mercator's beyond.
+/// The stereographic chart up to [`MAX_ANGLE`], the Mercator chart beyond.
 pub(super) fn chart_for(view_from_camera: nalgebra::Rotation3<f64>, window: Option<Window>) -> Chart {
     match window {
         Some(window) if window.half_width.hypot(window.half_height) > MAX_ANGLE => Chart::mercator(view_from_camera),
@@ -137,7 +137,7 @@ fn reachable(ray_in_view: &Vec3, window: Option<Window>) -> bool {
     }
 }
 
-/// From the grid's rectangle to the picture: chart, turn of the view, lens.
+/// From the grid's rectangle to the picture: chart, rotation of the view, lens.
 #[derive(Clone, Debug)]
 pub(super) struct SourceFromGrid {
     pub(super) lens: Lens,
@@ -162,7 +162,7 @@ impl PointMap for SourceFromGrid {
     fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
         let e = 1e-6;
         let slope = |d: Vec2| Some((self.ray(p + d)? - self.ray(p - d)?) / (2.0 * e));
-        let by_place = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
-        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_place)
+        let by_position = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
+        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_position)
     }
 }

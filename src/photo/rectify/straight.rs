@@ -1,22 +1,23 @@
-//! Marked lines as the energy sees them: virtual vertices, and what keeps them on a straight line.
+//! Straight-line terms of the energy: virtual vertices of the marked lines and their residuals.
 //!
-//! A line is cut into *virtual vertices* `u_k`, points of the grid that move with the corners of their cells: the marked
-//! points themselves, and between them points of the great circle through each two, half a cell apart at most. They lie on a
-//! straight line with normal `N` where, with `s_k` the place of each along it, 0 at the first marked point and 1 at the last,
+//! A line is cut into *virtual vertices* `u_k`, points of the grid that move with the corners of their cells: the
+//! marked points themselves, and between them points of the great circle through each two, half a cell apart at most.
+//! They position on a straight line with normal `N` where, with `s_k` the position of each along it, 0 at the first marked
+//! point and 1 at the last,
 //!
 //! ```text
 //! r_k = N·u_k − (1 − s_k) q₀ − s_k q₁ = 0          unknown: q₀, q₁, the offsets of the line's ends
 //! ```
 //!
 //! About a straight configuration this agrees to first order with the distance from the best line, for *every* motion:
-//! vertices slide along the line where `N` does not see them, and the line turns with `q₀` and `q₁`. So each solve is a
-//! Gauss–Newton step, and three or four of them are enough. (The paper alternates between a step that fixes `N` and lets
-//! points slide, and a step that fixes the `s_k` and lets the line turn; where lines have to turn, that creeps.) A given
-//! orientation gives `N`, and `q₀ = q₁`: linear, and exact at once.
+//! vertices slide along the line where `N` does not see them, and the line rotates with `q₀` and `q₁`. Each solve is a
+//! Gauss–Newton step; three or four suffice. (The paper alternates between fixing `N` and fixing the `s_k`, which
+//! converges slowly where lines must rotate.) A given orientation fixes `N`, and `q₀ = q₁`: linear, and exact in one
+//! solve.
 //!
-//! **Beyond the ends** a scene's edge mostly goes on, and a picture in which it bends where a mark happens to stop looks
-//! broken. So the line is continued along its great circle at both ends, with a weight that falls by `e` over a share of the
-//! line's length. Marks that do not lie on one great circle say that lens or marks are off there; they are not continued.
+//! **Beyond the ends** an edge of the scene usually continues, and a bend at the end of the mark would be visible. The
+//! line is extended along its great circle at both ends, with a weight that decays by `e` over a fraction of the line's
+//! length. Marks that deviate from a great circle indicate an error of lens or marks; they are not extended.
 //!
 //! # Reference
 //! Carroll et al. 2009, section 4.2.
@@ -28,21 +29,24 @@ use plumbline_camera::{Lens, Vec3};
 use plumbline_image::grid::{CellPoint, GridMesh};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
-/// Largest distance of virtual vertices, cells.
+/// Maximum distance of virtual vertices, cells: two per cell see the curvature of a bilinear map, more only repeat
+/// them.
 const SPACING: f64 = 0.5;
-/// Share of a line's length over which the weight of its continuation falls by `e`.
-const FADE: f64 = 0.018;
-/// A continuation ends where its weight has fallen to this: conformality outweighs it by then.
-const FAINT: f64 = 1e-6;
-/// What is left of the weight of a continuation each time it is let go.
-const LET_GO: f64 = 0.01;
-/// Marks that leave their great circle by more than this share of their length are not continued.
-const OFF_CIRCLE: f64 = 0.01;
+/// Fraction of a line's length over which the weight of its extension falls by `e`; the extension then ends after a
+/// quarter of the length.
+const EXTENSION_DECAY: f64 = 0.018;
+/// Weight at which an extension ends: with the default line weight of 10⁴ conformality outweighs it.
+const MIN_EXTENSION_WEIGHT: f64 = 1e-6;
+/// Factor on the weight of an extension each time it meets a folded cell.
+const RELAXATION: f64 = 0.01;
+/// Largest deviation of marks from their great circle, as a fraction of their length, for which the line is extended:
+/// at 1 % the extrapolated direction is wrong by about half a degree.
+const MAX_CIRCLE_DEVIATION: f64 = 0.01;
 
 /// A line on the grid.
 #[derive(Clone, Debug)]
 pub(super) struct GridLine {
-    /// The virtual vertices: those of the marked part in order, then those of its continuations.
+    /// The virtual vertices: those of the marked part in order, then those of its extensions.
     pub(super) vertices: Vec<CellPoint>,
     /// Weight of each, relative to the marked ones'.
     pub(super) weights: Vec<f64>,
@@ -52,9 +56,9 @@ pub(super) struct GridLine {
     pub(super) normal: Option<Vec2>,
 }
 
-/// Where a line lies at present.
+/// Normal and parametrization of a line on the current mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Lie {
+pub(super) struct LinePosition {
     /// `N`.
     pub(super) normal: Vec2,
     /// `s_k`.
@@ -65,12 +69,12 @@ impl GridLine {
     /// The part of `line` that the grid holds; `None` where that is less than two points.
     pub(super) fn new(line: &Line, lens: &Lens, sphere: &SphereGrid) -> Option<Self> {
         let rays: Vec<Option<Vec3>> = line.points.iter().map(|p| lens.unproject(*p)).collect();
-        let place = |ray: &Vec3| sphere.locate(sphere.chart.at(ray)?);
+        let vertex = |ray: &Vec3| sphere.locate(sphere.chart.at(ray)?);
         let mut vertices = Vec::new();
         for (k, ray) in rays.iter().enumerate() {
-            vertices.extend(ray.as_ref().and_then(place));
+            vertices.extend(ray.as_ref().and_then(vertex));
             if let (Some(from), Some(Some(to))) = (ray, rays.get(k + 1)) {
-                vertices.extend(between(from, to, sphere).iter().filter_map(place));
+                vertices.extend(between(from, to, sphere).iter().filter_map(vertex));
             }
         }
         let normal = match line.orientation {
@@ -82,8 +86,8 @@ impl GridLine {
         let marked = vertices.len();
         let mut weights = vec![1.0; marked];
         let rays: Vec<Vec3> = rays.into_iter().flatten().collect();
-        for (ray, weight) in continued(&rays, lens, sphere) {
-            if let Some(vertex) = place(&ray) {
+        for (ray, weight) in extensions(&rays, lens, sphere) {
+            if let Some(vertex) = vertex(&ray) {
                 vertices.push(vertex);
                 weights.push(weight);
             }
@@ -96,10 +100,10 @@ impl GridLine {
         [self.vertices[0], self.vertices[self.marked - 1]]
     }
 
-    /// Lets go of the continuations where one of them meets these cells.
-    pub(super) fn let_go(&mut self, cells: &[bool]) {
+    /// Relaxes the extensions where one of them meets these cells.
+    pub(super) fn relax_extensions(&mut self, cells: &[bool]) {
         if self.vertices[self.marked..].iter().any(|p| cells[p.cell]) {
-            self.weights[self.marked..].iter_mut().for_each(|w| *w *= LET_GO);
+            self.weights[self.marked..].iter_mut().for_each(|w| *w *= RELAXATION);
         }
     }
 
@@ -108,22 +112,22 @@ impl GridLine {
         if self.normal.is_some() { 1 } else { 2 }
     }
 
-    /// Where it lies on a mesh; `None` where it has shrunk to a point.
-    pub(super) fn lie(&self, mesh: &GridMesh) -> Option<Lie> {
+    /// Its normal and parametrization on a mesh; `None` where it has shrunk to a point.
+    pub(super) fn position(&self, mesh: &GridMesh) -> Option<LinePosition> {
         if let Some(normal) = self.normal {
-            return Some(Lie { normal, along: vec![0.0; self.vertices.len()] });
+            return Some(LinePosition { normal, along: vec![0.0; self.vertices.len()] });
         }
         let at: Vec<Point2> = self.vertices.iter().map(|p| mesh.at(*p)).collect();
         let line = FittedLine::through(&at[..self.marked])?;
         let (first, last) = (line.along(at[0]), line.along(at[self.marked - 1]));
         let along = at.iter().map(|p| (line.along(*p) - first) / (last - first)).collect();
-        (last > first).then(|| Lie { normal: line.normal(), along })
+        (last > first).then(|| LinePosition { normal: line.normal(), along })
     }
 }
 
-/// The four sides of the picture as lines: the upper and the lower one level, the others upright, so that together they are a
-/// rectangle (the aim of K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, SIGGRAPH 2013, section 4).
-/// `None` where a part of a side shows nothing, or lies outside the grid.
+/// The four sides of the picture as lines: top and bottom horizontal, left and right vertical, so that they form a
+/// rectangle (the aim of K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, SIGGRAPH 2013, section
+/// 4). `None` if the lens does not see a part of a side, or the grid does not contain it.
 pub(super) fn sides(lens: &Lens, sphere: &SphereGrid) -> Option<Vec<GridLine>> {
     let picture = Rect::of_size(lens.size.0, lens.size.1);
     let steps = 2 * sphere.grid.cols.max(sphere.grid.rows);
@@ -162,7 +166,7 @@ fn between(from: &Vec3, to: &Vec3, sphere: &SphereGrid) -> Vec<Vec3> {
 }
 
 /// Directions beyond both ends of marked ones, along their great circle, as far as the picture shows it, with their weights.
-fn continued(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64)> {
+fn extensions(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64)> {
     let Some((normal, length)) = circle(rays) else { return Vec::new() };
     let picture = Rect::of_size(lens.size.0, lens.size.1);
     let mut beyond = Vec::new();
@@ -171,12 +175,13 @@ fn continued(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64)
         let ahead = normal.cross(&foot) * forward;
         let step = SPACING * sphere.cell() / stretch(sphere, &foot);
         let mut angle = step;
-        while (-angle / (FADE * length)).exp() > FAINT && angle < std::f64::consts::FRAC_PI_2 {
+        while (-angle / (EXTENSION_DECAY * length)).exp() > MIN_EXTENSION_WEIGHT && angle < std::f64::consts::FRAC_PI_2
+        {
             let ray = foot * angle.cos() + ahead * angle.sin();
             if !lens.project(&ray).is_some_and(|p| picture.contains(p)) {
                 break;
             }
-            beyond.push((ray, (-angle / (FADE * length)).exp()));
+            beyond.push((ray, (-angle / (EXTENSION_DECAY * length)).exp()));
             angle += step;
         }
     }
@@ -184,7 +189,7 @@ fn continued(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64)
 }
 
 /// Unit normal of the great circle through directions, about which the first turns towards the last, and their extent, rad;
-/// `None` where they do not lie on one.
+/// `None` where they do not position on one.
 fn circle(rays: &[Vec3]) -> Option<(Vec3, f64)> {
     let (first, last) = (rays.first()?, rays.last()?);
     let length = first.angle(last);
@@ -198,10 +203,10 @@ fn circle(rays: &[Vec3]) -> Option<(Vec3, f64)> {
         normal * normal.dot(&chord).signum()
     };
     let off = rays.iter().map(|r| normal.dot(r).abs()).fold(0.0, f64::max);
-    (off <= OFF_CIRCLE * length).then_some((normal, length))
+    (off <= MAX_CIRCLE_DEVIATION * length).then_some((normal, length))
 }
 
-/// Length in the chart of an angle on the sphere, at a direction.
+/// Scale of the chart at a direction: chart length per angle on the sphere.
 fn stretch(sphere: &SphereGrid, ray: &Vec3) -> f64 {
     let aside = ray.cross(&Vec3::ith(ray.iamin(), 1.0)).normalize() * 1e-4;
     let ends = [ray + aside, ray - aside].map(|r| sphere.chart.at(&r));

@@ -52,7 +52,7 @@ fn room(lens: &Lens) -> Vec<Line> {
 }
 
 fn input<'a>(lens: &'a Lens, lines: &'a [Line], faces: &'a [Rect]) -> RectifyInput<'a> {
-    RectifyInput { lens, lines, faces, salience: None }
+    RectifyInput { lens, lines, faces, saliency: None }
 }
 
 /// Largest residual `e_v − R e_u` of a map in the middles of cells, relative to the cells: the Cauchy–Riemann equations

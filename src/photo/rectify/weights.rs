@@ -1,7 +1,7 @@
-//! Where distortion shows: line ends, salient places, faces.
+//! Cell weights: distortion is visible at line ends, salient regions and faces.
 //!
 //! ```text
-//! w = 1 + 2 w_L + 2 w_S + 4 w_F,    w_L: Gaussians about the ends of lines,  w_S: salience in [0, 1],  w_F: 1 in a face
+//! w = 1 + 2 w_L + 2 w_S + 4 w_F,    w_L: Gaussians about the ends of lines,  w_S: saliency in [0, 1],  w_F: 1 in a face
 //! ```
 //!
 //! # Reference
@@ -14,25 +14,27 @@ use plumbline_image::Plane;
 use plumbline_image::grid::{CellPoint, Quad};
 use plumbline_num::math::{Point2, PointMap, Rect, Vec2};
 
-/// Spread of the weight about the end of a line, as a share of the grid's longer side.
+/// Standard deviation of the Gaussian about the end of a line, as a fraction of the grid's longer side: two cells of
+/// the default grid.
 const END_SPREAD: f64 = 0.04;
-/// How far the weight about an end reaches, spreads: it has fallen to 4e-4 there.
+/// Cutoff of that Gaussian, standard deviations: it has fallen to 3e-4.
 const END_REACH: f64 = 4.0;
-/// Points along each side of a face box.
+/// Points along each side of a face box: more than one per cell for faces up to an eighth of the picture.
 const FACE_POINTS: usize = 7;
 
 /// `w` of each cell.
 #[derive(Clone, Debug)]
 pub(super) struct CellWeights(pub(super) Vec<f64>);
 
-/// A face box: points of the grid, and where one sees them who looks straight at the middle of the box, in rad.
+/// A face box: points of the grid, and their perspective image about the axis through the middle of the box, in units
+/// of its distance.
 #[derive(Clone, Debug)]
 pub(super) struct FaceTarget {
     pub(super) points: Vec<(CellPoint, Vec2)>,
 }
 
 impl FaceTarget {
-    /// The target of a box, source px; `None` where the view shows less than half of it.
+    /// The target of a box, source px; `None` if the view shows less than half of it.
     pub(super) fn new(face: &Rect, lens: &Lens, sphere: &SphereGrid) -> Option<Self> {
         let axis = lens.unproject(face.center())?;
         let right = Vec3::y().cross(&axis).try_normalize(1e-9)?;
@@ -41,8 +43,8 @@ impl FaceTarget {
             let at = |k: usize| k as f64 / (FACE_POINTS - 1) as f64;
             let ray = lens.unproject(face.at(at(k % FACE_POINTS), at(k / FACE_POINTS)))?;
             let depth = ray.dot(&axis);
-            let place = sphere.locate(sphere.chart.at(&ray)?)?;
-            (depth > 0.0).then(|| (place, Vec2::new(ray.dot(&right), ray.dot(&down)) / depth))
+            let point = sphere.locate(sphere.chart.at(&ray)?)?;
+            (depth > 0.0).then(|| (point, Vec2::new(ray.dot(&right), ray.dot(&down)) / depth))
         };
         let points: Vec<_> = (0..FACE_POINTS * FACE_POINTS).filter_map(point).collect();
         (2 * points.len() >= FACE_POINTS * FACE_POINTS).then_some(Self { points })
@@ -50,13 +52,13 @@ impl FaceTarget {
 }
 
 impl CellWeights {
-    /// The weights of a view without its lines; `salience` covers the picture at any resolution, in [0, 1].
-    pub(super) fn new(sphere: &SphereGrid, lens: &Lens, faces: &[Rect], salience: Option<&Plane<f32>>) -> Self {
+    /// The weights of a view without its lines; `saliency` covers the picture at any resolution, in [0, 1].
+    pub(super) fn new(sphere: &SphereGrid, lens: &Lens, faces: &[Rect], saliency: Option<&Plane<f32>>) -> Self {
         let source = sphere.source(lens);
         let weight = |cell: usize| {
             let Some(p) = source.map(middle(sphere, cell)) else { return 1.0 };
             let w_f = f64::from(u8::from(faces.iter().any(|face| face.contains(p))));
-            let w_s = salience.map_or(0.0, |plane| sampled(plane, p, lens.size));
+            let w_s = saliency.map_or(0.0, |plane| sampled(plane, p, lens.size));
             1.0 + 2.0 * w_s + 4.0 * w_f
         };
         Self((0..sphere.grid.cell_count()).map(weight).collect())

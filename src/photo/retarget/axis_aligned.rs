@@ -8,11 +8,11 @@
 //!                                                 m s_x ≤ a_c ≤ M,   m s_y ≤ d_r ≤ M:
 //! ```
 //!
-//! cells that matter want equal scale both ways. `s_x`, `s_y` are the scales of the plain resize, hats the last solution of a
-//! few. The program is convex, has one unknown per row and column, and always a solution without folds whose border is exact:
-//! it works for any size, and scale-and-stretch starts from it. Equal weights give the plain resize. The paper has no
-//! denominators: a cell then distorts the less the smaller it is, so that squeezing what matters little costs too little
-//! beside shrinking what matters both ways.
+//! cells that matter want equal scale both ways. `s_x`, `s_y` are the scales of the plain resize, hats the last
+//! solution of a few. The program is convex, has one unknown per row and column, and always a solution without folds
+//! whose border is exact: it works for any size and is the initial guess of scale-and-stretch. Equal weights give the
+//! plain resize. The paper has no denominators: a cell then distorts the less the smaller it is, so that squeezing what
+//! matters little costs too little beside shrinking what matters both ways.
 //!
 //! # Reference
 //! D. Panozzo, O. Weber, O. Sorkine, *Robust image retargeting via axis-aligned deformation*, Computer Graphics Forum
@@ -24,7 +24,8 @@ use plumbline_num::math::Point2;
 use plumbline_num::optim::qp::{Affine, QuadraticProgram};
 use plumbline_num::run::Run;
 
-/// Times that cells are weighed by their size of the last solution. The first moves most, the fourth a few percent.
+/// Iterations of the division by the cells' current size. The first changes the result most, the fourth by a few
+/// percent.
 const REWEIGHTINGS: usize = 4;
 
 /// The grid with rows and columns resized so that the whole is `size` px, none out of bounds.
@@ -41,17 +42,17 @@ pub(super) fn axis_aligned(
     run: &Run,
 ) -> Result<GridMesh, RetargetError> {
     let (columns, rows) = scales(grid, weights, (size.0 / grid.width, size.1 / grid.height), bounds, run)?;
-    let (x, y) = (places(&columns, size.0), places(&rows, size.1));
+    let (x, y) = (positions(&columns, size.0), positions(&rows, size.1));
     let vertices = y.iter().flat_map(|&y| x.iter().map(move |&x| Point2::new(x, y))).collect();
     Ok(GridMesh { cols: grid.cols, rows: grid.rows, vertices })
 }
 
-/// What scales may be.
+/// Bounds of the scales.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// `m`: least scale relative to the plain resize along the axis.
+    /// `m`: minimum scale relative to the plain resize along the axis.
     pub(crate) least: f64,
-    /// `M`: largest scale relative to the larger of the plain resize, above 1.
+    /// `M`: maximum scale relative to the larger scale of the plain resize, above 1.
     pub(crate) most: f64,
 }
 
@@ -79,7 +80,7 @@ pub(crate) fn scales(
 fn program(grid: &Grid, weights: &[f64], (sx, sy): (f64, f64), bounds: Bounds) -> QuadraticProgram {
     let (cols, rows) = (grid.cols, grid.rows);
     let mut qp = QuadraticProgram::new(cols + rows);
-    // A common factor changes nothing but the solver's idea of small.
+    // A common factor only normalizes the solver's tolerances.
     let unit = 1.0 / (sx * sy).sqrt();
     for (cell, &w) in weights.iter().enumerate() {
         let (a, d) = (Affine::var(cell % cols), Affine::var(cols + cell / cols));
@@ -97,7 +98,7 @@ fn program(grid: &Grid, weights: &[f64], (sx, sy): (f64, f64), bounds: Bounds) -
     qp
 }
 
-/// Moves the last hair: nothing below `least`, mean 1.
+/// Removes the solver's tolerance: minimum `least`, mean 1 exactly.
 fn made_exact(scales: &[f64], least: f64) -> Vec<f64> {
     let above = |s: f64| (s - least).max(0.0);
     let sum: f64 = scales.iter().map(|&s| above(s)).sum();
@@ -105,15 +106,15 @@ fn made_exact(scales: &[f64], least: f64) -> Vec<f64> {
     scales.iter().map(|&s| if sum > 0.0 { least + above(s) * (room / sum) } else { 1.0 }).collect()
 }
 
-/// Where the lines between cells come to lie: from 0 to `extent`, both exact.
-pub(crate) fn places(scales: &[f64], extent: f64) -> Vec<f64> {
-    let share = extent / scales.len() as f64;
-    let mut places = vec![0.0; scales.len() + 1];
+/// Positions of the grid lines: from 0 to `extent`, both exact.
+pub(crate) fn positions(scales: &[f64], extent: f64) -> Vec<f64> {
+    let cell = extent / scales.len() as f64;
+    let mut positions = vec![0.0; scales.len() + 1];
     for (i, s) in scales.iter().enumerate() {
-        places[i + 1] = places[i] + s * share;
+        positions[i + 1] = positions[i] + s * cell;
     }
-    places[scales.len()] = extent;
-    places
+    positions[scales.len()] = extent;
+    positions
 }
 
 #[cfg(test)]

@@ -1,11 +1,13 @@
-//! New shapes for pictures: what matters keeps its proportions, lines stay straight, the rest gives way.
+//! Retargeting of pictures to another size: important objects keep their proportions, lines stay straight, the rest is
+//! resized.
 //!
 //! A grid is laid over the picture, or over the window that is kept of it where the change of shape is extreme
-//! (`window.rs`). Each cell weighs what the importance of its place says. Row heights and column widths give a
-//! start without folds (`axis_aligned.rs`), from which scale-and-stretch with straight lines descends
-//! (`scale_and_stretch.rs`, `straight.rs`). The border is exact and no cell folds, whatever the size.
+//! (`window.rs`). Each cell is weighted by its importance. Row heights and column widths give an initial guess without
+//! folds (`axis_aligned.rs`), which scale-and-stretch with straight lines refines (`scale_and_stretch.rs`,
+//! `straight.rs`). The border is exact and no cell folds, whatever the size.
 //!
-//! [`retarget`] is the one-line door; a [`Retargeter`] keeps what does not depend on the size, for a size that is dragged.
+//! [`retarget`] is the one-line call; a [`Retargeter`] keeps everything that does not depend on the size, for
+//! interactive resizing.
 
 pub(super) mod axis_aligned;
 mod error;
@@ -33,38 +35,39 @@ use straight::Straight;
 use virtual_points::virtual_points;
 pub(super) use window::{kept_share, strip_profile};
 
-/// Points at which a line is measured, besides those marked.
+/// Samples at which a line is measured, in addition to the marked points.
 const SAMPLES: usize = 64;
-/// A line off its wanted direction by more than this, rad, counts as one that could not be held: half a degree.
-const TURNED: f64 = 0.01;
+/// Angle error, rad, above which the constraint on a line's direction counts as failed: half a degree.
+const MAX_ANGLE_ERROR: f64 = 0.01;
 
-/// What a picture's new shape is made of.
+/// Options of [`retarget`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RetargetOptions {
-    /// Cells of the grid, about; 64 to 10 000. Fewer than 400 cannot follow small objects, more than 2000 take longer than a
-    /// frame of a display to re-solve.
+    /// Approximate number of grid cells, 64 to 10 000, default 1200. Fewer than 400 cannot follow small objects; more
+    /// than 2000 take longer than a display frame to re-solve.
     pub cells: usize,
-    /// Least scale of a cell relative to the plain resize, in (0, 1). At 0.1 unimportant strips all but vanish and what
-    /// texture they have shows it; at 0.8 hardly anything is left to be gained over the plain resize.
+    /// Minimum scale of a cell relative to the plain resize, above 0, below 1, default 0.3. At 0.1 unimportant strips
+    /// almost vanish and their texture shows it; at 0.8 the result hardly differs from the plain resize.
     pub least_scale: f64,
-    /// Scale beyond which cells resist being stretched, relative to the larger scale of the plain resize, ≥ 1. At 1.1 skies
-    /// hardly make room; at 3 they turn into streaks.
+    /// Scale above which cells resist stretching, relative to the larger scale of the plain resize, 1 to 1000, default
+    /// 2. At 1.1 skies hardly stretch; at 3 they become streaks.
     pub most_scale: f64,
-    /// How stiff grid lines are against turning, relative to a cell that matters fully; ≥ 0. At 0 important objects make the
-    /// picture around them bulge; at 10 and more rows and columns stay rows and columns.
+    /// Bending stiffness of grid lines relative to a cell of full importance, at least 0, default 0.3. At 0 the
+    /// surroundings of important objects bulge; from 10 on rows and columns stay straight.
     pub bending: f64,
-    /// Cells weigh their importance to this power, above 0. At 0.5 everything that has some texture resists alike and little
-    /// is gained; at 4 only what stands out most does.
+    /// Exponent of the importance, above 0 up to 8, default 1. At 0.5 all texture resists alike and little is gained;
+    /// at 4 only the most salient objects resist.
     pub contrast: f64,
-    /// Weight of faces relative to a cell that matters fully, ≥ 1.
+    /// Weight of faces relative to a cell of full importance, at least 1, default 10.
     pub face_weight: f64,
-    /// Changes of shape below this factor crop first; in [0, 1]. 0 never crops; at 0.4 backgrounds of upright cuts turn into
-    /// streaks, and towers and chair legs grow thin; at 0.6 the window cuts through what matters in two of ten photos when
-    /// a quarter of the width is left, at 0.7 more is cut away than needs to be. (Aspect ratio similarity, which counts all that
-    /// is cut away as lost, falls from .76 over .70 to .64 at 0.4, 0.5 and 0.6 for 9:16, from .52 over .47 to .43 for a quarter
-    /// of the width.)
+    /// Ratio of the scales along the two axes below which the picture is cropped before it is resized, 0 to 1, default
+    /// 0.5. 0 never crops; at 0.4 backgrounds of portrait outputs become streaks, and towers and chair legs thin; at
+    /// 0.6 the window cuts important objects in two of ten photos at a quarter of the width, at 0.7 more than necessary
+    /// is cropped. (Aspect ratio similarity, which counts everything cropped as lost, falls from .76 over .70 to .64 at
+    /// 0.4, 0.5 and 0.6 for 9:16, from .52 over .47 to .43 for a quarter of the width.)
     pub crop_below: f64,
-    /// Refine rows and columns by scale-and-stretch. Without, lines that are neither horizontal nor vertical may bend.
+    /// Refine rows and columns by scale-and-stretch, default true. Without it, lines that are neither horizontal nor
+    /// vertical may bend.
     pub refine: bool,
 }
 
@@ -103,9 +106,9 @@ pub struct Retargeted {
     pub warp: PhotoWarp,
     /// The part of the picture that the output shows, source px; the grid covers it.
     pub window: Rect,
-    /// The energy at the start and after every step; never rising.
+    /// The energy of the initial guess and after every step, non-increasing.
     pub energies: Vec<f64>,
-    /// Names of lines that could not be straight and were let go, so that the others could.
+    /// Names of lines whose constraint was dropped because it could not be met together with the others.
     pub released: Vec<String>,
 }
 
@@ -125,7 +128,7 @@ pub fn retarget(
     Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out, run)
 }
 
-/// A picture ready to be given any size.
+/// Retargets one picture to any size.
 #[derive(Debug)]
 pub struct Retargeter {
     source: (f64, f64),
@@ -146,7 +149,7 @@ struct Prepared {
     /// Lines in px of the window.
     lines: Vec<Line>,
     energy: ScaleAndStretch,
-    /// Numbers of lines let go.
+    /// Indices of lines whose constraint was dropped.
     released: Vec<usize>,
 }
 
@@ -235,11 +238,11 @@ impl Retargeter {
         let grid = grid_over(w, h, self.options.cells);
         let weights = self.weights(&window, &grid);
         let lines: Vec<Line> = self.lines.iter().map(|line| moved(line, -window.min.coords)).collect();
-        let held = lines.iter().enumerate().filter(|(i, _)| !released.contains(i));
+        let constrained = lines.iter().enumerate().filter(|(i, _)| !released.contains(i));
         let straight =
-            held.filter_map(|(_, line)| Straight::new(virtual_points(line, &grid), line.orientation)).collect();
+            constrained.filter_map(|(_, line)| Straight::new(virtual_points(line, &grid), line.orientation)).collect();
         let RetargetOptions { bending, least_scale: least, most_scale: most, .. } = self.options;
-        let settings = Settings { bending, least, most, rounds: ROUNDS, tolerance: TOLERANCE };
+        let settings = Settings { bending, least, most, max_iterations: MAX_ITERATIONS, tolerance: TOLERANCE };
         let energy = ScaleAndStretch::new(grid, weights.clone(), straight, settings)?;
         Ok(Prepared { window, grid, weights, lines, energy, released })
     }
@@ -264,7 +267,7 @@ impl Retargeter {
                 }
             }
         }
-        // Nothing at all would leave cells free to be anything; a mask may say so nevertheless.
+        // A mask may be zero; cells without weight would be undetermined.
         for w in &mut weights {
             *w = w.max(MIN_WEIGHT);
         }
@@ -272,14 +275,15 @@ impl Retargeter {
     }
 }
 
-/// Steps of the descent at most; most pictures take five to ten.
-const ROUNDS: usize = 25;
-/// The descent ends where a step gains less than this share of the energy: what is left to move is below a hundredth of a
+/// Maximum number of Gauss–Newton iterations; most pictures take five to ten.
+const MAX_ITERATIONS: usize = 25;
+/// Relative energy decrease per iteration below which the solver stops: the displacement left is below a hundredth of a
 /// cell.
 const TOLERANCE: f64 = 5e-4;
-/// How far the start may stretch beyond where strain sets in. At 1, a most scale of 1 would leave it no room.
-const START: f64 = 1.25;
-/// Least weight of a cell.
+/// Upper bound on the initial guess's scales relative to the scale where strain sets in. At 1, a maximum scale of 1
+/// would leave it no freedom.
+const INITIAL_STRETCH: f64 = 1.25;
+/// Minimum weight of a cell: keeps the energy definite where a mask gives no importance at all.
 const MIN_WEIGHT: f64 = 1e-3;
 
 pub(super) fn is_size((width, height): (usize, usize)) -> bool {
@@ -305,7 +309,7 @@ impl Prepared {
     ) -> Result<(GridMesh, Descent), RetargetError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
-        let bounds = Bounds { least: options.least_scale, most: START * options.most_scale };
+        let bounds = Bounds { least: options.least_scale, most: INITIAL_STRETCH * options.most_scale };
         let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds, run)? };
         if !options.refine {
             return Ok((mesh, Descent { energies: Vec::new(), converged: true }));
@@ -318,10 +322,10 @@ impl Prepared {
         self.lines.iter().map(|line| report(line, &self.grid, mesh)).collect()
     }
 
-    /// Numbers of the lines that are bent or turned and have not been let go yet. A free line can always be straight: while
-    /// one of given direction fails, it is to blame.
+    /// Indices of the constrained lines that are bent or have the wrong direction. A free line can always be straight:
+    /// while a line of given direction fails, only that one is dropped.
     fn bent(&self, reports: &[LineReport]) -> Vec<usize> {
-        let bent = |r: &LineReport| r.is_bent() || r.angle_error.is_some_and(|e| e.abs() > TURNED);
+        let bent = |r: &LineReport| r.is_bent() || r.angle_error.is_some_and(|e| e.abs() > MAX_ANGLE_ERROR);
         let failed = (0..reports.len()).filter(|&i| bent(&reports[i]) && !self.released.contains(&i));
         let (given, free): (Vec<usize>, Vec<usize>) = failed.partition(|&i| reports[i].angle_error.is_some());
         if given.is_empty() { free } else { given }
@@ -359,7 +363,7 @@ fn plain_resize(grid: &Grid, size: (f64, f64)) -> GridMesh {
     GridMesh { cols: grid.cols, rows: grid.rows, vertices: (0..grid.vertex_count()).map(vertex).collect() }
 }
 
-/// How a line lies in the output.
+/// The report on a line in the output.
 fn report(line: &Line, grid: &Grid, mesh: &GridMesh) -> LineReport {
     let samples = sampled(line);
     let shown: Vec<Point2> = samples.iter().filter_map(|&p| grid.locate(p)).map(|p| mesh.at(p)).collect();

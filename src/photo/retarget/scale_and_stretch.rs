@@ -14,18 +14,18 @@
 //! eliminated and the fixed point of the alternation is reached in one solve. (The paper's `l_e = |e'|/|e|` differs at second
 //! order of the deviation.)
 //!
-//! Three things are ours. The first sum is divided by the square of the cell's own size (geometric mean of its scales along x
-//! and y), and sideways deviations by the plain resize's: otherwise a cell distorts the less the smaller it is, and squeezing
-//! what matters little costs too little beside shrinking what matters both ways. *Strain* keeps cells from vanishing, turning
-//! over and becoming streaks: with `a` the scale of an edge,
+//! Three departures from the paper. The first sum is divided by the square of the cell's own size (geometric mean of
+//! its scales along x and y), and sideways deviations by the plain resize's: otherwise a cell distorts the less the
+//! smaller it is, and squeezing what matters little costs too little beside shrinking what matters both ways. *Strain*
+//! keeps cells from vanishing, turning over and becoming streaks: with `a` the scale of an edge,
 //!
 //! ```text
 //! κ Σ_f Σ_{e ∈ f} [2 m/a − 1]₊² + ς² x² (1 + 2x)²,      x = [a/M − 1]₊,
 //! ```
 //!
-//! rises without bound as an edge shortens towards nothing, steeply as it grows, and is zero between twice the least scale `m` and the largest, `M`.
-//! And `E` is minimized by Gauss–Newton steps from the axis-aligned start; a line search halves a step until `E` falls and no
-//! cell folds. Lines: see `straight.rs`.
+//! rises without bound as an edge shortens towards nothing, steeply as it grows, and is zero between twice the least
+//! scale `m` and the largest, `M`. `E` is minimized by Gauss–Newton steps from the axis-aligned initial guess, with a
+//! line search that halves a step until `E` decreases and no cell folds. Lines: see `straight.rs`.
 //!
 //! A plain resize of equal weights costs the same in every cell, hence is stationary; of one scale both ways it costs nothing.
 //!
@@ -34,7 +34,7 @@
 //! (SIGGRAPH Asia) 27 (2008), section 3.3.
 
 use super::RetargetError;
-use super::straight::{Lie, Straight};
+use super::straight::{LinePosition, Straight};
 use plumbline_image::grid::{Grid, GridMesh, Quad};
 use plumbline_num::energy::{Ordering, QuadraticEnergy};
 use plumbline_num::math::Point2;
@@ -44,12 +44,13 @@ use plumbline_num::run::Run;
 const STRAIN: f64 = 0.1;
 /// `ς`: at 0.1 skies turn into streaks, at 1 they hardly make room for what shrinks both ways.
 const STRETCH: f64 = 0.4;
-/// A cell's Jacobian may not fall below this share of its least area `m_x m_y |cell|`: rounding stays far from a fold.
+/// Lower bound on a cell's Jacobian, as a fraction of the minimum area `m_x m_y |cell|`: keeps the line search away
+/// from folds that rounding could produce.
 const MIN_DETERMINANT: f64 = 0.02;
-/// An energy below this is rounding: nothing is to be gained.
-const NOTHING: f64 = 1e-12;
-/// Halvings of a step before the mesh is taken for solved.
-const HALVINGS: usize = 20;
+/// Energy below which the initial mesh is optimal up to rounding.
+const NEGLIGIBLE_ENERGY: f64 = 1e-12;
+/// Maximum halvings of a step in the line search; after 20 the step is below 10⁻⁶ of a Gauss–Newton step.
+const MAX_HALVINGS: usize = 20;
 
 /// Weights and stopping.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,16 +61,16 @@ pub(super) struct Settings {
     pub(super) least: f64,
     /// `M` relative to the larger scale of the plain resize.
     pub(super) most: f64,
-    /// Steps at most.
-    pub(super) rounds: usize,
-    /// A step that lowers the energy by less than this share of it is the last.
+    /// Maximum number of iterations.
+    pub(super) max_iterations: usize,
+    /// Relative energy decrease per iteration below which the solver stops.
     pub(super) tolerance: f64,
 }
 
 /// How a minimization went.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Descent {
-    /// The energy at the start and after every step: never rising.
+    /// The energy of the initial mesh and after every step: non-increasing.
     pub(super) energies: Vec<f64>,
     /// True where the tolerance was reached.
     pub(super) converged: bool,
@@ -156,39 +157,39 @@ impl ScaleAndStretch {
     ) -> Result<Descent, RetargetError> {
         let scales = Scales::new(&self.grid, size, &self.settings);
         let mut energies = vec![self.cost(mesh, &scales)];
-        if energies[0] < NOTHING {
+        if energies[0] < NEGLIGIBLE_ENERGY {
             return Ok(Descent { energies, converged: true });
         }
         let mut trial = mesh.clone();
-        for round in 0..self.settings.rounds {
-            run.step(round as f64 / self.settings.rounds as f64)?;
+        for iteration in 0..self.settings.max_iterations {
+            run.step(iteration as f64 / self.settings.max_iterations as f64)?;
             self.assemble(mesh, &scales);
             self.energy.minimize(run)?;
-            let before = energies[round];
-            let mut share = 1.0;
-            let after = (0..HALVINGS).find_map(|_| {
-                self.moved(mesh, share, &mut trial);
-                share *= 0.5;
+            let before = energies[iteration];
+            let mut factor = 1.0;
+            let after = (0..MAX_HALVINGS).find_map(|_| {
+                self.moved(mesh, factor, &mut trial);
+                factor *= 0.5;
                 let cost = if scales.allow(&self.grid, &trial) { self.cost(&trial, &scales) } else { f64::NAN };
                 (cost < before).then_some(cost)
             });
             let Some(after) = after else { return Ok(Descent { energies, converged: true }) };
             mesh.copy_from(&trial);
             energies.push(after);
-            // A step cut short says nothing of how near the minimum is.
-            if share == 0.5 && before - after <= self.settings.tolerance * before {
+            // A shortened step does not measure the distance to the minimum.
+            if factor == 0.5 && before - after <= self.settings.tolerance * before {
                 return Ok(Descent { energies, converged: true });
             }
         }
         Ok(Descent { energies, converged: false })
     }
 
-    /// `mesh` after `share` of the last step.
-    fn moved(&self, mesh: &GridMesh, share: f64, trial: &mut GridMesh) {
+    /// `mesh` after `factor` times the last step.
+    fn moved(&self, mesh: &GridMesh, factor: f64, trial: &mut GridMesh) {
         trial.copy_from(mesh);
         let step = self.energy.solution();
         for (i, v) in trial.vertices.iter_mut().enumerate() {
-            let by = |c: usize| self.unknown_of[c].map_or(0.0, |u| share * step[u as usize]);
+            let by = |c: usize| self.unknown_of[c].map_or(0.0, |u| factor * step[u as usize]);
             *v = Point2::new(v.x + by(2 * i), v.y + by(2 * i + 1));
         }
     }
@@ -222,8 +223,8 @@ impl ScaleAndStretch {
         }
         let mut element = self.grid.cell_count();
         for l in 0..self.lines.len() {
-            let lie = self.lines[l].lie(mesh);
-            self.add_line(l, lie.as_ref(), element, scales);
+            let position = self.lines[l].position(mesh);
+            self.add_line(l, position.as_ref(), element, scales);
             element += self.lines[l].points.len();
         }
     }
@@ -251,26 +252,26 @@ impl ScaleAndStretch {
     }
 
     /// The rows of a line's virtual vertices, whose elements start at `first`.
-    fn add_line(&mut self, l: usize, lie: Option<&Lie>, first: usize, scales: &Scales) {
+    fn add_line(&mut self, l: usize, position: Option<&LinePosition>, first: usize, scales: &Scales) {
         let unit = 1.0 / scales.cell_px;
         let weight = self.lines[l].weight();
         for k in 0..self.lines[l].points.len() {
             let point = self.lines[l].points[k];
             let mut a = [0.0; 8];
-            let Some(lie) = lie else {
-                // A line shrunk to a point asks nothing; its offsets are kept in place all the same.
+            let Some(position) = position else {
+                // A line shrunk to a point has no residual; its offsets are fixed to keep the system definite.
                 let offsets = [1.0, 1.0];
                 self.add_row(first + k, point.cell, 1.0, &a, &offsets[..self.lines[l].offsets()], 0.0);
                 continue;
             };
             for (corner, beta) in Quad::weights(point.s, point.t).into_iter().enumerate() {
-                a[2 * corner] = beta * lie.normal.x * unit;
-                a[2 * corner + 1] = beta * lie.normal.y * unit;
+                a[2 * corner] = beta * position.normal.x * unit;
+                a[2 * corner + 1] = beta * position.normal.y * unit;
             }
-            let s = lie.along[k];
+            let s = position.along[k];
             let offsets = if self.lines[l].offsets() == 1 { [-unit, 0.0] } else { [(s - 1.0) * unit, -s * unit] };
             let offsets = &offsets[..self.lines[l].offsets()];
-            self.add_row(first + k, point.cell, weight, &a, offsets, lie.off[k] * unit);
+            self.add_row(first + k, point.cell, weight, &a, offsets, position.off[k] * unit);
         }
     }
 

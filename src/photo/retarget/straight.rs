@@ -1,28 +1,29 @@
-//! Lines held straight: the distance of their virtual vertices from a straight line.
+//! Straight-line terms: distance of the virtual vertices from a straight line.
 //!
-//! A line of virtual vertices `u_k` with a given direction, normal `n`, is straight where all `n·u_k` equal one offset `q`:
-//! linear, and therefore exact in one solve. A free line is straight where the least-squares line through the `u_k` leaves
-//! no distances. With its normal `n` and the places `s_k` ∈ [0, 1] of the vertices along it,
+//! A line of virtual vertices `u_k` with a given direction, normal `n`, is straight where all `n·u_k` equal one offset
+//! `q`: linear, and therefore exact in one solve. A free line is straight where the least-squares line through the
+//! `u_k` leaves no distances. With its normal `n` and the positions `s_k` ∈ [0, 1] of the vertices along it,
 //!
 //! ```text
 //! r_k(u) = n·u_k − (1 − s_k) q₀ − s_k q₁
 //! ```
 //!
-//! is linear in the vertices and in the offsets `q₀`, `q₁` of the line's ends, which become unknowns of their own. About a
-//! straight configuration it agrees with the true distance to first order for *every* motion: vertices slide along the line
-//! where `n` does not see them, and the line turns with `q₀` and `q₁`. Carroll et al. alternate between a step that allows the one
-//! (direction kept) and a step that allows the other (places kept); this Gauss–Newton step allows both.
+//! is linear in the vertices and in the offsets `q₀`, `q₁` of the line's ends, which become unknowns of their own.
+//! About a straight configuration it agrees with the true distance to first order for *every* motion: vertices slide
+//! along the line where `n` does not see them, and the line rotates with `q₀` and `q₁`. Carroll et al. alternate
+//! between fixing the direction and fixing the positions; this Gauss–Newton step allows both.
 
 use crate::{FittedLine, Orientation};
 use plumbline_image::grid::{CellPoint, GridMesh};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Weight of a squared distance, in cells, of a line whose direction is given. Linear terms bear any weight: what is left of
-/// the distance is the pull of the cells over it, 1e-8 of a cell.
-const GIVEN: f64 = 1e8;
-/// The same of a free line. A tenth leaves lines of ten cells bent by a thousandth of their length; ten times as much makes
-/// steps short, because the line search sees the distances that turning leaves at second order.
-const FREE: f64 = 1e4;
+/// Weight of a squared distance, cells, for a line with a given direction. The term is linear, so that a large weight
+/// costs no iterations; the distance left is 1e-8 of a cell.
+const DIRECTED_LINE_WEIGHT: f64 = 1e8;
+/// Weight of a squared distance, cells, for a free line. A tenth leaves lines of ten cells bent by a thousandth of
+/// their length; ten times as much shortens the steps, because the line search sees the second-order distances that a
+/// rotation leaves.
+const FREE_LINE_WEIGHT: f64 = 1e4;
 
 /// A line as the solver sees it.
 #[derive(Clone, Debug)]
@@ -33,9 +34,9 @@ pub(super) struct Straight {
     normal: Option<Vec2>,
 }
 
-/// Where a line lies at present: normal, and per virtual vertex distance and place along.
+/// A line on the current mesh: normal, and per virtual vertex distance and position along it.
 #[derive(Clone, Debug)]
-pub(super) struct Lie {
+pub(super) struct LinePosition {
     pub(super) normal: Vec2,
     pub(super) off: Vec<f64>,
     pub(super) along: Vec<f64>,
@@ -60,26 +61,26 @@ impl Straight {
 
     /// Weight of its squared distances, in cells.
     pub(super) fn weight(&self) -> f64 {
-        if self.normal.is_some() { GIVEN } else { FREE }
+        if self.normal.is_some() { DIRECTED_LINE_WEIGHT } else { FREE_LINE_WEIGHT }
     }
 
     /// How it lies on a mesh; distances in the mesh's unit, places from 0 to 1. `None` where it has shrunk to a point.
-    pub(super) fn lie(&self, mesh: &GridMesh) -> Option<Lie> {
+    pub(super) fn position(&self, mesh: &GridMesh) -> Option<LinePosition> {
         let at: Vec<Point2> = self.points.iter().map(|&p| mesh.at(p)).collect();
         if let Some(normal) = self.normal {
             let mean = at.iter().map(|p| normal.dot(&p.coords)).sum::<f64>() / at.len() as f64;
             let off = at.iter().map(|p| normal.dot(&p.coords) - mean).collect();
-            return Some(Lie { normal, off, along: vec![0.0; at.len()] });
+            return Some(LinePosition { normal, off, along: vec![0.0; at.len()] });
         }
         let line = FittedLine::through(&at)?;
         let (first, last) = (line.along(at[0]), line.along(at[at.len() - 1]));
         let along = at.iter().map(|&p| (line.along(p) - first) / (last - first)).collect();
         let off = at.iter().map(|&p| line.off(p)).collect();
-        (last > first).then_some(Lie { normal: line.normal(), off, along })
+        (last > first).then_some(LinePosition { normal: line.normal(), off, along })
     }
 
     /// Sum of squared distances on a mesh, in the mesh's unit squared.
     pub(super) fn squared_distances(&self, mesh: &GridMesh) -> f64 {
-        self.lie(mesh).map_or(0.0, |lie| lie.off.iter().map(|d| d * d).sum())
+        self.position(mesh).map_or(0.0, |position| position.off.iter().map(|d| d * d).sum())
     }
 }

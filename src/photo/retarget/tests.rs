@@ -135,7 +135,7 @@ fn no_mesh_nearby_costs_less() {
         Retargeter::new(SOURCE, importance(8), lines, Vec::new(), RetargetOptions::default()).expect("sound");
     retargeter.solve((384, 420), &Run::default()).expect("sound");
     let prepared = retargeter.prepared.as_mut().expect("solved");
-    let settings = Settings { bending: 0.3, least: 0.3, most: 1.5, rounds: 200, tolerance: 1e-12 };
+    let settings = Settings { bending: 0.3, least: 0.3, most: 1.5, max_iterations: 200, tolerance: 1e-12 };
     let straight =
         prepared.lines.iter().filter_map(|l| Straight::new(virtual_points(l, &prepared.grid), l.orientation));
     let mut energy =

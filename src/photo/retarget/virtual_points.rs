@@ -13,8 +13,7 @@ use crate::Line;
 use plumbline_image::grid::{CellPoint, Grid};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
-/// Pieces shorter than this share of a cell are not worth two conditions: they would weigh a corner of a cell like a whole
-/// crossing.
+/// Minimum length of a piece, cells: shorter ones would weigh a corner of a cell like a whole crossing.
 const MIN_PIECE: f64 = 1e-3;
 
 /// The virtual vertices of a line in order, in cells of a grid laid over `[0, width] × [0, height]`; empty where the line

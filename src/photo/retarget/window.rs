@@ -7,13 +7,13 @@
 use plumbline_image::feature::Importance;
 use plumbline_num::math::{Point2, Rect};
 
-/// Importance counts to this power: a face outweighs a hundred times its area of sky.
+/// Exponent of importance in the profile: at 2 a face outweighs a hundred times its area of sky.
 const POWER: i32 = 2;
-/// Columns (or rows) that the importance is summed over.
+/// Resolution of the profile, columns or rows: window positions 1/400 of the side apart.
 const STRIPS: usize = 400;
-/// What it costs to cut through something, relative to what it would be worth to show as much again in full. At 0 the window
-/// may cut a person in two to show half a chair more.
-const CUT: f64 = 0.05;
+/// Cost of cutting through an object relative to the value of showing as much again in full. At 0 the window may cut a
+/// person in two to show half a chair more.
+const CUT_COST: f64 = 0.05;
 
 /// The part of the picture to keep, source px; the whole picture where `ρ ≥ least`.
 pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importance, least: f64) -> Rect {
@@ -61,7 +61,7 @@ fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     let total: f64 = profile.iter().sum();
     let worth = |first: usize| -> f64 {
         let inside: f64 = profile[first..first + length].iter().sum();
-        let cut = |strip: usize| profile[strip] * CUT * length as f64;
+        let cut = |strip: usize| profile[strip] * CUT_COST * length as f64;
         // The picture's own edges count alike: what stands there was cut by the camera.
         let cuts = cut(first) + cut(first + length - 1);
         let off_center = (first as f64 - 0.5 * (n - length) as f64).abs() / n as f64;

@@ -1,14 +1,14 @@
 //! Importance followed over time, moment by moment of a shot.
 //!
-//! What matters at a moment is what mattered about then, where it is now. With `I_j` the importance found at moment `j`,
+//! Importance at a moment is a temporal mean, motion compensated. With `I_j` the importance found at moment `j`,
 //! `M_{jk}` the camera's motion from moment `k` to `j`, `S_k` what shows the source and `g` a Gaussian of time,
 //!
 //! ```text
 //! Ī_k(q) = Σ_j g(t_j − t_k) I_j(M_{jk} S_k⁻¹ q) / Σ_j g(t_j − t_k),
 //! ```
 //!
-//! the sums over moments of the same shot in whose frame the point lies. What flickers is evened out, what stays in the scene
-//! stays however the camera shakes, and what is about to matter is known beforehand.
+//! the sums over moments of the same shot in whose frame the point lies. Flicker is averaged out, static objects keep
+//! their importance under camera shake, and coming objects are anticipated.
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ use plumbline_image::Plane;
 use plumbline_image::feature::Importance;
 use plumbline_num::math::{Homography, Point2, PointMap, Similarity2};
 
-/// Reach of the Gaussian, standard deviations.
-const REACH: f64 = 2.5;
+/// Cutoff of the Gaussian, standard deviations: its weight has fallen to 4 %.
+const CUTOFF: f64 = 2.5;
 
 /// The importance of a shot's moments.
 pub(super) struct Followed {
@@ -105,7 +105,7 @@ impl Followed {
 
 /// Moments within reach of moment `k`.
 fn near(times_s: &[f64], k: usize, sigma_s: f64) -> Range<usize> {
-    let within = |j: &usize| (times_s[*j] - times_s[k]).abs() <= REACH * sigma_s;
+    let within = |j: &usize| (times_s[*j] - times_s[k]).abs() <= CUTOFF * sigma_s;
     let first = (0..k).rev().take_while(within).last().unwrap_or(k);
     let last = (k..times_s.len()).take_while(within).last().unwrap_or(k);
     first..last + 1

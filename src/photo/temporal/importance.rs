@@ -3,7 +3,7 @@
 use plumbline_image::feature::Importance;
 use plumbline_num::math::Rect;
 
-/// Cells that a moment is kept in, about: 48 × 27 of a wide picture.
+/// Approximate number of cells per moment: 48 × 27 for a 16:9 picture.
 const CELLS: f64 = 1300.0;
 
 /// How much each place matters at moments of a clip: a grid of bytes each, over the whole picture of the source. An hour of

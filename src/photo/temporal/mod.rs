@@ -1,4 +1,5 @@
-//! New shapes for clips: what matters is followed, a window that moves smoothly keeps it, rows and columns give way around it.
+//! Retargeting of clips: importance is tracked, a smoothly moving window keeps it, and rows and columns resize around
+//! it.
 //!
 //! Everything here is axis-aligned, since rows and columns that stay straight cannot be seen to swim. A change of shape by the
 //! factor `ρ` is shared between a *window*, which cuts away the side that is squeezed more until the factor [`crop_below`] is
@@ -33,28 +34,31 @@ use plumbline_image::grid::Grid;
 use plumbline_num::math::{Homography, Point2, PointMap, Rect, Similarity2};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
-use window_path::Sight;
+use window_path::WindowScores;
 
-/// Cells of a grid, about. Half of what a still picture takes: fewer, broader rows and columns are calmer.
+/// Approximate number of grid cells: half that of a still picture, since fewer and broader rows and columns vary less
+/// over time.
 const CELLS: usize = 600;
-/// Strips of the profile over which the window slides.
+/// Strips of the importance profile over which the window slides: positions 1 % of the side apart.
 const STRIPS: usize = 96;
-/// Least weight of a cell, as for still pictures.
+/// Minimum weight of a cell, as for still pictures: keeps the program strictly convex.
 const MIN_WEIGHT: f64 = 1e-3;
 
-/// How a clip is given another shape.
+/// Options of [`retarget_clip`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipRetargetOptions {
-    /// Changes of shape below this factor crop first; in [0, 1]. Far higher than for still pictures: what moves through
-    /// columns of different width is seen to change its own.
+    /// Ratio of the scales along the two axes below which the clip is cropped before it is resized, 0 to 1, default
+    /// 0.8. Higher than for still pictures: objects that move through columns of different width visibly change theirs.
     pub crop_below: f64,
-    /// Least scale of a row or column relative to the plain resize, in (0, 1).
+    /// Minimum scale of a row or column relative to the plain resize, above 0, below 1, default 0.5.
     pub least_scale: f64,
-    /// Standard deviation, s, of the mean over time in which importance is followed, above 0.
+    /// Standard deviation of the temporal smoothing of importance, s, above 0 up to 60, default 0.4. Larger is calmer
+    /// and reacts later.
     pub follow_s: f64,
 }
 
-/// Largest scale of a row or column relative to the larger of the plain resize: more turns backgrounds into streaks.
+/// Maximum scale of a row or column relative to the larger scale of the plain resize: above, backgrounds become
+/// streaks.
 const MAX_SCALE: f64 = 2.0;
 
 impl Default for ClipRetargetOptions {
@@ -72,7 +76,7 @@ impl ClipRetargetOptions {
     }
 }
 
-/// What is known of a clip beside its importance.
+/// Size, times, shots and motion of a clip.
 #[derive(Clone, Copy)]
 pub struct ClipData<'a> {
     /// Width and height of the pictures that get the new shape, px: of the source, or of what steadies it.
@@ -106,7 +110,7 @@ impl std::fmt::Debug for ClipData<'_> {
 pub struct ClipGrids {
     source: (f64, f64),
     out: (usize, usize),
-    /// Part of width and height that a window keeps.
+    /// Fraction of width and height that a window keeps.
     share: (f64, f64),
     shots: Vec<ShotGrids>,
 }
@@ -140,11 +144,11 @@ struct ShotGrids {
     knots: Vec<Knot>,
 }
 
-/// What was solved at a moment: control points of the spline.
+/// The solution at a moment: control points of the spline.
 #[derive(Clone, Debug)]
 struct Knot {
     frame: usize,
-    /// Where the window starts along the axis that is cropped, as a share of the picture.
+    /// Start of the window along the cropped axis, as a fraction of the picture.
     start: f64,
     /// Scales of columns and of rows relative to the plain resize, mean 1.
     columns: Vec<f64>,
@@ -246,9 +250,9 @@ impl Shape {
         if kept >= 1.0 {
             return Ok(vec![0.0; followed.frames.len()]);
         }
-        let sight = |moment| Sight::new(&strip_profile(moment, self.along_x(), STRIPS), kept);
-        let sights: Vec<Sight> = followed.moments.iter().map(sight).collect();
-        Ok(window_path::window_path(&sights, &followed.times_s, kept, run)?)
+        let scores = |moment| WindowScores::new(&strip_profile(moment, self.along_x(), STRIPS), kept);
+        let scores: Vec<WindowScores> = followed.moments.iter().map(scores).collect();
+        Ok(window_path::window_path(&scores, &followed.times_s, kept, run)?)
     }
 }
 
@@ -276,8 +280,8 @@ impl ClipGrids {
         let window = shape.window(start);
         let px = |p: Point2| Point2::new(p.x * self.source.0, p.y * self.source.1);
         let window = Rect { min: px(window.min), max: px(window.max) };
-        let places = |scales: &[f64], extent| axis_aligned::places(scales, extent);
-        FrameGrid { window, x: places(&columns, out.0), y: places(&rows, out.1) }
+        let positions = |scales: &[f64], extent| axis_aligned::positions(scales, extent);
+        FrameGrid { window, x: positions(&columns, out.0), y: positions(&rows, out.1) }
     }
 }
 

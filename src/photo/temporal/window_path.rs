@@ -1,45 +1,46 @@
 //! The path of the window that is kept of a shot.
 //!
-//! First *what* is followed: of all courses over the places where the window can start, dynamic programming finds the one worth
-//! most, changes of place being paid for,
+//! First the target: of all sequences of window positions, dynamic programming finds the one with the highest score,
+//! with a cost for movement,
 //!
 //! ```text
 //! max  Σ_k (t_{k+1} − t_k) worth_k(p_k)  −  λ Σ_k (p_{k+1} − p_k)² / (t_{k+1} − t_k),
 //! ```
 //!
-//! so that the window does not jump between two things that matter alike. Then *how*: as an operator would, who lets the window
-//! rest while what matters moves a little in it, and moves it smoothly where it must move,
+//! so that the window does not jump between two equally important objects. Then the path: at rest while the target
+//! moves within a dead zone, smooth otherwise,
 //!
 //! ```text
 //! min  Σ_k e_k²  +  τ² Σ |c'|² ε  +  τ⁴ Σ |c''|²      s.t.  |c_k − p_k| ≤ δ + e_k,   0 ≤ c_k ≤ 1 − share,   |c'| ≤ v.
 //! ```
 //!
-//! Places and times are in shares of the picture and seconds.
+//! Positions are in fractions of the picture, times in seconds.
 
 use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
 use plumbline_num::run::Run;
 
-/// What importance at the border of a window counts for, relative to its middle.
-const BORDER: f64 = 0.3;
-/// Price λ of a change of place: crossing half of the picture in a second costs what a quarter of all that matters is worth.
-const CHANGE: f64 = 1.0;
-/// Part of the window by which what matters may stray from where the window is worth most, before the window moves.
-const REST: f64 = 0.06;
+/// Weight of importance at the border of a window relative to its middle: below 1, so that subjects are centered; above
+/// 0, so that those that fill the window still count.
+const BORDER_WEIGHT: f64 = 0.3;
+/// Cost λ of moving the window: crossing half of the picture in a second costs a quarter of the total importance.
+const MOVE_COST: f64 = 1.0;
+/// Distance, as a fraction of the window, by which the target may move before the window follows.
+const DEAD_ZONE: f64 = 0.06;
 /// Time constant τ of the path, s.
-const SMOOTH_S: f64 = 0.6;
-/// Part ε of the price of speed.
-const SPEED: f64 = 0.02;
-/// Fastest move, widths of the picture per second.
+const TIME_CONSTANT_S: f64 = 0.6;
+/// Relative weight ε of the speed term.
+const SPEED_WEIGHT: f64 = 0.02;
+/// Maximum speed, widths of the picture per second: a pan across the picture takes 2.5 s.
 const MAX_SPEED: f64 = 0.4;
 
-/// What each start of the window is worth at a moment, as a share of all that matters.
-pub(super) struct Sight {
+/// Score of each window position at a moment, as a fraction of the total importance.
+pub(super) struct WindowScores {
     worth: Vec<f64>,
 }
 
-impl Sight {
-    /// Of the importance of strips along the axis, of which a window keeps `share`. What lies in the window's middle counts
-    /// in full, what touches its border the part [`BORDER`]: a subject is not only kept, it stands in the middle.
+impl WindowScores {
+    /// Of the importance of strips along the axis, of which a window keeps `share`. Importance in the window's middle
+    /// counts in full, at its border [`BORDER_WEIGHT`] of it, so that subjects are centered.
     pub(super) fn new(profile: &[f64], share: f64) -> Self {
         let n = profile.len() as f64;
         let starts = ((1.0 - share) * n).round() as usize + 1;
@@ -49,7 +50,7 @@ impl Sight {
             let center = p as f64 * apart + 0.5 * share;
             let weight = |strip: usize| {
                 let off = ((strip as f64 + 0.5) / n - center).abs() / (0.5 * share);
-                if off <= 1.0 { 1.0 - (1.0 - BORDER) * off * off } else { 0.0 }
+                if off <= 1.0 { 1.0 - (1.0 - BORDER_WEIGHT) * off * off } else { 0.0 }
             };
             let inside: f64 = profile.iter().enumerate().map(|(strip, v)| v * weight(strip)).sum();
             let shown = if total > 0.0 { inside / total } else { 0.0 };
@@ -66,7 +67,12 @@ fn apart(starts: usize, share: f64) -> f64 {
 }
 
 /// Starts of the window at each moment, in `[0, 1 − share]`.
-pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
+pub(super) fn window_path(
+    sights: &[WindowScores],
+    times_s: &[f64],
+    share: f64,
+    run: &Run,
+) -> Result<Vec<f64>, QpError> {
     let strips = apart(sights[0].worth.len(), share);
     let wanted: Vec<f64> =
         course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - share)).collect();
@@ -77,15 +83,15 @@ pub(super) fn window_path(sights: &[Sight], times_s: &[f64], share: f64, run: &R
 }
 
 /// The course worth most, as indices of starts that lie `apart`.
-fn course(sights: &[Sight], times_s: &[f64], apart: f64) -> Vec<usize> {
+fn course(sights: &[WindowScores], times_s: &[f64], apart: f64) -> Vec<usize> {
     let places = sights[0].worth.len();
     let mut best = vec![0.0; places];
     let mut came_from: Vec<Vec<u16>> = Vec::with_capacity(sights.len());
-    for (k, sight) in sights.iter().enumerate() {
+    for (k, profile) in sights.iter().enumerate() {
         let lasts = lasting(times_s, k);
-        let price = if k == 0 { 0.0 } else { CHANGE * apart * apart / (times_s[k] - times_s[k - 1]).max(1e-3) };
+        let price = if k == 0 { 0.0 } else { MOVE_COST * apart * apart / (times_s[k] - times_s[k - 1]).max(1e-3) };
         let arrived: Vec<(f64, u16)> = (0..places).map(|p| arrival(&best, p, price)).collect();
-        best = arrived.iter().zip(&sight.worth).map(|((value, _), worth)| value + lasts * worth).collect();
+        best = arrived.iter().zip(&profile.worth).map(|((value, _), worth)| value + lasts * worth).collect();
         came_from.push(arrived.into_iter().map(|(_, from)| from).collect());
     }
     let mut at = (0..places).max_by(|a, b| best[*a].total_cmp(&best[*b])).unwrap_or(0);
@@ -97,7 +103,7 @@ fn course(sights: &[Sight], times_s: &[f64], apart: f64) -> Vec<usize> {
     course
 }
 
-/// The best way to place `p`, and where it came from; of equals, to stay.
+/// The best predecessor of position `p` and its score; of equals, `p` itself.
 fn arrival(best: &[f64], p: usize, price: f64) -> (f64, u16) {
     let mut found = (best[p], p as u16);
     for (q, value) in best.iter().enumerate() {
@@ -109,19 +115,19 @@ fn arrival(best: &[f64], p: usize, price: f64) -> (f64, u16) {
     found
 }
 
-/// Time that a moment stands for, s.
+/// Integration weight of a moment, s.
 fn lasting(times_s: &[f64], k: usize) -> f64 {
     let after = times_s.get(k + 1).map_or(0.0, |t| t - times_s[k]);
     let before = if k == 0 { 0.0 } else { times_s[k] - times_s[k - 1] };
     (0.5 * (after + before)).max(1e-3)
 }
 
-/// The smooth path near the wanted one.
+/// The smooth path near the target.
 fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
     let n = wanted.len();
     // Unknowns: the path, then how far it is off beyond what is free; both in widths of the window.
     let (c, e) = (Affine::var, |k: usize| Affine::var(n + k));
-    let (most, free) = ((1.0 - share) / share, REST);
+    let (most, free) = ((1.0 - share) / share, DEAD_ZONE);
     let mut qp = QuadraticProgram::new(2 * n);
     let step = |k: usize| (times_s[k + 1] - times_s[k]).max(1e-3);
     let speed = |k: usize| (1.0 / step(k)) * (c(k + 1) - c(k));
@@ -136,13 +142,13 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<
     }
     for k in 0..n - 1 {
         let way = MAX_SPEED / share * step(k);
-        qp.add_square(SPEED * SMOOTH_S.powi(2) * step(k), speed(k));
+        qp.add_square(SPEED_WEIGHT * TIME_CONSTANT_S.powi(2) * step(k), speed(k));
         qp.require_at_most_zero(c(k + 1) - c(k) - Affine::constant(way));
         qp.require_at_most_zero(c(k) - c(k + 1) - Affine::constant(way));
     }
     for k in 1..n - 1 {
         let lasts = 0.5 * (step(k - 1) + step(k));
-        qp.add_square(SMOOTH_S.powi(4) * lasts, (1.0 / lasts) * (speed(k) - speed(k - 1)));
+        qp.add_square(TIME_CONSTANT_S.powi(4) * lasts, (1.0 / lasts) * (speed(k) - speed(k - 1)));
     }
     let solved = qp.solve(run)?;
     Ok(solved[..n].iter().map(|c| (c * share).clamp(0.0, 1.0 - share)).collect())

@@ -1,4 +1,4 @@
-//! What stands and hangs in the room.
+//! Furniture and pictures of the room.
 
 use super::paint::{Color, Paint};
 use super::panel::Edges;

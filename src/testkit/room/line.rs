@@ -4,14 +4,14 @@ use super::{Room, Segment};
 use plumbline_camera::{CameraPose, Lens, Vec3};
 use plumbline_num::math::Point2;
 
-/// Samples of a segment, of which those in the picture are kept; the longest edge of the room then has one every 8 mm.
+/// Samples of a segment, clipped to the picture; the longest edge of the room then has one every 8 mm.
 const SAMPLES: usize = 900;
 /// Distance between points of an image line, px.
 const SPACING_PX: f64 = 12.0;
-/// Images that are shorter are left out: nobody would mark them.
+/// Minimum length of an image line, px: nobody would mark shorter ones.
 const MIN_PX: f64 = 40.0;
 
-/// How a segment lies in the world.
+/// Direction of a segment in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineKind {
     /// Plumb.
@@ -25,7 +25,7 @@ pub enum LineKind {
 pub struct ImageLine {
     /// Name of the edge.
     pub name: String,
-    /// How it lies in the world.
+    /// Its direction in the world.
     pub kind: LineKind,
     /// Exact positions along it, px, in order; the longest stretch that is in the picture.
     pub points: Vec<Point2>,

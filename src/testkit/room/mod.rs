@@ -57,7 +57,7 @@ impl Wall {
         if self.high { HIGH[self.axis] } else { LOW[self.axis] }
     }
 
-    /// The place on the wall with coordinates `s`, `t` along its axes.
+    /// The point on the wall with coordinates `s`, `t` along its axes.
     fn place(self, s: f64, t: f64) -> Point3 {
         let mut place = Point3::origin();
         let [a, b] = self.along();
@@ -74,7 +74,7 @@ struct Segment {
     to: Point3,
 }
 
-/// The room: what is painted on its walls, later entries over earlier ones.
+/// The room: panels on its walls, later entries over earlier ones.
 #[derive(Clone, Debug)]
 pub struct Room {
     panels: Vec<Panel>,

@@ -15,7 +15,7 @@ use plumbline_num::math::Point2;
 pub struct RoomView {
     /// Its lens, whose size is the size of the picture.
     pub lens: Lens,
-    /// Where it stands; its center is inside the room.
+    /// Its pose; the center is inside the room.
     pub pose: CameraPose,
     /// Samples per pixel and axis: the picture is their mean over the pixel's square.
     pub samples: usize,

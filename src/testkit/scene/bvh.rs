@@ -6,7 +6,7 @@ use super::Vec3;
 use super::geometry::Polygon;
 use plumbline_num::spatial::{Aabb, BoxTree, Ray};
 
-/// By how much boxes are larger than their polygons, m: hits are found in single precision.
+/// Margin of boxes around their polygons, m: hits are computed in single precision.
 const SLACK_M: f64 = 1e-4;
 
 /// The tree; polygons are known by their indices.

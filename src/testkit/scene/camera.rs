@@ -1,4 +1,4 @@
-//! The hand-held camera: where it meant to be, and where the hand brought it.
+//! The hand-held camera: the intended path and the shake.
 //!
 //! Each of six channels (yaw, pitch, roll; x, y, z) adds to the intended path
 //!

@@ -16,7 +16,7 @@ const BOUNCE: [f32; 3] = [0.28, 0.24, 0.19];
 const SUN_SPREAD: f32 = 0.03;
 const SUN_RAYS: usize = 4;
 const SKY_RAYS: usize = 14;
-/// Nothing farther than this hides the sky, m.
+/// Maximum distance of occluders of the sky, m.
 const REACH_M: f32 = 3.5;
 /// Spacing of the light map, m: finer costs start-up time, coarser loses the shadows of poles.
 const SPACING_M: f32 = 0.25;
@@ -30,7 +30,7 @@ pub(super) fn bake(polygons: &mut [Polygon]) {
     }
 }
 
-/// Light without shadows, for what moves.
+/// Light without shadows, for moving objects.
 pub(super) fn unshadowed(polygon: &mut Polygon) {
     let light = combine(polygon.normal, 0.35, 0.75);
     polygon.light = LightMap { cols: 1, rows: 1, values: vec![light] };
@@ -57,7 +57,7 @@ fn combine(normal: Vec3, sun: f32, sky: f32) -> Vec3 {
         + (Vec3::from(SKY) * (0.35 + 0.65 * up) + Vec3::from(BOUNCE) * (1.0 - up)) * sky
 }
 
-/// Share of the sun's disk that is seen; `meets(direction, far, any)` is the distance to what a ray meets.
+/// Visible fraction of the sun's disk; `meets(direction, far, any)` is the distance to the first hit of a ray.
 fn sunlit(own: &Polygon, meets: impl Fn(Vec3, f32, bool) -> Option<f32>, rng: &mut fastrand::Rng) -> f32 {
     let to_sun = Vec3::from(TO_SUN).normalize();
     if own.normal.dot(&to_sun) <= 0.0 {
@@ -69,7 +69,8 @@ fn sunlit(own: &Polygon, meets: impl Fn(Vec3, f32, bool) -> Option<f32>, rng: &m
     free as f32 / SUN_RAYS as f32
 }
 
-/// How open the hemisphere over the surface is, weighted by the cosine: what is nearer hides more.
+/// Ambient visibility: the open fraction of the hemisphere over the surface, weighted by the cosine; nearer occluders
+/// weigh more.
 fn open_sky(own: &Polygon, meets: impl Fn(Vec3, f32, bool) -> Option<f32>, rng: &mut fastrand::Rng) -> f32 {
     let turn = rng.f32();
     let mut open = 0.0;

@@ -5,7 +5,7 @@ use super::geometry::{Material, Polygon, Shapes};
 use super::light;
 use super::street::Look;
 
-/// Stride: both feet once, s.
+/// Duration of a stride (both feet once), s.
 const STRIDE_S: f32 = 1.05;
 
 /// The walker at `t` seconds who passes `start` (x, z in m) at t = 0 with `velocity` (x, z in m/s), in

@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 /// Samples per second.
 pub const RATE_HZ: u32 = 48_000;
 
-/// One chord lasts this long, s.
+/// Duration of a chord, s.
 const CHORD_S: f32 = 3.0;
 /// Semitones above A2: a calm progression.
 const CHORDS: [[i32; 4]; 4] = [[0, 7, 12, 16], [5, 9, 12, 17], [-3, 4, 9, 12], [-5, 2, 7, 11]];

@@ -15,7 +15,7 @@ pub(super) enum Look {
 const WHITE: [f32; 3] = [1.0; 3];
 /// Half the distance between the rows of houses, m.
 const HALF_WIDTH: f32 = 4.6;
-/// Where the street ends, m.
+/// Length of the street, m.
 const END: f32 = 46.0;
 
 impl Scene {

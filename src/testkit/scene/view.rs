@@ -14,12 +14,12 @@ use plumbline_image::canvas::{Canvas, Rgb};
 const SAMPLES: usize = 2;
 /// Coverage samples per pixel.
 const COUNT: usize = SAMPLES * SAMPLES;
-/// Nearer than this nothing is drawn, m.
+/// Near plane, m.
 const NEAR_M: f32 = 0.08;
-/// At this distance haze has taken 63 % of a color, m.
+/// Distance at which haze has taken 63 % of a color, m.
 const HAZE_M: f32 = 330.0;
 const HAZE: [f32; 3] = [0.62, 0.74, 0.92];
-/// The identifier of the sky in the coverage buffer.
+/// Identifier of the sky in the coverage buffer.
 const SKY: u16 = u16::MAX;
 
 /// A pinhole camera's picture: size and focal length in pixels, the principal point in the middle.
@@ -61,7 +61,7 @@ impl Plane {
 }
 
 impl View {
-    /// The picture that the camera at `pose_at(time offset in s)` takes of `scene` and of what moves in it.
+    /// The picture of `scene` and its moving objects by the camera at `pose_at(time offset in s)`.
     pub fn render(&self, scene: &Scene, movers: &[Polygon], pose_at: impl Fn(f64) -> Pose + Sync) -> Canvas {
         let polygons: Vec<&Polygon> = scene.polygons.iter().chain(movers).collect();
         assert!(polygons.len() < SKY as usize, "{} polygons (allowed: {SKY})", polygons.len());
@@ -171,7 +171,7 @@ struct Shader<'a> {
 }
 
 impl Shader<'_> {
-    /// Mean light of a pixel: each polygon that its samples see is shaded once, at the mean place of those samples.
+    /// Mean light of a pixel: each polygon that its samples see is shaded once, at the mean position of those samples.
     fn pixel(&self, coverage: &[Vec<u16>; SAMPLES], x: usize, y: usize) -> Vec3 {
         let sample = |i: usize| {
             let (column, line) = (i % SAMPLES, i / SAMPLES);
@@ -194,7 +194,7 @@ impl Shader<'_> {
         sum / COUNT as f32
     }
 
-    /// Tone-mapped linear color of what the ray (X, Y, 1) sees.
+    /// Tone-mapped linear color along the ray (X, Y, 1).
     fn shade(&self, seen: u16, ray_x: f32, ray_y: f32) -> Vec3 {
         let ray = Vec3::new(ray_x, ray_y, 1.0);
         if seen == SKY {
@@ -228,7 +228,7 @@ impl Shader<'_> {
         tone(color + (Vec3::from(HAZE) - color) * haze)
     }
 
-    /// Darkening of the ground around the feet of what moves.
+    /// Darkening of the ground around the feet of moving objects.
     fn contact(&self, polygon: &Polygon, s: f32, t: f32) -> f32 {
         if self.shadows.is_empty() || polygon.normal.y > -0.9 {
             return 1.0;

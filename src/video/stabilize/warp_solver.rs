@@ -19,7 +19,7 @@ use crate::motion::{self, FrameScale, Pair};
 use crate::path::Anchor;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{
-    ContentPreserving, ContentPreservingOptions, PointPair, WarpError, cell_salience, keep_covered,
+    ContentPreserving, ContentPreservingOptions, PointPair, WarpError, cell_saliency, keep_covered,
 };
 use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Homography;
@@ -130,7 +130,7 @@ impl WarpSolver {
         if analysis_luma(frame, SALIENCY_SIDE, &mut self.luma) {
             let luma = self.luma.as_ref();
             let rows: Vec<&[u8]> = (0..luma.height()).map(|y| luma.row(y)).collect();
-            cell_salience(rows.into_iter(), grid.cols, grid.rows, &mut self.saliency);
+            cell_saliency(rows.into_iter(), grid.cols, grid.rows, &mut self.saliency);
         }
     }
 }

@@ -53,7 +53,7 @@ pub struct SegmentOptions {
     /// Error of a gray level by quantization, gray levels (of 255), > 0: gradients below `quantization / sin τ` have no
     /// direction to speak of. Noisy pictures merely lose speed with small values, for noise is not aligned.
     pub quantization: f32,
-    /// Least share of a rectangle's pixels that belong to its region, in [0, 1].
+    /// Minimum fraction of a rectangle's pixels that belong to its region, in [0, 1].
     pub density: f64,
     /// `ε`: least `−log₁₀ NFA`. At 0 one segment per picture is an accident.
     pub meaningfulness: f64,

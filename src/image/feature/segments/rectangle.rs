@@ -6,10 +6,10 @@ use super::Segment;
 use super::gradient::LevelLines;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Halvings of the precision that are tried.
-const FINER: usize = 5;
-/// Steps by which a side is moved inwards.
-const NARROWER: usize = 5;
+/// Halvings of the angular precision that are tried; as in the paper.
+const MAX_PRECISION_STEPS: usize = 5;
+/// Reductions of the width that are tried; as in the paper.
+const MAX_WIDTH_STEPS: usize = 5;
 /// Length of such a step, px of the grid.
 const STEP: f64 = 0.5;
 
@@ -99,7 +99,13 @@ impl Rectangle {
         let both: fn(&mut Self) = |r| r.across = [r.across[0] + 0.5 * STEP, r.across[1] - 0.5 * STEP];
         let left: fn(&mut Self) = |r| r.across[0] += STEP;
         let right: fn(&mut Self) = |r| r.across[1] -= STEP;
-        let searches = [(finer, FINER), (both, NARROWER), (left, NARROWER), (right, NARROWER), (finer, FINER)];
+        let searches = [
+            (finer, MAX_PRECISION_STEPS),
+            (both, MAX_WIDTH_STEPS),
+            (left, MAX_WIDTH_STEPS),
+            (right, MAX_WIDTH_STEPS),
+            (finer, MAX_PRECISION_STEPS),
+        ];
         for (change, times) in searches {
             let mut trial = best;
             for _ in 0..times {

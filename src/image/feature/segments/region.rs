@@ -7,8 +7,8 @@ use super::gradient::LevelLines;
 use super::rectangle::Rectangle;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Factor by which a region that is too thin is cut back around its seed.
-const CUT: f64 = 0.75;
+/// Factor by which the radius of a region that is too sparse is reduced about its seed; as in the paper.
+const RADIUS_FACTOR: f64 = 0.75;
 
 /// Grows one region after the other; a node belongs to one at most.
 #[derive(Debug)]
@@ -107,7 +107,7 @@ impl<'a> RegionGrower<'a> {
         };
         let mut radius = far(&rectangle);
         while self.density(&rectangle) < self.options.density {
-            radius *= CUT;
+            radius *= RADIUS_FACTOR;
             self.cut_back(center, radius);
             if self.region.len() < self.min_size {
                 return None;

@@ -3,8 +3,8 @@
 use crate::render::RenderError;
 use crate::{Frame, Plane};
 
-/// Rounds of the smooth fill per pixel of the longer side.
-const SMOOTH_ROUNDS: usize = 4;
+/// Relaxation iterations of the smooth fill per pixel of the longer side.
+const SMOOTHING_ITERATIONS: usize = 4;
 
 /// Gray or color in [0, 1], row-major, and where it is known.
 #[derive(Clone, Debug)]
@@ -85,7 +85,7 @@ impl Level {
             for &k in &hole {
                 channel[k] = mean;
             }
-            for _ in 0..SMOOTH_ROUNDS * w.max(h) {
+            for _ in 0..SMOOTHING_ITERATIONS * w.max(h) {
                 for &k in &hole {
                     let (x, y) = (k % w, k / w);
                     let at = |x: usize, y: usize| channel[y * w + x];

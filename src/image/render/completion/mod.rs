@@ -1,4 +1,4 @@
-//! Holes in a still picture, filled with what the rest of it suggests.
+//! Completion of holes in a still picture by patches from the rest of it.
 //!
 //! Every small patch that touches the hole shall look like some patch that is known. With `N(q)` the known patch nearest to
 //! the one at `q`, and `d(q)` its distance,
@@ -28,12 +28,12 @@ use level::Level;
 use plumbline_num::run::Run;
 use search::Search;
 
-/// Longest side of the small copy, px.
+/// Longest side of the working copy, px: bounds the time.
 const WORKING_SIDE: usize = 384;
 /// Longest side of the coarsest level, px. Smaller, textures become gray and are mistaken for plain walls.
 const MIN_SIDE: usize = 100;
-/// Rounds of search and vote on the coarsest level, and on the others.
-const ROUNDS: (usize, usize) = (16, 5);
+/// Iterations of search and vote on the coarsest level, and on the others.
+const ITERATIONS: (usize, usize) = (16, 5);
 
 /// Fills the pixels of `frame` where `shown` is below 255; a frame of gray or color planes of full size, alpha left alone.
 ///
@@ -51,7 +51,7 @@ pub fn complete(frame: &mut Frame, shown: &Plane<u8>, run: &Run) -> Result<(), R
     while let Some(next) = levels.last().filter(|l| l.width.max(l.height) > MIN_SIDE).and_then(Level::halved) {
         levels.push(next);
     }
-    let (mut done, all) = (0, ROUNDS.0 + ROUNDS.1 * (levels.len() - 1));
+    let (mut done, all) = (0, ITERATIONS.0 + ITERATIONS.1 * (levels.len() - 1));
     let mut field: Option<(Vec<u32>, usize, usize)> = None;
     let mut filled: Option<Level> = None;
     while let Some(mut level) = levels.pop() {
@@ -60,7 +60,7 @@ pub fn complete(frame: &mut Frame, shown: &Plane<u8>, run: &Run) -> Result<(), R
             Some(coarse) => level.fill_from(&coarse),
         }
         let mut search = Search::new(&level, field.as_ref());
-        let rounds = if field.is_none() { ROUNDS.0 } else { ROUNDS.1 };
+        let rounds = if field.is_none() { ITERATIONS.0 } else { ITERATIONS.1 };
         for round in 0..rounds {
             run.step((done + round) as f64 / all as f64)?;
             search.improve(&level, run)?;

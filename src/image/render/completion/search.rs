@@ -1,16 +1,16 @@
 //! The nearest known patch of every patch that touches the hole.
 //!
-//! Neighbors mostly have neighbors as nearest: a pixel tries what those before it have, moved along, and places at random
-//! around its own, ever nearer. Sweeps go forth and back in turn.
+//! PatchMatch: a pixel tries the shifted matches of its predecessors, then random positions around its own match at
+//! decreasing distances. Sweeps alternate in direction.
 
 use super::level::Level;
 use plumbline_num::run::{Run, Stopped};
 
-/// Half a patch, px: patches have 7×7 px.
+/// Half a patch, px: patches of 7×7 px.
 pub(super) const RADIUS: usize = 3;
-/// Largest depth in a hole that counts, px.
+/// Maximum depth in a hole that enters the weight, px.
 const MAX_DEPTH: u32 = 100;
-/// Sweeps in a round.
+/// Sweeps per iteration.
 const SWEEPS: usize = 2;
 
 /// Where patches are taken from.
@@ -94,7 +94,7 @@ impl Search {
         self.is_source[to].then_some(to as u32)
     }
 
-    /// One round: distances anew, for the hole has changed, then sweeps.
+    /// One iteration: distances are recomputed, since the hole has changed, then sweeps.
     pub(super) fn improve(&mut self, level: &Level, run: &Run) -> Result<(), Stopped> {
         for n in 0..self.targets.len() {
             run.check()?;

@@ -5,13 +5,13 @@ use super::search::{Search, around};
 use crate::Plane;
 use plumbline_num::run::{Run, Stopped};
 
-/// Patches that differ from what they stand for by this share of the range (RMS over all channels) have little say.
+/// RMS difference of patches over all channels, as a fraction of the range, at which their weight falls off.
 const DEVIATION: f32 = 0.08;
 
-/// A patch one pixel deeper in the hole has as much less say.
-const DEEPER: f32 = 1.2;
+/// Factor by which the weight of a patch falls per pixel of depth in the hole.
+const DEPTH_DECAY: f32 = 1.2;
 
-/// Every pixel of the hole becomes the mean of what the patches over it have there.
+/// Every pixel of the hole becomes the weighted mean of the patches that cover it.
 pub(super) fn vote(level: &mut Level, search: &Search) {
     let pixels = level.known.len();
     let mut weights = vec![0.0_f32; pixels];
@@ -19,7 +19,7 @@ pub(super) fn vote(level: &mut Level, search: &Search) {
     let (w, h) = (level.width as isize, level.height as isize);
     for &k in &search.targets {
         let (k, to) = (k as usize, search.nearest[k as usize] as isize);
-        let trust = DEEPER.powi(-i32::try_from(search.depth[k]).unwrap_or(0));
+        let trust = DEPTH_DECAY.powi(-i32::try_from(search.depth[k]).unwrap_or(0));
         let weight = trust * (-search.distance[k] / (2.0 * DEVIATION * DEVIATION)).exp().max(1e-6);
         for ((dx, dy), pixel) in around(level, k) {
             let (x, y) = (to % w + dx, to / w + dy);

@@ -1,4 +1,4 @@
-//! How a neighbor continues what is shown already: displaced a little, and trusted where it repeats the texture.
+//! Alignment of a neighbor with the filled frame: a local displacement, and a trust from the agreement of textures.
 //!
 //! With `d = own − other` and `g = ∇own`, both without their means over a window (tone is no displacement), Gauss–Newton
 //! takes the displacement `δ` of the neighbor from
@@ -18,17 +18,17 @@ use super::layer::{AnySource, Rendered};
 use super::membrane::Membrane;
 use super::quarter::{SIDE, Sample, samples};
 use super::strip::{Corners, Part, Strip};
-use super::sums::{ENOUGH, Sums, overlap, total, trust, windows};
+use super::sums::{MIN_SAMPLES, Sums, overlap, total, trust, windows};
 use crate::render::{RenderError, Renderer};
 
-/// Gauss–Newton steps at a quarter of the size, for the overlap as a whole and block by block.
-const COARSE_STEPS: [usize; 2] = [2, 2];
+/// Gauss–Newton iterations at a quarter of the size: for the overlap as a whole, and block by block.
+const COARSE_ITERATIONS: [usize; 2] = [2, 2];
 /// Radius of the window of a block's displacement, blocks. Smaller follows noise, larger misses parallax.
 const WINDOW: usize = 3;
-/// Longest step, samples: beyond it the linearisation means nothing.
+/// Maximum step, samples: beyond it the linearization is invalid.
 const MAX_STEP: f32 = 3.0;
-/// Coarse samples of a block that both must cover: half of them.
-const ENOUGH_COARSE: f32 = 8.0;
+/// Minimum number of coarse samples of a block that both cover: half of them.
+const MIN_COARSE_SAMPLES: f32 = 8.0;
 
 /// A neighbor ready to be shown.
 pub(super) struct Aligned {
@@ -86,14 +86,17 @@ impl Comparison<'_> {
     /// Displacements by the pictures at a quarter of the size, one per block of the grid.
     fn coarsely(&self) -> Option<Vec<[f32; 2]>> {
         let mut shift = vec![[0.0; 2]; self.strip.cols * self.strip.rows];
-        for step in 0..COARSE_STEPS.iter().sum() {
+        for step in 0..COARSE_ITERATIONS.iter().sum() {
             let blocks = self.coarse(&self.corners(&shift));
-            if !(blocks.iter().map(|b| b.count).sum::<f32>() > 4.0 * ENOUGH / (SIDE * SIDE) as f32) {
+            if !(blocks.iter().map(|b| b.count).sum::<f32>() > 4.0 * MIN_SAMPLES / (SIDE * SIDE) as f32) {
                 return None;
             }
             let longest = MAX_STEP * SIDE as f32;
-            let moves =
-                if step < COARSE_STEPS[0] { self.together(&blocks, longest) } else { self.apart(&blocks, longest) };
+            let moves = if step < COARSE_ITERATIONS[0] {
+                self.together(&blocks, longest)
+            } else {
+                self.apart(&blocks, longest)
+            };
             add(&mut shift, &moves);
         }
         Some(shift)
@@ -112,7 +115,7 @@ impl Comparison<'_> {
                 blocks[sample.place.1].take(sample.own - other, sample.gradient, sample.own - usual);
             }
         }
-        blocks.iter_mut().filter(|b| b.count < ENOUGH_COARSE).for_each(|b| *b = Sums::default());
+        blocks.iter_mut().filter(|b| b.count < MIN_COARSE_SAMPLES).for_each(|b| *b = Sums::default());
         blocks
     }
 

@@ -13,19 +13,19 @@ use crate::render::{RenderError, Renderer};
 /// Width of a feather, luma px. Narrower shows a line where tone differs within a block; wider shows double contours
 /// where alignment is off by a pixel.
 pub(super) const FEATHER_PX: f32 = 8.0;
-/// Weight of all neighbors together below which the border fades in. Smaller shows where the last neighbor ends, larger
-/// lets the border shine through where neighbors are half trusted.
-const FADE: f32 = 0.25;
-/// Share of a block's samples that both pictures must cover for a mean.
-const ENOUGH: f32 = 0.125;
-/// Trust below which a block is not shown, and says nothing about tone.
-const TRUSTED: f32 = 0.5;
+/// Total weight of neighbors below which the border fades in. Smaller shows an edge where the last neighbor ends,
+/// larger lets the border shine through half-trusted neighbors.
+const BORDER_FADE: f32 = 0.25;
+/// Minimum fraction of a block's samples that both pictures cover for a mean.
+const MIN_COVERAGE: f32 = 0.125;
+/// Trust below which a block is not shown, nor used for the tone.
+const MIN_TRUST: f32 = 0.5;
 /// Trust from which a block is shown fully.
-const CERTAIN: f32 = 0.75;
-/// Weight left to later layers below which a sample counts as covered by the layers so far.
-const COVERED: f32 = 0.02;
+const FULL_TRUST: f32 = 0.75;
+/// Weight left to later layers below which a sample counts as covered.
+const MAX_REMAINDER: f32 = 0.02;
 
-/// The strip of a frame, and what neighbors add to it.
+/// The strip of a frame with the layers of its neighbors.
 pub(super) struct Canvas {
     pub(super) planes: Vec<PlaneCanvas>,
     uncovered: f64,
@@ -150,7 +150,8 @@ impl PlaneCanvas {
     fn show(&mut self, slot: usize) {
         let n = self.patch.len();
         for k in slot * n..(slot + 1) * n {
-            if self.rest[k] < COVERED && self.own.margin[k] < FEATHER_PX && self.own.margin[k] > f32::NEG_INFINITY {
+            if self.rest[k] < MAX_REMAINDER && self.own.margin[k] < FEATHER_PX && self.own.margin[k] > f32::NEG_INFINITY
+            {
                 (self.shown.value[k], self.shown.margin[k]) = (self.value(k, 0.0), FEATHER_PX);
             }
         }
@@ -162,7 +163,7 @@ impl PlaneCanvas {
         let n = self.patch.len();
         let (mut values, mut known) = (vec![0.0; strip.cols * strip.rows], vec![false; strip.cols * strip.rows]);
         for (i, (&slot, &block)) in part.slots.iter().zip(&part.blocks).enumerate() {
-            if !(self.overlaps[slot] && trust.of_block(block) >= TRUSTED) {
+            if !(self.overlaps[slot] && trust.of_block(block) >= MIN_TRUST) {
                 continue;
             }
             let (mut sum, mut count) = (0.0_f32, 0.0_f32);
@@ -173,7 +174,7 @@ impl PlaneCanvas {
                 sum += w * (self.shown.value[own] - layer.value[other]);
                 count += w;
             }
-            if count >= ENOUGH * n as f32 {
+            if count >= MIN_COVERAGE * n as f32 {
                 (values[block], known[block]) = (sum / count, true);
             }
         }
@@ -207,7 +208,7 @@ impl PlaneCanvas {
             let shown = (slot * n..(slot + 1) * n).filter(|&k| self.shown.margin[k] >= FEATHER_PX);
             let difference = |k: usize| self.shown.value[k] - self.own.value[k];
             let (sum, count) = shown.fold((0.0, 0.0), |(sum, count), k| (sum + difference(k), count + 1.0));
-            if count >= ENOUGH * n as f32 {
+            if count >= MIN_COVERAGE * n as f32 {
                 (values[block], known[block]) = (sum / count, true);
             }
         }
@@ -223,7 +224,7 @@ impl PlaneCanvas {
         if !(placed > 1e-6) {
             return behind;
         }
-        let fade = (placed / FADE).min(1.0 - alpha);
+        let fade = (placed / BORDER_FADE).min(1.0 - alpha);
         behind + fade * (self.sum[k] / placed - behind)
     }
 }
@@ -231,7 +232,7 @@ impl PlaneCanvas {
 /// Weight of a layer by its trust. What reaches a place from trusted blocks further away than from refused ones is not
 /// shown: half shown it would be a ghost.
 fn certain(trust: f32) -> f32 {
-    ((trust - TRUSTED) / (CERTAIN - TRUSTED)).clamp(0.0, 1.0)
+    ((trust - MIN_TRUST) / (FULL_TRUST - MIN_TRUST)).clamp(0.0, 1.0)
 }
 
 /// Some sample is covered fully.

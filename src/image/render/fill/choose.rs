@@ -1,23 +1,23 @@
-//! Which neighbor to show next: the one that adds most, less for each frame that it is away.
+//! Selection of the next neighbor: the largest gain in coverage, discounted by the distance in time.
 //!
-//! Whether a neighbor covers a place is asked at a few probes per block, once per neighbor.
+//! Coverage is tested at a few probes per block, once per neighbor.
 
 use super::strip::Strip;
 use super::window::Held;
 use crate::warp::WarpField;
 use plumbline_num::math::PointMap;
 
-/// Distance, frames, at which a neighbor counts half as much: motion adds up errors and the scene changes. Smaller makes
-/// many thin layers, larger skips good near ones.
-const HALF: f64 = 12.0;
-/// Probes that a neighbor must add: fewer are not worth its rendering.
+/// Distance, frames, at which a neighbor's gain counts half: motion accumulates errors and the scene changes. Smaller
+/// makes many thin layers, larger skips good near ones.
+const HALF_WEIGHT_FRAMES: f64 = 12.0;
+/// Minimum number of probes that a neighbor adds: fewer do not justify its rendering.
 const MIN_GAIN: usize = 2;
-/// Samples this near to the edge of a neighbor do not count, px: kernels mix them with its border.
+/// Distance from the edge of a neighbor, px, within which samples are ignored: kernels mix them with its border.
 pub(super) const RIM_PX: f32 = 2.0;
 
-/// What a neighbor's gain counts for where the frame before was filled from it: errors of alignment then move along with
-/// it, where another neighbor would show as a flicker. Larger holds on to neighbors that are far.
-const KEPT: f64 = 2.0;
+/// Factor on the gain of the neighbor that filled the frame before: its alignment errors move along with it, where
+/// another neighbor would flicker. Larger keeps neighbors that are far.
+const CONTINUITY_GAIN: f64 = 2.0;
 
 /// A neighbor and the map to it.
 pub(super) struct Neighbor<'a> {
@@ -51,8 +51,8 @@ impl<'a> Choice<'a> {
     ) -> Self {
         let candidate = |neighbor: Neighbor<'a>| {
             let number = neighbor.held.number;
-            let kept = if before.contains(&number) { KEPT } else { 1.0 };
-            let worth = kept / (1.0 + number.abs_diff(now) as f64 / HALF);
+            let kept = if before.contains(&number) { CONTINUITY_GAIN } else { 1.0 };
+            let worth = kept / (1.0 + number.abs_diff(now) as f64 / HALF_WEIGHT_FRAMES);
             let inside = |src| neighbor.field.map(src).is_some_and(|p| strip.margin(p) > f64::from(RIM_PX));
             let covers = strip.probes.iter().map(|probe| inside(probe.src)).collect();
             Candidate { neighbor, worth, covers }

@@ -14,7 +14,8 @@ use std::collections::VecDeque;
 
 use super::strip::Strip;
 
-/// Sweeps of the relaxation. Regions to fill are some ten blocks deep at most and start from their nearest known block.
+/// Relaxation sweeps. Regions to fill are some ten blocks deep at most, and the initial guess is the nearest known
+/// block.
 const SWEEPS: usize = 12;
 
 /// Values at the centers of blocks.

@@ -1,4 +1,4 @@
-//! Full frames: what the shake pushed out of view is taken from neighboring frames.
+//! Full-frame stabilization: uncovered areas are filled from neighboring frames.
 //!
 //! Layers (the frame itself, then its neighbors) are composed front to back, layer `k` with weight `αₖ`:
 //!
@@ -52,11 +52,11 @@ use strip::Strip;
 pub use window::FillOptions;
 use window::Window;
 
-/// Most neighbors composed into a frame. Each shows as a patch of its own; past this many they are specks.
+/// Maximum number of neighbors composed into a frame: each further one only adds specks.
 const MAX_LAYERS: usize = 6;
-/// Neighbors tried for that: some disagree and are left out.
+/// Maximum number of neighbors tried: some disagree and are rejected.
 const MAX_TRIALS: usize = 8;
-/// Most neighbors shown behind the others where none is trusted.
+/// Maximum number of neighbors shown behind the others where none is trusted.
 const MAX_COARSE: usize = 2;
 
 /// What filling a frame did, in shares of its samples, 0 to 1.
@@ -70,7 +70,7 @@ pub struct FillReport {
     pub used: usize,
 }
 
-/// Fills frames from their neighbors in time, which it holds in a bounded window.
+/// Fills frames from their neighbors in time, kept in a bounded window.
 ///
 /// Push source frames in order; [`Filler::pop`] hands them out again once enough later ones are held. Render such a frame
 /// and fill it before the next is popped.

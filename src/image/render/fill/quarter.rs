@@ -1,4 +1,4 @@
-//! Luma at a quarter of its size: what aligns pictures that are many pixels apart.
+//! Luma at a quarter of its size, for the alignment over many pixels.
 
 use rayon::prelude::*;
 
@@ -6,8 +6,8 @@ use super::canvas::{FEATHER_PX, PlaneCanvas};
 use super::strip::{BLOCK, Part, Strip};
 use crate::Frame;
 
-/// Luma px per sample, along both axes. Larger pulls from further away and sees less; chained motions are seldom off by
-/// more than a few of these samples.
+/// Luma px per sample, along both axes. Larger converges from further away and resolves less; chained motions are
+/// seldom off by more than a few of these samples.
 pub(super) const SIDE: usize = 4;
 /// Samples along a block.
 const PER_BLOCK: usize = BLOCK / SIDE;

@@ -9,13 +9,13 @@ use plumbline_num::math::{Point2, PointMap, Vec2};
 
 /// Side of a block, luma px. Smaller blocks follow misaligned texture; larger ones miss vignetting.
 pub(super) const BLOCK: usize = 16;
-/// Blocks of the band: 48 px of overlap tell displacement and tone at the edge, and cost about as much as what a typical
-/// frame misses.
+/// Blocks of the band: 48 px of overlap determine displacement and tone at the edge, and cost about as much as the area
+/// a typical frame misses.
 const BAND: usize = 3;
-/// Positions probed per block along each axis, to tell what a neighbor covers.
+/// Probes per block along each axis for the coverage of a neighbor.
 const PROBES: usize = 2;
 
-/// A place that the frame itself does not show.
+/// A block that the frame itself does not cover.
 #[derive(Debug)]
 pub(super) struct Probe {
     /// Index among the strip's blocks, and of the luma sample in its block.

@@ -1,24 +1,25 @@
-//! Moments of two pictures on a block: what Gauss–Newton and trust are made of.
+//! Moments of two pictures on a block, for Gauss–Newton and trust.
 
 use super::canvas::{FEATHER_PX, PlaneCanvas};
 use super::layer::Rendered;
 use super::membrane::Membrane;
 use super::strip::{BLOCK, Part, Strip};
 
-/// Share of texture missed up to which a block is trusted fully, and from which not at all. Aligned frames of real video
-/// miss 0.02 to 0.3, unrelated ones 1 and more.
+/// Fraction of texture residual up to which a block has full trust, and from which none. Aligned frames of real video
+/// have 0.02 to 0.3, unrelated ones 1 and more.
 pub(super) const TRUST: [f32; 2] = [0.35, 0.7];
-/// Radius of the window of a block's trust, blocks: one alone is too noisy to be judged.
+/// Radius of the window of a block's trust, blocks: a single block is too noisy.
 const TRUST_WINDOW: usize = 1;
-/// Share of the overlap that must be trusted, or the neighbor is of another scene.
+/// Minimum trusted fraction of the overlap; below, the neighbor is of another scene.
 const MIN_CONFIDENCE: f32 = 0.3;
-/// Standard deviation of noise, as a share of the range, below which texture proves nothing.
-const NOISE: f32 = 2.5 / 255.0;
-/// Difference from the usual tone, as a share of the range, that counts as missed: something else stands there.
-const ODD_TONE: f32 = 16.0 / 255.0;
-/// Samples of a block that both must cover.
-pub(super) const ENOUGH: f32 = 48.0;
-/// `λ` as a share of the mean squared gradient of the overlap, per sample: blocks without texture stay where they are.
+/// Standard deviation of noise, as a fraction of the range, below which texture is not significant.
+const NOISE_SIGMA: f32 = 2.5 / 255.0;
+/// Difference from the typical tone, as a fraction of the range, that counts as a residual: another object.
+const MAX_TONE_DIFFERENCE: f32 = 16.0 / 255.0;
+/// Minimum number of samples of a block that both cover.
+pub(super) const MIN_SAMPLES: f32 = 48.0;
+/// `λ` as a fraction of the mean squared gradient of the overlap, per sample: blocks without texture keep their
+/// displacement.
 const DAMPING: f32 = 0.05;
 
 /// Sums over the samples of a block, or of a window of blocks, that both pictures cover.
@@ -84,7 +85,7 @@ impl Sums {
 
     /// Share of the texture that the neighbor misses.
     fn disagreement(&self, range: f32) -> f32 {
-        let noise = NOISE * range;
+        let noise = NOISE_SIGMA * range;
         self.missed / (self.texture + self.count * noise * noise)
     }
 
@@ -118,7 +119,7 @@ pub(super) fn overlap(strip: &Strip, luma: &PlaneCanvas, part: &Part, layer: &Re
     let mut blocks = vec![Sums::default(); strip.cols * strip.rows];
     for (i, (&slot, &block)) in part.slots.iter().zip(&part.blocks).enumerate() {
         let sums = self::block(&luma.shown, slot, layer, i);
-        if sums.count >= ENOUGH {
+        if sums.count >= MIN_SAMPLES {
             blocks[block] = sums.centered();
         }
     }
@@ -169,7 +170,7 @@ pub(super) fn trust(strip: &Strip, part: &Part, mut blocks: Vec<Sums>, range: f3
     let middle = tones.len() / 2;
     let usual = *tones.select_nth_unstable_by(middle, f32::total_cmp).1;
     for sums in &mut blocks {
-        let odd = ((sums.tone - usual).abs() - ODD_TONE * range).max(0.0);
+        let odd = ((sums.tone - usual).abs() - MAX_TONE_DIFFERENCE * range).max(0.0);
         sums.missed += sums.count * odd * odd;
     }
     let windows = windows(strip, part, &blocks, TRUST_WINDOW);

@@ -1,30 +1,30 @@
 //! How visible a bent cell would be: texture shows distortion, an even sky does not.
 //!
 //! Liu et al. (2009) take `w_s = ‖color variance in the cell‖₂ + 0.5` with channels in [0, 1]. Analysis runs on luma
-//! alone; a gray image has the same variance in all three channels, so `‖(σ², σ², σ²)‖₂ = √3 σ²` of the luma stands in.
+//! alone; a gray image has the same variance in all three channels, so `‖(σ², σ², σ²)‖₂ = √3 σ²` of the luma is used.
 
-/// Salience of a cell without any texture.
+/// Saliency of a cell without any texture.
 pub(super) const BASE: f64 = 0.5;
 
-/// Writes the salience of each of `cols × rows` cells, row-major, in [0.5, 0.5 + √3/4], from the rows of an 8-bit luma
+/// Writes the saliency of each of `cols × rows` cells, row-major, in [0.5, 0.5 + √3/4], from the rows of an 8-bit luma
 /// image; a pixel belongs to the cell that holds its center. Cells smaller than a pixel get 0.5.
 ///
 /// All rows must be equally long.
-pub fn cell_salience<'a>(
+pub fn cell_saliency<'a>(
     luma: impl ExactSizeIterator<Item = &'a [u8]>,
     cols: usize,
     rows: usize,
-    salience: &mut Vec<f64>,
+    saliency: &mut Vec<f64>,
 ) {
-    salience.clear();
-    salience.reserve(cols * rows);
+    saliency.clear();
+    saliency.reserve(cols * rows);
     let height = luma.len();
     let mut sums = vec![(0_u64, 0_u64, 0_u64); cols];
     let (mut row, mut first_row) = (0, 0);
     for (y, line) in luma.enumerate() {
         let row_of_y = (2 * y + 1) * rows / (2 * height);
         while row < row_of_y {
-            flush(&mut sums, salience);
+            flush(&mut sums, saliency);
             row += 1;
             first_row = y;
         }
@@ -32,7 +32,7 @@ pub fn cell_salience<'a>(
         accumulate(line, &mut sums);
     }
     while row < rows {
-        flush(&mut sums, salience);
+        flush(&mut sums, saliency);
         row += 1;
     }
 }
@@ -52,7 +52,7 @@ fn accumulate(line: &[u8], sums: &mut [(u64, u64, u64)]) {
     }
 }
 
-fn flush(sums: &mut [(u64, u64, u64)], salience: &mut Vec<f64>) {
+fn flush(sums: &mut [(u64, u64, u64)], saliency: &mut Vec<f64>) {
     for cell in sums {
         let (count, sum, squares) = std::mem::take(cell);
         let variance = if count == 0 {
@@ -62,7 +62,7 @@ fn flush(sums: &mut [(u64, u64, u64)], salience: &mut Vec<f64>) {
             let spread = u128::from(count) * u128::from(squares) - u128::from(sum) * u128::from(sum);
             spread as f64 / (count as f64 * count as f64 * 255.0 * 255.0)
         };
-        salience.push(BASE + 3_f64.sqrt() * variance);
+        saliency.push(BASE + 3_f64.sqrt() * variance);
     }
 }
 
@@ -70,38 +70,38 @@ fn flush(sums: &mut [(u64, u64, u64)], salience: &mut Vec<f64>) {
 mod tests {
     use super::*;
 
-    fn salience_of(width: usize, height: usize, cols: usize, rows: usize, f: impl Fn(usize, usize) -> u8) -> Vec<f64> {
+    fn saliency_of(width: usize, height: usize, cols: usize, rows: usize, f: impl Fn(usize, usize) -> u8) -> Vec<f64> {
         let image: Vec<u8> = (0..width * height).map(|i| f(i % width, i / width)).collect();
-        let mut salience = Vec::new();
-        cell_salience(image.chunks_exact(width), cols, rows, &mut salience);
-        salience
+        let mut saliency = Vec::new();
+        cell_saliency(image.chunks_exact(width), cols, rows, &mut saliency);
+        saliency
     }
 
     #[test]
     fn an_even_image_has_the_base_everywhere() {
-        assert_eq!(salience_of(64, 36, 8, 4, |_, _| 201), vec![BASE; 32]);
+        assert_eq!(saliency_of(64, 36, 8, 4, |_, _| 201), vec![BASE; 32]);
     }
 
     #[test]
     fn black_and_white_halves_reach_the_largest_variance() {
-        let s = salience_of(64, 36, 1, 1, |x, _| if x < 32 { 0 } else { 255 });
+        let s = saliency_of(64, 36, 1, 1, |x, _| if x < 32 { 0 } else { 255 });
         assert!((s[0] - (BASE + 3_f64.sqrt() / 4.0)).abs() < 1e-15, "{s:?}");
     }
 
     #[test]
     fn each_pixel_counts_in_the_cell_of_its_center() {
         // 10 px over 4 columns: borders at 2.5, 5 and 7.5, hence pixels 0-1 (center 2.5 belongs to the right), 2-4, 5-6, 7-9.
-        let s = salience_of(10, 10, 4, 1, |x, _| if x == 2 { 255 } else { 0 });
+        let s = saliency_of(10, 10, 4, 1, |x, _| if x == 2 { 255 } else { 0 });
         assert_eq!((s[0], s[2], s[3]), (BASE, BASE, BASE));
         let third = 1.0 / 3.0;
         assert!((s[1] - (BASE + 3_f64.sqrt() * third * (1.0 - third))).abs() < 1e-15, "{s:?}");
-        let s = salience_of(10, 10, 1, 4, |_, y| if y == 2 { 255 } else { 0 });
+        let s = saliency_of(10, 10, 1, 4, |_, y| if y == 2 { 255 } else { 0 });
         assert_eq!((s[0], s[2], s[3]), (BASE, BASE, BASE));
     }
 
     #[test]
     fn cells_smaller_than_a_pixel_do_not_fail() {
-        assert_eq!(salience_of(3, 2, 64, 36, |x, y| (x * 90 + y * 30) as u8), vec![BASE; 64 * 36]);
-        assert_eq!(salience_of(1, 0, 4, 4, |_, _| 0).len(), 16);
+        assert_eq!(saliency_of(3, 2, 64, 36, |x, y| (x * 90 + y * 30) as u8), vec![BASE; 64 * 36]);
+        assert_eq!(saliency_of(1, 0, 4, 4, |_, _| 0).len(), 16);
     }
 }

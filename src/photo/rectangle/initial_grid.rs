@@ -1,8 +1,8 @@
-//! The grid as it lies in the picture: the regular grid of the grown rectangle, carried back to where its pixels came from.
+//! The initial grid: the regular grid of the expanded rectangle, mapped back through the seams.
 //!
-//! Seams displace by whole pixels and in heaps; the grid is smoothed, its border sliding along the outline, until no cell
-//! folds. Then the border is drawn inwards until the straight edges between its vertices show nothing from outside, so that a
-//! grid filled with what lies in its cells holds picture everywhere.
+//! Seam displacements are integral and clustered; the grid is smoothed, its border sliding along the outline, until no
+//! cell folds. Then the border is moved inwards until the straight edges between its vertices lie inside the outline,
+//! so that every cell contains only picture.
 
 use super::RectangleError;
 use super::outline::{Depth, Outline};
@@ -12,21 +12,24 @@ use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::run::Run;
 
-/// How deep inside the outline the border of the grid runs, blocks.
+/// Depth of the grid's border inside the outline, blocks: below half a block, so that little picture is lost.
 const MARGIN: f64 = 0.4;
-/// Rounds of smoothing at least, and at most.
-const SMOOTHING: (usize, usize) = (4, 400);
-/// A border vertex farther from the outline than this, blocks, is not drawn back to it in one round.
-const REACH: f64 = 3.0;
-/// Rounds of drawing the border inwards.
-const INSET: usize = 200;
-/// Cells of the coarsest grid that is tried.
+/// Minimum and maximum number of smoothing iterations: the first spreads the integral steps of seams over neighboring
+/// cells, the second bounds the time before a coarser grid is tried.
+const SMOOTHING_ITERATIONS: (usize, usize) = (4, 400);
+/// Maximum distance, blocks, that a border vertex moves towards the outline per iteration: larger steps may cross the
+/// picture's concavities.
+const MAX_STEP: f64 = 3.0;
+/// Maximum number of iterations that move the border inwards; the loop ends earlier as soon as no edge leaves the
+/// outline.
+const MAX_INSET_ITERATIONS: usize = 200;
+/// Number of cells of the coarsest grid that is tried: the lower limit of the option.
 const MIN_CELLS: usize = 64;
-/// Points at which an edge of the border is tried.
+/// Points at which an edge of the border is checked.
 const SAMPLES: usize = 33;
 
 /// The grid of about `cells` cells, px of the picture; `luma` is the picture at any resolution.
-pub(super) fn start(
+pub(super) fn initial_grid(
     outline: &Outline,
     luma: PlaneRef<'_, u8>,
     size: (usize, usize),
@@ -104,9 +107,9 @@ fn neighbors(mesh: &GridMesh, k: usize) -> (bool, Vec<usize>) {
 /// its depth is given, and not at all otherwise.
 fn smooth(mesh: &mut GridMesh, depth: Option<&Depth>) {
     let around: Vec<(bool, Vec<usize>)> = (0..mesh.vertices.len()).map(|k| neighbors(mesh, k)).collect();
-    let least = if depth.is_some() { SMOOTHING.0 } else { 0 };
-    for round in 0..SMOOTHING.1 {
-        if round >= least && mesh.folded_cells() == 0 {
+    let least = if depth.is_some() { SMOOTHING_ITERATIONS.0 } else { 0 };
+    for iteration in 0..SMOOTHING_ITERATIONS.1 {
+        if iteration >= least && mesh.folded_cells() == 0 {
             return;
         }
         let before = mesh.vertices.clone();
@@ -116,7 +119,7 @@ fn smooth(mesh: &mut GridMesh, depth: Option<&Depth>) {
             let mut v = if near.is_empty() { before[k].coords } else { 0.5 * (before[k].coords + mean) };
             match (border, depth) {
                 (true, None) => continue,
-                (true, Some(depth)) => v -= depth.inwards(v) * (depth.at(v) - MARGIN).clamp(-REACH, REACH),
+                (true, Some(depth)) => v -= depth.inwards(v) * (depth.at(v) - MARGIN).clamp(-MAX_STEP, MAX_STEP),
                 (false, _) => {}
             }
             mesh.vertices[k] = Point2::from(v);
@@ -133,10 +136,10 @@ fn around(mesh: &GridMesh) -> Vec<usize> {
     (0..=cols).chain(down).chain(back).chain(up).collect()
 }
 
-/// Draws the border inwards until its edges run inside.
+/// Moves the border inwards until its edges lie inside the outline.
 fn inset(mesh: &mut GridMesh, depth: &Depth) {
     let border = around(mesh);
-    for _ in 0..INSET {
+    for _ in 0..MAX_INSET_ITERATIONS {
         let mut push = vec![Vec2::zeros(); border.len()];
         for n in 0..border.len() {
             let ends = [n, (n + 1) % border.len()];
@@ -145,10 +148,10 @@ fn inset(mesh: &mut GridMesh, depth: &Depth) {
                 let t = k as f64 / (SAMPLES - 1) as f64;
                 let p = a + (b - a) * t;
                 let lacks = MARGIN - depth.at(p);
-                let way = depth.inwards(p) * lacks;
+                let direction = depth.inwards(p) * lacks;
                 for (n, w) in [(ends[0], 1.0 - t), (ends[1], t)] {
-                    if lacks > 1e-3 && (way * w).norm() > push[n].norm() {
-                        push[n] = way * w;
+                    if lacks > 1e-3 && (direction * w).norm() > push[n].norm() {
+                        push[n] = direction * w;
                     }
                 }
             }
