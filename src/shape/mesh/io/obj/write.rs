@@ -10,12 +10,13 @@ pub(in crate::mesh::io) fn write(model: &Model, out: &mut impl Write) -> io::Res
     for name in model.material_files() {
         writeln!(out, "mtllib {}", one_line(name))?;
     }
+    let opaque = model.colors().is_none_or(|colors| colors.iter().all(|c| c[3] == 1.0));
     for (vertex, p) in model.mesh().positions().iter().enumerate() {
         write!(out, "v {} {} {}", Number(p.x), Number(p.y), Number(p.z))?;
         if let Some(colors) = model.colors() {
             let [r, g, b, a] = colors[vertex];
             write!(out, " {r} {g} {b}")?;
-            if colors.iter().any(|c| c[3] != 1.0) {
+            if !opaque {
                 write!(out, " {a}")?;
             }
         }
@@ -31,21 +32,21 @@ pub(in crate::mesh::io) fn write(model: &Model, out: &mut impl Write) -> io::Res
 }
 
 fn faces(model: &Model, out: &mut impl Write) -> io::Result<()> {
-    let (mut object, mut group, mut material) = (String::new(), String::new(), String::new());
+    let (mut object, mut group, mut material) = ("", "", "");
     for face in 0..model.faces().len() {
-        let of = model.groups().get(face).cloned().unwrap_or_default();
-        if of.object != object {
-            writeln!(out, "o {}", one_line(&of.object))?;
-            object = of.object;
+        let of = model.groups().get(face).map_or(("", ""), |g| (&g.object, &g.name));
+        if of.0 != object {
+            object = of.0;
+            writeln!(out, "o {}", one_line(object))?;
         }
-        if of.name != group {
-            writeln!(out, "g {}", one_line(&of.name))?;
-            group = of.name;
+        if of.1 != group {
+            group = of.1;
+            writeln!(out, "g {}", one_line(group))?;
         }
         let name = model.materials().get(face).map_or("", |m| &m.name);
         if name != material {
-            writeln!(out, "usemtl {}", one_line(name))?;
-            name.clone_into(&mut material);
+            material = name;
+            writeln!(out, "usemtl {}", one_line(material))?;
         }
         write!(out, "f")?;
         for corner in model.faces().corners(face) {
