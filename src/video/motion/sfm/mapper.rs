@@ -127,13 +127,13 @@ impl<'a> Mapper<'a> {
         Ok(self.adjust_all(false, GROWING)?.is_some() && self.known_points() >= MIN_INLIERS)
     }
 
-    /// Registers keyframes outward from those known until none is left that can be; returns how many are known.
-    pub(super) fn extend(&mut self) -> Result<usize, Stopped> {
+    /// Registers keyframes outward from those known until none is left that can be.
+    pub(super) fn extend(&mut self) -> Result<(), Stopped> {
         let mut adjusted = self.registered().len();
         let (mut blocked_below, mut blocked_above) = (false, false);
         loop {
             let known = self.registered();
-            let Some((&low, &high)) = known.first().zip(known.last()) else { return Ok(0) };
+            let Some((&low, &high)) = known.first().zip(known.last()) else { return Ok(()) };
             let below = self.frames.iter().rev().find(|&&f| f < low).copied().filter(|_| !blocked_below);
             let above = self.frames.iter().find(|&&f| f > high).copied().filter(|_| !blocked_above);
             let Some(frame) = nearer(below, above, low, high).or_else(|| self.gap(&known)) else { break };
@@ -157,7 +157,7 @@ impl<'a> Mapper<'a> {
         }
         self.adjust_all(self.registered().len() >= FREED, GROWN)?;
         self.discard_wrong();
-        Ok(self.registered().len())
+        Ok(())
     }
 
     /// A frame between known ones that is not known.
@@ -166,11 +166,6 @@ impl<'a> Mapper<'a> {
             .iter()
             .copied()
             .find(|f| known.binary_search(f).is_err() && *f > known[0] && *f < known[known.len() - 1])
-    }
-
-    /// Frames that may be registered.
-    pub(super) fn keyframes(&self) -> usize {
-        self.frames.len()
     }
 
     /// Frames with a pose, ascending.

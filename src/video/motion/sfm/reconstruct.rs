@@ -55,8 +55,8 @@ const FINE_SIGHTINGS: usize = 400;
 /// RMS residual of rotations over that with depths, up to which a camera is taken to have rotated only: a depth and a
 /// translation too many take up a third of the noise of short tracks.
 const MAX_ROTATION_LOSS: f64 = 1.5;
-/// Seed pairs tried before a map is given up.
-const MAX_SEEDS: usize = 3;
+/// Pairs before a plane that a map is grown from, by strength: the pose of one may be of the wrong two that its homography allows.
+const MAX_PLANAR_SEEDS: usize = 3;
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -159,11 +159,11 @@ fn is_seed(edge: &Edge) -> bool {
         && edge.inliers() >= 2 * MIN_INLIERS
 }
 
-/// The strongest of the pairs that `may_be` seeds.
-fn seeds(edges: &[Edge], may_be: impl Fn(&Edge) -> bool) -> impl Iterator<Item = &Edge> {
-    let mut seeds: Vec<&Edge> = edges.iter().filter(|e| may_be(e)).collect();
-    seeds.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
-    seeds.into_iter().take(MAX_SEEDS)
+/// Pairs, the strongest first.
+fn by_strength<'e>(edges: impl Iterator<Item = &'e Edge>) -> Vec<&'e Edge> {
+    let mut sorted: Vec<&Edge> = edges.collect();
+    sorted.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+    sorted
 }
 
 /// A shot, its keyframes and their pairs.
@@ -214,8 +214,10 @@ impl<'a> Shot<'a> {
         let (camera, lens) = self.lens_of_pairs()?;
         let edges = self.pairs(&camera, lens)?;
         let empty = self.mapper(camera, lens);
-        let guesses = seeds(&edges, is_seed).map(|seed| (seed, seed.view.poses[0]));
-        let grown = grown(&empty, guesses, |_| Ok(0.0), self.run)?;
+        let grown = match by_strength(edges.iter().filter(|e| is_seed(e))).first() {
+            Some(seed) => grown(&empty, seed, seed.view.poses[0])?,
+            None => None,
+        };
         self.run.step(0.4)?;
         let grown = grown.map(|m| self.completed(m, SfmVerdict::ThreeD)).transpose()?;
         // A rotating camera has positions too, made up ones, and they take as long to find.
@@ -253,14 +255,22 @@ impl<'a> Shot<'a> {
     /// A map of a plane, from the best of the poses that its homographies allow.
     fn planar(&self) -> Result<Reconstruction, Stopped> {
         let lens = LensPrior { sigma_k1: PLANAR_K1_FRACTION * SIGMA_K1, ..self.lens_prior(MIN_PAIR_SIGMA) };
-        let planes = seeds(&self.edges, |e| e.view.verdict == TwoViewVerdict::Planar);
-        let guesses = planes.flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
-        let residual = |mapper: &mut Mapper<'_>| {
-            let report = mapper.adjust_all(false, GROWN)?;
-            Ok(report.map_or(f64::INFINITY, |r| r.median_px))
-        };
-        match grown(&self.mapper(self.guess, lens), guesses, residual, self.run)? {
-            Some(mapper) => self.completed(mapper, SfmVerdict::Planar),
+        let empty = self.mapper(self.guess, lens);
+        let planes = by_strength(self.edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::Planar));
+        let guesses = planes.into_iter().take(MAX_PLANAR_SEEDS).flat_map(|s| s.view.poses.iter().map(move |p| (s, *p)));
+        let mut best: Option<(f64, Mapper<'_>)> = None;
+        for (seed, pose) in guesses {
+            self.run.check()?;
+            let Some(mut mapper) = grown(&empty, seed, pose)? else { continue };
+            let lost = self.keys.len() - mapper.registered().len();
+            let residual = mapper.adjust_all(false, GROWN)?.map_or(f64::INFINITY, |r| r.median_px);
+            let cost = lost as f64 + residual;
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, mapper));
+            }
+        }
+        match best {
+            Some((_, mapper)) => self.completed(mapper, SfmVerdict::Planar),
             None => Ok(self.failed("no pose explains the plane that the points move as")),
         }
     }
@@ -297,30 +307,14 @@ impl<'a> Shot<'a> {
     }
 }
 
-/// The map that loses fewest keyframes, `cost` added, of those that grow from pairs with a relative pose.
-fn grown<'a, 'e>(
-    empty: &Mapper<'a>,
-    guesses: impl Iterator<Item = (&'e Edge, CameraPose)>,
-    cost: impl Fn(&mut Mapper<'a>) -> Result<f64, Stopped>,
-    run: &Run,
-) -> Result<Option<Mapper<'a>>, Stopped> {
-    let mut best: Option<(f64, Mapper<'a>)> = None;
-    for (seed, pose) in guesses {
-        let mut mapper = empty.clone();
-        run.check()?;
-        if !mapper.seed(seed.first, seed.second, pose)? {
-            continue;
-        }
-        let lost = mapper.keyframes() - mapper.extend()?;
-        let cost = lost as f64 + cost(&mut mapper)?;
-        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-            best = Some((cost, mapper));
-        }
-        if cost == 0.0 {
-            break;
-        }
+/// The map that grows over the keyframes from a pair and its relative pose; `None` where the pair carries none.
+fn grown<'a>(empty: &Mapper<'a>, seed: &Edge, pose: CameraPose) -> Result<Option<Mapper<'a>>, Stopped> {
+    let mut mapper = empty.clone();
+    if !mapper.seed(seed.first, seed.second, pose)? {
+        return Ok(None);
     }
-    Ok(best.map(|(_, mapper)| mapper))
+    mapper.extend()?;
+    Ok(Some(mapper))
 }
 
 /// Adjusts a map of all frames twice: roughly, which finds wrong points and, where `rolling` is looked for, whether a readout
