@@ -1,5 +1,15 @@
-//! What everything else computes with: points and transforms, exact time, trees over space, sparse matrices, energies,
-//! optimizers; and what every call and every file has in common.
+//! What everything else computes with, and what every call and every file has in common.
+//!
+//! | module | contains |
+//! | --- | --- |
+//! | [`math`] | points, similarities, homographies, rotations, dual quaternions; median, golden section |
+//! | [`time`] | exact timestamps |
+//! | [`spatial`] | trees of boxes, k-d trees, closest points on triangles, disjoint sets, shortest paths |
+//! | [`sparse`] | matrices, orderings, Cholesky, LDLᵀ, LU and QR factors, low-rank updates, constraints, conjugate gradients, Gauss–Seidel, Matrix Market files |
+//! | [`energy`] | quadratic energies: constrained Laplacians, refilled and bordered least squares; robust losses, convergence |
+//! | [`optim`] | Newton's method, Levenberg–Marquardt, quadratic programs, eigenpairs (Lanczos), RANSAC |
+//! | [`run`], [`options`] | interrupt, progress and budget of long calls; options out of their range |
+//! | [`document`] | our versioned JSON documents; glTF and GLB |
 
 pub mod document;
 pub mod energy;
