@@ -18,26 +18,39 @@ impl Pattern {
         if n > i32::MAX as usize {
             return Err(SparseError::TooLarge { size: n });
         }
-        let mut lower: Vec<(u32, u32)> = (0..n as u32).map(|i| (i, i)).collect();
+        // By counting: columns are short, so that sorting all entries at once would cost several times as much.
+        let (mut lower, mut starts) = (Vec::new(), vec![0_usize; n + 1]);
         for (i, j) in entries {
             if i.max(j) >= n {
                 return Err(SparseError::OutOfRange { index: i.max(j), unknowns: n });
             }
-            lower.push((i.min(j) as u32, i.max(j) as u32));
-        }
-        lower.sort_unstable();
-        lower.dedup();
-        if lower.len() > i32::MAX as usize {
-            return Err(SparseError::TooLarge { size: lower.len() });
-        }
-        let mut col_ptr = vec![0; n + 1];
-        for &(col, _) in &lower {
-            col_ptr[col as usize + 1] += 1;
+            if i != j {
+                lower.push((i.min(j) as u32, i.max(j) as u32));
+                starts[i.min(j) + 1] += 1;
+            }
         }
         for j in 0..n {
-            col_ptr[j + 1] += col_ptr[j];
+            starts[j + 1] += starts[j];
         }
-        Ok(Self { col_ptr, row_idx: lower.into_iter().map(|(_, row)| row).collect() })
+        let (mut next, mut sorted) = (starts.clone(), vec![0_u32; lower.len()]);
+        for (column, row) in lower {
+            sorted[next[column as usize]] = row;
+            next[column as usize] += 1;
+        }
+        let (mut col_ptr, mut row_idx) = (Vec::with_capacity(n + 1), Vec::with_capacity(n + sorted.len()));
+        col_ptr.push(0);
+        for j in 0..n {
+            row_idx.push(j as u32);
+            let column = &mut sorted[starts[j]..starts[j + 1]];
+            column.sort_unstable();
+            row_idx.extend(column.chunk_by(|a, b| a == b).map(|same| same[0]));
+            col_ptr.push(row_idx.len() as u32);
+        }
+        if row_idx.len() > i32::MAX as usize {
+            return Err(SparseError::TooLarge { size: row_idx.len() });
+        }
+        row_idx.shrink_to_fit();
+        Ok(Self { col_ptr, row_idx })
     }
 
     /// Number of unknowns.
