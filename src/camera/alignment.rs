@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_in_one_place_are_aligned_by_their_axes() {
+    fn cameras_at_one_position_are_aligned_by_their_axes() {
         let turning = cameras().into_iter().map(|c| CameraPose::looking_from(Point3::origin(), c.rotation));
         let pairs: Vec<_> = turning.map(|c| (c, Similarity3 { scale: 1.0, ..moved() }.camera(&c))).collect();
         let (found, rms) = align(&pairs).expect("twenty cameras");

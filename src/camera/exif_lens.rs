@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn lies_are_refused_with_the_reason() {
+    fn false_headers_are_refused_with_the_reason() {
         for facts in [
             ExifFacts { focal_35_mm: Some(65535.0), ..phone() },
             ExifFacts { focal_35_mm: Some(-1.0), ..phone() },

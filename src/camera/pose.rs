@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn halfway_twice_is_the_whole_way() {
+    fn two_half_motions_are_the_whole_motion() {
         let other = CameraPose { translation: Vec3::new(0.1, 0.2, 0.9), ..sample().inverse() };
         let middle = sample().toward(&other, 0.5);
         let there = sample().toward(&middle, 2.0);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_perturbation_turns_the_camera_about_its_own_axes() {
+    fn a_perturbation_rotates_the_camera_about_its_own_axes() {
         let (omega, delta) = (Vec3::new(1e-6, -2e-6, 3e-6), Vec3::new(4e-6, 0.0, -1e-6));
         let p = Point3::new(0.4, 5.0, -1.0);
         let moved = sample().perturbed(&omega, &delta).apply(&p) - sample().apply(&p);

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn still_places_are_woven_and_moving_ones_interpolated() {
+    fn static_pixels_are_woven_and_moving_ones_interpolated() {
         let flat = [[10]; 4];
         let (own, own_then) = ([50, 50, 90, 90].map(|v| [v]), [[50]; 4]);
         let mut line = [[0]; 4];

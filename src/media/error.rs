@@ -385,7 +385,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_from_a_forbidden_folder() {
+    fn a_full_disk_is_distinguished_from_a_forbidden_folder() {
         let path = Path::new("out.mp4");
         let full = MediaError::writing(path, AvError(-libc::ENOSPC));
         assert_eq!(full.to_string(), "out.mp4: no space is left on the device; the unfinished file was removed");

@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn display_matrices_of_the_four_turns_are_read() {
+    fn display_matrices_of_the_four_rotations_are_read() {
         let one = 1 << 16;
         for (m, degrees) in [
             ([one, 0, 0, one], 0.0),

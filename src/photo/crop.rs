@@ -171,7 +171,7 @@ impl Coverage {
             kept.is_none_or(|[x0, y0, x1, y1]| i <= x0 && j <= y0 && i + cols >= x1 && j + rows >= y1)
         };
         let (i, j) = positions.filter(|&(i, j)| holds(i, j) && full(i, j)).min_by_key(|&(i, j)| off(i, j))?;
-        // In the middle of the pixels it touches, or as far off it as what is kept demands.
+        // In the middle of the pixels it touches, or as close to it as the kept box allows.
         let slack = |count: usize, length: f64, at: usize, kept: Option<(usize, usize)>| {
             let middle = 0.5 * (count as f64 - length);
             kept.map_or(middle, |(from, to)| middle.max((to - at) as f64 - length).min((from - at) as f64))

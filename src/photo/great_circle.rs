@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_beside_a_circle_lie_as_many_pixels_off_as_they_were_moved() {
+    fn shifted_samples_have_their_shift_as_distance_from_the_circle() {
         let (lens, n) = (lens(), Vec3::new(0.3, 0.9, -0.2).normalize());
         let along = n.cross(&Vec3::x()).normalize();
         for (angle, off) in [(-0.9, 0.5), (-0.2, -2.0), (0.4, 1.0), (1.0, 3.0)] {
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn the_turn_of_a_sight_is_the_derivative_of_its_ray() {
+    fn ray_per_px_is_the_derivative_of_the_ray() {
         let lens = lens();
         for p in [Point2::new(500.0, 400.0), Point2::new(100.0, 700.0), Point2::new(990.0, 15.0)] {
             let sight = Sight::new(&lens, p).expect("inside the field");

@@ -1,7 +1,7 @@
 //! Report on a marked line, measured at the marked points only.
 
+use super::Line;
 use super::warp::{FittedLine, LineReport, PhotoWarp};
-use super::{Line, Orientation};
 use plumbline_camera::{Lens, Vec3};
 use plumbline_num::math::{Point2, Rect};
 
@@ -34,17 +34,8 @@ pub(super) fn of_line(line: &Line, lens: Option<&Lens>, warp: &PhotoWarp) -> Lin
         rms_px: (offs().map(|d| d * d).sum::<f64>() / shown.len() as f64).sqrt(),
         length_px: alongs().fold(f64::NEG_INFINITY, f64::max) - alongs().fold(f64::INFINITY, f64::min),
         angle,
-        angle_error: wanted(line.orientation).map(|w| undirected(angle - w)),
+        angle_error: line.orientation.angle().map(|w| undirected(angle - w)),
         ..none
-    }
-}
-
-fn wanted(orientation: Orientation) -> Option<f64> {
-    match orientation {
-        Orientation::Free => None,
-        Orientation::Horizontal => Some(0.0),
-        Orientation::Vertical => Some(std::f64::consts::FRAC_PI_2),
-        Orientation::Angle(a) => Some(a),
     }
 }
 

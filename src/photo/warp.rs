@@ -95,7 +95,7 @@ impl FittedLine {
         (xx + yy > 0.0 && direction.x.is_finite()).then_some(Self { center, direction })
     }
 
-    /// Its normal: the direction a quarter turned from +x to +y.
+    /// Its normal: the direction rotated by 90° from +x to +y.
     pub fn normal(&self) -> Vec2 {
         Vec2::new(-self.direction.y, self.direction.x)
     }

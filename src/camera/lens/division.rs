@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_positive_division_turns_back_where_the_formula_says() {
+    fn a_positive_division_has_its_fold_where_the_formula_says() {
         let model = Division(0.25);
         assert!((model.limit() - 1.0_f64.atan()).abs() < 1e-15);
         assert!(model.angle(1.999).is_some() && model.angle(2.001).is_none());

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_turn_is_as_wide_as_the_picture() {
+    fn a_full_panorama_is_as_wide_as_the_picture() {
         let fov = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
         let lens = Lens::from_field_of_view(Projection::Equirectangular, fov, (2000.0, 1000.0)).expect("a panorama");
         assert!((lens.focal.x * std::f64::consts::TAU - 2000.0).abs() < 1e-9);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_projection_cannot_show_is_refused_with_the_limit() {
+    fn fields_beyond_a_projection_are_refused_with_the_limit() {
         let lens = |p, degrees| Lens::from_field_of_view(p, FieldOfView::degrees(degrees, FieldAxis::Horizontal), SIZE);
         for (projection, degrees) in [
             (Projection::Rectilinear, 180.0),

@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_branch_does_not_reach_has_no_inverse() {
+    fn values_beyond_the_branch_have_no_inverse() {
         let cubic = |x: f64| (x - x * x * x / 3.0, 1.0 - x * x);
         for target in [-0.1, 0.7, f64::NAN, f64::INFINITY] {
             assert_eq!(increasing(target, 1.0, 0.5, cubic), None);

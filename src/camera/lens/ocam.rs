@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_inverted_is_refused() {
+    fn singular_maps_are_refused() {
         for affine in [Matrix2::zeros(), Matrix2::new(1.0, 1.0, 1.0, 1.0), Matrix2::new(f64::NAN, 0.0, 0.0, 1.0)] {
             assert!(Ocam::new(&[0.0, -0.2], affine).expect_err("singular").to_string().starts_with("c - d e = "));
         }

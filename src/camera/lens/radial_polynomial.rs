@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn the_field_ends_where_the_polynomial_turns() {
+    fn the_field_ends_at_the_extremum_of_the_polynomial() {
         // d(ρ − 0.1 ρ³) = 0 at ρ = √(1/0.3).
         let lens = RadialPolynomial::new(&Projection::Rectilinear, 0.5, [1.0, 0.0, -0.1, 0.0, 0.0]).expect("valid");
         assert!((lens.limit() - (0.5 * (1.0_f64 / 0.3).sqrt()).atan()).abs() < 1e-12);

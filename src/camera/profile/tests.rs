@@ -215,7 +215,7 @@ fn kalibrs_other_cameras_follow_their_papers() {
 }
 
 #[test]
-fn single_cameras_are_told_by_the_names_of_their_parameters() {
+fn single_cameras_are_recognized_by_the_names_of_their_parameters() {
     let file = |parameters: &str| {
         format!(
             "image:\n  width: 640\n  height: 480\nparameter:\n  fx: 300\n  fy: 310\n  cx: 320\n  cy: 240\n{parameters}"
@@ -398,7 +398,7 @@ fn a_lens_keeps_its_distortion_on_another_sensor_and_its_real_focal_length() {
 }
 
 #[test]
-fn what_is_not_in_the_database_is_refused_with_the_nearest() {
+fn unknown_lenses_are_refused_with_the_nearest_names() {
     let error = parse_lens(LENSFUN, &canon("Tokina 11-16mm f/2.8", 11.0)).expect_err("unknown").to_string();
     assert!(error.starts_with("the lens \"Tokina 11-16mm f/2.8\" is not in the database (nearest: "), "{error}");
     let compact = ExifFacts {
@@ -436,7 +436,7 @@ fn our_own_file_keeps_every_lens() {
 }
 
 #[test]
-fn our_own_file_refuses_what_it_does_not_know() {
+fn our_own_file_refuses_unknown_keys() {
     for (from, to, says) in [
         ("\"k\"", "\"kk\"", "unknown field `kk`"),
         ("\"version\": 1", "\"format\": \"plumbline.lines\", \"version\": 1", "has `format` = plumbline.lines"),

@@ -45,11 +45,6 @@ impl Canvas {
         &self.pixels
     }
 
-    /// All pixels for writing, row by row.
-    pub fn pixels_mut(&mut self) -> &mut [Rgb] {
-        &mut self.pixels
-    }
-
     /// All samples, row by row, as encoders take them.
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.pixels)

@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn the_corner_of_a_square_is_found_where_it_stands() {
+    fn the_corner_of_a_square_is_found_at_its_position() {
         let image = level(64, 64, |x, y| if (20..44).contains(&x) && (20..44).contains(&y) { 200 } else { 40 });
         let found = corners(&image, 4, None);
         for want in [[20.0, 20.0], [44.0, 20.0], [20.0, 44.0], [44.0, 44.0]] {

@@ -183,14 +183,14 @@ mod tests {
     }
 
     #[test]
-    fn an_even_picture_has_nothing_that_stands_out() {
+    fn a_uniform_picture_has_no_saliency() {
         let s = saliency(&LabPicture::from_fn(60, 40, |_, _| [0.3, 0.6, 0.2]));
         let first = s.as_ref().row(0)[0];
         assert!((0..40).all(|y| s.as_ref().row(y).iter().all(|&v| v == first && v < 0.01)), "{first}");
     }
 
     #[test]
-    fn a_disk_on_a_gradient_stands_out() {
+    fn a_disk_on_a_gradient_is_salient() {
         let inside = |x: usize, y: usize| (x as f32 - 40.0).powi(2) + (y as f32 - 20.0).powi(2) < 100.0;
         let sky = |x: usize, y: usize| [0.3 + 0.004 * x as f32, 0.5, 0.5 + 0.01 * y as f32];
         let s = saliency(&LabPicture::from_fn(80, 40, |x, y| if inside(x, y) { [0.8, 0.1, 0.1] } else { sky(x, y) }));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_that_touches_one_side_still_stands_out() {
+    fn an_object_that_touches_one_side_is_still_salient() {
         let inside = |x: usize, y: usize| (30..50).contains(&x) && y > 20;
         let picture = LabPicture::from_fn(80, 60, |x, y| if inside(x, y) { [0.6, 0.1, 0.1] } else { [0.4, 0.6, 0.8] });
         let s = saliency(&picture);

@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn no_color_comes_in_from_what_is_transparent() {
+    fn transparent_pixels_leak_no_color() {
         for bits in [8, 16] {
             let full = ((1_u32 << bits) - 1) as u16;
             let result = moved(&halves(bits), 0.4);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_opaque_comes_back_to_the_bit() {
+    fn opaque_pixels_are_reproduced_to_the_bit() {
         for bits in [8, 16] {
             let before = halves(bits);
             let after = moved(&before, 3.0);

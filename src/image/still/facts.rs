@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn lies_and_rubbish_give_nothing_and_never_fail() {
+    fn false_and_invalid_headers_give_nothing_and_never_fail() {
         assert_eq!(ExifTags::of(b"rubbish"), ExifTags::default());
         let mut zero = sample(Order::Little);
         zero[108..112].fill(0);

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_player_that_mirrors_and_turns_shows_what_the_turn_makes() {
+    fn a_player_that_mirrors_and_rotates_agrees_with_the_orientation() {
         // A corner pixel of a 4×3 picture, mirrored, then turned by quarters clockwise.
         for (quarters, mirrored) in (0..4).flat_map(|q| [(q, false), (q, true)]) {
             let (mut x, mut y, mut w, mut h) = (1, 0, 4, 3);

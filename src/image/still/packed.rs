@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn turned_pictures_hold_what_the_turn_says() {
+    fn rotated_pictures_agree_with_the_orientation_tag() {
         let (w, h) = (41, 33);
         let samples: Vec<u16> = (0..w * h).map(|i| i as u16).collect();
         for value in 1..=8 {

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_transparent_becomes_white_and_what_is_opaque_stays() {
+    fn transparent_pixels_become_white_and_opaque_ones_stay() {
         for (bits, max) in [(8, 255), (16, 65_535)] {
             let flat = over_white(&frame(bits, [7, 7], [0, max])).expect("with alpha");
             let at = |x: usize| {

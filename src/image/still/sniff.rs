@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_told_by_their_first_bytes() {
+    fn files_are_recognized_by_their_first_bytes() {
         assert_eq!(sniff(b"\xff\xd8\xff\xe0").expect("JPEG"), StillFormat::Jpeg);
         assert_eq!(sniff(b"RIFF\0\0\0\0WEBPVP8 ").expect("WebP"), StillFormat::WebP);
         assert!(matches!(sniff(b"II*\0\x10\0\0\0CR\x02\0"), Err(StillError::Raw(name)) if name == "CR2"));

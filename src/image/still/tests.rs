@@ -89,7 +89,7 @@ fn lossless_formats_give_back_every_sample_at_its_depth() {
 }
 
 #[test]
-fn webp_keeps_8_bits_and_alpha_and_tells_what_it_cannot_hold() {
+fn webp_keeps_8_bits_and_alpha_and_reports_losses() {
     let before = photo(Layout::Gbr, 8, true, (61, 40));
     let (bytes, saved) = written(&before, StillFormat::WebP);
     let after = read(&bytes).expect("sound");
@@ -274,7 +274,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn what_is_no_file_is_refused() {
+fn paths_that_are_no_files_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let options = LoadOptions::default();
     assert!(matches!(load(folder.path(), options), Err(StillError::NotAFile)));

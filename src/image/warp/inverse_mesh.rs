@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hint_changes_the_way_and_not_the_result() {
+    fn the_hint_changes_the_path_and_not_the_result() {
         let mesh = wavy(20.0);
         let inverse = InverseMesh::new(&mesh, 600.0, 400.0).expect("well formed");
         let x = forward(&mesh, Point2::new(333.0, 222.0));

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_is_undefined_in_places_stays_so() {
+    fn a_partly_undefined_field_stays_undefined_there() {
         let h = Homography::new(Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -0.005, 0.0, 1.0));
         let field = WarpField { chain: vec![crate::warp::Map::Homography(h)] };
         let lattice = Lattice::new(&field, 640, 360);

@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn operating_system_errors_are_told_from_the_librarys_own() {
+    fn operating_system_errors_are_distinguished_from_the_librarys_own() {
         assert_eq!(AvError::NO_MEMORY.errno(), Some(libc::ENOMEM));
         assert_eq!(AvError::INVALID_DATA.errno(), None);
         assert_eq!(AvError::EOF.to_string(), "End of file");

@@ -13,7 +13,7 @@
 //!
 //! **Observability.** Straightness is invariant under projective maps: lines determine the radial function `r ↦ tan θ`
 //! up to a factor. Its curvature determines the focal length only within a family: `tan(r/f)` of the equidistant one
-//! bends by its third order term `r³/(3f²)`, which the first radial term can take the place of,
+//! bends by its third order term `r³/(3f²)`, which the first radial term can replace,
 //!
 //! ```text
 //! tan θ = r/f + (1/3 − k₁) (r/f)³ + …

@@ -119,7 +119,7 @@ fn an_ordinary_lens_is_straightened_whatever_its_field_and_keeps_the_field_it_cl
 }
 
 #[test]
-fn what_is_said_of_the_focal_length_holds() {
+fn the_standard_deviation_of_the_focal_length_covers_the_error() {
     let (mut within, mut total) = (0, 0);
     for (seed, degrees) in (0..20).zip([100.0, 130.0, 160.0].into_iter().cycle()) {
         let truth = lens(Projection::Equisolid, degrees);
@@ -133,7 +133,7 @@ fn what_is_said_of_the_focal_length_holds() {
 }
 
 #[test]
-fn straight_lines_leave_the_focal_length_to_what_is_claimed() {
+fn straight_lines_leave_the_focal_length_at_its_prior() {
     let truth = lens(Projection::Rectilinear, 60.0);
     let fov = FieldOfView::degrees(75.0, FieldAxis::Horizontal);
     let options = CalibrationOptions { field_of_view: Some((fov, 0.05)), ..CalibrationOptions::default() };
@@ -176,7 +176,7 @@ fn marks_scaled_with_their_picture_give_the_lens_scaled() {
 }
 
 #[test]
-fn what_tells_no_lens_is_refused_with_the_reason() {
+fn lines_that_determine_no_lens_are_refused_with_the_reason() {
     let options = CalibrationOptions::default();
     let refused =
         |lines: &[Line], size| calibrate(lines, size, &options, &Run::default()).expect_err("refused").to_string();

@@ -81,7 +81,7 @@ impl Arc {
     fn extent_of(&self, other: &Self) -> [f64; 2] {
         let [a, b] = other.ends().map(|u| self.angle_of(&u));
         let m = self.angle_of(&other.middle);
-        // The middle tells on which side of the far point the ends lie.
+        // The middle determines on which side of the antipode the ends are.
         let near = |v: f64| v + std::f64::consts::TAU * ((m - v) / std::f64::consts::TAU).round();
         let (a, b) = (near(a), near(b));
         [a.min(b), a.max(b)]
@@ -134,9 +134,9 @@ impl Arc {
 }
 
 /// How much an edge looks like one of a built thing: `(min(1, c₁ / s c₃) · min(1, c/20))²`, with `c₁` and `c₃` the mean
-/// steps in gray within one and three pixels of it, `c` the larger, and `s` the least `c₁/c₃` of a sharp edge in the view. On
-/// photos whose edges were told apart by hand, `c₁/c₃` was about 0.6 for clouds and above 1 for buildings, `c` about 10 for
-/// snow and water and above 20 for buildings.
+/// steps in gray within one and three pixels of it, `c` the larger, and `s` the least `c₁/c₃` of a sharp edge in the
+/// view. On photos whose edges were classified by hand, `c₁/c₃` was about 0.6 for clouds and above 1 for buildings, `c`
+/// about 10 for snow and water and above 20 for buildings.
 fn clarity(view: &View, segment: &Segment) -> f64 {
     const SAMPLES: usize = 16;
     let along = segment.direction();

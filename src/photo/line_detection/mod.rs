@@ -1,14 +1,15 @@
 //! Detection of the straight lines of a photo.
 //!
-//! What is straight in the world is bent by a wide lens, so edges are not looked for on the photo but on perspective views of
-//! it (`view`), where they are straight. Each edge is a piece of a great circle on the viewing sphere; pieces of one circle
-//! that nearly touch are joined (`arc`), the sphere being the one place where pieces of all views meet. Circles whose lines are
-//! parallel in space meet in a vanishing point (`vanishing`): the vertical one first, then horizontal ones. Lines that run
-//! to a vanishing point are likely to be built ones, which decides what is kept (`select`): long lines, spread over the
+//! What is straight in the world is bent by a wide lens, so edges are not looked for on the photo but on perspective
+//! views of it (`view`), where they are straight. Each edge is a piece of a great circle on the viewing sphere; pieces
+//! of one circle that nearly touch are joined (`arc`), since the sphere is common to all views. Circles whose lines are
+//! parallel in space meet in a vanishing point (`vanishing`): the vertical one first, then horizontal ones. Lines that
+//! run to a vanishing point are likely to be of buildings and preferred (`select`): long lines, spread over the
 //! picture, with lines of no group only where they are long.
 //!
-//! Only verticals of a camera held nearly level, and horizontals that face it, are given an orientation: to force others
-//! upright would bend the picture more than it helps. Each line has a name and can be switched off by it.
+//! Only verticals of a nearly level camera, and horizontals parallel to the image plane, get an orientation:
+//! constraining others would distort the picture more than it helps. Each line has a name and can be switched off by
+//! it.
 //!
 //! Without a lens the photo is the view, and is taken as a perspective one.
 
@@ -96,7 +97,7 @@ pub enum LineGroup {
     Free,
 }
 
-/// Finds the lines of a photo of gray levels 0 to 255, whose directions `lens` tells; the lens's size is the photo's.
+/// Finds the lines of a photo of gray levels 0 to 255; `lens`, of the photo's size, gives its viewing rays.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -125,7 +126,7 @@ pub fn detect_lines(
     Ok(LineDetection { lines, down: directions.down, horizontals: directions.horizontals })
 }
 
-/// The lines that do not lie on faces: what is straight there, glasses or hair, is no building.
+/// The lines outside faces: straight edges on faces are glasses or hair.
 pub fn off_faces(lines: Vec<Line>, faces: &[Rect]) -> Vec<Line> {
     let on = |p: &Point2| {
         faces.iter().any(|face| {

@@ -118,7 +118,7 @@ fn edges_on_a_fisheye_become_whole_lines_not_chords() {
 }
 
 #[test]
-fn names_tell_lines_apart_and_the_most_is_kept_to() {
+fn names_of_lines_are_unique_and_the_maximum_number_holds() {
     let room = Room::new(Projection::Equidistant, 120.0, 0.0);
     let options = LineDetectionOptions { max_lines: 15, ..LineDetectionOptions::default() };
     let found = detect_lines(room.photo().as_ref(), Some(&room.lens), &options, &Run::default())
@@ -172,7 +172,7 @@ fn pictures_without_lines_have_none_and_no_size_is_too_small() {
 }
 
 #[test]
-fn lines_of_a_photo_that_is_looked_at_shrunk_are_told_in_its_own_pixels() {
+fn lines_found_on_a_reduced_photo_are_in_pixels_of_the_photo() {
     let room = Room::new(Projection::Equidistant, 120.0, 0.0);
     let flat = Room::new(Projection::Rectilinear, 70.0, 0.0);
     for room in [room, flat] {
@@ -195,7 +195,7 @@ fn lines_of_a_photo_that_is_looked_at_shrunk_are_told_in_its_own_pixels() {
 }
 
 #[test]
-fn what_was_found_can_be_saved_switched_off_by_name_and_read_back() {
+fn detected_lines_are_saved_switched_off_by_name_and_read_back() {
     let room = Room::new(Projection::Equirectangular, 360.0, 0.0);
     let found = room.detect();
     let size = (room.lens.size.0 as u32, room.lens.size.1 as u32);

@@ -40,7 +40,7 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// The directions that the arcs, longest first, tell.
+    /// The directions of the arcs, which are sorted longest first.
     pub(super) fn find(arcs: &[Arc]) -> Self {
         let Some(down) = vertical(arcs) else { return Self::default() };
         let mut left: Vec<&Arc> = arcs.iter().filter(|a| fit(a, &down) <= 0.0).collect();

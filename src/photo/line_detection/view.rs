@@ -29,12 +29,12 @@ pub(super) struct View {
 enum ViewRays {
     /// The photo itself, shrunk by a whole factor.
     Photo { lens: Lens, shrunk: f64 },
-    /// A pinhole camera turned away from the lens's axis.
+    /// A pinhole camera rotated relative to the lens.
     Turned { lens_from_view: nalgebra::Rotation3<f64>, focal: f64, middle: Vec2 },
 }
 
 impl View {
-    /// The views that together see what `lens` sees on a photo.
+    /// Views that together cover the field of `lens` on a photo.
     pub(super) fn all(luma: PlaneRef<'_, f32>, lens: &Lens, max_side: usize) -> Vec<Self> {
         let factor = luma.width().max(luma.height()).div_ceil(max_side.max(1));
         let shrunk = shrink(luma, factor);
@@ -61,7 +61,7 @@ impl View {
         self.luma.as_ref()
     }
 
-    /// The share of a sharp edge's step in gray that its nearest pixels show: less where the photo is stretched.
+    /// The fraction of a sharp edge's step in gray between its nearest pixels: less where the photo is stretched.
     pub(super) fn sharpness(&self) -> f64 {
         match self.rays {
             ViewRays::Photo { .. } => 1.0,
@@ -152,7 +152,7 @@ fn bilinear(photo: PlaneRef<'_, f32>, p: Point2) -> f32 {
     upper + t * (lower - upper)
 }
 
-/// The means of blocks of `factor × factor` pixels; what is left over at the far sides is dropped.
+/// The means of blocks of `factor × factor` pixels; incomplete blocks at the right and lower side are dropped.
 fn shrink(luma: PlaneRef<'_, f32>, factor: usize) -> Plane<f32> {
     let (w, h) = (luma.width() / factor, luma.height() / factor);
     let mut out = Plane::new(w, h);

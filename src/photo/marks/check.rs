@@ -19,7 +19,7 @@ const MIN_EXTENT: f64 = 1.0;
 /// Distance of the ends, px, below which two lines are duplicates: below the repeatability of marks by hand.
 const SAME: f64 = 0.5;
 
-/// A mark by its place, from 1, and its name.
+/// A mark by its number, from 1, and its name.
 pub(super) fn described(kind: &str, index: usize, name: &str) -> String {
     format!("{kind} {} ({name:?})", index + 1)
 }
@@ -41,7 +41,7 @@ pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Res
     Ok(())
 }
 
-/// Checks all lines on a picture of `size`, and drops those that repeat an earlier one; what was dropped is told.
+/// Checks all lines on a picture of `size`, and drops duplicates, with a note for each.
 pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<MarkedLine>, Vec<String>), MarksError> {
     count("lines", marked.len(), MAX_MARKS)?;
     count("points", marked.iter().map(|m| m.line.points.len()).sum(), MAX_POINTS)?;

@@ -12,7 +12,7 @@ pub enum MarksError {
     /// Pixel centers that are neither at the corner nor in the middle.
     #[error("pixel_centre is {found} (expected 0.5 or 0)")]
     PixelCenter {
-        /// What stands there.
+        /// The value found.
         found: f64,
     },
     /// Marked in another picture, or in this one at another size.
@@ -29,13 +29,13 @@ pub enum MarksError {
     /// A mark with a value that it cannot have.
     #[error("{mark}: {field} is {value} (expected {expected})")]
     Value {
-        /// The mark by its place in the file and its name.
+        /// The mark by its number in the file and its name.
         mark: String,
         /// The key.
         field: String,
-        /// What stands there.
+        /// The value found.
         value: String,
-        /// What may stand there.
+        /// The values allowed.
         expected: String,
     },
     /// A line without extent.

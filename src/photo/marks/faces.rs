@@ -23,7 +23,7 @@ pub struct MarkedFace {
     pub off: bool,
 }
 
-/// Faces of a picture, as they stand in a file.
+/// Faces of a picture, as in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacesFile {
     /// Width and height of the picture as shown, px.
@@ -52,7 +52,7 @@ struct Document {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    /// What messages call it; left out, its place in the file does.
+    /// Name in messages; default: its number in the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     /// Left edge.
@@ -90,7 +90,7 @@ impl FacesFile {
     /// Reads the faces of a picture of `size` px from a file.
     ///
     /// # Errors
-    /// [`MarksError`]: what [`FacesFile::parse`] refuses, a file that is too large or cannot be read.
+    /// [`MarksError`]: as for [`FacesFile::parse`], a file that is too large or cannot be read.
     pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
         Self::parse(&KIND.text(path)?, size)
     }

@@ -22,7 +22,7 @@ pub struct MarkedLine {
     pub off: bool,
 }
 
-/// Lines of a picture, as they stand in a file.
+/// Lines of a picture, as in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinesFile {
     /// Width and height of the picture as shown, px.
@@ -60,7 +60,7 @@ fn half() -> f64 {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    /// What messages call it; left out, its place in the file does.
+    /// Name in messages; default: its number in the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     /// Two or more positions in order along the line, px.
@@ -122,7 +122,7 @@ impl LinesFile {
     /// Reads the lines of a picture of `size` px from a file.
     ///
     /// # Errors
-    /// [`MarksError`]: what [`LinesFile::parse`] refuses, a file that is too large or cannot be read.
+    /// [`MarksError`]: as for [`LinesFile::parse`], a file that is too large or cannot be read.
     pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
         Self::parse(&KIND.text(path)?, size)
     }
@@ -181,7 +181,7 @@ fn marked(i: usize, name: Option<String>, points: &[[f64; 2]], orientation: Writ
     MarkedLine { line: Line { name, points, orientation: orientation.0 }, off }
 }
 
-/// To a thousandth of a pixel: what is left is not measured.
+/// To a thousandth of a pixel, below the accuracy of marks.
 fn rounded(v: f64) -> f64 {
     (v * 1e3).round() / 1e3
 }

@@ -1,4 +1,4 @@
-//! Files with what was marked in a picture: lines (`NAME.lines.json`) and faces (`NAME.faces.json`).
+//! Files of marks in a picture: lines (`NAME.lines.json`) and faces (`NAME.faces.json`).
 //!
 //! ```json
 //! {
@@ -12,7 +12,7 @@
 //! ```
 //!
 //! - `points`: two or more positions in the order in which they lie along the line. Two are the ends of a line whose course
-//!   between them the lens tells; more are measurements of it.
+//!   between them is given by the lens; more are measurements of it.
 //! - `orientation`: how the line shall lie in the output: `"free"` (also `null`, or left out), `"horizontal"`, `"vertical"`,
 //!   or an angle in degrees from +x towards +y (clockwise on a screen).
 //! - `off`: the line is kept in the file and not used. What was found by itself can be saved, switched off by hand line by

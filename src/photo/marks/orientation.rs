@@ -1,4 +1,4 @@
-//! Orientations as they stand in files.
+//! Orientations in files.
 
 use std::fmt;
 
@@ -7,10 +7,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::Orientation;
 
-/// What may stand in a file.
+/// The values allowed in a file.
 const EXPECTED: &str = "\"free\", \"horizontal\", \"vertical\", null, or an angle from -360 to 360 degrees";
 
-/// An orientation as a file tells it.
+/// An orientation as written in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Written(pub(super) Orientation);
 
@@ -46,7 +46,7 @@ impl Visitor<'_> for OrientationVisitor {
         if !(degrees.abs() <= 360.0) {
             return Err(E::invalid_value(Unexpected::Float(degrees), &self));
         }
-        // A line has no sense of direction: half a turn is none.
+        // Lines are undirected: angles are modulo 180°.
         let turned = degrees.rem_euclid(180.0);
         Ok(Written(match turned {
             0.0 => Orientation::Horizontal,

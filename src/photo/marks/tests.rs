@@ -15,7 +15,7 @@ fn refused(lines: &str) -> String {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_files_are_read_back() {
     let line = |name: &str, points: &[[f64; 2]], orientation| Line {
         name: name.into(),
         points: points.iter().map(|[x, y]| Point2::new(*x, *y)).collect(),
@@ -140,7 +140,7 @@ fn files_of_other_kinds_versions_and_pictures_are_refused() {
 }
 
 #[test]
-fn the_same_line_twice_is_left_out_and_told_unless_switched_off() {
+fn duplicate_lines_are_dropped_with_a_note_unless_switched_off() {
     let twice = |off: &str| {
         format!(r#"{{"name": "a", "points": [[1, 2], [30, 40]]}}, {{"name": "b", "points": [[30, 40], [1, 2]]{off}}}"#)
     };
@@ -184,7 +184,7 @@ fn faces_without_area_or_outside_are_refused_with_the_key() {
 
 #[cfg(feature = "schema")]
 #[test]
-fn the_schemas_tell_what_the_parsers_ask_for() {
+fn the_schemas_agree_with_the_parsers() {
     let lines = serde_json::to_value(lines_schema()).expect("a schema");
     assert_eq!(lines["additionalProperties"], false);
     assert_eq!(lines["required"], serde_json::json!(["format", "version", "source", "lines"]));

@@ -4,11 +4,11 @@
 //! E(V) = Σ_q w_q ‖(I − A_q A_q⁺) V_q‖²  +  λ Σ_k (c/|e_k|) (n(φ_k + θ_{m(k)}) · e'_k)²
 //! ```
 //!
-//! The first sum is what the four corners `V_q` of a cell lack of being a similar copy of what they are in the picture:
-//! `A_q` spans all similar copies. In the second `e_k` are pieces of lines within one cell, at the angle `φ_k` in the
-//! picture and `e'_k` in the output; lines of one of 50 bins `m` of directions rotate together, by `θ_m`, and `n(·)` is
-//! the normal of the resulting direction. Straight lines stay straight and parallel lines parallel. `c` is the side of
-//! a cell. The coordinates that put the border on the rectangle are not unknowns.
+//! The first sum is the deviation of the four corners `V_q` of a cell from a similarity transform of their source
+//! positions: `A_q` spans all similar copies. In the second `e_k` are pieces of lines within one cell, at the angle
+//! `φ_k` in the picture and `e'_k` in the output; lines of one of 50 bins `m` of directions rotate together, by `θ_m`,
+//! and `n(·)` is the normal of the resulting direction. Straight lines stay straight and parallel lines parallel. `c`
+//! is the side of a cell. The coordinates that put the border on the rectangle are not unknowns.
 //!
 //! Alternating minimization: for given `θ` a linear system in `V`; for given `V` each `θ_m` is the length-weighted mean
 //! rotation of its pieces.
@@ -165,8 +165,8 @@ fn number_free_coordinates(mesh: &GridMesh) -> (Vec<Option<usize>>, usize) {
     (unknown_of, count)
 }
 
-/// `I − A A⁺`: takes from a cell's corners what is a similar copy of `quad`. About the mean of its corners the similar copies
-/// are spanned by `z`, its quarter turn, and the two shifts, which are orthogonal.
+/// `I − A A⁺`: the projection of a cell's corners off the similar copies of `quad`. About the mean of its corners these
+/// are spanned by `z`, its rotation by 90°, and the two translations, which are orthogonal.
 fn shape_residual(quad: &Quad) -> [[f64; 8]; 8] {
     let mean = quad.0.iter().fold(Vec2::zeros(), |sum, p| sum + p.coords) / 4.0;
     let z: [f64; 8] = std::array::from_fn(|k| (quad.0[k / 2].coords - mean)[k % 2]);

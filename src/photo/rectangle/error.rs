@@ -1,21 +1,21 @@
-//! Why a picture cannot be made a rectangle.
+//! Errors of rectangling.
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
-/// What can be wrong. Unless said otherwise the fault is the caller's.
+/// Why a picture cannot be made rectangular. Unless noted the caller is at fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RectangleError {
-    /// Nothing around the picture is of one color.
+    /// The picture has no border of one color.
     #[error(
         "nothing lies around the picture: a border that is transparent, black or white along the frame is what \
          rectangling fills"
     )]
     NoBorder,
-    /// What is left after the border is no picture.
+    /// Too little of the picture is inside the border.
     #[error(
         "only {percent:.1} % of the picture lies inside its border (expected at least 20): is it the right picture?"
     )]
@@ -26,7 +26,7 @@ pub enum RectangleError {
     /// The outline cannot be laid out without folds.
     #[error("the outline of the picture is too ragged to become a rectangle: crop it first")]
     Ragged,
-    /// An option that is no number in its range.
+    /// An option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),
     /// The energy has no minimizer: an input is not finite.

@@ -7,6 +7,7 @@
 use super::RectangleError;
 use super::outline::{Depth, Outline};
 use super::seams::Canvas;
+use crate::retarget::grid_over;
 use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_num::math::{Point2, Vec2};
@@ -55,7 +56,7 @@ pub(super) fn initial_grid(
     }
     let depth = Depth::of(width, height, &inside);
     let laid = |cells: usize| {
-        let mut mesh = carried_back(&canvas, &grid_over(width, height, cells));
+        let mut mesh = carried_back(&canvas, &grid_over(width as f64, height as f64, cells));
         smooth(&mut mesh, Some(&depth));
         inset(&mut mesh, &depth);
         smooth(&mut mesh, None);
@@ -68,13 +69,6 @@ pub(super) fn initial_grid(
     let (origin, block) = (Vec2::new(x0 as f64, y0 as f64), outline.block as f64);
     mesh.vertices.iter_mut().for_each(|v| *v = Point2::from((v.coords + origin) * block));
     Ok(mesh)
-}
-
-/// A grid of about square cells.
-fn grid_over(width: usize, height: usize, cells: usize) -> Grid {
-    let along = |a: usize, b: usize| (cells as f64 * a as f64 / b as f64).sqrt().round().clamp(4.0, cells as f64 / 4.0);
-    let (cols, rows) = (along(width, height) as usize, along(height, width) as usize);
-    Grid { cols, rows, width: width as f64, height: height as f64 }
 }
 
 /// The grid's vertices where the pixels under them came from.

@@ -26,7 +26,7 @@ use nalgebra::{Matrix2, Vector2};
 pub use error::RectangleError;
 pub use outline::Outline;
 
-use super::rectify::drawn_back;
+use super::rectify::{drawn_back, with_neighbors};
 use super::warp::PhotoWarp;
 use super::{Line, report};
 use energy::Rectangling;
@@ -232,14 +232,8 @@ fn solved(
 }
 
 /// Four times the weight in these cells and those around them.
-fn stiffen(weights: &mut [f64], folded: &[usize], (cols, rows): (usize, usize)) {
-    let mut touched = vec![false; weights.len()];
-    for cell in folded {
-        let (i, j) = (cell % cols, cell / cols);
-        for row in j.saturating_sub(1)..(j + 2).min(rows) {
-            touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
-        }
-    }
+fn stiffen(weights: &mut [f64], folded: &[usize], size: (usize, usize)) {
+    let touched = with_neighbors(folded, size);
     weights.iter_mut().zip(touched).filter(|(_, touched)| *touched).for_each(|(w, _)| *w *= 4.0);
 }
 

@@ -1,4 +1,5 @@
-//! Where a stitched picture ends: what lies around it, transparent, black or white, found by flooding from the frame.
+//! The outline of a stitched picture: its surroundings, transparent, black or white, are found by flooding from the
+//! frame.
 //!
 //! A pixel is *outside* where it can be reached from the frame through pixels that differ from the border's color by at
 //! most `T` in every channel (through transparent ones where there is an alpha plane). `T` grows from rounding errors
@@ -96,15 +97,15 @@ impl Outline {
         })
     }
 
-    /// Whether the picture looks stitched: its outside lies along all sides of the frame, the inside is neither a rectangle,
-    /// which a crop would do for, nor round.
+    /// Whether the picture looks stitched: its outside lies along all sides of the frame, the inside is neither a
+    /// rectangle, for which a crop suffices, nor round.
     pub fn is_stitched(&self) -> bool {
         let [x0, y0, x1, y1] = self.bounds();
         let fills = self.count() as f64 / ((x1 - x0) * (y1 - y0)) as f64;
         self.touched == [true; 4] && (0.4..MAX_FILL).contains(&fills) && self.share() > 0.3 && !self.is_round()
     }
 
-    /// Whether the inside is a disk, or as much of one as the frame holds: what a fisheye shows. The blocks along the outline,
+    /// Whether the inside is a disk, possibly cut by the frame: the picture of a fisheye. The blocks along the outline,
     /// were it in one corner alone, lie on a circle (Kåsa 1976).
     pub fn is_round(&self) -> bool {
         let outline: Vec<Vec2> = self.along().collect();
@@ -185,7 +186,8 @@ impl Outline {
     }
 }
 
-/// Visits what is 4-connected to the seeds; `take` marks a pixel and tells whether it is new and joins.
+/// Visits what is 4-connected to the seeds; `take` marks a pixel and returns whether it is new and belongs to the
+/// component.
 fn flood(width: usize, height: usize, seeds: Vec<usize>, mut take: impl FnMut(usize) -> bool) {
     let mut open: Vec<usize> = seeds.into_iter().filter(|&k| take(k)).collect();
     while let Some(k) = open.pop() {
@@ -235,8 +237,8 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
     Some(outside)
 }
 
-/// Takes in what is mixed of border and picture: beside the outside, and along the frame, where the picture may leave less than a
-/// pixel of border.
+/// Adds mixtures of border and picture: next to the outside, and along the frame, where the picture may leave less than
+/// a pixel of border.
 fn add_mixed(outside: &mut [bool], (width, height): (usize, usize), around: &[usize], mixed: impl Fn(usize) -> bool) {
     let at_frame = |k: usize| {
         let (x, y) = (k % width, k / width);
@@ -291,7 +293,7 @@ fn transparent(frame: &Frame) -> Option<Vec<bool>> {
     rows.map(|rows| rows.concat()).filter(|clear| clear.contains(&true))
 }
 
-/// The color that most of the frame's pixels have, if a fair share of them has one.
+/// The most frequent color of the frame's pixels, if it is black or white and frequent enough.
 fn border_color(pixels: &[[u8; 3]], around: &[usize]) -> Option<[u8; 3]> {
     let mut bins = std::collections::BTreeMap::<[u8; 3], (usize, [usize; 3])>::new();
     for &k in around {

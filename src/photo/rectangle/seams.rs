@@ -1,11 +1,11 @@
 //! The local warp: a picture with an irregular outline grown to its bounding rectangle by seams.
 //!
-//! As long as some pixel of the frame is missing, the longest run of missing pixels along a side is taken, a seam is laid
-//! across the part of the picture that the run spans, and what lies between seam and run moves by one pixel towards the run;
-//! the seam's pixels are doubled. A seam is the connected path of least energy
+//! As long as some pixel of the frame is missing, the longest run of missing pixels along a side is taken, a seam is
+//! inserted across the part of the picture that the run spans, and the pixels between seam and run move by one pixel
+//! towards the run; the seam's pixels are doubled. A seam is the connected path of least energy
 //!
 //! ```text
-//! e = |∂I/∂x| + |∂I/∂y| + what earlier seams left,       ∞ where the picture is missing,
+//! e = |∂I/∂x| + |∂I/∂y| + penalty of earlier seams,       ∞ where the picture is missing,
 //! ```
 //!
 //! so that it runs where growing shows least. What remains of it is a displacement per pixel: which pixel of the picture it
@@ -84,7 +84,7 @@ impl Canvas {
         }
     }
 
-    /// The pixel at place `u` along a side, `v` away from it.
+    /// The pixel at position `u` along a side, `v` away from it.
     fn at(&self, side: Side, u: usize, v: usize) -> usize {
         match side {
             Side::Top => v * self.width + u,
@@ -94,7 +94,7 @@ impl Canvas {
         }
     }
 
-    /// The first and one past the last place of the longest run of missing pixels along a side.
+    /// The first and one past the last position of the longest run of missing pixels along a side.
     fn longest_run(&self, side: Side) -> (usize, usize) {
         let (length, _) = self.extent(side);
         let (mut best, mut start) = ((0, 0), 0);
@@ -108,7 +108,7 @@ impl Canvas {
         best
     }
 
-    /// Lays a seam across the places from `first` to `end` and moves what lies before it towards the side.
+    /// Inserts a seam across the positions from `first` to `end` and moves the pixels before it towards the side.
     fn insert(&mut self, side: Side, first: usize, end: usize) {
         let seam = self.seam(side, first, end);
         for (u, &cut) in (first..end).zip(&seam) {
@@ -137,7 +137,7 @@ impl Canvas {
         MIN_ENERGY + self.left[k] + step(x + 1 < self.width, k + 1) + step(y + 1 < self.height, k + self.width)
     }
 
-    /// How far from the side the path of least energy lies at each place.
+    /// The path of least energy: its distance from the side at each position.
     fn seam(&self, side: Side, first: usize, end: usize) -> Vec<usize> {
         let (_, depth) = self.extent(side);
         let mut before = vec![0.0_f32; depth];
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_picture_is_whole_and_shows_only_what_was_there() {
+    fn an_expanded_picture_is_complete_and_contains_only_source_pixels() {
         let before = disk(60);
         let mut after = before.clone();
         assert!(after.grow(&Run::default()).expect("a run that never stops"));

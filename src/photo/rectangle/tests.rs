@@ -130,7 +130,7 @@ fn a_plain_frame_is_cut_away_and_nothing_else_happens() {
 }
 
 #[test]
-fn the_field_and_the_way_forward_are_inverse() {
+fn the_field_and_the_forward_map_are_inverse() {
     let (made, _) = made(&wall(&outlines()[2].1), &[], &RectangleOptions::default());
     for (x, y) in [(320.0, 200.0), (150.0, 120.0), (500.0, 300.0)] {
         let src = Point2::new(x, y);
@@ -151,7 +151,7 @@ fn shape_and_size_are_as_asked() {
 }
 
 #[test]
-fn what_is_stitched_is_told_from_disks_frames_and_photos() {
+fn stitched_pictures_are_distinguished_from_disks_frames_and_photos() {
     let outline = |shown: &dyn Fn(f64, f64) -> bool| Outline::of_frame(&wall(shown));
     for (name, shown) in outlines() {
         assert!(outline(&shown).expect("a border").is_stitched(), "{name}");

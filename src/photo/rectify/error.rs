@@ -1,18 +1,18 @@
-//! Why a picture cannot be rectified.
+//! Errors of rectification.
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
-/// What can be wrong. Unless said otherwise the fault is the caller's.
+/// Why a picture cannot be rectified. Unless noted the caller is at fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RectifyError {
-    /// The view looks where the picture shows nothing.
+    /// The view does not overlap the picture.
     #[error("the view shows nothing of the picture: choose another direction, or a larger field of view")]
     EmptyView,
-    /// An option that is no number in its range.
+    /// An option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),
     /// The output would have no pixels, or too many.

@@ -25,7 +25,7 @@ pub use error::RectifyError;
 pub use frame::{Crop, OutputSize};
 pub use rectifier::Rectifier;
 pub use solver::EnergyWeights;
-pub(super) use solver::drawn_back;
+pub(super) use solver::{drawn_back, with_neighbors};
 pub use sphere_grid::Window;
 
 use super::warp::PhotoWarp;

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn other_text_is_refused_with_what_is_expected() {
+    fn other_text_is_refused_with_the_allowed_values() {
         assert!("fill".parse::<Crop>().is_err_and(|e| e.contains("`none`")));
         for text in ["panini:", "panini:11", "panini:nan", "fisheye"] {
             assert!(text.parse::<Target>().is_err_and(|e| e.contains("panini:D")), "{text}");

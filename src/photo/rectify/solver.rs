@@ -181,7 +181,7 @@ impl Sheet {
                 return Ok((found, report));
             }
             sound = drawn_back(&sound, &found);
-            let touched = self.around(&folded);
+            let touched = with_neighbors(&folded, (self.sphere.grid.cols, self.sphere.grid.rows));
             cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= FOLD_STIFFENING);
             for line in &mut lines {
                 line.relax_extensions(&touched);
@@ -273,19 +273,6 @@ impl Sheet {
         GridMesh { cols: grid.cols, rows: grid.rows, vertices: vertices.into_iter().map(Point2::from).collect() }
     }
 
-    /// These cells and those around them.
-    fn around(&self, folded: &[usize]) -> Vec<bool> {
-        let (cols, rows) = (self.sphere.grid.cols, self.sphere.grid.rows);
-        let mut touched = vec![false; cols * rows];
-        for cell in folded {
-            let (i, j) = (cell % cols, cell / cols);
-            for row in j.saturating_sub(1)..(j + 2).min(rows) {
-                touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
-            }
-        }
-        touched
-    }
-
     /// `E_c` and `E_s`.
     fn add_cells(&mut self, cells: &[f64]) {
         let smooth = self.weights.conformality * (self.weights.smooth_length / self.sphere.cell()).powi(2);
@@ -374,6 +361,18 @@ fn point_coefficients(a: &mut [f64], vertex: &CellPoint, x: f64, y: f64) {
     for (k, w) in Quad::weights(vertex.s, vertex.t).into_iter().enumerate() {
         (a[2 * k], a[2 * k + 1]) = (w * x, w * y);
     }
+}
+
+/// Which cells of a grid of `cols × rows` are among `cells` or adjacent to one of them.
+pub(crate) fn with_neighbors(cells: &[usize], (cols, rows): (usize, usize)) -> Vec<bool> {
+    let mut touched = vec![false; cols * rows];
+    for cell in cells {
+        let (i, j) = (cell % cols, cell / cols);
+        for row in j.saturating_sub(1)..(j + 2).min(rows) {
+            touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
+        }
+    }
+    touched
 }
 
 fn folds(quad: &Quad) -> bool {

@@ -1,4 +1,4 @@
-//! A grid on the viewing sphere: regular in a conformal chart, over what the picture shows.
+//! A grid on the viewing sphere: regular in a conformal chart, over the field of the picture.
 
 use nalgebra::{Matrix2, Matrix3x2};
 
@@ -41,8 +41,8 @@ pub(super) struct SphereGrid {
 }
 
 impl SphereGrid {
-    /// The grid of `cells` cells along its longer side over what `lens` shows, within `window` where one is given; `None`
-    /// where nothing of the picture lies in the view.
+    /// The grid of `cells` cells along its longer side over the field of `lens`, within `window` where one is given;
+    /// `None` where nothing of the picture lies in the view.
     pub(super) fn new(chart: Chart, lens: &Lens, window: Option<Window>, cells: usize) -> Option<Self> {
         let field = shown(&chart, lens, window)?;
         let cell = field.width().max(field.height()) / cells as f64;

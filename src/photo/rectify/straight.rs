@@ -23,8 +23,8 @@
 //! Carroll et al. 2009, section 4.2.
 
 use super::sphere_grid::SphereGrid;
+use crate::Line;
 use crate::warp::FittedLine;
-use crate::{Line, Orientation};
 use plumbline_camera::{Lens, Vec3};
 use plumbline_image::grid::{CellPoint, GridMesh};
 use plumbline_num::math::{Point2, Rect, Vec2};
@@ -77,12 +77,7 @@ impl GridLine {
                 vertices.extend(between(from, to, sphere).iter().filter_map(vertex));
             }
         }
-        let normal = match line.orientation {
-            Orientation::Free => None,
-            Orientation::Horizontal => Some(Vec2::new(0.0, 1.0)),
-            Orientation::Vertical => Some(Vec2::new(1.0, 0.0)),
-            Orientation::Angle(a) => Some(Vec2::new(-a.sin(), a.cos())),
-        };
+        let normal = line.orientation.normal();
         let marked = vertices.len();
         let mut weights = vec![1.0; marked];
         let rays: Vec<Vec3> = rays.into_iter().flatten().collect();
@@ -188,7 +183,7 @@ fn extensions(rays: &[Vec3], lens: &Lens, sphere: &SphereGrid) -> Vec<(Vec3, f64
     beyond
 }
 
-/// Unit normal of the great circle through directions, about which the first turns towards the last, and their extent, rad;
+/// Unit normal of the great circle through directions, oriented from the first to the last, and their extent, rad;
 /// `None` where they do not position on one.
 fn circle(rays: &[Vec3]) -> Option<(Vec3, f64)> {
     let (first, last) = (rays.first()?, rays.last()?);

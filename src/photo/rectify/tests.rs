@@ -220,7 +220,7 @@ fn the_frame_changes_without_a_solve() {
 }
 
 #[test]
-fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
+fn a_crop_keeps_faces_where_it_can_and_reports_those_it_cuts() {
     let lens = fisheye();
     let at = |x: f64, y: f64| {
         let min = plumbline_num::math::Point2::new(x, y);
@@ -250,7 +250,7 @@ fn a_crop_keeps_faces_where_it_can_and_tells_those_it_cannot() {
 }
 
 #[test]
-fn a_line_that_is_not_straight_in_the_world_is_told() {
+fn a_line_that_is_not_straight_in_the_world_is_reported() {
     let lens = fisheye();
     let mut points = seen(&lens, Vec3::new(-0.8, -0.4, 1.0), Vec3::new(0.9, -0.3, 1.0), 11);
     points[5].y += 25.0;
@@ -298,7 +298,7 @@ fn anisotropy(lens: &Lens, warp: &PhotoWarp, face: &Rect) -> f64 {
 }
 
 #[test]
-fn the_field_and_the_way_forward_are_inverse() {
+fn the_field_and_the_forward_map_are_inverse() {
     let lens = fisheye();
     let lines = room(&lens);
     let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions::default(), &Run::default()).expect("a warp");
@@ -366,7 +366,7 @@ fn a_view_of_nothing_and_options_out_of_range_are_refused() {
 }
 
 #[test]
-fn a_part_of_a_panorama_shows_what_lies_there() {
+fn a_part_of_a_panorama_shows_its_direction() {
     let size = (2000.0, 1000.0);
     let lens =
         Lens::from_field_of_view(Projection::Equirectangular, FieldOfView::degrees(360.0, FieldAxis::Horizontal), size)

@@ -1,4 +1,4 @@
-//! A picture resized by rows and columns: each keeps straight, some shrink more than others.
+//! Axis-aligned retargeting: rows and columns stay straight and are resized by importance.
 //!
 //! The grid over the picture gets new column widths and row heights. With `a_c` the scale of column `c`, `d_r` that of row
 //! `r` and `w_rc` the weight of their cell,
@@ -11,8 +11,8 @@
 //! cells that matter want equal scale both ways. `s_x`, `s_y` are the scales of the plain resize, hats the last
 //! solution of a few. The program is convex, has one unknown per row and column, and always a solution without folds
 //! whose border is exact: it works for any size and is the initial guess of scale-and-stretch. Equal weights give the
-//! plain resize. The paper has no denominators: a cell then distorts the less the smaller it is, so that squeezing what
-//! matters little costs too little beside shrinking what matters both ways.
+//! plain resize. The paper has no denominators: a cell then distorts the less the smaller it is, so that squeezing
+//! unimportant cells costs too little compared with scaling important ones.
 //!
 //! # Reference
 //! D. Panozzo, O. Weber, O. Sorkine, *Robust image retargeting via axis-aligned deformation*, Computer Graphics Forum

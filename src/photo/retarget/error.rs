@@ -1,4 +1,4 @@
-//! What retargeting can refuse.
+//! Errors of retargeting.
 
 use plumbline_image::warp::FieldError;
 use plumbline_num::energy::EnergyError;
@@ -11,7 +11,7 @@ use plumbline_num::run::Stopped;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// Input: a picture without pixels, or beyond what maps address.
+    /// Input: a picture without pixels, or too large for maps.
     #[error("the picture has {width}×{height} px (expected 1 to {MAX_SIDE} each way)")]
     SourceSize {
         /// Width, px.
@@ -19,7 +19,7 @@ pub enum RetargetError {
         /// Height, px.
         height: usize,
     },
-    /// Input: an output that cannot be.
+    /// Input: an output without pixels, or too large.
     #[error("target size {width}×{height} px is invalid (expected 1 to {MAX_SIDE} each way)")]
     TargetSize {
         /// Width, px.
@@ -34,7 +34,7 @@ pub enum RetargetError {
         /// The window, px of the picture.
         window: Rect,
     },
-    /// Input: a marked line with a point that is no place.
+    /// Input: a marked line with a point that is not finite.
     #[error("line {name:?} has a point that is not finite; mark it again")]
     Line {
         /// The line's name.
@@ -49,7 +49,7 @@ pub enum RetargetError {
     /// Settings: an option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// Numerics: the start could not be solved.
+    /// Numerics: the initial guess could not be solved.
     #[error("rows and columns could not be sized: {0}")]
     Start(QpError),
     /// Numerics: the mesh could not be solved.

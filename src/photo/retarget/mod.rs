@@ -257,7 +257,7 @@ impl Retargeter {
         }
         let (cw, ch) = grid.cell_size();
         for face in &self.faces {
-            // Hair, ears and chin stand outside the detector's box.
+            // Hair, ears and chin are outside the detector's box.
             let margin = Vec2::new(0.25 * face.rect.width(), 0.4 * face.rect.height()) + Vec2::new(0.5 * cw, 0.5 * ch);
             let reach = Rect { min: face.rect.min - margin, max: face.rect.max + margin };
             for (cell, w) in weights.iter_mut().enumerate() {
@@ -291,7 +291,7 @@ pub(super) fn is_size((width, height): (usize, usize)) -> bool {
 }
 
 /// A grid of about square cells.
-fn grid_over(width: f64, height: f64, cells: usize) -> Grid {
+pub(super) fn grid_over(width: f64, height: f64, cells: usize) -> Grid {
     let along = |a: f64, b: f64| ((cells as f64 * a / b).sqrt().round() as usize).clamp(4, cells / 4);
     Grid { cols: along(width, height), rows: along(height, width), width, height }
 }
@@ -372,12 +372,7 @@ fn report(line: &Line, grid: &Grid, mesh: &GridMesh) -> LineReport {
     let squares: f64 = shown.iter().map(|p| off(p).powi(2)).sum();
     let direction = fitted.map_or(Vec2::x(), |line| line.direction);
     let angle = within_half_turn(direction.y.atan2(direction.x));
-    let wanted = match line.orientation {
-        Orientation::Free => None,
-        Orientation::Horizontal => Some(0.0),
-        Orientation::Vertical => Some(std::f64::consts::FRAC_PI_2),
-        Orientation::Angle(angle) => Some(angle),
-    };
+    let wanted = line.orientation.angle();
     LineReport {
         name: line.name.clone(),
         max_px: shown.iter().map(off).fold(0.0, f64::max),

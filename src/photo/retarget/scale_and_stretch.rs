@@ -16,8 +16,8 @@
 //!
 //! Three departures from the paper. The first sum is divided by the square of the cell's own size (geometric mean of
 //! its scales along x and y), and sideways deviations by the plain resize's: otherwise a cell distorts the less the
-//! smaller it is, and squeezing what matters little costs too little beside shrinking what matters both ways. *Strain*
-//! keeps cells from vanishing, turning over and becoming streaks: with `a` the scale of an edge,
+//! smaller it is, and squeezing unimportant cells costs too little compared with scaling important ones. *Strain* keeps
+//! cells from vanishing, turning over and becoming streaks: with `a` the scale of an edge,
 //!
 //! ```text
 //! κ Σ_f Σ_{e ∈ f} [2 m/a − 1]₊² + ς² x² (1 + 2x)²,      x = [a/M − 1]₊,
@@ -42,7 +42,7 @@ use plumbline_num::run::Run;
 
 /// `κ`: at 0.01 the least important cells end at 1.05 `m`, at 1 near 2 `m`.
 const STRAIN: f64 = 0.1;
-/// `ς`: at 0.1 skies turn into streaks, at 1 they hardly make room for what shrinks both ways.
+/// `ς`: at 0.1 skies become streaks, at 1 they hardly stretch.
 const STRETCH: f64 = 0.4;
 /// Lower bound on a cell's Jacobian, as a fraction of the minimum area `m_x m_y |cell|`: keeps the line search away
 /// from folds that rounding could produce.
@@ -112,7 +112,7 @@ impl Edges {
 
 /// Corners of the edges, from → to.
 const EDGES: [[usize; 2]; 4] = [[0, 1], [2, 3], [0, 2], [1, 3]];
-/// An orthonormal basis of what is left of four edge scales without their mean.
+/// An orthonormal basis of the four edge scales orthogonal to their mean.
 const SPREAD: [[f64; 4]; 3] = [
     [std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0],
     [0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2],

@@ -45,12 +45,7 @@ pub(super) struct LinePosition {
 impl Straight {
     /// A line through virtual vertices; `None` for fewer than two.
     pub(super) fn new(points: Vec<CellPoint>, orientation: Orientation) -> Option<Self> {
-        let normal = match orientation {
-            Orientation::Free => None,
-            Orientation::Horizontal => Some(Vec2::new(0.0, 1.0)),
-            Orientation::Vertical => Some(Vec2::new(1.0, 0.0)),
-            Orientation::Angle(angle) => Some(Vec2::new(-angle.sin(), angle.cos())),
-        };
+        let normal = orientation.normal();
         (points.len() > 1).then_some(Self { points, normal })
     }
 
@@ -64,7 +59,7 @@ impl Straight {
         if self.normal.is_some() { DIRECTED_LINE_WEIGHT } else { FREE_LINE_WEIGHT }
     }
 
-    /// How it lies on a mesh; distances in the mesh's unit, places from 0 to 1. `None` where it has shrunk to a point.
+    /// The line on a mesh; distances in the mesh's unit, positions from 0 to 1. `None` where it has shrunk to a point.
     pub(super) fn position(&self, mesh: &GridMesh) -> Option<LinePosition> {
         let at: Vec<Point2> = self.points.iter().map(|&p| mesh.at(p)).collect();
         if let Some(normal) = self.normal {

@@ -154,7 +154,7 @@ fn no_mesh_nearby_costs_less() {
 }
 
 #[test]
-fn what_matters_keeps_its_proportions() {
+fn important_objects_keep_their_proportions() {
     let object = |x: usize, y: usize| (20..30).contains(&x) && (10..34).contains(&y);
     let plane = Plane::from_fn(64, 42, |x, y| if object(x, y) { 1.0 } else { 0.03 });
     let found = solved((384, 420), &Importance::from_plane(plane).expect("in range"), &[], &[]);
@@ -178,7 +178,7 @@ fn faces_keep_their_shape_whatever_else_matters() {
 }
 
 #[test]
-fn extreme_shapes_crop_to_what_matters_and_then_warp() {
+fn extreme_aspect_ratios_crop_to_important_objects_and_then_warp() {
     let plane = Plane::from_fn(64, 42, |x, _| if (46..54).contains(&x) { 1.0 } else { 0.03 });
     let found = solved((160, 420), &Importance::from_plane(plane).expect("in range"), &[], &[]);
     let window = found.window;
@@ -189,7 +189,7 @@ fn extreme_shapes_crop_to_what_matters_and_then_warp() {
 }
 
 #[test]
-fn a_line_that_cannot_be_held_is_named_and_the_others_are_straight() {
+fn a_line_whose_constraint_fails_is_reported_and_the_others_are_straight() {
     let mut lines = random_lines(21, 4);
     lines.push(line("impossible", (100.0, 0.0), (500.0, 420.0), Orientation::Horizontal));
     let found = solved((384, 420), &importance(21), &lines, &[]);

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_is_cut_off() {
+    fn pixels_outside_are_clipped() {
         let mesh = GRID.to_mesh();
         let points = virtual_points(&line(&[(-100.0, 100.0), (700.0, 300.0)]), &GRID);
         let (first, last) = (mesh.at(points[0]), mesh.at(points[points.len() - 1]));

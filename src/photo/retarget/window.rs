@@ -1,8 +1,8 @@
 //! Where to crop before warping.
 //!
-//! A change of shape by the factor `ρ = min(s_x/s_y, s_y/s_x)` squeezes everything that matters once there is too little left
-//! that does not: below some 50 % no warp looks right. Then the side squeezed more is cropped first, to the window that
-//! leaves just that factor to the warp, and the window is laid where it keeps most of the importance.
+//! A change of shape by the factor `ρ = min(s_x/s_y, s_y/s_x)` squeezes important objects once too little else is left:
+//! below some 50 % no warp looks natural. Then the side squeezed more is cropped first, to the window that leaves this
+//! factor to the warp, at the position that keeps most of the importance.
 
 use plumbline_image::feature::Importance;
 use plumbline_num::math::{Point2, Rect};
@@ -30,7 +30,7 @@ pub(super) fn window(source: (f64, f64), out: (f64, f64), importance: &Importanc
     }
 }
 
-/// The share of the side squeezed more that a window keeps under the scales `(s_x, s_y)`; 1 where `ρ ≥ least`.
+/// The fraction of the side squeezed more that a window keeps under the scales `(s_x, s_y)`; 1 where `ρ ≥ least`.
 pub(crate) fn kept_share((sx, sy): (f64, f64), least: f64) -> f64 {
     if sx.min(sy) >= least * sx.max(sy) { 1.0 } else { sx.min(sy) / (least * sx.max(sy)) }
 }
@@ -47,14 +47,14 @@ pub(crate) fn strip_profile(importance: &Importance, columns: bool, strips: usiz
     sums
 }
 
-/// Where, in [0, 1 − share], the window starts that is worth most; of equals the one nearest to the middle.
+/// Start, in [0, 1 − share], of the window with the highest score; of equals the one nearest to the middle.
 fn best_start(profile: &[f64], share: f64) -> f64 {
     let worth = worth_of_starts(profile, share);
     let first = (0..worth.len()).max_by(|a, b| worth[*a].total_cmp(&worth[*b])).unwrap_or(0);
     (first as f64 * worth_spread(worth.len(), share)).min(1.0 - share)
 }
 
-/// What a window of `share` is worth that starts at each of the places from 0 to `1 − share`.
+/// Scores of a window of the fraction `share` at each start from 0 to `1 − share`.
 fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     let n = profile.len();
     let length = ((share * n as f64).round() as usize).clamp(1, n);
@@ -62,7 +62,7 @@ fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     let worth = |first: usize| -> f64 {
         let inside: f64 = profile[first..first + length].iter().sum();
         let cut = |strip: usize| profile[strip] * CUT_COST * length as f64;
-        // The picture's own edges count alike: what stands there was cut by the camera.
+        // Objects at the picture's own edges count alike: they were cut by the camera.
         let cuts = cut(first) + cut(first + length - 1);
         let off_center = (first as f64 - 0.5 * (n - length) as f64).abs() / n as f64;
         inside - cuts - 1e-3 * total * off_center
@@ -70,7 +70,7 @@ fn worth_of_starts(profile: &[f64], share: f64) -> Vec<f64> {
     (0..=n - length).map(worth).collect()
 }
 
-/// How far the starts of [`worth_of_starts`] lie apart, of which there are so many.
+/// Distance of neighboring starts of [`worth_of_starts`], given their number.
 fn worth_spread(starts: usize, share: f64) -> f64 {
     if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
 }
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_window_leaves_the_least_factor_and_keeps_what_matters() {
+    fn the_window_leaves_the_minimum_ratio_and_keeps_important_objects() {
         for (s, out) in [(0.2, (100.0, 200.0)), (0.85, (60.0, 300.0))] {
             let found = window((400.0, 200.0), out, &spot(s), 0.4);
             let left = (out.0 / found.width()) / (out.1 / found.height());

@@ -1,7 +1,8 @@
 //! Importance followed over time, moment by moment of a shot.
 //!
 //! Importance at a moment is a temporal mean, motion compensated. With `I_j` the importance found at moment `j`,
-//! `M_{jk}` the camera's motion from moment `k` to `j`, `S_k` what shows the source and `g` a Gaussian of time,
+//! `M_{jk}` the camera's motion from moment `k` to `j`, `S_k` the map from source to shown picture and `g` a Gaussian
+//! of time,
 //!
 //! ```text
 //! Ī_k(q) = Σ_j g(t_j − t_k) I_j(M_{jk} S_k⁻¹ q) / Σ_j g(t_j − t_k),

@@ -1,7 +1,7 @@
 //! The rows and columns of one frame, and the map they mean.
 //!
-//! Places of columns and rows are known at their edges; between, each axis is a monotone cubic (Fritsch–Carlson, with the
-//! harmonic mean of neighboring slopes): the map has no kinks that would be seen to move, and cannot fold.
+//! Positions of columns and rows are known at their edges; in between, each axis is a monotone cubic (Fritsch–Carlson,
+//! with the harmonic mean of neighboring slopes): the map has no kinks that would be seen to move, and cannot fold.
 //!
 //! # Reference
 //! F. N. Fritsch, R. E. Carlson, *Monotone piecewise cubic interpolation*, SIAM J. Numer. Anal. 17 (1980).
@@ -31,7 +31,7 @@ impl FrameGrid {
 
     /// The map from the output to the picture.
     pub fn map(&self) -> RowsAndColumns {
-        let (window, size) = (&self.window, |extent: f64, places: &[f64]| extent / (places.len() - 1) as f64);
+        let (window, size) = (&self.window, |extent: f64, positions: &[f64]| extent / (positions.len() - 1) as f64);
         RowsAndColumns {
             x: Axis::new(&self.x, window.min.x, size(window.width(), &self.x)),
             y: Axis::new(&self.y, window.min.y, size(window.height(), &self.y)),
@@ -49,16 +49,16 @@ pub struct RowsAndColumns {
 /// A monotone function by its values and slopes.
 #[derive(Clone, Debug)]
 struct Axis {
-    places: Vec<f64>,
+    positions: Vec<f64>,
     from: f64,
     size: f64,
     slopes: Vec<f64>,
 }
 
 impl Axis {
-    /// Takes `from + i·size` at `places[i]`.
-    fn new(places: &[f64], from: f64, size: f64) -> Self {
-        let secants: Vec<f64> = places.windows(2).map(|p| size / (p[1] - p[0])).collect();
+    /// Takes the value `from + i·size` at `positions[i]`.
+    fn new(positions: &[f64], from: f64, size: f64) -> Self {
+        let secants: Vec<f64> = positions.windows(2).map(|p| size / (p[1] - p[0])).collect();
         let slope = |i: usize| match (i.checked_sub(1), secants.get(i)) {
             (Some(before), Some(&after)) => {
                 let (a, b) = (secants[before], after);
@@ -68,21 +68,21 @@ impl Axis {
             (Some(before), None) => secants[before],
             (None, None) => 1.0,
         };
-        Self { places: places.to_vec(), from, size, slopes: (0..places.len()).map(slope).collect() }
+        Self { positions: positions.to_vec(), from, size, slopes: (0..positions.len()).map(slope).collect() }
     }
 
     /// Value and slope; straight on beyond the ends.
     fn at(&self, p: f64) -> (f64, f64) {
-        let last = self.places.len() - 1;
-        let cell = self.places.partition_point(|x| *x <= p).saturating_sub(1).min(last - 1);
-        let (start, length) = (self.places[cell], self.places[cell + 1] - self.places[cell]);
+        let last = self.positions.len() - 1;
+        let cell = self.positions.partition_point(|x| *x <= p).saturating_sub(1).min(last - 1);
+        let (start, length) = (self.positions[cell], self.positions[cell + 1] - self.positions[cell]);
         let u = (p - start) / length;
         let value = |i: usize| self.from + i as f64 * self.size;
         if u < 0.0 {
             return (value(0) + self.slopes[0] * (p - start), self.slopes[0]);
         }
         if u > 1.0 {
-            return (value(last) + self.slopes[last] * (p - self.places[last]), self.slopes[last]);
+            return (value(last) + self.slopes[last] * (p - self.positions[last]), self.slopes[last]);
         }
         let (m0, m1) = (self.slopes[cell] * length / self.size, self.slopes[cell + 1] * length / self.size);
         // Hermite from 0 to 1: u²(3 − 2u) + m₀ u(1 − u)² − m₁ u²(1 − u).

@@ -6,8 +6,8 @@ use plumbline_num::math::Rect;
 /// Approximate number of cells per moment: 48 × 27 for a 16:9 picture.
 const CELLS: f64 = 1300.0;
 
-/// How much each place matters at moments of a clip: a grid of bytes each, over the whole picture of the source. An hour of
-/// six moments a second takes 28 MB.
+/// Importance at moments of a clip: a grid of bytes each, over the whole picture of the source. An hour of six moments
+/// a second takes 28 MB.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClipImportance {
     pub(super) cols: usize,

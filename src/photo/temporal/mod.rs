@@ -7,9 +7,9 @@
 //! ([`super::retarget`], `axis_aligned.rs`). Both are found at *moments*, some six a second, from importance that was followed
 //! along the camera's motion (`followed.rs`); the window's path is a quadratic program (`window_path.rs`).
 //!
-//! Between moments a uniform cubic B-spline runs with the values at moments as its control points: a frame's grid is a convex
-//! combination of solved ones, so that it cannot fold nor leave the frame, its border is exact, and place, speed and
-//! acceleration of every row and column are continuous. Shots are solved each on its own.
+//! Between moments a uniform cubic B-spline runs with the values at moments as its control points: a frame's grid is a
+//! convex combination of solved ones, so that it cannot fold nor leave the frame, its border is exact, and position,
+//! speed and acceleration of every row and column are continuous. Shots are solved each on its own.
 //!
 //! Motion is data: nothing here knows how it was measured.
 //!
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 use super::retarget::RetargetError;
 use super::retarget::axis_aligned::{self, Bounds};
-use super::retarget::{is_size, kept_share, strip_profile};
+use super::retarget::{grid_over, is_size, kept_share, strip_profile};
 use followed::Followed;
 pub use frame_grid::FrameGrid;
 pub use importance::ClipImportance;
@@ -79,7 +79,7 @@ impl ClipRetargetOptions {
 /// Size, times, shots and motion of a clip.
 #[derive(Clone, Copy)]
 pub struct ClipData<'a> {
-    /// Width and height of the pictures that get the new shape, px: of the source, or of what steadies it.
+    /// Width and height of the pictures that get the new shape, px: of the source or of the stabilized clip.
     pub size: (usize, usize),
     /// Time of every frame, s.
     pub times_s: &'a [f64],
@@ -120,7 +120,7 @@ pub struct ClipGrids {
 pub struct ShownWindow {
     /// Part of width and height.
     pub share: (f64, f64),
-    /// Where the window starts along the axis that is cropped, px: first and last place it takes.
+    /// Range of the window's start along the cropped axis, px.
     pub range_px: (f64, f64),
 }
 
@@ -184,7 +184,7 @@ pub fn retarget_clip(
     Ok(ClipGrids { source: shape.source, out, share, shots })
 }
 
-/// Sizes, and what a window keeps.
+/// Sizes of source and output, and the fraction that a window keeps.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
     source: (f64, f64),
@@ -202,7 +202,7 @@ impl Shape {
         self.share.0.min(self.share.1)
     }
 
-    /// The window that starts at `start`, in shares of the picture.
+    /// The window that starts at `start`, in fractions of the picture.
     fn window(&self, start: f64) -> Rect {
         let min = if self.along_x() { Point2::new(start, 0.0) } else { Point2::new(0.0, start) };
         let max = Point2::new((min.x + self.share.0).min(1.0), (min.y + self.share.1).min(1.0));
@@ -212,8 +212,7 @@ impl Shape {
     /// The grid over a window, px.
     fn grid(&self) -> Grid {
         let (width, height) = (self.source.0 * self.share.0, self.source.1 * self.share.1);
-        let along = |a: f64, b: f64| ((CELLS as f64 * a / b).sqrt().round() as usize).clamp(4, CELLS / 4);
-        Grid { cols: along(width, height), rows: along(height, width), width, height }
+        grid_over(width, height, CELLS)
     }
 
     fn solve(
@@ -299,7 +298,7 @@ impl ShotGrids {
         let u = if length > 0.0 { ((frame as f64 - from) / length).clamp(0.0, 1.0) } else { 0.0 };
         let weights = basis(u);
         let controls = [-1, 0, 1, 2].map(|k| at(first + k));
-        // Counted from one of the four: what is constant stays so to the bit.
+        // Relative to one of the four: constants are reproduced to the bit.
         let mix = |of: &dyn Fn(&Knot) -> f64| {
             let own = of(controls[1]);
             own + weights.iter().zip(controls).map(|(w, k)| w * (of(k) - own)).sum::<f64>()

@@ -56,7 +56,7 @@ fn constant_importance_gives_a_constant_grid() {
 }
 
 #[test]
-fn the_window_follows_what_matters_without_a_jerk() {
+fn the_window_follows_important_objects_without_a_jerk() {
     // It rests, walks across the picture in four seconds, and rests again.
     let place = |f: usize| 0.2 + 0.6 * ((f as f64 - 120.0) / 120.0).clamp(0.0, 1.0);
     let whole = 0..360;
@@ -77,7 +77,7 @@ fn the_window_follows_what_matters_without_a_jerk() {
 }
 
 #[test]
-fn what_flickers_does_not_move_the_window() {
+fn flicker_does_not_move_the_window() {
     let noise = |f: usize| 0.5 + 0.02 * if f.is_multiple_of(10) { 1.0 } else { -1.0 };
     let whole = 0..150;
     let grids = solve(&moments(150, noise), std::slice::from_ref(&whole), &still(150), TALL);
@@ -162,7 +162,7 @@ fn the_map_goes_through_the_edges_of_rows_and_columns_and_its_jacobian_is_its_de
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn impossible_sizes_and_options_are_refused() {
     let (times_s, importance) = (times(10), moments(10, |_| 0.5));
     let clip = ClipData {
         size: SIZE,

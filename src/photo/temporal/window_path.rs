@@ -61,7 +61,7 @@ impl WindowScores {
     }
 }
 
-/// How far so many starts lie apart, from 0 to `1 − share`.
+/// Distance of neighboring starts, given their number, from 0 to `1 − share`.
 fn apart(starts: usize, share: f64) -> f64 {
     if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
 }
@@ -125,7 +125,7 @@ fn lasting(times_s: &[f64], k: usize) -> f64 {
 /// The smooth path near the target.
 fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
     let n = wanted.len();
-    // Unknowns: the path, then how far it is off beyond what is free; both in widths of the window.
+    // Unknowns: the path, then its deviation beyond the dead zone; both in widths of the window.
     let (c, e) = (Affine::var, |k: usize| Affine::var(n + k));
     let (most, free) = ((1.0 - share) / share, DEAD_ZONE);
     let mut qp = QuadraticProgram::new(2 * n);

@@ -48,7 +48,7 @@ mod tests {
     use crate::scene::geometry::{Material, Shapes};
 
     #[test]
-    fn the_tree_finds_what_a_search_of_all_finds() {
+    fn the_tree_agrees_with_exhaustive_search() {
         let plain = Material { texture: 0, tile_m: None, tint: [1.0; 3] };
         let mut rng = fastrand::Rng::with_seed(7);
         let mut shapes = Shapes::default();

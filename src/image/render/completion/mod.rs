@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_repeats_goes_on_in_corners_and_what_is_shown_stays_to_the_bit() {
+    fn repeating_patterns_continue_into_corners_and_shown_pixels_stay_to_the_bit() {
         let hole = |x: usize, y: usize| x + y > 30 && (199 - x) + (139 - y) > 36;
         let (whole, mut cut, shown) = scene(hole);
         complete(&mut cut, &shown, &Run::default()).expect("planes");
