@@ -9,7 +9,7 @@ use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, d
 use plumbline::num::math::Point2;
 use plumbline::num::run::Run;
 use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
-use plumbline::shape::character::Outside;
+use plumbline::shape::character::Extrapolation;
 use plumbline::shape::character::io::{
     Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text,
 };
@@ -138,7 +138,7 @@ pub fn gltf_file(bytes: &[u8]) {
     let Ok(character) = character_of(&model) else { return };
     for clip in &character.clips {
         for time in [-1.0, 0.0, 0.3, 1e9] {
-            clip.pose(&character.skeleton, time, Outside::Repeat).expect("a clip of its own skeleton");
+            clip.pose(&character.skeleton, time, Extrapolation::Repeat).expect("a clip of its own skeleton");
         }
     }
     write_and_read(&character.to_model(None).expect("a character is a model"));

@@ -209,7 +209,8 @@ fn surfaces_and_characters_end_with_their_run() {
         let options = WeightOptions { method, ..WeightOptions::default() };
         stops!(bone_weights(&mesh, &skeleton, &options, &run), CharacterError)
     };
-    let observer = &mut |_: &plumbline::shape::character::extraction::Round<'_>| std::ops::ControlFlow::Continue(());
+    let observer =
+        &mut |_: &plumbline::shape::character::extraction::ContractionStep<'_>| std::ops::ControlFlow::Continue(());
     let curve = curve(&mesh);
     let target = ik::Target::position(3, Point3::new(1.0, 0.0, 2.0));
     let start = Pose { locals: skeleton.joints().iter().map(|j| j.rest).collect() };
@@ -386,7 +387,7 @@ fn long_calls_end_midway_and_soon() {
     assert_eq!(before, after, "the deformer may be used again as if nothing had been");
     stops_midway("skeleton extraction", |run| {
         let observer =
-            &mut |_: &plumbline::shape::character::extraction::Round<'_>| std::ops::ControlFlow::Continue(());
+            &mut |_: &plumbline::shape::character::extraction::ContractionStep<'_>| std::ops::ControlFlow::Continue(());
         stops!(extract(&mesh, &ExtractionOptions::default(), observer, run), ExtractionError)
     });
     stops_midway("biharmonic weights", |run| {

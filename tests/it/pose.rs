@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use plumbline::app::pipeline::read;
 use plumbline::app::pipeline::shipped::shipped;
 use plumbline::num::run::Run;
-use plumbline::shape::character::Outside;
+use plumbline::shape::character::Extrapolation;
 use plumbline::shape::character::io::character_of;
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
 use plumbline::shape::mesh::{Model, ReadLimits, read_model};
@@ -49,7 +49,7 @@ fn a_movement_is_written_frame_by_frame_as_the_skin_has_it() {
     );
     let (clip, skinner) = (person.clip("walk").expect("there"), skinner.expect("of one mesh"));
     let (first, last) = clip.span().expect("keys");
-    let middle = clip.pose(&person.skeleton, 0.5 * (first + last), Outside::Hold).expect("valid");
+    let middle = clip.pose(&person.skeleton, 0.5 * (first + last), Extrapolation::Constant).expect("valid");
     let matrices = person.skin.joint_matrices(&person.skeleton.globals(&middle).expect("valid")).expect("valid");
     let written = model(&folder.join("frames/humanoid_0001.obj"));
     let expected = skinner.positions(&matrices).expect("valid");
@@ -172,7 +172,7 @@ fn real_characters_stand_as_their_references_do() {
         let clip = &person.clips[0];
         let (first, last) = clip.span().expect("keys");
         for (label, time) in [("0.0000", first), (later, 0.35 * last)] {
-            let pose = clip.pose(&person.skeleton, time, Outside::Hold).expect("valid");
+            let pose = clip.pose(&person.skeleton, time, Extrapolation::Constant).expect("valid");
             let matrices = person.skin.joint_matrices(&person.skeleton.globals(&pose).expect("valid")).expect("valid");
             let scale = person.model.mesh().diagonal();
             for (j, row) in numbers(&folder.join(format!("{name}.t{label}.joint_matrices.txt"))).iter().enumerate() {
@@ -231,7 +231,7 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
     let out = plumbline_in(folder, &["skeleton", "ball.off", "--template", &humanoid(), "-o", "no.glb"]);
     assert!(out.status.code() == Some(65) && err(&out).contains("ball.off: the curve"), "{}", err(&out));
     for (args, rc, expected) in [
-        (&["--template", "point.tgf"][..], 65, "point.tgf: the template has 1 joints in one place"),
+        (&["--template", "point.tgf"][..], 65, "point.tgf: the template has 1 joints at one position"),
         (&["--template", "none.json"][..], 65, "none.json"),
         (&["--template", "point.tgf", "--joints", "9"][..], 2, "cannot be used with"),
     ] {

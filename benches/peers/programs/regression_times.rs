@@ -13,7 +13,7 @@ use plumbline::num::run::Run;
 use plumbline::shape::character::humanoid::humanoid;
 use plumbline::shape::character::regression::{Example, RegressionModel, RegressionOptions};
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
-use plumbline::shape::character::{Character, Outside};
+use plumbline::shape::character::{Character, Extrapolation};
 
 /// Poses of each movement.
 const POSES: u32 = 6;
@@ -67,7 +67,7 @@ fn poses(person: &Character) -> Result<Vec<Vec<Matrix4<f64>>>, Box<dyn Error>> {
         let (first, last) = clip.span().unwrap_or((0.0, 0.0));
         for k in 0..POSES {
             let time = first + (last - first) * f64::from(k) / f64::from(POSES);
-            let pose = clip.pose(&person.skeleton, time, Outside::Hold)?;
+            let pose = clip.pose(&person.skeleton, time, Extrapolation::Constant)?;
             found.push(person.skin.joint_matrices(&person.skeleton.globals(&pose)?)?);
         }
     }

@@ -16,14 +16,14 @@ use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
-use plumbline_shape::character::ik::{IkMethod, between};
+use plumbline_shape::character::ik::{IkMethod, interpolate};
 use plumbline_shape::character::io::{Rig, RigFileError, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
 use plumbline_shape::character::skinning::{Skinner, SkinningMethod};
 use plumbline_shape::character::weights::WeightMethod;
 use plumbline_shape::character::{
-    Character, CharacterError, DetailRefiner, Outside, Pose, Skeleton, Skin, SkinWeights,
+    Character, CharacterError, DetailRefiner, Extrapolation, Pose, Skeleton, Skin, SkinWeights,
 };
 use plumbline_shape::mesh::{Model, TriMesh};
 
@@ -248,7 +248,7 @@ fn poses(
         let found =
             wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run()).map_err(refused)?;
         let far = MISSED * character.model.mesh().diagonal();
-        for (k, missed) in found.missed.iter().enumerate().filter(|(_, m)| **m > far) {
+        for (k, missed) in found.residuals.iter().enumerate().filter(|(_, m)| **m > far) {
             let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
                 "units"
             } else {
@@ -258,7 +258,7 @@ fn poses(
         }
         let (from, weights) = rest();
         let pose = |k: u32| {
-            let pose = between(&character.skeleton, &from, &found.pose, share(k))
+            let pose = interpolate(&character.skeleton, &from, &found.pose, share(k))
                 .map_err(|e| RunError::Internal(e.to_string()))?;
             let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * share(k)).collect();
             Ok((pose, mixed))
@@ -272,8 +272,8 @@ fn poses(
     let (start, end) = (settings.start.unwrap_or(first), settings.end.unwrap_or(last));
     let pose = |k: u32| {
         let time = start + (end - start) * share(k);
-        let pose = clip.pose(&character.skeleton, time, Outside::Hold).map_err(|e| refused(&e))?;
-        Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Hold).map_err(|e| refused(&e))?))
+        let pose = clip.pose(&character.skeleton, time, Extrapolation::Constant).map_err(|e| refused(&e))?;
+        Ok((pose, clip.weights(&character.rest_weights(), time, Extrapolation::Constant).map_err(|e| refused(&e))?))
     };
     (0..settings.frames).map(pose).collect()
 }

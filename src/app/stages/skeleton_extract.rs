@@ -16,7 +16,7 @@ use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
-    ExtractionError, ExtractionOptions, ExtractionReport, Keep, Round, extract, skeleton_of,
+    ContractionStep, ExtractionError, ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of,
 };
 use plumbline_shape::character::fitting::{FitError, fit_template};
 use plumbline_shape::character::io::{Rig, read_rig, rig_text};
@@ -45,7 +45,7 @@ pub struct SkeletonExtractSettings {
     /// not count
     #[schemars(extend("format" = "path"))]
     pub template: Option<String>,
-    /// A folder for the surface after each round of contraction, as .obj
+    /// A folder for the surface after each contraction iteration, as .obj
     #[schemars(extend("format" = "path"))]
     pub contraction_frames: Option<String>,
 }
@@ -95,13 +95,13 @@ impl Stage for SkeletonExtractSettings {
         let mut failed = None;
         let mut frames = Vec::new();
         let job = context.job;
-        let mut observer = |round: &Round<'_>| {
+        let mut observer = |step: &ContractionStep<'_>| {
             if job.check_cancel().is_err() {
                 return ControlFlow::Break(());
             }
             let Some(folder) = folder else { return ControlFlow::Continue(()) };
-            let path = folder.join(format!("part{:03}_round{:03}.obj", round.part, round.round));
-            match write_frame(&path, round, &context.job.run()) {
+            let path = folder.join(format!("part{:03}_round{:03}.obj", step.part, step.iteration));
+            match write_frame(&path, step, &context.job.run()) {
                 Ok(()) => frames.push(path),
                 Err(error) => {
                     failed = Some(error);
@@ -211,9 +211,9 @@ fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
     words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)
 }
 
-fn write_frame(path: &Path, round: &Round<'_>, run: &Run) -> Result<(), RunError> {
+fn write_frame(path: &Path, step: &ContractionStep<'_>, run: &Run) -> Result<(), RunError> {
     let internal = |e: plumbline_shape::mesh::MeshError| RunError::Internal(e.to_string());
-    let model = Model::of_mesh(round.surface());
+    let model = Model::of_mesh(step.surface());
     let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run).map_err(internal)?;
     let unfinished = begin(path)?;
     std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
@@ -259,8 +259,8 @@ fn tell(
 ) {
     let joints = skeleton.joint_count();
     let line = format!(
-        "{joints} joints; a curve of {} ends, {} junctions and {} loops in {} parts, {} rounds",
-        report.ends, report.junctions, report.loops, report.parts, report.rounds
+        "{joints} joints; a curve of {} ends, {} junctions and {} loops in {} parts, {} iterations",
+        report.ends, report.junctions, report.loops, report.parts, report.iterations
     );
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs.clone_from(&report.repairs);

@@ -1,4 +1,4 @@
-//! A surface with everything that moves it.
+//! A model with its skeleton, skin, morph targets and clips.
 
 use std::sync::Arc;
 
@@ -7,58 +7,53 @@ use nalgebra::Point3;
 use super::{CharacterError, Clip, Skeleton, Skin};
 use crate::mesh::Model;
 
-/// A model bound to a skeleton, its morph targets and its movements.
+/// A model bound to a skeleton, with morph targets and clips.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Character {
-    /// The surface as it was bound.
+    /// The surface in its bind pose.
     pub model: Model,
-    /// The joints.
+    /// The skeleton.
     pub skeleton: Skeleton,
-    /// How the surface follows them.
+    /// Weights and inverse bind matrices.
     pub skin: Arc<Skin>,
-    /// Other shapes of the surface.
+    /// Morph targets.
     pub targets: Vec<MorphShape>,
-    /// Movements.
+    /// Animation clips.
     pub clips: Vec<Clip>,
-    /// What of a file was left out or taken otherwise than it stood.
+    /// What the reader left out or changed.
     pub warnings: Vec<String>,
 }
 
-/// Another shape of a surface, as differences.
+/// A morph target, stored as sparse vertex offsets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MorphShape {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// How far the surface is morphed at rest; 0 is not at all, 1 wholly.
+    /// Weight at rest: 0 is the unmorphed surface, 1 the full offsets.
     pub weight: f64,
-    /// Vertices that move, ascending.
+    /// Vertices with an offset, ascending.
     pub vertices: Vec<u32>,
-    /// How far each of them moves, units of the model.
+    /// Offset of each of these vertices, units of the model.
     pub offsets: Vec<[f64; 3]>,
 }
 
 impl Character {
-    /// A model bound to a skeleton, without movements.
+    /// A model bound to a skeleton, without morph targets or clips.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] where the skin is of another mesh, [`CharacterError::Matrices`] where it is of another
-    /// skeleton.
+    /// [`CharacterError::PerVertex`] if the weights belong to another mesh, [`CharacterError::Matrices`] if the matrices belong to
+    /// another skeleton.
     pub fn new(model: Model, skeleton: Skeleton, skin: Arc<Skin>) -> Result<Self, CharacterError> {
-        let (given, vertices) = (skin.weights().vertex_count(), model.mesh().vertex_count());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
-        }
-        let (joints, matrices) = (skeleton.joint_count(), skin.inverse_bind().len());
-        if joints != matrices {
-            return Err(CharacterError::Matrices { joints, matrices });
-        }
+        let vertices = model.mesh().vertex_count();
+        CharacterError::check_per_vertex("rows of weights", skin.weights().vertex_count(), vertices)?;
+        CharacterError::check_matrices(skeleton.joint_count(), skin.inverse_bind().len())?;
         Ok(Self { model, skeleton, skin, targets: Vec::new(), clips: Vec::new(), warnings: Vec::new() })
     }
 
-    /// The clip of a name; the names that there are otherwise.
+    /// The clip with this name.
     ///
     /// # Errors
-    /// [`CharacterError::UnknownClip`].
+    /// [`CharacterError::UnknownClip`], with the names of all clips.
     pub fn clip(&self, name: &str) -> Result<&Clip, CharacterError> {
         let known = || self.clips.iter().map(|c| format!("{:?}", c.name())).collect::<Vec<_>>().join(", ");
         let unknown = || CharacterError::UnknownClip { name: name.to_owned(), known: known() };
@@ -70,10 +65,10 @@ impl Character {
         self.targets.iter().map(|t| t.weight).collect()
     }
 
-    /// Positions of the surface as it was bound, morphed: `p + Σ wₖ dₖ`.
+    /// Morphed positions in the bind pose: `p + Σ wₖ dₖ`.
     ///
     /// # Errors
-    /// [`CharacterError::MorphWeights`] for another number of weights than of targets.
+    /// [`CharacterError::MorphWeights`] if the number of weights differs from the number of targets.
     pub fn morphed(&self, weights: &[f64]) -> Result<Vec<Point3<f64>>, CharacterError> {
         if weights.len() != self.targets.len() {
             return Err(CharacterError::MorphWeights { given: weights.len(), targets: self.targets.len() });

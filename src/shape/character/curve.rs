@@ -1,16 +1,16 @@
-//! The curve that a skeleton was made of.
+//! Curve skeletons.
 
 use nalgebra::Point3;
 
-/// Nodes and edges in the middle of a surface, and which part of the surface each node stands for.
+/// A curve skeleton: nodes and edges along the medial axis of a surface, with the correspondence from vertices to nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveSkeleton {
-    /// Where the nodes are.
+    /// Node positions.
     pub nodes: Vec<Point3<f64>>,
-    /// Pairs of nodes that are joined.
+    /// Pairs of adjacent nodes.
     pub edges: Vec<[u32; 2]>,
-    /// Radius of the surface about each node, in units of the model; one per node, or empty.
+    /// Radius of the surface about each node, units of the model; one per node, or empty.
     pub radius: Vec<f64>,
-    /// The node of each vertex of the surface; or empty.
+    /// Node that each vertex of the surface contracts to; one per vertex, or empty.
     pub node_of_vertex: Vec<u32>,
 }

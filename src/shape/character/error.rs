@@ -1,74 +1,75 @@
-//! What a skeleton, a pose or a skin can be refused for.
+//! Errors of skeletons, poses, skins, clips, inverse kinematics, editing, fitting and extraction.
 
+use super::ClipError;
 use crate::surface::SurfaceError;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
 
-/// Why a character could not be made.
+/// Why an operation on a character failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CharacterError {
     /// Input: a skeleton without joints.
-    #[error("the skeleton has no joint; give it one at least")]
+    #[error("the skeleton has no joint; give it at least one")]
     NoJoints,
-    /// Input: more joints than numbers for them.
+    /// Input: more joints than 16-bit joint indices can address.
     #[error("{joints} joints are too many (at most {most})")]
     TooManyJoints {
-        /// Their number.
+        /// Number of joints.
         joints: usize,
-        /// The most there may be.
+        /// Largest number allowed.
         most: usize,
     },
-    /// Input: a parent that is no joint.
+    /// Input: the parent index of a joint is out of range.
     #[error("joint {joint:?} has the parent {parent}, but the skeleton has {joints} joints, numbered from 0")]
     NoSuchParent {
         /// Name of the joint.
         joint: String,
-        /// Number of its parent.
+        /// Index of its parent.
         parent: u32,
         /// Number of joints.
         joints: usize,
     },
-    /// Input: joints that descend from themselves.
-    #[error("joints form a cycle: {cycle}; one of them must be a root or hang on another joint")]
+    /// Input: the parent relation has a cycle.
+    #[error("joints form a cycle: {cycle}; make one of them a root or give it another parent")]
     Cycle {
         /// Names of the joints, each followed by its parent.
         cycle: String,
     },
-    /// Input: two joints of one name.
+    /// Input: two joints with the same name.
     #[error("joints {first} and {second} are both named {name:?}; names must differ")]
     DuplicateName {
         /// The name.
         name: String,
-        /// The first of them.
+        /// Index of the first joint.
         first: usize,
-        /// The next of them.
+        /// Index of the second joint.
         second: usize,
     },
-    /// Input: a joint that is not there.
+    /// Input: a joint name that the skeleton does not have.
     #[error("there is no joint {name:?}{}", known(.nearest.as_deref()))]
     UnknownJoint {
-        /// The name asked for.
+        /// The name given.
         name: String,
-        /// The joint whose name is most like it.
+        /// The closest existing name by edit distance.
         nearest: Option<String>,
     },
-    /// Input: a frame of a joint with a number that is not finite.
+    /// Input: a joint frame with a non-finite value.
     #[error("the {what} of joint {joint:?} is not finite")]
     JointNotFinite {
-        /// What is not finite.
+        /// Which frame.
         what: &'static str,
         /// Name of the joint.
         joint: String,
     },
-    /// Input: a joint whose frame is flat, so that nothing can be bound to it.
+    /// Input: a joint frame with zero scale, which has no inverse bind matrix.
     #[error("the frame of joint {joint:?} has a scale of 0; a skin cannot be bound to it")]
     FlatJoint {
         /// Name of the joint.
         joint: String,
     },
-    /// Input: limits that no rotation keeps.
+    /// Input: joint limits out of range.
     #[error("the {what} {value} of joint {joint:?} is invalid (expected {expected})")]
     Limits {
         /// Name of the joint.
@@ -77,10 +78,10 @@ pub enum CharacterError {
         what: &'static str,
         /// Its value.
         value: String,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// Input: a pose for another skeleton.
+    /// Input: a pose with the wrong number of joints.
     #[error("a pose of {given} joints does not fit a skeleton of {joints}: give one frame for each")]
     Pose {
         /// Frames of the pose.
@@ -88,17 +89,17 @@ pub enum CharacterError {
         /// Joints of the skeleton.
         joints: usize,
     },
-    /// Input: a weight that names no joint.
+    /// Input: a weight whose joint index is out of range.
     #[error("vertex {vertex} follows joint {joint}, but the skin has {joints} joints, numbered from 0")]
     NoSuchJoint {
         /// The vertex.
         vertex: usize,
-        /// The joint named.
+        /// Index of the joint.
         joint: u32,
         /// Joints of the skin.
         joints: usize,
     },
-    /// Input: a negative weight, or one that is not finite.
+    /// Input: a weight that is negative or not finite.
     #[error("the weight {weight} of vertex {vertex} for joint {joint} is invalid (expected 0 or more, finite)")]
     Weight {
         /// The vertex.
@@ -108,35 +109,35 @@ pub enum CharacterError {
         /// The weight.
         weight: f64,
     },
-    /// Input: weights of a vertex that do not sum to one.
+    /// Input: the weights of a vertex do not sum to one.
     #[error("the weights of vertex {vertex} sum to {sum} (expected 1 ± {tolerance:e}); normalize them first")]
     WeightSum {
         /// The vertex.
         vertex: usize,
         /// Their sum.
         sum: f64,
-        /// How far from 1 it may be.
+        /// Largest allowed distance from 1.
         tolerance: f64,
     },
-    /// Input: vertices that follow no joint.
-    #[error("{count} vertices follow no joint, the first is vertex {vertex}; give each a weight above 0")]
+    /// Input: vertices without any weight.
+    #[error("{count} vertices have no weight, the first is vertex {vertex}; give each a weight above 0")]
     Weightless {
-        /// The first of them.
+        /// The first of these vertices.
         vertex: usize,
-        /// How many there are.
+        /// Number of these vertices.
         count: usize,
     },
-    /// Input: a vertex that follows more joints than there is room for.
-    #[error("vertex {vertex} follows {found} joints (at most {most}); limit the weights first")]
+    /// Input: a vertex with more influences than the method supports.
+    #[error("vertex {vertex} has {found} influences (at most {most}); limit the weights first")]
     TooManyInfluences {
         /// The vertex.
         vertex: usize,
-        /// Joints that it follows.
+        /// Number of its influences.
         found: usize,
-        /// The most there may be.
+        /// Largest number allowed.
         most: usize,
     },
-    /// Input: weights and matrices that do not belong together.
+    /// Input: the numbers of joints and of matrices differ.
     #[error("the skin has weights for {joints} joints but {matrices} matrices: give one for each joint")]
     Matrices {
         /// Joints of the weights.
@@ -144,55 +145,70 @@ pub enum CharacterError {
         /// Matrices given.
         matrices: usize,
     },
-    /// Input: a matrix with a number that is not finite, or that is not affine.
+    /// Input: a matrix that is not finite or not affine.
     #[error("the matrix of joint {joint} is {what} (expected a finite affine map)")]
     Matrix {
-        /// Number of the joint.
+        /// Index of the joint.
         joint: usize,
-        /// What is wrong with it.
+        /// Why it is invalid.
         what: &'static str,
     },
-    /// Input: nothing to learn from.
+    /// Input: training without examples.
     #[error("there is no example pose; give one at least")]
     NoExamples,
-    /// Input: something per vertex for another mesh.
+    /// Input: a per-vertex array of the wrong length.
     #[error("{given} {what} do not fit a mesh of {vertices} vertices: give one for each")]
     PerVertex {
-        /// What was counted.
+        /// Name of the quantity.
         what: &'static str,
-        /// How many were given.
+        /// Length of the array.
         given: usize,
         /// Vertices of the mesh.
         vertices: usize,
     },
-    /// Input: a movement that is not there.
+    /// Input: a clip name that the character does not have.
     #[error("there is no clip {name:?} (known: {})", if known.is_empty() { "none" } else { known.as_str() })]
     UnknownClip {
-        /// The name asked for.
+        /// The name given.
         name: String,
-        /// The names there are.
+        /// All clip names.
         known: String,
     },
-    /// Input: weights of other morph targets.
+    /// Input: the wrong number of morph weights.
     #[error("{given} weights do not fit {targets} morph targets: give one for each")]
     MorphWeights {
-        /// Weights given.
+        /// Number of weights.
         given: usize,
-        /// Morph targets there are.
+        /// Number of morph targets.
         targets: usize,
     },
-    /// Settings: an option out of its range.
+    /// Settings: an option out of range.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// Numerics: a system could not be factored.
+    /// Numerics: factorization failed.
     #[error(transparent)]
     Solve(SparseError),
-    /// A surface that could not be refined.
+    /// An invalid clip.
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    /// A surface solver failed.
     #[error(transparent)]
     Surface(SurfaceError),
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted or exceeded its time budget.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+impl CharacterError {
+    /// Rejects a per-vertex array of the wrong length.
+    pub(super) fn check_per_vertex(what: &'static str, given: usize, vertices: usize) -> Result<(), Self> {
+        if given == vertices { Ok(()) } else { Err(Self::PerVertex { what, given, vertices }) }
+    }
+
+    /// Rejects a number of matrices that differs from that of the joints.
+    pub(super) fn check_matrices(joints: usize, matrices: usize) -> Result<(), Self> {
+        if joints == matrices { Ok(()) } else { Err(Self::Matrices { joints, matrices }) }
+    }
 }
 
 fn known(nearest: Option<&str>) -> String {

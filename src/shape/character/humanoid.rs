@@ -1,7 +1,7 @@
-//! A person of capsules, with joints, limits, weights and two movements: a character of the project's own for tests and pictures.
+//! A procedural humanoid with joints, limits, weights and two clips, for tests and pictures.
 //!
-//! About 1.75 units high, y up, facing +z, arms stretched out; frames of joints at rest are turned as the world. Hinges (elbows and
-//! knees) have their axis as the axis of twist, so that they bend to one side alone.
+//! About 1.75 units high, y up, facing +z, arms stretched out (T-pose); joint frames at rest are axis-aligned. The twist axis of hinges
+//! (elbows and knees) is the hinge axis, so that an interval limits them to one side.
 
 use std::sync::Arc;
 
@@ -9,13 +9,13 @@ use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 
 use super::clip::rotations;
 use super::weights::{WeightOptions, bone_weights};
-use super::{Between, Character, CharacterError, Clip, ClipError, Curve, Joint, Keys, Limits, Skeleton, Skin, Track};
+use super::{Character, CharacterError, Clip, Curve, Interpolation, Joint, Keys, Limits, Skeleton, Skin, Track};
 use crate::mesh::Model;
 use crate::mesh::shapes::level_set;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// Name, parent, place; of pairs the left one.
+/// Name, parent and world position; of symmetric pairs the left one.
 const JOINTS: [(&str, &str, [f64; 3]); 14] = [
     ("hips", "", [0.0, 0.95, 0.0]),
     ("spine", "hips", [0.0, 1.12, 0.0]),
@@ -33,7 +33,7 @@ const JOINTS: [(&str, &str, [f64; 3]); 14] = [
     ("toes.L", "foot.L", [0.1, 0.05, 0.14]),
 ];
 
-/// Thickness of the bone that ends with a joint.
+/// Radius of the capsule around the bone that ends at a joint, units of the model.
 const THICK: [(&str, f64); 13] = [
     ("spine", 0.13),
     ("chest", 0.14),
@@ -50,25 +50,14 @@ const THICK: [(&str, f64); 13] = [
     ("toes.L", 0.045),
 ];
 
-/// How wide the creases between limbs are rounded.
+/// Width over which the union of two capsules is smoothed, units of the model: about the thinnest limb radius.
 const CREASE: f64 = 0.04;
 
-/// Why there is no humanoid: its own data are wrong.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum HumanoidError {
-    /// Its joints or weights.
-    #[error(transparent)]
-    Character(#[from] CharacterError),
-    /// Its movements.
-    #[error(transparent)]
-    Clip(#[from] ClipError),
-}
-
-/// A person of capsules whose surface has cells of this size; 0.036 gives about seven thousand vertices.
+/// A humanoid of capsules, meshed with this cell size; 0.036 gives about seven thousand vertices.
 ///
 /// # Errors
-/// [`HumanoidError`] where the cells are so coarse that nothing is left of the surface.
-pub fn humanoid(cell: f64) -> Result<Character, HumanoidError> {
+/// [`CharacterError::Weightless`] and others if the cells are so coarse that the surface is empty.
+pub fn humanoid(cell: f64) -> Result<Character, CharacterError> {
     let skeleton = skeleton()?;
     let limbs = limbs(&skeleton);
     let inside = |x: &Point3<f64>| limbs.iter().map(|l| l.distance(x)).reduce(joined).unwrap_or(1.0);
@@ -79,7 +68,7 @@ pub fn humanoid(cell: f64) -> Result<Character, HumanoidError> {
     Ok(Character { clips, ..Character::new(Model::of_mesh(mesh), skeleton, skin)? })
 }
 
-/// The right one of a pair.
+/// Name of the right counterpart.
 fn right(name: &str) -> Option<String> {
     name.strip_suffix(".L").map(|base| format!("{base}.R"))
 }
@@ -104,7 +93,7 @@ fn skeleton() -> Result<Skeleton, CharacterError> {
     Skeleton::new(joints)
 }
 
-/// How far a joint may turn; `side` is 1 on the left.
+/// Limits of a joint; `side` is 1 on the left.
 fn limits(name: &str, side: f64) -> Option<Limits> {
     let hinge = |axis: Vector3<f64>, most: f64| Limits {
         swing: [0.0, 0.0],
@@ -125,7 +114,7 @@ fn limits(name: &str, side: f64) -> Option<Limits> {
     })
 }
 
-/// A rounded piece between two joints.
+/// A capsule between two joints.
 struct Limb {
     ends: [Point3<f64>; 2],
     radius: f64,
@@ -152,13 +141,13 @@ fn limbs(skeleton: &Skeleton) -> Vec<Limb> {
     skeleton.joints().iter().enumerate().filter_map(limb).collect()
 }
 
-/// The lesser of two distances, rounded where they are close.
+/// Smooth minimum of two distances (quadratic polynomial).
 fn joined(a: f64, b: f64) -> f64 {
     let h = (CREASE - (a - b).abs()).max(0.0) / CREASE;
     a.min(b) - 0.25 * CREASE * h * h
 }
 
-/// Length of a movement, s, and its keys.
+/// Duration of the clips, s, and their number of key intervals.
 const LENGTH: f64 = 1.2;
 const KEYS: u32 = 12;
 
@@ -166,20 +155,27 @@ fn times() -> Vec<f64> {
     (0..=KEYS).map(|k| LENGTH * f64::from(k) / f64::from(KEYS)).collect()
 }
 
-/// A track of turns about axes, by the phase of the movement, 0 to 2π.
-fn turning(skeleton: &Skeleton, name: &str, turn: impl Fn(f64) -> UnitQuaternion<f64>) -> Result<Track, HumanoidError> {
+/// A rotation track sampled over the phase of the clip, 0 to 2π.
+fn turning(
+    skeleton: &Skeleton,
+    name: &str,
+    turn: impl Fn(f64) -> UnitQuaternion<f64>,
+) -> Result<Track, CharacterError> {
     let turns: Vec<_> = times().iter().map(|t| turn(std::f64::consts::TAU * t / LENGTH)).collect();
-    Ok(Track { joint: skeleton.named(name)?, curve: Curve::Rotation(rotations(times(), &turns, Between::Smooth)?) })
+    Ok(Track {
+        joint: skeleton.named(name)?,
+        curve: Curve::Rotation(rotations(times(), &turns, Interpolation::Smooth)?),
+    })
 }
 
 fn about(axis: Vector3<f64>, angle: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(axis * angle)
 }
 
-/// How far arms hang down beside the body, rad.
+/// Angle of the lowered arms from the T-pose, rad.
 const HANGING: f64 = 1.25;
 
-fn walk(skeleton: &Skeleton) -> Result<Clip, HumanoidError> {
+fn walk(skeleton: &Skeleton) -> Result<Clip, CharacterError> {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let mut tracks = Vec::new();
     for (side, phase, sign) in [("L", 0.0, 1.0), ("R", std::f64::consts::PI, -1.0)] {
@@ -194,12 +190,12 @@ fn walk(skeleton: &Skeleton) -> Result<Clip, HumanoidError> {
     tracks.push(turning(skeleton, "spine", |t| about(y, 0.12 * t.sin()))?);
     let hips = skeleton.joints()[skeleton.named("hips")? as usize].rest.translation;
     let height = |t: &f64| [hips.x, hips.y - 0.03 + 0.02 * (2.0 * std::f64::consts::TAU * t / LENGTH).cos(), hips.z];
-    let keys = Keys::new(times(), times().iter().map(height).collect(), Between::Smooth)?;
+    let keys = Keys::new(times(), times().iter().map(height).collect(), Interpolation::Smooth)?;
     tracks.push(Track { joint: skeleton.named("hips")?, curve: Curve::Translation(keys) });
     Ok(Clip::new("walk", tracks, Vec::new())?)
 }
 
-fn wave(skeleton: &Skeleton) -> Result<Clip, HumanoidError> {
+fn wave(skeleton: &Skeleton) -> Result<Clip, CharacterError> {
     let (y, z) = (Vector3::y(), Vector3::z());
     let tracks = vec![
         turning(skeleton, "arm.L", |_| about(z, -HANGING))?,
@@ -213,11 +209,11 @@ fn wave(skeleton: &Skeleton) -> Result<Clip, HumanoidError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::character::Outside;
+    use crate::character::Extrapolation;
     use crate::mesh::HalfEdges;
 
     #[test]
-    fn the_humanoid_is_closed_mirrored_and_moves_within_its_limits() {
+    fn the_humanoid_is_closed_symmetric_and_moves_within_its_limits() {
         let person = humanoid(0.05).expect("made");
         let edges = HalfEdges::new(person.model.mesh()).expect("an oriented manifold");
         assert!(edges.boundary_loops().is_empty());
@@ -229,7 +225,7 @@ mod tests {
         }
         for clip in &person.clips {
             for k in 0..=60 {
-                let pose = clip.pose(&person.skeleton, f64::from(k) * 0.02, Outside::Hold).expect("valid");
+                let pose = clip.pose(&person.skeleton, f64::from(k) * 0.02, Extrapolation::Constant).expect("valid");
                 for (joint, local) in person.skeleton.joints().iter().zip(&pose.locals) {
                     assert!(
                         joint.limits.is_none_or(|l| l.allows(&local.rotation, 0.02)),
@@ -239,7 +235,8 @@ mod tests {
                     );
                 }
             }
-            let [first, last] = [0.0, LENGTH].map(|t| clip.pose(&person.skeleton, t, Outside::Hold).expect("valid"));
+            let [first, last] =
+                [0.0, LENGTH].map(|t| clip.pose(&person.skeleton, t, Extrapolation::Constant).expect("valid"));
             assert!(
                 first.locals.iter().zip(&last.locals).all(|(a, b)| (a.matrix() - b.matrix()).amax() < 1e-9),
                 "it repeats"

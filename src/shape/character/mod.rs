@@ -3,14 +3,14 @@
 //! ```text
 //! skeleton    joints in a forest; joint j has the frame parent_from_joint Tⱼ at rest and Lⱼ in a pose
 //! globals     Gⱼ = G_parent(j) Lⱼ              world_from_joint
-//! skin        Mⱼ = Gⱼ Bⱼ                       Bⱼ the inverse of Gⱼ where the skin was bound
-//! weights     w_ij ≥ 0,  Σⱼ w_ij = 1           how much vertex i follows joint j
+//! skin        Mⱼ = Gⱼ Bⱼ                       Bⱼ the inverse bind matrix: the inverse of Gⱼ in the bind pose
+//! weights     w_ij ≥ 0,  Σⱼ w_ij = 1           influence of joint j on vertex i
 //! ```
 //!
-//! A [`Pose`] gives every joint of a [`Skeleton`] its frame; the matrices `Mⱼ` of a [`Skin`] say how space moves with each
-//! joint, and a method of skinning makes the surface of them.
+//! A [`Pose`] holds the local frame of every joint of a [`Skeleton`]. The skin matrices `Mⱼ` of a [`Skin`] map rest space to posed
+//! space per joint; a skinning method blends them over the surface.
 
-#[expect(clippy::module_inception, reason = "the module is about characters, the file about one")]
+#[expect(clippy::module_inception, reason = "the module holds the domain, the file its central type")]
 mod character;
 pub mod clip;
 mod curve;
@@ -37,7 +37,7 @@ pub mod weights;
 mod weights_file;
 
 pub use character::{Character, MorphShape};
-pub use clip::{Between, Clip, ClipError, Curve, Keys, MorphTrack, Outside, RotationKeys, Track};
+pub use clip::{Clip, ClipError, Curve, Extrapolation, Interpolation, Keys, MorphTrack, RotationKeys, Track};
 pub use curve::CurveSkeleton;
 pub use error::CharacterError;
 pub use limits::{Limits, SwingTwist};

@@ -1,19 +1,19 @@
-//! Details kept after skinning:
+//! Restores surface detail after skinning:
 //!
 //! ```text
 //! x = argmin Σᵢ |L(x)ᵢ − Tᵢ L(p)ᵢ|² / mᵢ + Σᵢ μ |xᵢ − yᵢ|²
 //! ```
 //!
-//! `y` is the skinned surface, `Tᵢ` the turn that the joints of vertex `i` have on average (the normalized sum of their quaternions,
-//! signs turned toward the strongest). Where skinning is rigid both terms vanish; where it collapses or bulges, differential
-//! coordinates that only turned bring the shape back, as far as `μ` lets it leave the skinned one. The matrix does not depend on the
-//! pose: a frame costs substitutions with one factor.
+//! `y` is the skinned surface, `Tᵢ` the mean rotation of the joints of vertex `i` (normalized weighted sum of quaternions, signs
+//! aligned with the strongest joint), `mᵢ` the vertex area. For rigid motion both terms vanish. Where skinning collapses or bulges,
+//! the rotated differential coordinates restore the shape; `μ` limits the deviation from `y`. The matrix is constant, so a frame
+//! costs back-substitutions only.
 //!
-//! It is linear: a tube that twists by `τ'` per radius keeps `1/(1 + τ'²)` of its radius, for the Laplacian of a twisted tube is
-//! longer than that at rest, not only turned. Bends and seams of weights gain more than narrow twists.
+//! Limitation: the energy is linear. A tube twisted by `τ'` per radius keeps `1/(1 + τ'²)` of its radius, because the Laplacian of a
+//! twisted tube is also longer than at rest. Bends and weight seams improve more than narrow twists.
 //!
 //! # Reference
-//! The energy is that of O. Sorkine et al., *Laplacian surface editing*, SGP 2004, with the rotations given; see
+//! The energy is that of O. Sorkine et al., *Laplacian surface editing*, SGP 2004, with prescribed rotations; see
 //! [`crate::surface::DetailPreserving`].
 
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion};
@@ -24,7 +24,7 @@ use crate::mesh::TriMesh;
 use crate::surface::{Constraint, DeformOptions, DetailPreserving, HandlePose, Handles};
 use plumbline_num::run::Run;
 
-/// The factor that refines a skinned surface, by whichever method it is skinned.
+/// Prefactored detail restoration for one mesh and its weights; it works with every skinning method.
 #[derive(Debug)]
 pub struct DetailRefiner {
     weights: SkinWeights,
@@ -32,23 +32,21 @@ pub struct DetailRefiner {
 }
 
 impl DetailRefiner {
-    /// Prepares the factor. `hold` is `μ`, above 0, dimensionless: 1 holds a vertex as strongly as its neighbors do; large values
-    /// give the skinned surface.
+    /// Factors the system. `hold` is `μ`, above 0, dimensionless: at 1 the skinned position of a vertex weighs as much as its
+    /// neighbors; large values reproduce the skinned surface.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for weights of another mesh; [`CharacterError::Surface`] where the surface cannot be bound or
+    /// [`CharacterError::PerVertex`] for weights of another mesh; [`CharacterError::Surface`] if the system cannot be factored or
     /// `hold` is not above 0.
     pub fn new(mesh: &TriMesh, weights: &SkinWeights, hold: f64, run: &Run) -> Result<Self, CharacterError> {
-        let (vertices, given) = (mesh.vertex_count(), weights.vertex_count());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
-        }
+        let vertices = mesh.vertex_count();
+        CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
         let handles = Handles::new((0..vertices as u32).map(|v| (v, Constraint::Soft(hold))))?;
         let solver = DetailPreserving::new(mesh, &handles, &DeformOptions::default(), run)?;
         Ok(Self { weights: weights.clone(), solver })
     }
 
-    /// The refined surface: `skinned` is where a method has the vertices in the pose of `matrices`.
+    /// The refined surface for `skinned` positions in the pose of `matrices`.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Matrices`] for another number of joints,
@@ -59,21 +57,15 @@ impl DetailRefiner {
         matrices: &[Matrix4<f64>],
         run: &Run,
     ) -> Result<Vec<Point3<f64>>, CharacterError> {
-        let (vertices, given) = (self.weights.vertex_count(), skinned.len());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "skinned positions", given, vertices });
-        }
-        let joints = self.weights.joint_count();
-        if matrices.len() != joints {
-            return Err(CharacterError::Matrices { joints, matrices: matrices.len() });
-        }
+        CharacterError::check_per_vertex("skinned positions", skinned.len(), self.weights.vertex_count())?;
+        CharacterError::check_matrices(self.weights.joint_count(), matrices.len())?;
         let rotations = joint_rotations(matrices);
         let turns: Vec<Matrix3<f64>> = self.weights.rows().map(|row| blended(&rotations, row)).collect();
         Ok(self.solver.solve(&turns, &HandlePose::new(skinned), run)?.positions)
     }
 }
 
-/// The normalized sum of the joints' quaternions.
+/// Normalized weighted sum of the joints' quaternions, signs aligned with the strongest.
 fn blended(rotations: &[UnitQuaternion<f64>], row: &[super::Influence]) -> Matrix3<f64> {
     let pivot = rotations[row[0].joint as usize];
     let term = |i: &super::Influence| {
@@ -95,7 +87,7 @@ mod tests {
     use super::*;
     use plumbline_num::math::Trs;
 
-    /// Linear blending, refined.
+    /// Linear blend skinning, refined.
     struct Refined {
         skinner: Skinner,
         refiner: DetailRefiner,
@@ -116,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_rigidly_is_left_as_it_is() {
+    fn rigid_motion_is_reproduced() {
         let (mesh, skeleton, skin, mut refined) = refiner(0.01);
         let motion = Trs::rigid(turn([1.0, 0.4, 2.0], 2.0), Vector3::new(3.0, -5.0, 1.0));
         let m: Vec<_> = matrices(&skeleton, &skin, |_| ()).iter().map(|m| motion.matrix() * m).collect();
@@ -126,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_twist_that_collapsed_opens_as_the_hold_loosens_and_a_firm_hold_gives_the_skinned_surface() {
+    fn a_collapsed_twist_opens_as_the_weight_falls_and_a_large_weight_gives_the_skinned_surface() {
         // Radius of the ring at the joint: linear blending leaves cos 75°.
         let waist = |hold: f64| {
             let (mesh, skeleton, skin, mut refined) = refiner(hold);
@@ -144,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_of_nothing_and_what_is_of_another_mesh_are_refused() {
+    fn a_weight_of_zero_and_data_of_another_mesh_are_rejected() {
         let (mesh, skeleton, skin) = tube(2, 6, 4);
         let message = DetailRefiner::new(&mesh, skin.weights(), 0.0, &Run::default()).expect_err("0").to_string();
         assert!(message.contains("weight 0 of vertex 0"), "{message}");

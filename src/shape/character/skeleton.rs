@@ -1,4 +1,4 @@
-//! Joints in a forest, each with a frame in its parent's.
+//! The skeleton: joints in a forest, each with a frame relative to its parent.
 
 use std::collections::HashMap;
 
@@ -7,46 +7,46 @@ use nalgebra::{Matrix4, Point3};
 use super::{CharacterError, Limits, Pose};
 use plumbline_num::math::Trs;
 
-/// Most joints of a skeleton: their numbers fit 16 bit, as in glTF.
+/// Largest number of joints: indices are 16-bit, as in glTF.
 const MAX_JOINTS: usize = 1 << 16;
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// No other joint of the skeleton has it.
+    /// Unique within the skeleton.
     pub name: String,
-    /// The joint it hangs on; `None` for a root.
+    /// Parent joint; `None` for a root.
     pub parent: Option<u32>,
     /// `parent_from_joint` at rest; `world_from_joint` of a root.
     pub rest: Trs,
-    /// How far it may turn from rest; `None`: as far as it likes.
+    /// Limits of the rotation from rest; `None`: unlimited.
     pub limits: Option<Limits>,
 }
 
-/// The segment between a joint and one of its children. It moves with the joint.
+/// The segment from a joint to one of its children; it moves rigidly with the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bone {
-    /// Whose frame it moves with.
+    /// The joint at its start, whose frame it moves with.
     pub joint: u32,
-    /// The joint at its end; `None` for a joint by itself, whose bone is a point.
+    /// The joint at its end; `None` for the zero-length bone of a root without children.
     pub child: Option<u32>,
-    /// Where the joint is.
+    /// Position of `joint`.
     pub from: Point3<f64>,
-    /// Where the child is.
+    /// Position of `child`.
     pub to: Point3<f64>,
 }
 
-/// Joints in a forest. They keep the order in which they were given; a parent may come after its children.
+/// Joints in a forest, in the order given; a parent may come after its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     joints: Vec<Joint>,
     children: Vec<Vec<u32>>,
-    /// Every joint, parents before children.
+    /// Topological order: parents before children.
     order: Vec<u32>,
 }
 
 impl Skeleton {
-    /// Joints that form a forest.
+    /// Builds a skeleton.
     ///
     /// # Errors
     /// [`CharacterError`]: `NoJoints`, `TooManyJoints`, `NoSuchParent`, `Cycle`, `DuplicateName`, `JointNotFinite`, `Limits`.
@@ -69,7 +69,7 @@ impl Skeleton {
         Ok(Self { joints, children, order })
     }
 
-    /// The joints, in the order in which they were given.
+    /// The joints, in the order given.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
@@ -79,7 +79,7 @@ impl Skeleton {
         self.joints.len()
     }
 
-    /// The joints that hang on a joint, ascending.
+    /// Children of a joint, ascending.
     pub fn children(&self, joint: u32) -> &[u32] {
         &self.children[joint as usize]
     }
@@ -89,34 +89,34 @@ impl Skeleton {
         (0..self.joints.len() as u32).filter(|&j| self.joints[j as usize].parent.is_none())
     }
 
-    /// Every joint once, parents before their children.
+    /// All joints in topological order, parents before children.
     pub fn parents_first(&self) -> &[u32] {
         &self.order
     }
 
-    /// The joint of a name.
+    /// Index of the joint with this name.
     pub fn find(&self, name: &str) -> Option<u32> {
         self.joints.iter().position(|j| j.name == name).map(|j| j as u32)
     }
 
-    /// The joint of a name.
+    /// Index of the joint with this name.
     ///
     /// # Errors
-    /// [`CharacterError::UnknownJoint`], with the name most like it.
+    /// [`CharacterError::UnknownJoint`], with the closest existing name.
     pub fn named(&self, name: &str) -> Result<u32, CharacterError> {
         let names = || self.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>();
         self.find(name).ok_or_else(|| unknown_name(name, &names()))
     }
 
-    /// Every joint as at rest.
+    /// The rest pose.
     pub fn rest_pose(&self) -> Pose {
         Pose { locals: self.joints.iter().map(|j| j.rest).collect() }
     }
 
-    /// `world_from_joint` of every joint in a pose, by the order of the joints.
+    /// `world_from_joint` of every joint in a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Pose`] for another number of joints, [`CharacterError::JointNotFinite`].
+    /// [`CharacterError::Pose`] for a wrong number of joints, [`CharacterError::JointNotFinite`].
     pub fn globals(&self, pose: &Pose) -> Result<Vec<Matrix4<f64>>, CharacterError> {
         if pose.locals.len() != self.joints.len() {
             return Err(CharacterError::Pose { given: pose.locals.len(), joints: self.joints.len() });
@@ -133,6 +133,7 @@ impl Skeleton {
     }
 
     fn chained(&self, locals: &[Trs]) -> Vec<Matrix4<f64>> {
+        // In topological order the parent's matrix is complete before its children need it.
         let mut globals = vec![Matrix4::identity(); locals.len()];
         for &j in &self.order {
             let local = locals[j as usize].matrix();
@@ -144,14 +145,14 @@ impl Skeleton {
         globals
     }
 
-    /// Where the joints are at rest.
+    /// Joint positions at rest, world.
     pub fn rest_positions(&self) -> Vec<Point3<f64>> {
         self.rest_globals().iter().map(origin).collect()
     }
 
-    /// The segments from each joint to its children, at rest; joints that are alone have a point.
+    /// Segments from each joint to its children at rest; a root without children gets a zero-length bone.
     ///
-    /// A joint at the end of a chain has no bone: what lies about it moves with the bone that ends there.
+    /// Leaf joints have no bone of their own: the surface around them moves with the bone that ends there.
     pub fn bones(&self) -> Vec<Bone> {
         let at = self.rest_positions();
         let mut bones = Vec::new();
@@ -167,7 +168,7 @@ impl Skeleton {
     }
 }
 
-/// The origin of a frame.
+/// Origin of a frame.
 fn origin(frame: &Matrix4<f64>) -> Point3<f64> {
     Point3::new(frame[(0, 3)], frame[(1, 3)], frame[(2, 3)])
 }
@@ -198,7 +199,7 @@ fn check_names(joints: &[Joint]) -> Result<(), CharacterError> {
     Ok(())
 }
 
-/// Every joint, each after its parent; breadth first.
+/// All joints in breadth-first order from the roots.
 fn parents_first(joints: &[Joint], children: &[Vec<u32>]) -> Result<Vec<u32>, CharacterError> {
     let mut order: Vec<u32> = (0..joints.len() as u32).filter(|&j| joints[j as usize].parent.is_none()).collect();
     let mut next = 0;
@@ -216,7 +217,7 @@ fn parents_first(joints: &[Joint], children: &[Vec<u32>]) -> Result<Vec<u32>, Ch
     Err(cycle(joints, reached.iter().position(|r| !r).unwrap_or(0)))
 }
 
-/// The cycle above a joint that no root reaches.
+/// Reports the cycle above a joint that is reachable from no root.
 fn cycle(joints: &[Joint], start: usize) -> CharacterError {
     let mut seen = vec![false; joints.len()];
     let parent = |j: usize| joints[j].parent.map_or(j, |p| p as usize);
@@ -235,14 +236,14 @@ fn cycle(joints: &[Joint], start: usize) -> CharacterError {
     }
 }
 
-/// The refusal of a name, with the one most like it.
+/// `UnknownJoint` with the closest known name, if its edit distance is at most half the length of `name`.
 pub(super) fn unknown_name(name: &str, known: &[&str]) -> CharacterError {
     let like = |other: &&&str| edit_distance(name, other);
     let nearest = known.iter().min_by_key(like).filter(|other| like(other) <= name.chars().count() / 2);
     CharacterError::UnknownJoint { name: name.to_owned(), nearest: nearest.map(|n| (*n).to_owned()) }
 }
 
-/// Letters to insert, delete or replace.
+/// Levenshtein distance.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

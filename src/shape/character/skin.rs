@@ -1,10 +1,10 @@
-//! A surface bound to joints.
+//! The binding of a surface to joints.
 
 use nalgebra::Matrix4;
 
 use super::{CharacterError, Skeleton, SkinWeights};
 
-/// Weights, and for each joint the inverse of its frame when the surface was bound to it.
+/// Skin weights and inverse bind matrices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skin {
     weights: SkinWeights,
@@ -12,20 +12,17 @@ pub struct Skin {
 }
 
 impl Skin {
-    /// A skin whose matrices are given: `joint_from_world` at rest, one per joint.
+    /// A skin with given inverse bind matrices (`joint_from_world` in the bind pose), one per joint.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] where weights name more joints than there are matrices, [`CharacterError::Matrix`].
+    /// [`CharacterError::Matrices`] if the numbers of joints and matrices differ, [`CharacterError::Matrix`].
     pub fn new(weights: SkinWeights, inverse_bind: Vec<Matrix4<f64>>) -> Result<Self, CharacterError> {
-        if weights.joint_count() != inverse_bind.len() {
-            let (joints, matrices) = (weights.joint_count(), inverse_bind.len());
-            return Err(CharacterError::Matrices { joints, matrices });
-        }
+        CharacterError::check_matrices(weights.joint_count(), inverse_bind.len())?;
         check_affine(&inverse_bind)?;
         Ok(Self { weights, inverse_bind })
     }
 
-    /// A skin bound to a skeleton at rest.
+    /// A skin bound to a skeleton in its rest pose.
     ///
     /// # Errors
     /// [`CharacterError::Matrices`] for weights of another skeleton, [`CharacterError::FlatJoint`].
@@ -36,30 +33,28 @@ impl Skin {
         Self::new(weights, inverses.collect::<Result<_, _>>()?)
     }
 
-    /// How much each vertex follows each joint.
+    /// Influence of each joint on each vertex.
     pub fn weights(&self) -> &SkinWeights {
         &self.weights
     }
 
-    /// `joint_from_world` when the surface was bound, one per joint.
+    /// Inverse bind matrices: `joint_from_world` in the bind pose, one per joint.
     pub fn inverse_bind(&self) -> &[Matrix4<f64>] {
         &self.inverse_bind
     }
 
-    /// How space moves with each joint: `world_from_joint · joint_from_world_at_rest`.
+    /// Skin matrices: `world_from_joint · joint_from_world` of the bind pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
     pub fn joint_matrices(&self, globals: &[Matrix4<f64>]) -> Result<Vec<Matrix4<f64>>, CharacterError> {
-        if globals.len() != self.inverse_bind.len() {
-            return Err(CharacterError::Matrices { joints: self.inverse_bind.len(), matrices: globals.len() });
-        }
+        CharacterError::check_matrices(self.inverse_bind.len(), globals.len())?;
         check_affine(globals)?;
         Ok(globals.iter().zip(&self.inverse_bind).map(|(g, b)| g * b).collect())
     }
 }
 
-/// Refuses matrices that are no finite affine maps. Files store the last row in 32 bit at best.
+/// Rejects matrices that are not finite or not affine. 1e-6: files store the last row in single precision at best.
 pub(super) fn check_affine(matrices: &[Matrix4<f64>]) -> Result<(), CharacterError> {
     for (joint, m) in matrices.iter().enumerate() {
         if !m.iter().all(|c| c.is_finite()) {

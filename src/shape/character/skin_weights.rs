@@ -1,32 +1,33 @@
-//! How much each vertex follows each joint.
+//! Skin weights: the influence of each joint on each vertex.
 
 use super::CharacterError;
 use plumbline_num::options::OptionError;
 
-/// How far from 1 the weights of a vertex may sum: what 32-bit numbers lose.
+/// Largest distance of a weight sum from 1: weights stored in single precision lose 6e-8 each, a row of eight at most 5e-7.
 const SUM_TOLERANCE: f64 = 1e-6;
 
-/// A joint and how much of it.
+/// A joint and its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Influence {
-    /// Number of the joint.
+    /// Index of the joint.
     pub joint: u32,
     /// Its weight, above 0.
     pub weight: f64,
 }
 
-/// What had to be done so that weights sum to one.
+/// What normalization changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Normalization {
-    /// Vertices whose sum was not 1.
+    /// Vertices whose weights did not sum to 1.
     pub changed: usize,
-    /// The farthest sum from 1, less 1.
+    /// Largest deviation of a sum from 1, signed.
     pub farthest: f64,
-    /// Vertices that had no weight at all and were given to the joint asked for.
+    /// Vertices without weights that were assigned to the fallback joint.
     pub weightless: usize,
 }
 
-/// Few joints per vertex, in compressed rows: the joints of a row differ, weights are above 0, descend, and sum to 1 (to 1e-6).
+/// Sparse skin weights in compressed rows. Invariants of a row: joints are distinct, weights are above 0, in descending order, and
+/// sum to 1 within 1e-6.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkinWeights {
     joint_count: usize,
@@ -35,8 +36,7 @@ pub struct SkinWeights {
 }
 
 impl SkinWeights {
-    /// Weights that sum to one already, and are kept as they are. Zeros are left out; where a joint comes twice in a row, its
-    /// weights are added.
+    /// Weights that already sum to one; they are stored unchanged. Zeros are dropped, weights of a repeated joint are added.
     ///
     /// # Errors
     /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`, `WeightSum`.
@@ -53,7 +53,7 @@ impl SkinWeights {
         Ok(weights)
     }
 
-    /// Weights of any sums, divided by them. Vertices without weight go to `weightless`, or are refused.
+    /// Weights of any positive sum, normalized. Vertices without weights are assigned to `weightless`, or rejected if it is `None`.
     ///
     /// # Errors
     /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`.
@@ -88,7 +88,7 @@ impl SkinWeights {
         Ok((weights, report))
     }
 
-    /// Every vertex follows one joint alone.
+    /// Rigid skinning: every vertex has a single joint.
     ///
     /// # Errors
     /// [`CharacterError::NoSuchJoint`].
@@ -96,13 +96,13 @@ impl SkinWeights {
         Self::new(joint_count, joints.iter().map(|&j| [(j, 1.0)]))
     }
 
-    /// From a dense table, row by row: `joint_count` weights for each vertex, of any sum above 0.
+    /// From a dense row-major table `#V × joint_count`, normalized; every row must have a sum above 0.
     ///
     /// # Errors
     /// As [`Self::normalized`].
     ///
     /// # Panics
-    /// Where the table's length is no multiple of `joint_count`.
+    /// If the length of the table is not a multiple of `joint_count`.
     pub fn from_dense(joint_count: usize, table: &[f64]) -> Result<(Self, Normalization), CharacterError> {
         assert_eq!(table.len() % joint_count.max(1), 0, "whole rows");
         let row = |r: &[f64]| (0..).zip(r.to_vec()).collect::<Vec<(u32, f64)>>();
@@ -114,12 +114,12 @@ impl SkinWeights {
         self.starts.len() - 1
     }
 
-    /// Number of joints that weights may name.
+    /// Number of joints.
     pub fn joint_count(&self) -> usize {
         self.joint_count
     }
 
-    /// The joints that a vertex follows, the strongest first.
+    /// Influences on a vertex, in descending order of weight.
     #[inline]
     pub fn row(&self, vertex: usize) -> &[Influence] {
         &self.influences[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
@@ -130,50 +130,50 @@ impl SkinWeights {
         self.starts.windows(2).map(|s| &self.influences[s[0] as usize..s[1] as usize])
     }
 
-    /// Weight of one joint for one vertex.
+    /// Weight of a joint for a vertex, 0 if it has none.
     pub fn weight(&self, vertex: usize, joint: u32) -> f64 {
         self.row(vertex).iter().find(|i| i.joint == joint).map_or(0.0, |i| i.weight)
     }
 
-    /// The most joints that any vertex follows.
+    /// Largest number of influences of any vertex.
     pub fn most_influences(&self) -> usize {
         self.rows().map(<[_]>::len).max().unwrap_or(0)
     }
 
-    /// Sum of each row, 1 to 1e-6.
+    /// Sum of each row, 1 within 1e-6.
     pub fn sums(&self) -> impl Iterator<Item = f64> + '_ {
         self.rows().map(|r| r.iter().map(|i| i.weight).sum())
     }
 
-    /// Without the weights below `least` of their vertex (the strongest always stays); the others sum to 1 again.
+    /// Drops weights below `least` (the largest of a vertex always stays) and renormalizes.
     ///
     /// # Errors
-    /// [`CharacterError::Option`] where `least` is not in 0 .. 1.
+    /// [`CharacterError::Option`] if `least` is outside 0 .. 1.
     pub fn pruned(&self, least: f64) -> Result<Self, CharacterError> {
         OptionError::check((0.0..1.0).contains(&least), "least weight", least, "0 or more, below 1")?;
         let stays = |&(k, i): &(usize, &Influence)| k == 0 || i.weight >= least;
         Ok(self.kept(|row| row.iter().enumerate().filter(stays).map(|(_, i)| *i).collect()))
     }
 
-    /// At most `most` of each vertex, the strongest, which sum to 1 again.
+    /// Keeps the `most` largest weights of each vertex and renormalizes.
     ///
-    /// What is kept fades with its lead over the strongest that is left out, `w ← w min(1, w / w_out − 1)`, so that weights stay
-    /// continuous along a surface where one influence takes the last place of another.
+    /// A kept weight `w` is scaled by `min(1, w / w_out − 1)`, where `w_out` is the largest dropped weight. It thus reaches zero where
+    /// the two change rank, and the weights stay continuous over the surface.
     ///
     /// # Errors
-    /// [`CharacterError::Option`] where `most` is 0.
+    /// [`CharacterError::Option`] if `most` is 0.
     pub fn limited(&self, most: usize) -> Result<Self, CharacterError> {
         OptionError::check(most > 0, "influences", 0.0, "1 or more")?;
         Ok(self.kept(|row| {
             let Some(out) = row.get(most) else { return row.to_vec() };
             let fade = |i: &Influence| Influence { weight: i.weight * (i.weight / out.weight - 1.0).min(1.0), ..*i };
             let faded: Vec<Influence> = row[..most].iter().map(fade).filter(|i| i.weight > 0.0).collect();
-            // All alike: none leads.
+            // All kept weights equal the largest dropped one.
             if faded.is_empty() { row[..most].to_vec() } else { faded }
         }))
     }
 
-    /// What `keep` makes of each row (strongest first), to sum to 1 again where it changed it.
+    /// Applies `keep` to each row (in descending order) and renormalizes the rows that became shorter.
     fn kept(&self, keep: impl Fn(&[Influence]) -> Vec<Influence>) -> Self {
         let (mut starts, mut influences) = (vec![0], Vec::with_capacity(self.influences.len()));
         for row in self.rows() {
@@ -190,7 +190,7 @@ impl SkinWeights {
         Self { joint_count: self.joint_count, starts, influences }
     }
 
-    /// Checked but for sums; rows sorted by weight, then joint.
+    /// Rows sorted by weight, then joint; every check except the sums.
     fn collected<R>(joint_count: usize, rows: impl IntoIterator<Item = R>) -> Result<Self, CharacterError>
     where
         R: IntoIterator<Item = (u32, f64)>,

@@ -12,7 +12,7 @@ fn message<T: std::fmt::Debug>(result: Result<T, CharacterError>) -> String {
 }
 
 #[test]
-fn frames_chain_from_parents_wherever_they_stand_in_the_list() {
+fn frames_chain_from_parents_in_any_joint_order() {
     let mut arm = vec![
         joint("hand", Some(2), [1.0, 0.0, 0.0]),
         joint("root", None, [5.0, 0.0, 0.0]),
@@ -30,7 +30,7 @@ fn frames_chain_from_parents_wherever_they_stand_in_the_list() {
 }
 
 #[test]
-fn several_roots_are_a_skeleton_and_one_alone_has_a_point_for_a_bone() {
+fn a_forest_is_a_skeleton_and_a_lone_root_has_a_zero_length_bone() {
     let skeleton =
         Skeleton::new(vec![joint("a", None, [1.0, 0.0, 0.0]), joint("b", None, [2.0, 0.0, 0.0])]).expect("a forest");
     assert_eq!(skeleton.roots().collect::<Vec<_>>(), [0, 1]);
@@ -38,7 +38,7 @@ fn several_roots_are_a_skeleton_and_one_alone_has_a_point_for_a_bone() {
 }
 
 #[test]
-fn joints_that_are_no_forest_are_refused_by_name() {
+fn joints_that_are_no_forest_are_rejected_by_name() {
     let at = [0.0; 3];
     let ring = vec![
         joint("r", None, at),
@@ -59,7 +59,7 @@ fn joints_that_are_no_forest_are_refused_by_name() {
 }
 
 #[test]
-fn unknown_joints_are_told_with_the_nearest_name() {
+fn unknown_joints_are_reported_with_the_nearest_name() {
     let skeleton =
         Skeleton::new(vec![joint("l_wrist", None, [0.0; 3]), joint("skull", Some(0), [0.0; 3])]).expect("a tree");
     assert_eq!(skeleton.named("skull"), Ok(1));
@@ -76,7 +76,7 @@ fn poses_must_fit_and_be_finite() {
 }
 
 #[test]
-fn at_rest_nothing_moves_with_a_joint() {
+fn skin_matrices_at_rest_are_identities() {
     let mut joints = vec![joint("a", None, [1.0, 2.0, 3.0]), joint("b", Some(0), [0.0, 1.0, 0.0])];
     joints[0].rest.rotation = UnitQuaternion::from_euler_angles(1.0, 2.0, 3.0);
     joints[0].rest.scale = Vector3::new(1.0, 2.0, 0.5);
@@ -106,7 +106,7 @@ fn a_skin_needs_a_matrix_for_each_joint() {
 }
 
 #[test]
-fn weights_are_kept_sorted_merged_and_without_zeros() {
+fn weights_are_stored_sorted_merged_and_without_zeros() {
     let rows = [vec![(3, 0.25), (1, 0.5), (0, 0.0), (3, 0.25)], vec![(2, 1.0)]];
     let weights = SkinWeights::new(4, rows).expect("sums are 1");
     assert_eq!(weights.row(0), [Influence { joint: 1, weight: 0.5 }, Influence { joint: 3, weight: 0.5 }]);
@@ -114,7 +114,7 @@ fn weights_are_kept_sorted_merged_and_without_zeros() {
 }
 
 #[test]
-fn weights_that_are_no_partition_are_refused_or_made_one() {
+fn weights_that_are_no_partition_are_rejected_or_normalized() {
     let new = |rows: Vec<Vec<(u32, f64)>>| SkinWeights::new(2, rows);
     assert!(message(new(vec![vec![(0, 1.0)], vec![(0, 0.5), (1, 0.4)]])).contains("vertex 1 sum to 0.9"));
     assert!(message(new(vec![vec![(0, 1.5), (1, -0.5)]])).contains("weight -0.5 of vertex 0 for joint 1"));
@@ -122,7 +122,7 @@ fn weights_that_are_no_partition_are_refused_or_made_one() {
     assert!(message(new(vec![vec![(2, 1.0)]])).contains("follows joint 2, but the skin has 2"));
     assert!(
         message(new(vec![vec![(0, 1.0)], vec![], vec![(1, 0.0)]]))
-            .contains("2 vertices follow no joint, the first is vertex 1")
+            .contains("2 vertices have no weight, the first is vertex 1")
     );
 
     let rows = vec![vec![(0, 3.0), (1, 1.0)], vec![], vec![(1, 1.0)]];
@@ -135,7 +135,7 @@ fn weights_that_are_no_partition_are_refused_or_made_one() {
 }
 
 #[test]
-fn a_limit_is_continuous_where_influences_change_places() {
+fn limited_weights_are_continuous_where_influences_change_rank() {
     let limited = |second: f64| {
         let row = vec![(0, 0.5), (1, second), (2, 0.5 - second)];
         SkinWeights::new(3, [row]).and_then(|w| w.limited(2)).expect("sums are 1")

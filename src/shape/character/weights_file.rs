@@ -1,4 +1,4 @@
-//! Weight files of our own:
+//! Weight files:
 //!
 //! ```json
 //! { "format": "plumbline.weights", "version": 1,
@@ -6,8 +6,8 @@
 //!   "rows": [[0, 1], [0, 0.7, 1, 0.3]] }
 //! ```
 //!
-//! A row per vertex, in the order of the mesh's file: numbers of joints (in `joints`, from 0), each followed by its weight. Rows
-//! sum to one. Joints are matched by name, so that their order in the skeleton may differ. Unknown keys are refused.
+//! One row per vertex, in the order of the mesh file: pairs of a joint index (into `joints`, from 0) and its weight. Rows sum to one.
+//! Joints are matched to a skeleton by name. Unknown keys are rejected.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,41 +17,41 @@ use serde::{Deserialize, Serialize};
 use super::{CharacterError, Skeleton, SkinWeights};
 use plumbline_num::document::{DocumentError, Kind};
 
-/// At most as large as eight joints for each of two million vertices.
+/// Size limit: eight influences for each of two million vertices.
 const KIND: Kind = Kind { name: "a file of weights", format: "plumbline.weights", max_bytes: 1 << 29 };
 
-/// A file of weights that cannot be used.
+/// Why a weight file was rejected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WeightsFileError {
-    /// Input: no such document, or one that cannot be read.
+    /// Input: not a readable document of this format.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// Input: a row that is no list of joints and weights.
-    #[error("row {row}: {what} (expected numbers of joints, 0 to {most}, each followed by its weight)")]
+    /// Input: a row that is not a list of joint–weight pairs.
+    #[error("row {row}: {what} (expected pairs of a joint index, 0 to {most}, and its weight)")]
     Row {
-        /// Number of the row, from 0.
+        /// Index of the row, from 0.
         row: usize,
         /// What is wrong.
         what: String,
-        /// Largest number of a joint.
+        /// Largest joint index.
         most: usize,
     },
-    /// Input: weights that are none, or of other joints.
+    /// Input: invalid weights, or joints that the skeleton does not have.
     #[error(transparent)]
     Weights(#[from] CharacterError),
 }
 
-/// Weights, and the names of their joints.
+/// Skin weights and the names of their joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightsFile {
-    /// Names of the joints that the rows number.
+    /// Names of the joints, by index.
     pub joints: Vec<String>,
     /// The weights.
     pub weights: SkinWeights,
 }
 
-/// Weights of the vertices of a mesh.
+/// Skin weights of a mesh.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -63,7 +63,7 @@ struct Document {
     /// Names of joints.
     #[serde(default)]
     joints: Vec<String>,
-    /// Per vertex: numbers of joints, each followed by its weight.
+    /// Per vertex: pairs of a joint index and its weight, flattened.
     #[serde(default)]
     rows: Vec<Vec<f64>>,
 }
@@ -75,10 +75,10 @@ pub fn weights_file_schema() -> schemars::Schema {
 }
 
 impl WeightsFile {
-    /// Weights for all joints of a skeleton.
+    /// Weights of a skeleton with all its joint names.
     ///
     /// # Errors
-    /// [`CharacterError::Pose`] for another number of joints.
+    /// [`CharacterError::Pose`] if the numbers of joints differ.
     pub fn of(skeleton: &Skeleton, weights: &SkinWeights) -> Result<Self, CharacterError> {
         let (given, joints) = (weights.joint_count(), skeleton.joint_count());
         if given != joints {
@@ -91,16 +91,15 @@ impl WeightsFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::parse`] refuses; [`WeightsFileError::Document`].
+    /// [`WeightsFileError::Document`] and all errors of [`Self::parse`].
     pub fn read(path: &Path) -> Result<Self, WeightsFileError> {
         Self::parse(&KIND.text(path)?)
     }
 
-    /// Reads a text.
+    /// Parses a document.
     ///
     /// # Errors
-    /// [`WeightsFileError`]: not JSON of this shape, another format or version, rows that are no lists of joints and weights or
-    /// do not sum to one.
+    /// [`WeightsFileError`]: not this format or version, malformed rows, weights that do not sum to one.
     pub fn parse(text: &str) -> Result<Self, WeightsFileError> {
         let document: Document = KIND.parse(text)?;
         let joints = document.joints.len();
@@ -109,7 +108,7 @@ impl WeightsFile {
         Ok(Self { weights: SkinWeights::new(joints, rows)?, joints: document.joints })
     }
 
-    /// As text, which [`Self::parse`] reads back to the same bits.
+    /// The document as text; [`Self::parse`] restores it bit for bit.
     pub fn to_json(&self) -> String {
         let names = serde_json::to_string(&self.joints).expect("strings");
         let mut text =
@@ -127,7 +126,7 @@ impl WeightsFile {
         text
     }
 
-    /// The weights by the joints of a skeleton, matched by name. Joints that no vertex follows may be missing from it.
+    /// The weights indexed by the joints of a skeleton, matched by name. Joints without influence may be missing from the skeleton.
     ///
     /// # Errors
     /// [`CharacterError::UnknownJoint`].
@@ -142,7 +141,7 @@ impl WeightsFile {
     }
 }
 
-/// Pairs of a joint and its weight.
+/// Splits a row into pairs of a joint index and its weight.
 fn influences(row: usize, numbers: &[f64], joints: usize) -> Result<Vec<(u32, f64)>, WeightsFileError> {
     let refused = |what: String| WeightsFileError::Row { row, what, most: joints.saturating_sub(1) };
     let (pairs, rest) = numbers.as_chunks::<2>();
@@ -174,13 +173,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back_to_the_bit_and_joints_are_matched_by_name() {
+    fn a_round_trip_is_bit_exact_and_joints_are_matched_by_name() {
         let file = WeightsFile::parse(TEXT).expect("valid");
         assert_eq!(WeightsFile::parse(&file.to_json()).expect("valid"), file);
         let thirds = SkinWeights::new(3, [vec![(0, 1.0 / 3.0), (1, 2.0 / 3.0)]]).expect("sums to 1");
         let of = WeightsFile::of(&skeleton(&["a", "b", "c"]), &thirds).expect("three joints");
         assert_eq!(WeightsFile::parse(&of.to_json()).expect("valid").weights, thirds);
-        // No vertex follows the toe: it need not be there.
+        // The toe has no influence: the skeleton does not need it.
         let weights = file.for_skeleton(&skeleton(&["knee", "hip"])).expect("found");
         assert_eq!((weights.weight(1, 0), weights.weight(1, 1), weights.weight(0, 1)), (0.7, 0.3, 1.0));
         let message = file.for_skeleton(&skeleton(&["hip", "kneel"])).expect_err("no knee").to_string();
@@ -188,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_what_is_wrong() {
+    fn errors_name_the_row_and_the_value() {
         let cases = [
             ("plumbline.weights", "plumbline.skeleton", "not a file of weights"),
             ("\"version\": 1", "\"version\": 2", "version 2"),

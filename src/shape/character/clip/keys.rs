@@ -1,54 +1,54 @@
-//! Values at times, and the curve between them.
+//! Keyframes and their interpolation.
 
 use nalgebra::SVector;
 
 use super::ClipError;
 
-/// How values between keys are found.
+/// Interpolation between keys.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Between<const N: usize> {
-    /// The last key's.
+pub enum Interpolation<const N: usize> {
+    /// Constant: the value of the key before.
     Step,
-    /// On the shortest way, at a constant rate.
+    /// Linear; of rotations the shortest great circle at constant rate (slerp).
     #[default]
     Linear,
-    /// Through the keys with one velocity on both sides of each.
+    /// A C¹ cubic through the keys, with velocities from finite differences.
     Smooth,
-    /// Cubic Hermite: velocities, per second, with which the curve comes to each key and leaves it.
+    /// Cubic Hermite with given tangents, per second.
     Cubic {
-        /// Before each key.
+        /// Incoming tangent of each key.
         arriving: Vec<[f64; N]>,
-        /// After each key.
+        /// Outgoing tangent of each key.
         leaving: Vec<[f64; N]>,
     },
 }
 
-/// `N` numbers over time.
+/// Keyframes of an `N`-dimensional value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keys<const N: usize> {
     pub(super) times: Vec<f64>,
     pub(super) values: Vec<[f64; N]>,
-    pub(super) between: Between<N>,
+    pub(super) interpolation: Interpolation<N>,
 }
 
 impl<const N: usize> Keys<N> {
-    /// Values at times in seconds.
+    /// Keyframes at times in seconds.
     ///
     /// # Errors
     /// [`ClipError`]: `Keys`, `Order`, `Value`.
-    pub fn new(times: Vec<f64>, values: Vec<[f64; N]>, between: Between<N>) -> Result<Self, ClipError> {
+    pub fn new(times: Vec<f64>, values: Vec<[f64; N]>, interpolation: Interpolation<N>) -> Result<Self, ClipError> {
         let miscounted = |count: usize| ClipError::Keys { times: times.len(), values: count };
         if times.is_empty() || times.len() != values.len() {
             return Err(miscounted(values.len()));
         }
         let mut rows: Vec<&Vec<[f64; N]>> = vec![&values];
-        if let Between::Cubic { arriving, leaving } = &between {
+        if let Interpolation::Cubic { arriving, leaving } = &interpolation {
             rows.extend([arriving, leaving]);
         }
         if let Some(row) = rows.iter().find(|row| row.len() != times.len()) {
             return Err(miscounted(row.len()));
         }
-        // NaN fails the comparison.
+        // The negated comparison also rejects NaN.
         let mut before = f64::NEG_INFINITY;
         for (key, &time) in times.iter().enumerate() {
             if !(time > before && time < f64::INFINITY) {
@@ -61,35 +61,35 @@ impl<const N: usize> Keys<N> {
                 return Err(ClipError::Value { key, what: "not finite" });
             }
         }
-        Ok(Self { times, values, between })
+        Ok(Self { times, values, interpolation })
     }
 
-    /// One value for all times.
+    /// A constant curve.
     ///
     /// # Errors
     /// [`ClipError::Value`].
     pub fn constant(value: [f64; N]) -> Result<Self, ClipError> {
-        Self::new(vec![0.0], vec![value], Between::Step)
+        Self::new(vec![0.0], vec![value], Interpolation::Step)
     }
 
-    /// Times of the keys, s, ascending; at least one.
+    /// Key times, s, strictly increasing; at least one.
     pub fn times(&self) -> &[f64] {
         &self.times
     }
 
-    /// Values at the keys.
+    /// Key values.
     pub fn values(&self) -> &[[f64; N]] {
         &self.values
     }
 
-    /// How values between them are found.
-    pub fn between(&self) -> &Between<N> {
-        &self.between
+    /// Interpolation between the keys.
+    pub fn interpolation(&self) -> &Interpolation<N> {
+        &self.interpolation
     }
 
-    /// The key before a time, how far the time is toward the next (0 to 1), and how long the step is; the first and the last key
-    /// hold beyond.
-    pub(super) fn place(&self, time: f64) -> (usize, f64, f64) {
+    /// The key before a time, the normalized parameter toward the next key (0 to 1), and the interval length, s. Before the first and
+    /// after the last key the parameter is 0.
+    pub(super) fn interval(&self, time: f64) -> (usize, f64, f64) {
         let after = self.times.partition_point(|&t| t <= time);
         if after == 0 || after == self.times.len() {
             return (after.saturating_sub(1), 0.0, 0.0);
@@ -100,23 +100,23 @@ impl<const N: usize> Keys<N> {
 
     /// The value at a time.
     pub fn at(&self, time: f64) -> [f64; N] {
-        let (k, u, step) = self.place(time);
+        let (k, u, step) = self.interval(time);
         if u == 0.0 {
             return self.values[k];
         }
         let value = |k: usize| SVector::<f64, N>::from(self.values[k]);
         let (a, b) = (value(k), value(k + 1));
-        match &self.between {
-            Between::Step => self.values[k],
-            Between::Linear => (a + (b - a) * u).into(),
-            Between::Smooth => hermite([a, b], [self.velocity(k), self.velocity(k + 1)], u, step).into(),
-            Between::Cubic { arriving, leaving } => {
+        match &self.interpolation {
+            Interpolation::Step => self.values[k],
+            Interpolation::Linear => (a + (b - a) * u).into(),
+            Interpolation::Smooth => hermite([a, b], [self.velocity(k), self.velocity(k + 1)], u, step).into(),
+            Interpolation::Cubic { arriving, leaving } => {
                 hermite([a, b], [leaving[k].into(), arriving[k + 1].into()], u, step).into()
             }
         }
     }
 
-    /// Velocity of the smooth curve at a key.
+    /// Velocity of the smooth curve at a key, per second.
     fn velocity(&self, k: usize) -> SVector<f64, N> {
         let rate = |k: usize| {
             let rise = SVector::<f64, N>::from(self.values[k + 1]) - SVector::from(self.values[k]);
@@ -126,7 +126,7 @@ impl<const N: usize> Keys<N> {
     }
 }
 
-/// The velocity at key `k`, of the rates of the steps on both sides of it.
+/// Velocity at key `k` from the slopes of the two adjacent intervals: the derivative of the parabola through three keys.
 pub(super) fn joined_rate<const N: usize>(
     times: &[f64],
     k: usize,
@@ -144,7 +144,7 @@ pub(super) fn joined_rate<const N: usize>(
     }
 }
 
-/// The cubic with these ends and velocities there, `u` of a step of `step` seconds along.
+/// Cubic Hermite polynomial with end values `a`, `b` and end velocities `v`, `w`, at the parameter `u` of an interval of `step` seconds.
 pub(super) fn hermite<const N: usize>(
     [a, b]: [SVector<f64, N>; 2],
     [v, w]: [SVector<f64, N>; 2],

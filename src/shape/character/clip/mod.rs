@@ -1,13 +1,12 @@
-//! Movement: keys of joints over time, and poses between them.
+//! Animation clips: keyframed joint transforms and morph weights, and the poses they give.
 //!
 //! ```text
 //! vectors      step · a + u (b − a) · cubic Hermite · smooth: Hermite with the velocities below
-//! rotations    step · a (a⁻¹ b)ᵘ (slerp, the short way) · normalized Hermite (glTF) · smooth: cumulative cubic
-//! velocity     vₖ = (hₖ dₖ₋₁ + hₖ₋₁ dₖ) / (hₖ₋₁ + hₖ)     d differences per time (of rotations: log of the turn), h steps
+//! rotations    step · a (a⁻¹ b)ᵘ (slerp) · normalized Hermite (glTF) · smooth: cumulative cubic Bézier
+//! velocity     vₖ = (hₖ dₖ₋₁ + hₖ₋₁ dₖ) / (hₖ₋₁ + hₖ)     d slopes (of rotations: log / h), h interval lengths
 //! ```
 //!
-//! A smooth curve passes through its keys with one velocity on both sides of each, however far apart they are; movement at a
-//! constant rate is reproduced.
+//! Smooth curves are C¹ for any key spacing and reproduce motion at constant velocity.
 //!
 //! # Reference
 //! M.-J. Kim, M.-S. Kim, S. Y. Shin, *A General Construction Scheme for Unit Quaternion Curves with Simple High Order
@@ -25,22 +24,22 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::{Pose, Skeleton};
 
 pub use error::ClipError;
-pub use keys::{Between, Keys};
+pub use keys::{Interpolation, Keys};
 pub use rotation::RotationKeys;
 
-/// How one property of a joint changes.
+/// The curve of one property of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Curve {
-    /// Where it is in its parent, units of the model.
+    /// Translation in the parent frame, units of the model.
     Translation(Keys<3>),
-    /// How it is turned in its parent.
+    /// Rotation in the parent frame.
     Rotation(RotationKeys),
-    /// Factors along its axes.
+    /// Scale factors along the joint axes.
     Scale(Keys<3>),
 }
 
 impl Curve {
-    /// Times of its keys, s.
+    /// Key times, s.
     pub fn times(&self) -> &[f64] {
         match self {
             Self::Translation(keys) | Self::Scale(keys) => keys.times(),
@@ -48,7 +47,7 @@ impl Curve {
         }
     }
 
-    /// What it moves, so that two curves of one joint can be told apart.
+    /// Name of the property, for messages and to detect duplicates.
     fn property(&self) -> &'static str {
         match self {
             Self::Translation(_) => "translation",
@@ -58,25 +57,25 @@ impl Curve {
     }
 }
 
-/// A curve of a joint.
+/// An animated property of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// The joint.
     pub joint: u32,
-    /// How it moves.
+    /// The curve.
     pub curve: Curve,
 }
 
-/// How much of a morph target there is, over time.
+/// An animated morph weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MorphTrack {
     /// The morph target.
     pub target: u32,
-    /// Its weight.
+    /// Its weight over time.
     pub keys: Keys<1>,
 }
 
-/// A movement of a skeleton and of morph targets.
+/// A named animation of joints and morph targets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     name: String,
@@ -84,21 +83,21 @@ pub struct Clip {
     morphs: Vec<MorphTrack>,
 }
 
-/// What comes before the first key and after the last.
+/// Extrapolation before the first and after the last key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Outside {
-    /// The nearest key.
+pub enum Extrapolation {
+    /// Constant: the value of the nearest key.
     #[default]
-    Hold,
-    /// The movement again.
+    Constant,
+    /// Cyclic: the clip repeats.
     Repeat,
 }
 
 impl Clip {
-    /// A movement.
+    /// A clip.
     ///
     /// # Errors
-    /// [`ClipError::TwiceMoved`] where two tracks move the same.
+    /// [`ClipError::TwiceMoved`] if two tracks animate one property.
     pub fn new(name: impl Into<String>, tracks: Vec<Track>, morphs: Vec<MorphTrack>) -> Result<Self, ClipError> {
         let (name, mut seen) = (name.into(), std::collections::HashSet::new());
         for track in &tracks {
@@ -115,36 +114,36 @@ impl Clip {
         Ok(Self { name, tracks, morphs })
     }
 
-    /// Its name.
+    /// The name of the clip.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The same movement under another name.
+    /// The same clip with another name.
     #[must_use]
     pub fn named(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
 
-    /// Curves of joints.
+    /// Joint tracks.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks
     }
 
-    /// Curves of morph targets.
+    /// Morph tracks.
     pub fn morphs(&self) -> &[MorphTrack] {
         &self.morphs
     }
 
-    /// Times of the first key and of the last, s; none without a key.
+    /// Times of the first and the last key, s; `None` without keys.
     pub fn span(&self) -> Option<(f64, f64)> {
         let of_joints = self.tracks.iter().map(|t| t.curve.times());
         let times = of_joints.chain(self.morphs.iter().map(|m| m.keys.times()));
         times.map(|t| (t[0], t[t.len() - 1])).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)))
     }
 
-    /// Every joint and morph target that is moved exists.
+    /// Checks that all animated joints and morph targets exist.
     ///
     /// # Errors
     /// [`ClipError::Unknown`].
@@ -159,13 +158,13 @@ impl Clip {
         Ok(())
     }
 
-    /// The pose at a time: what no track moves is at rest.
+    /// The pose at a time, s; properties without a track are at rest.
     ///
     /// # Errors
-    /// [`ClipError::Unknown`] for a skeleton with fewer joints than are moved.
-    pub fn pose(&self, skeleton: &Skeleton, time: f64, outside: Outside) -> Result<Pose, ClipError> {
+    /// [`ClipError::Unknown`] if the skeleton lacks an animated joint.
+    pub fn pose(&self, skeleton: &Skeleton, time: f64, extrapolation: Extrapolation) -> Result<Pose, ClipError> {
         self.check(skeleton.joint_count(), usize::MAX)?;
-        let (time, mut pose) = (self.inside(time, outside), skeleton.rest_pose());
+        let (time, mut pose) = (self.inside(time, extrapolation), skeleton.rest_pose());
         for track in &self.tracks {
             let local = &mut pose.locals[track.joint as usize];
             match &track.curve {
@@ -177,23 +176,23 @@ impl Clip {
         Ok(pose)
     }
 
-    /// Weights of `rest.len()` morph targets at a time; what no track moves is as in `rest`.
+    /// Weights of `rest.len()` morph targets at a time, s; targets without a track have their weight in `rest`.
     ///
     /// # Errors
-    /// [`ClipError::Unknown`] where a track moves a target beyond those.
-    pub fn weights(&self, rest: &[f64], time: f64, outside: Outside) -> Result<Vec<f64>, ClipError> {
+    /// [`ClipError::Unknown`] if a track animates a target beyond those.
+    pub fn weights(&self, rest: &[f64], time: f64, extrapolation: Extrapolation) -> Result<Vec<f64>, ClipError> {
         self.check(usize::MAX, rest.len())?;
-        let (time, mut weights) = (self.inside(time, outside), rest.to_vec());
+        let (time, mut weights) = (self.inside(time, extrapolation), rest.to_vec());
         for morph in &self.morphs {
             weights[morph.target as usize] = morph.keys.at(time)[0];
         }
         Ok(weights)
     }
 
-    /// A time of the movement that shows what is seen at `time`.
-    fn inside(&self, time: f64, outside: Outside) -> f64 {
-        match (self.span(), outside) {
-            (Some((first, last)), Outside::Repeat) if last > first && !(first..=last).contains(&time) => {
+    /// Maps a time into the span of the clip.
+    fn inside(&self, time: f64, extrapolation: Extrapolation) -> f64 {
+        match (self.span(), extrapolation) {
+            (Some((first, last)), Extrapolation::Repeat) if last > first && !(first..=last).contains(&time) => {
                 first + (time - first).rem_euclid(last - first)
             }
             _ => time,
@@ -201,14 +200,14 @@ impl Clip {
     }
 }
 
-/// Keys of a rotation, as a curve through them.
+/// A rotation curve through unit quaternions.
 ///
 /// # Errors
 /// Those of [`RotationKeys::new`].
 pub fn rotations(
     times: Vec<f64>,
     turns: &[UnitQuaternion<f64>],
-    between: Between<4>,
+    interpolation: Interpolation<4>,
 ) -> Result<RotationKeys, ClipError> {
-    RotationKeys::new(Keys::new(times, turns.iter().map(|q| q.coords.into()).collect(), between)?)
+    RotationKeys::new(Keys::new(times, turns.iter().map(|q| q.coords.into()).collect(), interpolation)?)
 }

@@ -1,32 +1,33 @@
-//! The same movement at other times.
+//! Retiming and resampling of clips.
 
 use nalgebra::UnitQuaternion;
 
-use super::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Track, rotations};
+use super::{Clip, ClipError, Curve, Interpolation, Keys, MorphTrack, RotationKeys, Track, rotations};
 use plumbline_num::options::OptionError;
 
-/// Most keys that a curve is sampled to.
+/// Largest number of samples per curve: four hours at 60 per second; it bounds memory to 40 MB per rotation curve.
 const MAX_KEYS: f64 = 1e6;
 
 impl Clip {
-    /// Every time `t` becomes `start + t / speed`; a negative speed runs it backwards. Smooth turns pass through their keys
-    /// backwards too, by a slightly different way.
+    /// Maps every key time `t` to `start + t / speed`; a negative speed reverses the clip. Reversed smooth rotations pass through the
+    /// same keys on a slightly different path, because the cumulative form is not symmetric in time.
     ///
     /// # Errors
-    /// [`ClipError::Option`] for a speed of 0 or times that are not finite, [`ClipError::Order`] where keys fall together.
+    /// [`ClipError::Option`] for a speed of 0 or non-finite values, [`ClipError::Order`] if keys coincide after rounding.
     pub fn retimed(&self, start: f64, speed: f64) -> Result<Self, ClipError> {
         OptionError::check(speed != 0.0 && speed.is_finite(), "speed", speed, "any number but 0")?;
         self.each_curve(&Change { start, speed })
     }
 
-    /// The movement between two times, beginning at 0, with a key every `1 / rate` seconds and at both ends.
+    /// The clip between two times, s, shifted to start at 0, with linear keys every `1 / rate` seconds and at both ends.
     ///
     /// # Errors
-    /// [`ClipError::Option`] where the span is empty or the rate not above 0.
+    /// [`ClipError::Option`] if the span is empty or the rate is out of range.
     pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, ClipError> {
         OptionError::check(to > from && (to - from).is_finite(), "end", to, "later than the start, s")?;
         let few = rate > 0.0 && (to - from) * rate < MAX_KEYS;
         OptionError::check(few, "rate", rate, "above 0 per second, at most 10⁶ keys")?;
+        // 1e-9: a span that is a multiple of the interval up to rounding gets no extra key.
         let steps = ((to - from) * rate - 1e-9).ceil().max(1.0);
         let times: Vec<f64> =
             (0..=steps as u32).map(|k| if f64::from(k) == steps { to - from } else { f64::from(k) / rate }).collect();
@@ -66,33 +67,33 @@ impl Retiming for Change {
         let mut values = keys.values.clone();
         let scaled =
             |tangents: &[[f64; N]]| -> Vec<[f64; N]> { tangents.iter().map(|v| v.map(|x| x * self.speed)).collect() };
-        let mut between = match &keys.between {
-            Between::Cubic { arriving, leaving } => {
-                Between::Cubic { arriving: scaled(arriving), leaving: scaled(leaving) }
+        let mut interpolation = match &keys.interpolation {
+            Interpolation::Cubic { arriving, leaving } => {
+                Interpolation::Cubic { arriving: scaled(arriving), leaving: scaled(leaving) }
             }
             other => other.clone(),
         };
         if self.speed < 0.0 {
             times.reverse();
             values.reverse();
-            between = match between {
-                Between::Cubic { mut arriving, mut leaving } => {
+            interpolation = match interpolation {
+                Interpolation::Cubic { mut arriving, mut leaving } => {
                     arriving.reverse();
                     leaving.reverse();
-                    Between::Cubic { arriving: leaving, leaving: arriving }
+                    Interpolation::Cubic { arriving: leaving, leaving: arriving }
                 }
-                // Backwards, a step changes at its end: each value moves to the key before, and the last key, which nothing
-                // followed, is no longer seen.
-                Between::Step => {
+                // Reversed, a step happens at the end of its interval: each value moves to the key before. The value of the
+                // former last key, which no interval followed, is dropped.
+                Interpolation::Step => {
                     values.rotate_left(1);
                     let last = values.len() - 1;
                     values[last] = keys.values[0];
-                    Between::Step
+                    Interpolation::Step
                 }
                 other => other,
             };
         }
-        Keys::new(times, values, between)
+        Keys::new(times, values, interpolation)
     }
 
     fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
@@ -100,7 +101,7 @@ impl Retiming for Change {
     }
 }
 
-/// Values at these times after `from`.
+/// Samples at these times after `from`.
 struct Samples {
     from: f64,
     times: Vec<f64>,
@@ -109,11 +110,11 @@ struct Samples {
 impl Retiming for Samples {
     fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
         let values = self.times.iter().map(|t| keys.at(self.from + t)).collect();
-        Keys::new(self.times.clone(), values, Between::Linear)
+        Keys::new(self.times.clone(), values, Interpolation::Linear)
     }
 
     fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
         let turns: Vec<UnitQuaternion<f64>> = self.times.iter().map(|t| keys.at(self.from + t)).collect();
-        rotations(self.times.clone(), &turns, Between::Linear)
+        rotations(self.times.clone(), &turns, Interpolation::Linear)
     }
 }

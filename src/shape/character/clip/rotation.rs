@@ -1,28 +1,28 @@
-//! Rotations over time. Keys are quaternions x, y, z, w, as in glTF.
+//! Keyframed rotations. Keys are quaternions x, y, z, w, as in glTF.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::keys::{hermite, joined_rate};
-use super::{Between, ClipError, Keys};
+use super::{ClipError, Interpolation, Keys};
 
-/// A rotation over time.
+/// Rotation keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotationKeys(Keys<4>);
 
 impl RotationKeys {
-    /// A curve through quaternions x, y, z, w of any length but 0. All are made unit but for those of a cubic, whose length goes
-    /// with its tangents.
+    /// A curve through quaternions x, y, z, w of any positive length. They are normalized, except for cubic curves, whose tangents
+    /// depend on the length.
     ///
     /// # Errors
     /// [`ClipError::Value`].
     pub fn new(mut keys: Keys<4>) -> Result<Self, ClipError> {
-        let cubic = matches!(keys.between, Between::Cubic { .. });
+        let cubic = matches!(keys.interpolation, Interpolation::Cubic { .. });
         for (key, value) in keys.values.iter_mut().enumerate() {
             let norm = Vector4::from(*value).norm();
             if !(norm > 0.0 && norm.is_finite()) {
                 return Err(ClipError::Value { key, what: "no rotation: the quaternion has no length" });
             }
-            // What is unit to rounding is left alone, so that it can be written as it was read.
+            // Unit quaternions up to rounding keep their bits, so that a file is written as it was read.
             if !cubic && (norm - 1.0).abs() > 4.0 * f64::EPSILON {
                 *value = value.map(|x| x / norm);
             }
@@ -35,45 +35,45 @@ impl RotationKeys {
         &self.0
     }
 
-    /// The turn at a key.
+    /// The rotation at a key.
     pub fn key(&self, k: usize) -> UnitQuaternion<f64> {
         UnitQuaternion::from_quaternion(Quaternion::from(self.0.values[k]))
     }
 
-    /// The turn at a time.
+    /// The rotation at a time.
     pub fn at(&self, time: f64) -> UnitQuaternion<f64> {
         let keys = &self.0;
-        let (k, u, step) = keys.place(time);
+        let (k, u, step) = keys.interval(time);
         if u == 0.0 {
             return self.key(k);
         }
-        match &keys.between {
-            Between::Step => self.key(k),
-            Between::Linear => self.key(k) * UnitQuaternion::from_scaled_axis(self.turn(k) * u),
-            Between::Cubic { arriving, leaving } => {
+        match &keys.interpolation {
+            Interpolation::Step => self.key(k),
+            Interpolation::Linear => self.key(k) * UnitQuaternion::from_scaled_axis(self.turn(k) * u),
+            Interpolation::Cubic { arriving, leaving } => {
                 let value = |k: usize| Vector4::from(keys.values[k]);
                 let tangents = [leaving[k].into(), arriving[k + 1].into()];
                 let mixed = hermite([value(k), value(k + 1)], tangents, u, step);
                 UnitQuaternion::try_new(Quaternion::from(mixed), 1e-12).unwrap_or_else(|| self.key(k))
             }
-            Between::Smooth => self.smooth(k, u, step),
+            Interpolation::Smooth => self.smooth(k, u, step),
         }
     }
 
-    /// From key `k` to the next, as a rotation vector in the frame of key `k`; the short way.
+    /// Rotation vector from key `k` to the next on the shortest path, in the frame of key `k`.
     fn turn(&self, k: usize) -> Vector3<f64> {
         let (a, b) = (self.key(k), self.key(k + 1));
         let turn = a.inverse() * b;
         if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn }.scaled_axis()
     }
 
-    /// The cubic of Kim, Kim and Shin: its control rotations are those of a Bézier curve with the velocities at both keys.
+    /// Hermite quaternion curve of Kim, Kim and Shin: the control rotations of a Bézier curve with the velocities at both keys.
     fn smooth(&self, k: usize, u: f64, step: f64) -> UnitQuaternion<f64> {
         let turn = UnitQuaternion::from_scaled_axis;
         let first = self.velocity(k) * (step / 3.0);
         let last = self.velocity(k + 1) * (step / 3.0);
         let middle = (turn(first).inverse() * turn(self.turn(k)) * turn(last).inverse()).scaled_axis();
-        // The cumulative Bernstein polynomials.
+        // Cumulative Bernstein polynomials.
         let b = [1.0 - (1.0 - u).powi(3), u * u * (3.0 - 2.0 * u), u * u * u];
         self.key(k) * turn(first * b[0]) * turn(middle * b[1]) * turn(last * b[2])
     }

@@ -4,9 +4,9 @@ use super::*;
 use crate::character::Joint;
 use plumbline_num::math::Trs;
 
-fn keys(between: Between<3>) -> Keys<3> {
+fn keys(interpolation: Interpolation<3>) -> Keys<3> {
     let values = vec![[0.0, 1.0, 2.0], [1.0, -1.0, 2.0], [4.0, 0.0, 3.0], [0.0, 0.0, 0.0]];
-    Keys::new(vec![0.0, 0.5, 2.0, 2.25], values, between).expect("valid")
+    Keys::new(vec![0.0, 0.5, 2.0, 2.25], values, interpolation).expect("valid")
 }
 
 fn turns() -> Vec<UnitQuaternion<f64>> {
@@ -26,18 +26,18 @@ fn chain() -> Skeleton {
 }
 
 #[test]
-fn every_curve_passes_through_its_keys_and_holds_beyond_them() {
+fn every_curve_passes_through_its_keys_and_extrapolates_constantly() {
     let tangents = vec![[0.3, -1.0, 2.0]; 4];
-    let cubic = Between::Cubic { arriving: tangents.clone(), leaving: tangents };
-    for between in [Between::Step, Between::Linear, Between::Smooth, cubic] {
-        let curve = keys(between);
+    let cubic = Interpolation::Cubic { arriving: tangents.clone(), leaving: tangents };
+    for interpolation in [Interpolation::Step, Interpolation::Linear, Interpolation::Smooth, cubic] {
+        let curve = keys(interpolation);
         for (k, &t) in curve.times().iter().enumerate() {
             assert_eq!(curve.at(t), curve.values()[k]);
         }
         assert_eq!((curve.at(-1.0), curve.at(9.0)), (curve.values()[0], curve.values()[3]));
     }
-    for between in [Between::Step, Between::Linear, Between::Smooth] {
-        let curve = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), between).expect("valid");
+    for interpolation in [Interpolation::Step, Interpolation::Linear, Interpolation::Smooth] {
+        let curve = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), interpolation).expect("valid");
         for (k, &t) in curve.keys().times().iter().enumerate() {
             assert!(curve.at(t).angle_to(&turns()[k]) < 1e-14);
         }
@@ -46,15 +46,15 @@ fn every_curve_passes_through_its_keys_and_holds_beyond_them() {
 
 #[test]
 fn a_step_keeps_the_value_before_and_a_line_is_straight() {
-    assert_eq!(keys(Between::Step).at(1.999), [1.0, -1.0, 2.0]);
-    let half = keys(Between::Linear).at(1.25);
+    assert_eq!(keys(Interpolation::Step).at(1.999), [1.0, -1.0, 2.0]);
+    let half = keys(Interpolation::Linear).at(1.25);
     assert_eq!(half, [2.5, -0.5, 2.5]);
 }
 
 #[test]
-fn smooth_curves_have_one_velocity_on_both_sides_of_a_key() {
-    let (vectors, h) = (keys(Between::Smooth), 1e-6);
-    let turning = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), Between::Smooth).expect("valid");
+fn smooth_curves_have_equal_velocities_on_both_sides_of_a_key() {
+    let (vectors, h) = (keys(Interpolation::Smooth), 1e-6);
+    let turning = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), Interpolation::Smooth).expect("valid");
     for t in [0.5, 2.0] {
         let at = |t| Vector3::from(vectors.at(t));
         let (left, right) = ((at(t) - at(t - h)) / h, (at(t + h) - at(t)) / h);
@@ -66,13 +66,15 @@ fn smooth_curves_have_one_velocity_on_both_sides_of_a_key() {
 }
 
 #[test]
-fn movement_at_a_constant_rate_stays_so_however_keys_are_spaced() {
+fn motion_at_constant_velocity_is_reproduced_for_any_key_spacing() {
     let times = vec![0.0, 0.1, 1.0, 1.4, 3.0];
     let rate = Vector3::new(0.5, -0.3, 0.6);
     let turn = |t: f64| UnitQuaternion::from_scaled_axis(rate * t);
     let turns: Vec<_> = times.iter().map(|&t| turn(t)).collect();
     let values: Vec<[f64; 3]> = times.iter().map(|&t| (rate * t).into()).collect();
-    for (turning, moving) in [(Between::Linear, Between::Linear), (Between::Smooth, Between::Smooth)] {
+    for (turning, moving) in
+        [(Interpolation::Linear, Interpolation::Linear), (Interpolation::Smooth, Interpolation::Smooth)]
+    {
         let turning = rotations(times.clone(), &turns, turning).expect("valid");
         let moving = Keys::new(times.clone(), values.clone(), moving).expect("valid");
         for t in (0..=300).map(|k| f64::from(k) * 0.01) {
@@ -83,38 +85,39 @@ fn movement_at_a_constant_rate_stays_so_however_keys_are_spaced() {
 }
 
 #[test]
-fn rotations_take_the_short_way_whatever_the_signs_of_their_quaternions() {
+fn rotations_interpolate_on_the_shortest_path_for_any_quaternion_signs() {
     let flip = |q: &UnitQuaternion<f64>| UnitQuaternion::new_unchecked(-q.into_inner());
     let plain = turns();
     let mixed: Vec<_> = plain.iter().enumerate().map(|(k, q)| if k % 2 == 0 { *q } else { flip(q) }).collect();
-    for between in [Between::Linear, Between::Smooth] {
-        let [a, b] = [&plain, &mixed].map(|q| rotations(vec![0.0, 1.0, 2.0, 3.0], q, between.clone()).expect("valid"));
+    for interpolation in [Interpolation::Linear, Interpolation::Smooth] {
+        let [a, b] =
+            [&plain, &mixed].map(|q| rotations(vec![0.0, 1.0, 2.0, 3.0], q, interpolation.clone()).expect("valid"));
         for t in (0..30).map(|k| f64::from(k) * 0.1) {
             assert!(a.at(t).angle_to(&b.at(t)) < 1e-7);
         }
     }
     let close = [UnitQuaternion::identity(), UnitQuaternion::from_scaled_axis(Vector3::z() * 3.0)];
-    let half = rotations(vec![0.0, 1.0], &close, Between::Linear).expect("valid").at(0.5);
+    let half = rotations(vec![0.0, 1.0], &close, Interpolation::Linear).expect("valid").at(0.5);
     assert!((half.scaled_axis() - Vector3::z() * 1.5).norm() < 1e-12);
 }
 
 #[test]
-fn a_retimed_clip_shows_at_the_new_time_what_the_old_one_showed_at_the_old() {
+fn a_retimed_clip_has_the_old_pose_at_the_mapped_time() {
     let tangents: Vec<[f64; 3]> = (0..4).map(|k| [f64::from(k), 1.0, -0.5]).collect();
     let leaving = tangents.iter().rev().copied().collect();
-    let cubic = Between::Cubic { arriving: tangents, leaving };
-    let turning = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), Between::Linear).expect("valid");
+    let cubic = Interpolation::Cubic { arriving: tangents, leaving };
+    let turning = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), Interpolation::Linear).expect("valid");
     let tracks = vec![
         Track { joint: 1, curve: Curve::Translation(keys(cubic)) },
         Track { joint: 0, curve: Curve::Rotation(turning) },
-        Track { joint: 0, curve: Curve::Scale(keys(Between::Step)) },
+        Track { joint: 0, curve: Curve::Scale(keys(Interpolation::Step)) },
     ];
     let clip = Clip::new("c", tracks, vec![]).expect("valid");
     for (start, speed) in [(0.0, 1.0), (3.0, 2.5), (-1.0, -0.5)] {
         let other = clip.retimed(start, speed).expect("valid");
         for t in (0..44).map(|k| f64::from(k) * 0.05 + 0.013) {
-            let a = clip.pose(&chain(), t, Outside::Hold).expect("valid");
-            let b = other.pose(&chain(), start + t / speed, Outside::Hold).expect("valid");
+            let a = clip.pose(&chain(), t, Extrapolation::Constant).expect("valid");
+            let b = other.pose(&chain(), start + t / speed, Extrapolation::Constant).expect("valid");
             for (a, b) in a.locals.iter().zip(&b.locals) {
                 assert!((a.matrix() - b.matrix()).amax() < 1e-9, "{start} {speed} {t}");
             }
@@ -125,38 +128,39 @@ fn a_retimed_clip_shows_at_the_new_time_what_the_old_one_showed_at_the_old() {
 }
 
 #[test]
-fn samples_stand_at_the_rate_and_at_both_ends() {
-    let clip =
-        Clip::new("c", vec![Track { joint: 0, curve: Curve::Scale(keys(Between::Smooth)) }], vec![]).expect("valid");
+fn samples_are_at_the_rate_and_at_both_ends() {
+    let clip = Clip::new("c", vec![Track { joint: 0, curve: Curve::Scale(keys(Interpolation::Smooth)) }], vec![])
+        .expect("valid");
     let sampled = clip.sampled(0.5, 1.35, 10.0).expect("valid");
     let times = sampled.tracks()[0].curve.times();
     assert_eq!((times.len(), times[0], times[1]), (10, 0.0, 0.1));
     assert!((times[9] - 0.85).abs() < 1e-12);
-    let [a, b] = [clip.pose(&chain(), 1.35, Outside::Hold), sampled.pose(&chain(), 0.85, Outside::Hold)]
-        .map(|p| p.expect("valid"));
+    let [a, b] =
+        [clip.pose(&chain(), 1.35, Extrapolation::Constant), sampled.pose(&chain(), 0.85, Extrapolation::Constant)]
+            .map(|p| p.expect("valid"));
     assert!((a.locals[0].scale - b.locals[0].scale).norm() < 1e-12);
     assert!(clip.sampled(1.0, 1.0, 10.0).is_err() && clip.sampled(0.0, 1.0, f64::NAN).is_err());
 }
 
 #[test]
-fn a_clip_repeats_or_holds() {
-    let clip =
-        Clip::new("c", vec![Track { joint: 1, curve: Curve::Scale(keys(Between::Linear)) }], vec![]).expect("valid");
-    let at = |t, outside| clip.pose(&chain(), t, outside).expect("valid");
-    assert_eq!(at(0.75, Outside::Repeat), at(0.75, Outside::Hold));
+fn extrapolation_repeats_or_is_constant() {
+    let clip = Clip::new("c", vec![Track { joint: 1, curve: Curve::Scale(keys(Interpolation::Linear)) }], vec![])
+        .expect("valid");
+    let at = |t, extrapolation| clip.pose(&chain(), t, extrapolation).expect("valid");
+    assert_eq!(at(0.75, Extrapolation::Repeat), at(0.75, Extrapolation::Constant));
     for t in [-4.0, 5.0, 100.0] {
         let within = f64::rem_euclid(t, 2.25);
-        let (a, b) = (at(t, Outside::Repeat), at(within, Outside::Hold));
+        let (a, b) = (at(t, Extrapolation::Repeat), at(within, Extrapolation::Constant));
         assert!((a.locals[1].scale - b.locals[1].scale).norm() < 1e-9);
     }
-    assert_eq!(clip.pose(&chain(), 0.0, Outside::Hold).expect("valid").locals[0], chain().joints()[0].rest);
+    assert_eq!(clip.pose(&chain(), 0.0, Extrapolation::Constant).expect("valid").locals[0], chain().joints()[0].rest);
 }
 
 #[test]
-fn faults_are_told_with_key_and_value() {
+fn errors_name_the_key_and_the_value() {
     let told = |times: Vec<f64>, x: f64| {
         let values = times.iter().map(|_| [x]).collect();
-        Keys::<1>::new(times, values, Between::Linear).expect_err("to be refused").to_string()
+        Keys::<1>::new(times, values, Interpolation::Linear).expect_err("to be refused").to_string()
     };
     assert!(told(vec![], 0.0).starts_with("0 key times and 0 values"));
     assert_eq!(
@@ -166,12 +170,12 @@ fn faults_are_told_with_key_and_value() {
     assert!(told(vec![0.0, f64::NAN], 0.0).starts_with("key 1 is at NaN s"));
     assert!(told(vec![0.0, 0.0], 0.0).starts_with("key 1 is at 0 s, after one at 0 s"));
     assert_eq!(told(vec![0.0], f64::NAN), "the value of key 0 is not finite");
-    let none = Keys::new(vec![0.0], vec![[0.0; 4]], Between::Linear).and_then(RotationKeys::new);
+    let none = Keys::new(vec![0.0], vec![[0.0; 4]], Interpolation::Linear).and_then(RotationKeys::new);
     assert!(none.expect_err("to be refused").to_string().contains("no length"));
-    let track = |joint| Track { joint, curve: Curve::Scale(keys(Between::Linear)) };
+    let track = |joint| Track { joint, curve: Curve::Scale(keys(Interpolation::Linear)) };
     let twice = Clip::new("c", vec![track(1), track(1)], vec![]).expect_err("to be refused");
     assert_eq!(twice.to_string(), "clip \"c\" has two tracks for the scale 1");
-    let far = Clip::new("c", vec![track(7)], vec![]).expect("valid").pose(&chain(), 0.0, Outside::Hold);
+    let far = Clip::new("c", vec![track(7)], vec![]).expect("valid").pose(&chain(), 0.0, Extrapolation::Constant);
     assert_eq!(
         far.expect_err("to be refused").to_string(),
         "clip \"c\" moves joint 7, but there are 2, numbered from 0"

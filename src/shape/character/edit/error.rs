@@ -1,32 +1,32 @@
-//! What an edit can be refused for.
+//! Errors of rig editing.
 
 use crate::character::CharacterError;
 
-/// Why a rig cannot be edited like this.
+/// Why an edit was rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EditError {
-    /// Input: a joint that does not exist.
+    /// Input: a joint index out of range.
     #[error("there is no joint {joint}; there are {joints}, numbered from 0")]
     Unknown {
-        /// The joint named.
+        /// The joint index.
         joint: u32,
-        /// Joints there are.
+        /// Number of joints.
         joints: usize,
     },
-    /// Input: a place or an angle that is not finite.
+    /// Input: a position or angle that is not finite.
     #[error("the {what} is not finite")]
     NotFinite {
-        /// What it is.
+        /// The quantity.
         what: &'static str,
     },
-    /// Input: a share of a bone beyond its ends.
-    #[error("share {share} of the bone is invalid (expected more than 0, less than 1)")]
-    Share {
-        /// The share.
-        share: f64,
+    /// Input: a fraction of a bone outside 0 to 1.
+    #[error("fraction {fraction} of the bone is invalid (expected more than 0, less than 1)")]
+    Fraction {
+        /// The fraction.
+        fraction: f64,
     },
-    /// Input: a joint without a bone of the kind that is asked for.
+    /// Input: a joint without the bone that the edit needs.
     #[error("joint {joint:?} {why}")]
     NoBone {
         /// Name of the joint.
@@ -34,32 +34,32 @@ pub enum EditError {
         /// What is missing.
         why: &'static str,
     },
-    /// Input: a joint hung on itself, or on what hangs on it.
-    #[error("joint {joint:?} cannot hang on {parent:?}, which hangs on it")]
+    /// Input: the new parent is the joint itself or one of its descendants.
+    #[error("joint {joint:?} cannot be a child of {parent:?}, its own descendant")]
     Cycle {
         /// Name of the joint.
         joint: String,
-        /// Name of the parent that was asked for.
+        /// Name of the new parent.
         parent: String,
     },
-    /// Input: the only joint is taken away.
-    #[error("the last joint cannot be taken away")]
+    /// Input: removal of the only joint.
+    #[error("the last joint cannot be removed")]
     Last,
-    /// Input: a frame that no translation, rotation and scale hold.
+    /// Input: a frame that translation, rotation and scale cannot represent.
     #[error("joint {joint:?} would be sheared: the frames above it are scaled unevenly")]
     Shear {
         /// Name of the joint.
         joint: String,
     },
-    /// Input: a name without a side.
+    /// Input: no joint name has a side.
     #[error(
-        "joint {joint:?} and what hangs on it have no side in their names (such as .L, _left, Right…) that could be swapped"
+        "joint {joint:?} and its descendants have no side in their names (such as .L, _left, Right…) that could be swapped"
     )]
     NoSide {
         /// Name of the joint.
         joint: String,
     },
-    /// Input: what the joints are refused for.
+    /// Input: invalid joints.
     #[error(transparent)]
     Character(#[from] CharacterError),
 }

@@ -1,7 +1,7 @@
-//! The other side of a rig.
+//! Mirroring of joint chains.
 //!
-//! A plane with normal `n` maps `p` to `M p`. A mirrored frame would be left-handed; it is `M F D` instead, with `D` the mirror of
-//! the frame's own x axis. The turn about the bone (y) and about z then change their sign with it, as on the other side of a body.
+//! A plane with normal `n` maps `p` to `M p`. A mirrored frame `M F` is left-handed; it is replaced by `M F D`, where `D` mirrors the x axis
+//! of the frame. Rotations about the bone (y) and about z thus change their signs, as on the other side of a body.
 
 use nalgebra::{Matrix4, Point3, Unit, Vector3};
 
@@ -9,17 +9,17 @@ use super::operations::Rig;
 use super::{EditError, Edited};
 use crate::character::{Joint, Limits};
 
-/// A plane between two sides.
+/// A mirror plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// A point of it.
+    /// A point on it.
     pub point: Point3<f64>,
-    /// Across it.
+    /// Its normal.
     pub normal: Unit<Vector3<f64>>,
 }
 
 impl Plane {
-    /// Points on the other side.
+    /// The reflection.
     fn matrix(&self) -> Matrix4<f64> {
         let n = self.normal.into_inner();
         let linear = nalgebra::Matrix3::identity() - 2.0 * n * n.transpose();
@@ -30,7 +30,7 @@ impl Plane {
     }
 }
 
-/// Repeats a joint and all below it on the other side.
+/// Mirrors a joint and its descendants.
 pub(super) fn apply(
     rig: &Rig<'_>,
     after: &mut Vec<Joint>,
@@ -54,7 +54,7 @@ pub(super) fn apply(
         let described = rig.joint(j)?;
         let name = other_side(&described.name).unwrap_or_else(|| format!("{} mirrored", described.name));
         let world = map * rig.world(j)? * flip;
-        // The joint on the other side of the parent, where the parent has one; the parent itself in the middle.
+        // The parent's counterpart if the parent has a side; the parent itself if it is in the middle.
         let parent = described.parent;
         let on_other_side = parent.map(|p| match (twin[p as usize], other_side(&rig.joints[p as usize].name)) {
             (Some(twin), _) => (twin, worlds[p as usize]),
@@ -84,7 +84,7 @@ pub(super) fn apply(
     Ok(())
 }
 
-/// A joint and all below it, parents before children.
+/// A joint and its descendants, parents before children.
 fn parents_first(rig: &Rig<'_>, joint: u32) -> Vec<u32> {
     let (mut order, mut next) = (vec![joint], 0);
     while next < order.len() {
@@ -95,15 +95,15 @@ fn parents_first(rig: &Rig<'_>, joint: u32) -> Vec<u32> {
     order
 }
 
-/// A turn `R` on one side is `D R D` on the other: its vector `(x, y, z)` becomes `(x, −y, −z)`. A twist about `a` becomes one
-/// about `a' = −D a`; taken about `D a`, its angle changes its sign.
+/// Mirrored limits. A rotation `R` becomes `D R D`: its vector `(x, y, z)` becomes `(x, −y, −z)`. A twist about `a` becomes one about
+/// `a' = −D a`; expressed about `D a`, its angle changes sign.
 fn other_limits(limits: &Limits) -> Limits {
     let d = |v: &Unit<Vector3<f64>>| Unit::new_unchecked(Vector3::new(-v.x, v.y, v.z));
     let [least, largest] = limits.twist;
     Limits { axis: d(&limits.axis), across: d(&limits.across), swing: limits.swing, twist: [-largest, -least] }
 }
 
-/// Words for the sides, and the other one.
+/// Names of the sides.
 const SIDES: [(&str, &str); 8] = [
     ("left", "right"),
     ("right", "left"),
@@ -115,8 +115,8 @@ const SIDES: [(&str, &str); 8] = [
     ("R", "L"),
 ];
 
-/// The name on the other side: `.L`, `_r`, `l_`, `Left`, `right` and so on, at the beginning or at the end of the name; letters
-/// alone only where a separator sets them apart.
+/// The name with its side swapped: `.L`, `_r`, `l_`, `Left`, `right` and so on, as prefix or suffix; single letters only if a separator
+/// sets them apart. `None` for a name without a side.
 pub fn other_side(name: &str) -> Option<String> {
     const SEPARATORS: [char; 4] = ['.', '_', '-', ' '];
     let is_word = |word: &str| word.len() > 1;

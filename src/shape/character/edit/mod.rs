@@ -1,14 +1,14 @@
-//! Rigs by hand: each edit changes the joints of a skeleton, and can be undone.
+//! Rig editing: changes of the joints of a skeleton, with undo and redo.
 //!
-//! Edits that are refused change nothing. Places are in the world at rest. What an edit takes away or adds is told by
-//! [`Edited::joint_of`], so that weights and clips can follow.
+//! A rejected edit changes nothing. Positions are world positions at rest. [`Edited::joint_of`] maps old to new joint indices, so that
+//! weights and clips can follow.
 //!
 //! ```text
-//! add         a joint at a place, turned as the world          extrude     the same, with the frame of its parent
-//! split       a joint at a share of the way to a child         dissolve    a joint goes, its children hang on its parent
-//! remove      a joint goes with all below it                   re-parent   a joint hangs on another, and stays where it is
-//! mirror      all below a joint again on the other side        move        to a place, with or without its children
-//! roll        the frame turns about the bone                   rename, limits
+//! add         a joint with axis-aligned frame                  extrude     a child with the frame of its parent
+//! split       a joint at a fraction of a bone                  dissolve    remove a joint, its children go to its parent
+//! remove      a joint and its descendants                      re-parent   change the parent, keep the world frame
+//! mirror      copy a joint and its descendants                 move        to a position, with or without descendants
+//! roll        rotate the frame about the bone                  rename, limits
 //! ```
 
 mod error;
@@ -26,133 +26,133 @@ pub use error::EditError;
 pub use mirror::{Plane, other_side};
 pub use pick::volume_center;
 
-/// One change of a rig.
+/// An edit of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Edit {
-    /// A joint, turned as the world.
+    /// Adds a joint with an axis-aligned frame.
     Add {
-        /// Its name.
+        /// Name of the joint.
         name: String,
-        /// The joint it hangs on; none for a root.
+        /// Its parent; `None` for a root.
         parent: Option<u32>,
-        /// Where it is.
+        /// Its position.
         at: Point3<f64>,
     },
-    /// A child, turned as the joint.
+    /// Adds a child with the frame of its parent.
     Extrude {
-        /// The joint.
+        /// The parent.
         joint: u32,
         /// Name of the child.
         name: String,
-        /// Where the child is.
+        /// Position of the child.
         at: Point3<f64>,
     },
-    /// A joint between another and its parent.
+    /// Inserts a joint between a joint and its parent.
     Split {
         /// The joint at the end of the bone.
         joint: u32,
-        /// How far from the parent, as a share of the bone, above 0 and below 1.
-        share: f64,
+        /// Position of the new joint as a fraction of the bone from the parent, above 0 and below 1.
+        fraction: f64,
         /// Name of the new joint.
         name: String,
     },
-    /// Takes a joint away; its children hang on its parent and stay where they are.
+    /// Removes a joint; its children become children of its parent and keep their world frames.
     Dissolve {
         /// The joint.
         joint: u32,
     },
-    /// Takes a joint away with all below it.
+    /// Removes a joint and its descendants.
     Remove {
         /// The joint.
         joint: u32,
     },
-    /// Hangs a joint on another (none: it becomes a root); it stays where it is.
+    /// Changes the parent of a joint (`None`: makes it a root); its world frame is kept.
     Reparent {
         /// The joint.
         joint: u32,
         /// The new parent.
         parent: Option<u32>,
     },
-    /// Repeats a joint and all below it on the other side; joints there that have the mirrored names already are moved instead.
+    /// Mirrors a joint and its descendants; existing joints with the mirrored names are moved instead of added.
     Mirror {
         /// The joint.
         joint: u32,
-        /// Between the sides.
+        /// The mirror plane.
         plane: Plane,
     },
     /// Moves a joint.
     Move {
         /// The joint.
         joint: u32,
-        /// Where to.
+        /// Its new position.
         to: Point3<f64>,
-        /// All below it moves along; stays where it is otherwise.
+        /// Whether its descendants move along.
         with_children: bool,
     },
-    /// Turns a joint's frame about the bone to its only child (about the bone from its parent without one); all below stays where
-    /// it is.
+    /// Rotates a joint's frame about the bone to its only child, or else the bone from its parent; its descendants keep their world
+    /// frames.
     Roll {
         /// The joint.
         joint: u32,
-        /// By how much, rad.
+        /// Rotation angle, rad.
         angle: f64,
     },
-    /// Gives a joint another name.
+    /// Renames a joint.
     Rename {
         /// The joint.
         joint: u32,
-        /// The name.
+        /// The new name.
         name: String,
     },
-    /// Says how far a joint may turn.
+    /// Sets the limits of a joint.
     Limit {
         /// The joint.
         joint: u32,
-        /// Its limits; none: as far as it likes.
+        /// The limits; `None`: unlimited.
         limits: Option<Limits>,
     },
 }
 
-/// What an edit did to the numbers of joints.
+/// Effect of an edit on joint indices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edited {
-    /// For each joint before the edit its number now; for those that went the joint that takes their part, if any.
+    /// New index of each old joint; for a removed joint the index of the joint that replaces it, if any.
     pub joint_of: Vec<Option<u32>>,
-    /// Joints that were added.
+    /// Indices of added joints.
     pub added: Vec<u32>,
 }
 
-/// A rig with the edits that led to it.
+/// A rig with its edit history.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RigEditor {
     joints: Vec<Joint>,
-    /// What was done, with the joints before it.
+    /// Applied edits, each with the joints before it.
     done: Vec<(Edit, Vec<Joint>)>,
-    /// What was undone, with the joints after it; the last is redone first.
+    /// Undone edits, each with the joints after it; the last is redone first.
     undone: Vec<(Edit, Vec<Joint>)>,
 }
 
 impl RigEditor {
-    /// Begins with a skeleton; without any joint for none.
+    /// Starts from a skeleton, or without joints.
     pub fn new(skeleton: Option<&Skeleton>) -> Self {
         let joints = skeleton.map_or_else(Vec::new, |s| s.joints().to_vec());
         Self { joints, ..Self::default() }
     }
 
-    /// The joints as they are.
+    /// The current joints.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
 
-    /// The skeleton; none without any joint.
+    /// The skeleton; `None` without joints.
     pub fn skeleton(&self) -> Option<Skeleton> {
         Skeleton::new(self.joints.clone()).ok()
     }
 
-    /// Does an edit. What was undone before can no longer be redone.
+    /// Applies an edit and clears the redo history.
     ///
     /// # Errors
-    /// [`EditError`]; nothing is changed then.
+    /// [`EditError`]; the rig is unchanged then.
     pub fn apply(&mut self, edit: Edit) -> Result<Edited, EditError> {
         let (joints, edited) = operations::apply(&self.joints, &edit)?;
         let before = std::mem::replace(&mut self.joints, joints);
@@ -161,7 +161,7 @@ impl RigEditor {
         Ok(edited)
     }
 
-    /// Takes the last edit back; which it was.
+    /// Undoes the last edit and returns it.
     pub fn undo(&mut self) -> Option<&Edit> {
         let (edit, before) = self.done.pop()?;
         let after = std::mem::replace(&mut self.joints, before);
@@ -169,7 +169,7 @@ impl RigEditor {
         self.undone.last().map(|(edit, _)| edit)
     }
 
-    /// Does the edit again that was taken back last; which it was.
+    /// Redoes the edit that was undone last and returns it.
     pub fn redo(&mut self) -> Option<&Edit> {
         let (edit, after) = self.undone.pop()?;
         let before = std::mem::replace(&mut self.joints, after);
@@ -177,7 +177,7 @@ impl RigEditor {
         self.done.last().map(|(edit, _)| edit)
     }
 
-    /// Edits that can be taken back, the first first.
+    /// Applied edits, the oldest first.
     pub fn history(&self) -> impl ExactSizeIterator<Item = &Edit> {
         self.done.iter().map(|(edit, _)| edit)
     }

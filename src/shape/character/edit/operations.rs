@@ -1,4 +1,4 @@
-//! What each edit does to a list of joints.
+//! Effect of each edit on a list of joints.
 
 use nalgebra::{Matrix4, Point3, Unit, UnitQuaternion, Vector3};
 
@@ -6,10 +6,10 @@ use super::{Edit, EditError, Edited, mirror};
 use crate::character::{Joint, Skeleton};
 use plumbline_num::math::Trs;
 
-/// How much of a frame may be lost as shear, of its largest number.
-const SHEAR: f64 = 1e-9;
+/// Largest error of a translation–rotation–scale frame, relative to the largest matrix entry: above rounding, below visible shear.
+const SHEAR_TOLERANCE: f64 = 1e-9;
 
-/// The joints after an edit.
+/// The joints after an edit, and the index map.
 pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited), EditError> {
     let rig = Rig::of(joints);
     let mut after = joints.to_vec();
@@ -24,18 +24,18 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
             world.fixed_view_mut::<3, 1>(0, 3).copy_from(&finite(at)?.coords);
             rig.add(&mut after, &mut edited, (name, Some(*joint)), &world)?;
         }
-        Edit::Split { joint, share, name } => split(&rig, &mut after, &mut edited, (*joint, *share, name))?,
+        Edit::Split { joint, fraction, name } => split(&rig, &mut after, &mut edited, (*joint, *fraction, name))?,
         Edit::Dissolve { joint } => {
             let parent = rig.joint(*joint)?.parent;
             for child in rig.children(*joint) {
                 after[child as usize].parent = parent;
                 after[child as usize].rest = rig.local(child, parent, &rig.world(child)?)?;
             }
-            take_away(&mut after, &mut edited, |j| j == *joint, parent)?;
+            remove_joints(&mut after, &mut edited, |j| j == *joint, parent)?;
         }
         Edit::Remove { joint } => {
             let parent = rig.joint(*joint)?.parent;
-            take_away(&mut after, &mut edited, |j| rig.is_below(j, *joint), parent)?;
+            remove_joints(&mut after, &mut edited, |j| rig.is_below(j, *joint), parent)?;
         }
         Edit::Reparent { joint, parent } => {
             let world = rig.world(*joint)?;
@@ -52,7 +52,7 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
         Edit::Move { joint, to, with_children } => {
             let mut world = rig.world(*joint)?;
             world.fixed_view_mut::<3, 1>(0, 3).copy_from(&finite(to)?.coords);
-            rig.place(&mut after, *joint, &world, *with_children)?;
+            rig.set_world(&mut after, *joint, &world, *with_children)?;
         }
         Edit::Roll { joint, angle } => {
             if !angle.is_finite() {
@@ -62,7 +62,7 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
             let mut linear = Matrix4::from(UnitQuaternion::from_axis_angle(&bone, *angle).to_homogeneous());
             linear *= world;
             linear.set_column(3, &world.column(3));
-            rig.place(&mut after, *joint, &linear, false)?;
+            rig.set_world(&mut after, *joint, &linear, false)?;
         }
         Edit::Rename { joint, name } => {
             rig.joint(*joint)?;
@@ -78,10 +78,10 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
 }
 
 fn finite(p: &Point3<f64>) -> Result<&Point3<f64>, EditError> {
-    if p.iter().all(|x| x.is_finite()) { Ok(p) } else { Err(EditError::NotFinite { what: "place" }) }
+    if p.iter().all(|x| x.is_finite()) { Ok(p) } else { Err(EditError::NotFinite { what: "position" }) }
 }
 
-/// Joints with their frames in the world.
+/// Joints and their world frames.
 pub(super) struct Rig<'a> {
     pub(super) joints: &'a [Joint],
     worlds: Vec<Matrix4<f64>>,
@@ -106,13 +106,13 @@ impl<'a> Rig<'a> {
         (0..self.joints.len() as u32).filter(|&c| self.joints[c as usize].parent == Some(j)).collect()
     }
 
-    /// Whether a joint is another or hangs on it.
+    /// Whether a joint is `other` or one of its descendants.
     pub(super) fn is_below(&self, joint: u32, other: u32) -> bool {
         let parent = |j: u32| self.joints[j as usize].parent;
         std::iter::successors(Some(joint), |&j| parent(j)).any(|j| j == other)
     }
 
-    /// The frame in a parent of what stands in the world like this.
+    /// The local frame under `parent` that gives this world frame.
     pub(super) fn local(&self, joint: u32, parent: Option<u32>, world: &Matrix4<f64>) -> Result<Trs, EditError> {
         let above = parent.map_or(Ok(Matrix4::identity()), |p| self.world(p))?;
         self.frame(joint, &above, world)
@@ -122,8 +122,8 @@ impl<'a> Rig<'a> {
         let name = || self.joints.get(joint as usize).map_or_else(String::new, |j| j.name.clone());
         let matrix = above.try_inverse().ok_or_else(|| EditError::Shear { joint: name() })? * world;
         let frame = Trs::from_matrix(&matrix);
-        // NaN fails the comparison.
-        let kept = (frame.matrix() - matrix).amax() <= SHEAR * matrix.amax();
+        // The negated comparison also rejects NaN.
+        let kept = (frame.matrix() - matrix).amax() <= SHEAR_TOLERANCE * matrix.amax();
         if kept { Ok(frame) } else { Err(EditError::Shear { joint: name() }) }
     }
 
@@ -140,8 +140,8 @@ impl<'a> Rig<'a> {
         Ok(())
     }
 
-    /// Gives a joint another frame in the world; its children go along or stay.
-    fn place(&self, after: &mut [Joint], joint: u32, world: &Matrix4<f64>, along: bool) -> Result<(), EditError> {
+    /// Sets the world frame of a joint; its children follow if `along`, else keep their world frames.
+    fn set_world(&self, after: &mut [Joint], joint: u32, world: &Matrix4<f64>, along: bool) -> Result<(), EditError> {
         after[joint as usize].rest = self.local(joint, self.joint(joint)?.parent, world)?;
         for child in self.children(joint).into_iter().filter(|_| !along) {
             after[child as usize].rest = self.frame(child, world, &self.world(child)?)?;
@@ -149,7 +149,7 @@ impl<'a> Rig<'a> {
         Ok(())
     }
 
-    /// Direction of the bone that a joint's frame goes with.
+    /// Direction of the bone that a joint's frame is aligned with.
     fn bone(&self, joint: u32) -> Result<Unit<Vector3<f64>>, EditError> {
         let at = |j: u32| self.worlds[j as usize].fixed_view::<3, 1>(0, 3).into_owned();
         let children = self.children(joint);
@@ -168,16 +168,16 @@ fn split(
     rig: &Rig<'_>,
     after: &mut Vec<Joint>,
     edited: &mut Edited,
-    (joint, share, name): (u32, f64, &str),
+    (joint, fraction, name): (u32, f64, &str),
 ) -> Result<(), EditError> {
-    if !(share > 0.0 && share < 1.0) {
-        return Err(EditError::Share { share });
+    if !(fraction > 0.0 && fraction < 1.0) {
+        return Err(EditError::Fraction { fraction });
     }
     let described = rig.joint(joint)?;
     let why = "has no bone to split: it has no parent";
     let parent = described.parent.ok_or_else(|| EditError::NoBone { joint: described.name.clone(), why })?;
-    // The new joint is turned as its parent, so that the bone's halves have one frame.
-    let rest = Trs::from_translation(described.rest.translation * share);
+    // The new joint has the frame of its parent, so that both halves of the bone share it.
+    let rest = Trs::from_translation(described.rest.translation * fraction);
     let new = after.len() as u32;
     after.push(Joint { name: name.to_owned(), parent: Some(parent), rest, limits: None });
     after[joint as usize].parent = Some(new);
@@ -186,8 +186,8 @@ fn split(
     Ok(())
 }
 
-/// Takes joints away; the others are numbered anew, and `heir` takes their part.
-fn take_away(
+/// Removes joints and renumbers the others; `heir` replaces the removed ones.
+fn remove_joints(
     after: &mut Vec<Joint>,
     edited: &mut Edited,
     goes: impl Fn(u32) -> bool,

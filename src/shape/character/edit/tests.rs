@@ -5,7 +5,7 @@ use crate::mesh::shapes::icosphere;
 use plumbline_num::math::Trs;
 use plumbline_num::spatial::Ray;
 
-/// A trunk with an arm on the left, frames turned at will.
+/// A trunk with an arm on the left, with arbitrary frames.
 fn rig() -> RigEditor {
     let joint = |name: &str, parent, x: [f64; 3], turn: [f64; 3]| Joint {
         name: name.into(),
@@ -40,7 +40,7 @@ fn all_edits() -> Vec<Edit> {
     vec![
         Edit::Add { name: "tail".into(), parent: Some(0), at: Point3::new(0.0, 0.9, -0.5) },
         Edit::Extrude { joint: 3, name: "thumb".into(), at: Point3::new(0.5, 2.0, 0.3) },
-        Edit::Split { joint: 3, share: 0.4, name: "elbow.L".into() },
+        Edit::Split { joint: 3, fraction: 0.4, name: "elbow.L".into() },
         Edit::Mirror { joint: 2, plane: middle() },
         Edit::Move { joint: 2, to: Point3::new(0.4, 1.8, 0.0), with_children: false },
         Edit::Move { joint: 1, to: Point3::new(0.1, 1.6, 0.0), with_children: true },
@@ -54,7 +54,7 @@ fn all_edits() -> Vec<Edit> {
 }
 
 #[test]
-fn every_edit_is_undone_and_redone_to_the_last_bit() {
+fn every_edit_is_undone_and_redone_bit_for_bit() {
     let mut editor = rig();
     let mut states = vec![editor.joints().to_vec()];
     for edit in all_edits() {
@@ -79,7 +79,7 @@ fn every_edit_is_undone_and_redone_to_the_last_bit() {
 }
 
 #[test]
-fn an_edit_that_is_refused_changes_nothing() {
+fn a_rejected_edit_changes_nothing() {
     let told = |edit: Edit| {
         let mut editor = rig();
         let e = editor.apply(edit).expect_err("to be refused").to_string();
@@ -88,15 +88,18 @@ fn an_edit_that_is_refused_changes_nothing() {
     };
     let nan = Point3::new(f64::NAN, 0.0, 0.0);
     assert_eq!(told(Edit::Dissolve { joint: 9 }), "there is no joint 9; there are 4, numbered from 0");
-    assert_eq!(told(Edit::Move { joint: 1, to: nan, with_children: true }), "the place is not finite");
+    assert_eq!(told(Edit::Move { joint: 1, to: nan, with_children: true }), "the position is not finite");
     assert_eq!(
         told(Edit::Reparent { joint: 1, parent: Some(3) }),
-        "joint \"chest\" cannot hang on \"hand.L\", which hangs on it"
+        "joint \"chest\" cannot be a child of \"hand.L\", its own descendant"
     );
-    assert!(told(Edit::Reparent { joint: 1, parent: Some(1) }).contains("cannot hang on"));
-    assert_eq!(told(Edit::Remove { joint: 0 }), "the last joint cannot be taken away");
-    assert!(told(Edit::Split { joint: 3, share: 1.0, name: "x".into() }).starts_with("share 1 of the bone is invalid"));
-    assert!(told(Edit::Split { joint: 0, share: 0.5, name: "x".into() }).contains("has no parent"));
+    assert!(told(Edit::Reparent { joint: 1, parent: Some(1) }).contains("cannot be a child of"));
+    assert_eq!(told(Edit::Remove { joint: 0 }), "the last joint cannot be removed");
+    assert!(
+        told(Edit::Split { joint: 3, fraction: 1.0, name: "x".into() })
+            .starts_with("fraction 1 of the bone is invalid")
+    );
+    assert!(told(Edit::Split { joint: 0, fraction: 0.5, name: "x".into() }).contains("has no parent"));
     assert!(told(Edit::Rename { joint: 0, name: "chest".into() }).contains("both named \"chest\""));
     assert!(told(Edit::Mirror { joint: 0, plane: Plane { point: nan, ..middle() } }).contains("plane is not finite"));
     let mut editor = RigEditor::new(None);
@@ -106,7 +109,7 @@ fn an_edit_that_is_refused_changes_nothing() {
 }
 
 #[test]
-fn joints_stand_where_they_were_put_and_others_stay() {
+fn edited_joints_are_at_their_positions_and_others_are_unchanged() {
     let near = |a: Point3<f64>, b: [f64; 3]| assert!((a - Point3::from(b)).norm() < 1e-12, "{a} {b:?}");
     let mut editor = rig();
     let before = worlds(&editor);
@@ -133,10 +136,10 @@ fn joints_stand_where_they_were_put_and_others_stay() {
 }
 
 #[test]
-fn splitting_and_dissolving_leaves_all_frames_where_they_were() {
+fn splitting_and_dissolving_keeps_all_world_frames() {
     let mut editor = rig();
     let before = worlds(&editor);
-    let edited = editor.apply(Edit::Split { joint: 3, share: 0.25, name: "elbow".into() }).expect("valid");
+    let edited = editor.apply(Edit::Split { joint: 3, fraction: 0.25, name: "elbow".into() }).expect("valid");
     assert_eq!(edited, Edited { joint_of: vec![Some(0), Some(1), Some(2), Some(3)], added: vec![4] });
     let (arm, hand) = (at(&editor, "arm.L"), at(&editor, "hand.L"));
     assert!((at(&editor, "elbow") - (arm + (hand - arm) * 0.25)).norm() < 1e-12);
@@ -149,7 +152,7 @@ fn splitting_and_dissolving_leaves_all_frames_where_they_were() {
 }
 
 #[test]
-fn rolling_turns_the_frame_about_its_bone_and_nothing_else() {
+fn rolling_rotates_the_frame_about_its_bone_and_nothing_else() {
     let mut editor = rig();
     let before = worlds(&editor);
     let along = at(&editor, "hand.L") - at(&editor, "arm.L");
@@ -162,9 +165,9 @@ fn rolling_turns_the_frame_about_its_bone_and_nothing_else() {
 }
 
 #[test]
-fn the_mirrored_side_stands_and_turns_as_the_first() {
+fn the_mirrored_side_is_and_rotates_as_the_mirror_image() {
     let mut editor = rig();
-    // In the middle the trunk must be its own mirror image for the arms to be each other's.
+    // The trunk in the middle must be its own mirror image for the arms to be mirror images.
     for (joint, name) in [(1, "chest"), (0, "hip")] {
         let to = Point3::new(0.0, at(&editor, name).y, at(&editor, name).z);
         editor.apply(Edit::Move { joint, to, with_children: false }).expect("valid");
@@ -177,10 +180,10 @@ fn the_mirrored_side_stands_and_turns_as_the_first() {
     assert_eq!(names, ["arm.R", "hand.R"]);
     let mirrored = |p: Point3<f64>| Point3::new(-p.x, p.y, p.z);
     assert!((at(&editor, "hand.R") - mirrored(at(&editor, "hand.L"))).norm() < 1e-12);
-    // The arm turns within its limits; the other turns by the mirrored turn, within its own.
+    // The arm rotates within its limits; the other arm by the mirrored rotation, within its own.
     let skeleton = editor.skeleton().expect("some");
     let mut pose = skeleton.rest_pose();
-    let turn = limits.turn(&crate::character::SwingTwist { swing: nalgebra::Vector2::new(0.4, 0.1), twist: 0.35 });
+    let turn = limits.rotation(&crate::character::SwingTwist { swing: nalgebra::Vector2::new(0.4, 0.1), twist: 0.35 });
     let v = turn.scaled_axis();
     let other = UnitQuaternion::from_scaled_axis(Vector3::new(v.x, -v.y, -v.z));
     pose.locals[2].rotation *= turn;
@@ -190,14 +193,14 @@ fn the_mirrored_side_stands_and_turns_as_the_first() {
     assert!((hand(5) - mirrored(hand(3))).norm() < 1e-12);
     let own = skeleton.joints()[4].limits.expect("mirrored");
     assert!(own.allows(&other, 1e-9) && !own.allows(&other.inverse(), 1e-2));
-    // Again: the other side is moved, not doubled.
+    // Again: the other side is moved, not added twice.
     editor.apply(Edit::Move { joint: 3, to: Point3::new(0.9, 1.1, 0.3), with_children: true }).expect("valid");
     let edited = editor.apply(Edit::Mirror { joint: 2, plane: middle() }).expect("valid");
     assert!(edited.added.is_empty() && (at(&editor, "hand.R") - Point3::new(-0.9, 1.1, 0.3)).norm() < 1e-12);
 }
 
 #[test]
-fn names_change_their_side() {
+fn names_swap_their_side() {
     let pairs = [
         ("arm.L", Some("arm.R")),
         ("l_knee", Some("r_knee")),
@@ -215,7 +218,7 @@ fn names_change_their_side() {
 }
 
 #[test]
-fn a_ray_finds_the_middle_of_what_it_goes_through() {
+fn a_ray_finds_the_middle_of_the_body_it_passes() {
     let ball = icosphere(3);
     let ray = |from: [f64; 3], along: [f64; 3]| Ray::new(&from.into(), &along.into());
     for (k, along) in [[0.0, 0.0, 1.0], [0.3, -0.2, 2.0], [1.0, 1.0, 0.1]].into_iter().enumerate() {

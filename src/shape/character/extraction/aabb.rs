@@ -1,21 +1,21 @@
-//! Where a surface is nearest, and where rays meet it: a tree of boxes around its triangles.
+//! Nearest points, ray intersections and inside tests on a surface, with a bounding volume hierarchy.
 //!
-//! A place is inside where the surface goes round it, once or more: limbs that pass into one another have one inside. Where the triangles at
-//! an edge are not oriented alike there is no telling how often it does; there, what is met an odd number of times is inside.
+//! A point is inside if the winding number is not zero: intersecting limbs have a common inside. If triangles at an edge are inconsistently
+//! oriented, the winding number is undefined; the parity of intersections decides then.
 
 use nalgebra::{Point3, Vector3};
 
 use super::caps;
 use plumbline_num::spatial::{BoxTree, Ray, closest_point_on_triangle, ray_crosses_triangle};
 
-/// Triangles by place.
+/// Triangles in a bounding volume hierarchy.
 pub(super) struct AabbTree {
     tree: BoxTree,
-    /// Corners of the triangles in the order of the tree.
+    /// Corners of the triangles in tree order.
     corners: Vec<[Point3<f64>; 3]>,
-    /// Unit normal of each triangle, zero where it has none.
+    /// Unit normal of each triangle, zero for degenerate ones.
     normals: Vec<Vector3<f64>>,
-    /// Whether each half-edge has one that runs the other way.
+    /// Whether every half-edge has an opposite one.
     oriented: bool,
 }
 
@@ -39,16 +39,16 @@ impl AabbTree {
         (best.1 < f64::INFINITY).then_some(best.0)
     }
 
-    /// The point of the surface nearest to `p`, found the sooner the nearer to `p` the `guess` is, a point of the surface.
+    /// The point of the surface nearest to `p`; faster the nearer `guess`, a point of the surface, is to `p`.
     pub(super) fn nearest_from(&self, p: &Point3<f64>, guess: &Point3<f64>) -> Point3<f64> {
         self.near(p, (*guess, nalgebra::distance_squared(p, guess))).0
     }
 
     fn near(&self, p: &Point3<f64>, mut best: (Point3<f64>, f64)) -> (Point3<f64>, f64) {
-        // What is as far as the best is no better.
+        // Points as far as the best are not improvements.
         self.tree.near(p, best.1.next_down(), |items| {
             for (corners, normal) in self.corners[items.clone()].iter().zip(&self.normals[items]) {
-                // No point of a triangle is nearer than its plane.
+                // The distance to the plane bounds that to the triangle from below.
                 if normal.dot(&(p - corners[0])).powi(2) >= best.1 {
                     continue;
                 }
@@ -63,7 +63,7 @@ impl AabbTree {
         best
     }
 
-    /// Parameter `t > 0` of the first point `origin + t direction` on the surface.
+    /// Parameter `t > 0` of the first intersection of `origin + t direction`.
     pub(super) fn first_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         let mut first = f64::INFINITY;
         self.along(&Ray::new(origin, direction), first, &mut |t, _| {
@@ -73,7 +73,7 @@ impl AabbTree {
         (first < f64::INFINITY).then_some(first)
     }
 
-    /// True where the surface is met by `origin + t direction` for `0 < t ≤ until`.
+    /// Whether `origin + t direction` intersects the surface for `0 < t ≤ until`.
     pub(super) fn is_hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>, until: f64) -> bool {
         let mut hit = false;
         self.along(&Ray::new(origin, direction), until, &mut |_, _| {
@@ -83,9 +83,9 @@ impl AabbTree {
         hit
     }
 
-    /// True where the surface goes round `p`, by the majority of three directions.
+    /// Whether `p` is inside, by the majority of three rays.
     pub(super) fn encloses(&self, p: &Point3<f64>) -> bool {
-        // No direction that a modeler would choose for an edge.
+        // Generic directions, unlikely to lie in a plane of a modeled surface.
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
         let inside = |d: [f64; 3]| {
             let (mut count, mut turns) = (0, 0);
@@ -101,8 +101,8 @@ impl AabbTree {
         if inside(second) == said { said } else { inside(third) }
     }
 
-    /// Calls `meet` for points of the surface up to the parameter `until`, near boxes first, and with whether the ray leaves there; it returns
-    /// up to where others matter.
+    /// Calls `meet` for intersections up to the parameter `until`, near boxes first, with whether the ray exits there; it returns the
+    /// parameter up to which further intersections matter.
     fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64, bool) -> f64) {
         self.tree.along(ray, until, |items| {
             for [a, b, c] in &self.corners[items] {
@@ -123,7 +123,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn nearest_points_and_hits_are_those_that_a_search_of_all_finds() {
+    fn queries_agree_with_brute_force() {
         let mesh = shapes::holed_torus(2, 8);
         let tree = AabbTree::new(mesh.positions(), mesh.triangles());
         for k in 0..100 {
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn inside_is_inside() {
+    fn points_inside_are_inside() {
         let mesh = shapes::icosphere(3);
         let tree = AabbTree::new(mesh.positions(), mesh.triangles());
         assert!(tree.encloses(&Point3::new(0.1, 0.2, 0.3)) && tree.encloses(&Point3::new(0.0, 0.0, 0.98)));
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_two_balls_share_is_inside_and_without_orientation_what_is_met_oddly() {
+    fn the_intersection_of_two_balls_is_inside_and_without_orientation_parity_decides() {
         let ball = shapes::icosphere(3);
         let beside: Vec<_> = ball.positions().iter().map(|p| p + Vector3::x()).collect();
         let positions = [ball.positions(), &beside].concat();

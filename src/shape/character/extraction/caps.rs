@@ -1,14 +1,14 @@
-//! The holes of a surface that has an inside are closed.
+//! Closes the holes of a surface that bounds a volume.
 //!
-//! Scans have holes, busts and limbs an opening where they were cut. What counts as inside, how far an end of the curve goes and how many
-//! handles there are is said of closed surfaces: every boundary loop gets a new vertex in its middle, and triangles to it. Half-edges without
-//! an opposite one enter and leave each vertex equally often, so that they fall into closed walks on any oriented surface.
+//! Scans have holes; busts and cut limbs have openings. Inside tests, ends and handles require a closed surface: every boundary loop is
+//! triangulated with a new vertex at its centroid. Unpaired half-edges enter and leave each vertex equally often, so they decompose into
+//! closed walks on every oriented surface.
 
 use nalgebra::Point3;
 
 use crate::mesh::{TriMesh, edge_groups};
 
-/// The closed surface. Its first vertices and triangles are those of `open`.
+/// The closed surface; vertices and triangles of `open` come first, unchanged.
 pub(super) fn closed(open: &TriMesh) -> TriMesh {
     let mut positions = open.positions().to_vec();
     let mut triangles = open.triangles().to_vec();
@@ -23,7 +23,7 @@ pub(super) fn closed(open: &TriMesh) -> TriMesh {
     TriMesh::new(positions, triangles).expect("means of finite positions")
 }
 
-/// Half-edges `(a, b)` of which there are more than of `(b, a)`, each as often as that, in order.
+/// Half-edges `(a, b)` that outnumber `(b, a)`, repeated by the excess, sorted.
 pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     let origins = triangles.as_flattened();
     let excess = |edge: &[(u64, u32)]| {
@@ -38,7 +38,7 @@ pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     halves
 }
 
-/// Closed walks over half-edges in order, each used once; none passes a vertex twice.
+/// Decomposes half-edges into closed walks without repeated vertices; each half-edge is used once.
 fn walks(halves: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
     let mut left: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
     for (a, b) in halves {
@@ -68,7 +68,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn holes_are_closed_and_handles_stay() {
+    fn holes_are_closed_and_handles_are_kept() {
         let torus = shapes::holed_torus(1, 16);
         let kept = |t: usize| ![3, 4, 5, 90, 200, 201].contains(&t);
         let left = (0..torus.triangle_count()).filter(|t| kept(*t)).map(|t| torus.triangles()[t]).collect();
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn walks_that_meet_in_a_vertex_are_two() {
+    fn walks_that_meet_at_a_vertex_are_separate() {
         let eight = [(0, 1), (1, 2), (2, 0), (0, 3), (3, 4), (4, 0)];
         let mut halves = eight.to_vec();
         halves.sort_unstable();
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_closed_stays_as_it_is() {
+    fn a_closed_surface_is_unchanged() {
         let ball = shapes::icosphere(2);
         assert_eq!(closed(&ball), ball);
     }

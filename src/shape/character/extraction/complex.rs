@@ -1,41 +1,41 @@
-//! A surface whose edges collapse, and which vertex each vertex of it became part of.
+//! A triangle mesh under edge collapse, with the vertex that each vertex merged into.
 //!
-//! A half-edge collapse `i → j` takes the triangles at the edge away and gives the others at `i` to `j`. It keeps the topology of the
-//! surface where the *link condition* holds: the neighbors that `i` and `j` share are those opposite to the edge, and no edge
-//! between two vertices of the boundary is collapsed unless it is of the boundary itself.
+//! A half-edge collapse `i → j` removes the triangles at the edge and reassigns the others from `i` to `j`. It preserves the topology if the
+//! *link condition* holds: the common neighbors of `i` and `j` are exactly those opposite to the edge, and an edge between two boundary
+//! vertices is itself a boundary edge.
 //!
 //! # Reference
 //! T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, Publ. Inst. Math. 66 (1999).
 
 use nalgebra::{Point3, Vector3};
 
-/// No vertex or triangle.
+/// Missing vertex or triangle.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Triangles over vertices that merge.
+/// A mesh under edge collapse.
 #[derive(Clone)]
 pub(super) struct Complex {
-    /// Positions; those of merged vertices mean nothing.
+    /// Positions; those of merged vertices are meaningless.
     pub(super) positions: Vec<Point3<f64>>,
-    /// Corners of the triangles that were there first; `[NONE; 3]` where one is gone.
+    /// Corners of the original triangles; `[NONE; 3]` for removed ones.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Triangles around each vertex.
+    /// Triangles around each vertex; stale for merged ones.
     fans: Vec<Vec<u32>>,
-    /// The vertex that each has merged into, itself where it is alive.
+    /// The vertex that each merged into; itself if alive.
     into: Vec<u32>,
     boundary: Vec<bool>,
     alive: usize,
-    /// What has collapsed, in order.
+    /// Collapses so far, in order.
     pub(super) collapses: Vec<Collapse>,
 }
 
-/// A collapse, along an edge of a triangle known by its number and two of its corners.
+/// A collapse along an edge of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Collapse {
     pub(super) gone: u32,
     pub(super) kept: u32,
     pub(super) triangle: u32,
-    /// Places in the triangle of the vertex that is gone and of the one kept.
+    /// Corner indices in the triangle of the removed and the kept vertex.
     pub(super) corners: [u8; 2],
 }
 
@@ -65,7 +65,7 @@ impl Complex {
         this
     }
 
-    /// Number of vertices that have not merged into others.
+    /// Number of vertices that have not merged.
     pub(super) fn alive_count(&self) -> usize {
         self.alive
     }
@@ -74,12 +74,12 @@ impl Complex {
         self.into[v as usize] == v
     }
 
-    /// Vertices that have not merged into others, in order.
+    /// Vertices that have not merged, ascending.
     pub(super) fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.into.len() as u32).filter(|v| self.is_alive(*v))
     }
 
-    /// The vertex that `v` has become part of.
+    /// The vertex that `v` merged into.
     pub(super) fn root(&self, mut v: u32) -> u32 {
         while self.into[v as usize] != v {
             v = self.into[v as usize];
@@ -87,7 +87,7 @@ impl Complex {
         v
     }
 
-    /// Triangles that are left.
+    /// Remaining triangles.
     pub(super) fn faces(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
         self.triangles.iter().copied().filter(|t| t[0] != NONE)
     }
@@ -117,7 +117,7 @@ impl Complex {
         self.fans[a as usize].iter().copied().filter(move |t| self.triangles[*t as usize].contains(&b))
     }
 
-    /// True where the collapse of an edge leaves a surface of the same topology.
+    /// Whether collapsing an edge preserves the topology.
     pub(super) fn link_condition(&self, i: u32, j: u32, scratch: &mut [Vec<u32>; 2]) -> bool {
         let [of_i, of_j] = scratch;
         self.neighbors(i, of_i);
@@ -130,17 +130,17 @@ impl Complex {
         if self.boundary[i as usize] && self.boundary[j as usize] && opposite != 1 {
             return false;
         }
-        // A tetrahedron, and a triangle alone, would fold onto themselves.
+        // A tetrahedron or an isolated triangle would fold onto itself.
         of_i.len().min(of_j.len()) > if opposite == 1 { 2 } else { 3 } || (opposite == 2 && of_i.len() + of_j.len() > 6)
     }
 
-    /// The normal of a triangle, twice its area long, with `v` moved to `place`.
+    /// Twice the area vector of a triangle with `v` moved to `place`.
     fn normal_with(&self, t: [u32; 3], v: u32, place: &Point3<f64>) -> Vector3<f64> {
         let [a, b, c] = t.map(|u| if u == v { *place } else { self.positions[u as usize] });
         (b - a).cross(&(c - a))
     }
 
-    /// True where moving `i` onto `j` turns a triangle that stays by more than about 80°.
+    /// Whether moving `i` onto `j` rotates the normal of a remaining triangle by more than about 80° (cosine 0.2).
     pub(super) fn would_fold(&self, i: u32, j: u32) -> bool {
         let place = self.positions[j as usize];
         self.fan(i).filter(|t| !t.contains(&j)).any(|t| {
@@ -149,7 +149,7 @@ impl Complex {
         })
     }
 
-    /// Merges `i` into `j`, whose position stays.
+    /// Merges `i` into `j`, whose position is kept.
     pub(super) fn collapse(&mut self, i: u32, j: u32) {
         let place = |corners: [u32; 3], v: u32| corners.iter().position(|c| *c == v).map(|k| k as u8);
         for t in std::mem::take(&mut self.fans[i as usize]) {
@@ -172,7 +172,7 @@ impl Complex {
         self.alive -= 1;
     }
 
-    /// Area of all triangles that are left.
+    /// Total area.
     pub(super) fn area(&self) -> f64 {
         self.faces().map(|t| 0.5 * self.normal_with(t, NONE, &Point3::origin()).norm()).sum()
     }

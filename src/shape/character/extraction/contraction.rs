@@ -1,31 +1,28 @@
-//! The surface shrinks until it is a curve.
+//! Contraction of the surface to a curve.
 //!
-//! Each round solves, in the least-squares sense, for positions `x'` of the vertices from the positions `x` of the round before,
+//! Each iteration solves, in the least-squares sense, for positions `x'` from those of the last iteration `x`:
 //!
 //! ```text
 //! E = Σᵢ w_Lᵢ² ‖(L x')ᵢ‖²  +  Σᵢ mᵢ w_Hᵢ² ‖x'ᵢ − xᵢ‖²  +  Σᵢ mᵢ w_M² ‖x'ᵢ − cᵢ‖²
 //! w_Lᵢ = w_L s_Lᵗ ρᵢ² / √(aᵢ ā),   w_Hᵢ² = w_H² aᵢ / Aᵢ,   mᵢ = aᵢ / ā
 //! ```
 //!
-//! with `L` the cotangent Laplacian of the surface as it is in round `t`, `aᵢ` the area that a vertex stood for at first and `Aᵢ` what is
-//! left of it, `ā` the mean of the former, `ρᵢ` the radius of the shape about the vertex and `cᵢ` the center of its medial ball. The
-//! first term makes the surface flat in the mean: it moves along its mean-curvature normal, thin parts inward. The second
-//! holds each round back, the more the less area is left; the third keeps what has shrunk in the middle of the shape, and
-//! branches from growing shorter. The normal equations
+//! with `L` the current cotangent Laplacian in iteration `t`, `aᵢ` the initial area of a vertex and `Aᵢ` its current one, `ā` the mean of the
+//! former, `ρᵢ` the local radius of the shape and `cᵢ` the center of the medial ball. The first term drives the surface to zero mean
+//! curvature: thin parts move inward along their normals. The second damps the motion, more as area is lost; the third keeps the
+//! contracted parts on the medial axis and prevents branches from shortening. The normal equations
 //!
 //! `(Lᵀ W_L² L + M (W_H² + w_M²)) x' = M (W_H² x + w_M² c)`
 //!
-//! are sparse and positive definite: one factorization and three right-hand sides per round.
+//! are sparse and positive definite: one factorization and three right-hand sides per iteration.
 //!
-//! After each round edges that have become short collapse under the link condition, so that systems grow smaller as the surface
-//! does. A merged vertex stands for the area of both, at the mean of both centers. A round with an unchanged surface uses the
-//! analysis of the round before.
+//! After each iteration short edges collapse under the link condition, so that systems shrink with the surface. A merged vertex has the
+//! summed area and the mean center. If no edge collapsed, the symbolic analysis is reused.
 //!
-//! Departures from Au et al.: `w_L` counts in units of the local radius, so that fingers and trunks contract in the same rounds, and
-//! grows by 1.2 a round instead of 2; vertices merge, and are drawn to medial centers, as in Tagliasacchi et al. (there Voronoi
-//! poles); weights of edges are not negative, which Laplacians of slivers would need to be linearly precise; instead vertices whose
-//! area is gone are contracted no more, or limbs would be drawn in along themselves. Pinned vertices have a weight that holds
-//! them in place.
+//! Departures from Au et al.: `w_L` is in units of the local radius, so that fingers and trunks contract in the same iterations, and grows by
+//! 1.2 per iteration instead of 2; vertices merge and are attracted by medial centers, as in Tagliasacchi et al. (there Voronoi poles);
+//! edge weights are clamped to be non-negative, which sacrifices linear precision at slivers; vertices that lost their area are not
+//! contracted further, or limbs would shrink along their axes. Pinned vertices have a large weight.
 //!
 //! # Reference
 //! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section
@@ -40,49 +37,49 @@ use super::normal_equations::NormalEquations;
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
-/// Weights and bounds of the contraction; lengths in the unit of the normalized model.
+/// Weights and thresholds of the contraction; lengths relative to the normalized model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weights {
     pub(super) contraction: f64,
-    pub(super) hold: f64,
+    pub(super) attraction: f64,
     pub(super) medial: f64,
-    /// Growth of the contraction weight per round.
+    /// Growth factor of the contraction weight per iteration.
     pub(super) growth: f64,
-    /// Edges shorter than this collapse.
+    /// Length below which edges collapse.
     pub(super) short: f64,
-    /// And shorter than this share of the radius of the shape.
+    /// The same as a fraction of the local radius of the shape.
     pub(super) short_of_radius: f64,
-    pub(super) rounds: usize,
-    /// It ends when a round takes less than this share of the first area away.
-    pub(super) still: f64,
+    pub(super) iterations: usize,
+    /// Loss of area per iteration, relative to the initial area, below which the contraction has converged.
+    pub(super) tolerance: f64,
 }
 
-/// A vertex whose triangles have shrunk to this share of their area is part of the curve: it is contracted no more. At 300 limbs
-/// lose their tips, at 10 palms and ears stay sheets.
-const FROZEN: f64 = 30.0;
-/// Bound of the weight by which shrunken vertices hold to their place.
-const FIRMEST: f64 = 1e6;
-/// Weight of pinned vertices over the others.
-const PINNED: f64 = 1e6;
+/// Ratio of initial to current area at which a vertex is part of the curve and is not contracted further. At 300 limbs lose their tips, at
+/// 10 palms and ears stay sheets.
+const MAX_AREA_RATIO: f64 = 30.0;
+/// Upper bound of the relative attraction weight of contracted vertices: keeps the system well conditioned.
+const MAX_ATTRACTION_RATIO: f64 = 1e6;
+/// Weight of pinned vertices relative to others.
+const PIN_WEIGHT: f64 = 1e6;
 
-/// A vertex has left its neighbors where the nearest is farther than this many times its longest edge before. At 1 tips are called
-/// back that are on their way along a limb.
-const LEFT: f64 = 3.0;
+/// Distance from the nearest neighbor, in lengths of the longest edge before, at which a vertex has escaped. At 1 tips that move along a limb
+/// are called back.
+const MAX_ESCAPE_RATIO: f64 = 3.0;
 
-/// A surface on its way to a curve.
+/// A surface being contracted.
 pub(super) struct Contraction {
     pub(super) complex: Complex,
-    /// Where each vertex is drawn to.
+    /// Medial center of each vertex.
     centers: Vec<Point3<f64>>,
-    /// Area that each vertex stands for.
+    /// Area of each vertex, accumulated by merges.
     pub(super) mass: Vec<f64>,
-    /// Radius of the shape around each vertex.
+    /// Local radius of the shape at each vertex.
     radii: Vec<f64>,
     pinned: Vec<bool>,
     weights: Weights,
     first_area: f64,
     area: f64,
-    round: usize,
+    iteration: usize,
     system: Option<NormalEquations>,
 }
 
@@ -99,15 +96,15 @@ impl Contraction {
         let area = complex.area();
         let centers = balls.iter().map(|b| b.center).collect();
         let radii = balls.iter().map(|b| b.radius).collect();
-        Self { complex, centers, mass, radii, pinned, weights, first_area: area, area, round: 0, system: None }
+        Self { complex, centers, mass, radii, pinned, weights, first_area: area, area, iteration: 0, system: None }
     }
 
-    /// Share of the first area that is left.
+    /// Fraction of the initial area that is left.
     pub(super) fn area_left(&self) -> f64 {
         if self.first_area > 0.0 { self.area / self.first_area } else { 0.0 }
     }
 
-    /// One round; true where it was the last.
+    /// One iteration; whether it was the last.
     pub(super) fn step(&mut self, run: &Run) -> Result<bool, ExtractionError> {
         self.solve(run)?;
         if self.collapse_short(run)? {
@@ -116,8 +113,8 @@ impl Contraction {
         let area = self.complex.area();
         let lost = self.area - area;
         self.area = area;
-        self.round += 1;
-        Ok(lost.abs() < self.weights.still * self.first_area || self.round >= self.weights.rounds)
+        self.iteration += 1;
+        Ok(lost.abs() < self.weights.tolerance * self.first_area || self.iteration >= self.weights.iterations)
     }
 
     fn solve(&mut self, run: &Run) -> Result<(), ExtractionError> {
@@ -128,12 +125,12 @@ impl Contraction {
         let n = system.vertices.len();
         let mean = system.vertices.iter().map(|v| self.mass[*v as usize]).sum::<f64>() / n as f64;
         let w = &self.weights;
-        let (hold, medial) = (w.hold * w.hold, w.medial * w.medial);
+        let (attraction, medial) = (w.attraction * w.attraction, w.medial * w.medial);
         let ring = self.ring_areas();
-        let strength = w.contraction * w.growth.powi(self.round as i32);
+        let strength = w.contraction * w.growth.powi(self.iteration as i32);
         let shrunk = |v: u32| self.mass[v as usize] / ring[v as usize].max(1e-300);
         let row = |v: &u32| {
-            if shrunk(*v) > FROZEN {
+            if shrunk(*v) > MAX_AREA_RATIO {
                 return 0.0;
             }
             let m = self.mass[*v as usize];
@@ -146,10 +143,10 @@ impl Contraction {
             let m = (self.mass[v] / mean).max(1e-6);
             let x = self.complex.positions[v].coords;
             let (weight, wanted) = if self.pinned[v] {
-                (PINNED, x * PINNED)
+                (PIN_WEIGHT, x * PIN_WEIGHT)
             } else {
-                let hold = hold * shrunk(v as u32).clamp(1.0, FIRMEST);
-                (m * (hold + medial), x * (m * hold) + self.centers[v].coords * (m * medial))
+                let attraction = attraction * shrunk(v as u32).clamp(1.0, MAX_ATTRACTION_RATIO);
+                (m * (attraction + medial), x * (m * attraction) + self.centers[v].coords * (m * medial))
             };
             diagonal[i] = weight;
             for k in 0..3 {
@@ -165,21 +162,21 @@ impl Contraction {
                 moved[v as usize] = Point3::from(place);
             }
         }
-        self.call_back(&system, &mut moved);
+        self.return_escaped(&system, &mut moved);
         self.complex.positions = moved;
         self.system = Some(system);
         Ok(())
     }
 
-    /// Brings vertices that have left all their neighbors back among them: what stands for next to no area is the cheapest to move where
-    /// slivers about it are to be flattened.
-    fn call_back(&self, system: &NormalEquations, moved: &mut [Point3<f64>]) {
+    /// Returns vertices that escaped all their neighbors to the neighbors' mean: moving a vertex of almost no area is the cheapest way to flatten
+    /// slivers around it.
+    fn return_escaped(&self, system: &NormalEquations, moved: &mut [Point3<f64>]) {
         let brought_back = |(i, &v): (usize, &u32)| {
             let around = system.around(i).map(|j| system.vertices[j] as usize);
             let length = |of: &[Point3<f64>], u: usize| nalgebra::distance(&of[v as usize], &of[u]);
             let before = around.clone().map(|u| length(&self.complex.positions, u)).fold(0.0, f64::max);
             let nearest = around.clone().map(|u| length(moved, u)).fold(f64::INFINITY, f64::min);
-            if self.pinned[v as usize] || nearest == f64::INFINITY || nearest <= LEFT * before {
+            if self.pinned[v as usize] || nearest == f64::INFINITY || nearest <= MAX_ESCAPE_RATIO * before {
                 return None;
             }
             let sum: Vector3<f64> = around.clone().map(|u| moved[u].coords).sum();
@@ -203,7 +200,7 @@ impl Contraction {
         areas
     }
 
-    /// Collapses short edges, the shortest first; true where there was one.
+    /// Collapses short edges, the shortest first; whether there was one.
     fn collapse_short(&mut self, run: &Run) -> Result<bool, Stopped> {
         let mut scratch = [Vec::new(), Vec::new()];
         let mut any = false;
@@ -280,19 +277,19 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn a_vertex_that_has_left_its_neighbors_comes_back_among_them() {
+    fn an_escaped_vertex_returns_to_its_neighbors() {
         let ball = shapes::icosphere(2);
         let complex = Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
         let balls = vec![Ball { center: Point3::origin(), radius: 1.0 }; ball.vertex_count()];
         let weights = Weights {
             contraction: 1.0,
-            hold: 0.1,
+            attraction: 0.1,
             medial: 0.3,
             growth: 1.2,
             short: 0.03,
             short_of_radius: 0.3,
-            rounds: 3,
-            still: 1e-4,
+            iterations: 3,
+            tolerance: 1e-4,
         };
         let mut pinned = vec![false; ball.vertex_count()];
         pinned[9] = true;
@@ -303,7 +300,7 @@ mod tests {
         for far in [5, 9] {
             moved[far] = Point3::new(7.0, 0.0, 1.0);
         }
-        contraction.call_back(&system, &mut moved);
+        contraction.return_escaped(&system, &mut moved);
         assert_eq!(moved[9], Point3::new(7.0, 0.0, 1.0), "what is pinned stays");
         assert!(nalgebra::distance(&moved[5], &halved[5]) < 0.1, "{}", moved[5]);
         let others = (0..halved.len()).filter(|v| ![5, 9].contains(v));

@@ -1,13 +1,13 @@
-//! Detours of the curve are cut.
+//! Removes detours of the curve.
 //!
-//! A tip holds the surface while it contracts; where the tip turns out to be none, the curve still goes there and back. With `r` the
-//! distance to the surface, the way along a line costs
+//! A pinned tip holds the surface during contraction; if it turns out to be no end, the curve still goes there and back. With `r` the
+//! distance to the surface, the cost of a path is
 //!
 //! `∫ ds / r`,
 //!
-//! which the middle of the shape makes small. Between two nodes of a branch the curve takes the straight line where that stays inside, costs
-//! less than a share of the way along the branch, and leaves out no node that is not in the balls about it: what goes there and back to a
-//! head shows the head. Of all ways along a branch the one of the least cost is taken.
+//! which is least along the medial axis. Between two nodes of a branch the curve takes the straight segment if it is inside, costs less than
+//! a fraction of the path along the branch, and the balls along it cover all skipped nodes: an excursion to a head represents the head. The
+//! shortest such path along each branch is found by dynamic programming.
 //!
 //! # Reference
 //! L. Antiga, B. Ene-Iordache, A. Remuzzi, *Computational geometry for patient-specific reconstruction and meshing of blood vessels from MR
@@ -17,41 +17,41 @@ use nalgebra::Point3;
 
 use super::aabb::AabbTree;
 use super::centering::radius;
-use super::web::{Branch, Web};
+use super::curve_graph::{Branch, CurveGraph};
 use plumbline_num::run::{Run, Stopped};
 
-/// A line costs this many times what it does before it is taken.
-const GAIN: f64 = 1.5;
-/// Lengths of the pieces by which the cost of a line is found, in radii at the node it starts from.
-const PIECE: f64 = 0.5;
-/// And how many at most.
-const PIECES: usize = 16;
-/// The distance to the surface counts as at least this.
+/// Cost ratio by which a segment must improve on the path.
+const MIN_GAIN: f64 = 1.5;
+/// Length of the quadrature intervals of a segment, in radii at its first node.
+const INTERVAL_RADII: f64 = 0.5;
+/// Largest number of quadrature intervals.
+const MAX_INTERVALS: usize = 16;
+/// Lower bound of the distance to the surface in the cost.
 const MIN_RADIUS: f64 = 1e-3;
 
-/// Cuts detours of all branches; `radii` are the distances of the nodes to the surface.
-pub(super) fn cut(web: &mut Web, tree: &AabbTree, radii: &[f64], run: &Run) -> Result<(), Stopped> {
-    for branch in web.branches() {
+/// Removes detours of all branches; `radii` are the distances of the nodes to the surface.
+pub(super) fn cut(graph: &mut CurveGraph, tree: &AabbTree, radii: &[f64], run: &Run) -> Result<(), Stopped> {
+    for branch in graph.branches() {
         run.check()?;
-        let kept = shortest(web, tree, radii, &branch);
+        let kept = shortest(graph, tree, radii, &branch);
         for pair in kept.windows(2) {
-            bridge(web, &branch[pair[0]..=pair[1]]);
+            bridge(graph, &branch[pair[0]..=pair[1]]);
         }
     }
     Ok(())
 }
 
-/// Merges the inner nodes of a row into the nearer of its two ends, which are neighbors after.
-fn bridge(web: &mut Web, row: &[u32]) {
+/// Merges the inner nodes of a row into the nearer of its two ends, which become adjacent.
+fn bridge(graph: &mut CurveGraph, row: &[u32]) {
     let (first, last) = (0, row.len() - 1);
     let half = last.div_ceil(2);
-    (1..half).for_each(|k| web.merge(row[k], row[first]));
-    (half..last).rev().for_each(|k| web.merge(row[k], row[last]));
+    (1..half).for_each(|k| graph.merge(row[k], row[first]));
+    (half..last).rev().for_each(|k| graph.merge(row[k], row[last]));
 }
 
-/// Positions in a branch of the nodes by which the way along it is cheapest.
-fn shortest(web: &Web, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
-    let places: Vec<Point3<f64>> = branch.iter().map(|v| web.nodes[*v as usize]).collect();
+/// Indices in a branch of the nodes on the cheapest path along it.
+fn shortest(graph: &CurveGraph, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
+    let places: Vec<Point3<f64>> = branch.iter().map(|v| graph.nodes[*v as usize]).collect();
     let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(MIN_RADIUS)).collect();
     let mut length = vec![0.0; places.len()];
     let mut cost = vec![0.0; places.len()];
@@ -61,12 +61,12 @@ fn shortest(web: &Web, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<u
         length[j] = length[j - 1] + step;
         cost[j] = cost[j - 1] + 0.5 * step * (1.0 / radii[j - 1] + 1.0 / radii[j]);
         for i in 0..j.saturating_sub(1) {
-            let direct = GAIN * nalgebra::distance(&places[i], &places[j]);
-            let held = branch[i + 1..j].iter().any(|v| web.pinned[*v as usize]);
+            let direct = MIN_GAIN * nalgebra::distance(&places[i], &places[j]);
+            let held = branch[i + 1..j].iter().any(|v| graph.pinned[*v as usize]);
             if held || branch[i] == branch[j] || length[j] - length[i] <= direct {
                 continue;
             }
-            let line = GAIN * line_cost(tree, (&places[i], radii[i]), (&places[j], radii[j]), &places[i + 1..j]);
+            let line = MIN_GAIN * line_cost(tree, (&places[i], radii[i]), (&places[j], radii[j]), &places[i + 1..j]);
             if cost[i] + line < cost[j] {
                 cost[j] = cost[i] + line;
                 before[j] = i;
@@ -81,7 +81,7 @@ fn shortest(web: &Web, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<u
     kept
 }
 
-/// What a straight line costs; infinity where it leaves the inside, or where what it leaves out is not in the balls about it.
+/// Cost of a segment; infinite if it leaves the inside or if a skipped node is not covered by the balls along it.
 fn line_cost(
     tree: &AabbTree,
     (p, r): (&Point3<f64>, f64),
@@ -92,7 +92,7 @@ fn line_cost(
     if tree.first_hit(p, &way).is_some_and(|t| t <= 1.0) {
         return f64::INFINITY;
     }
-    let pieces = (way.norm() / (PIECE * r.min(s))).ceil().clamp(1.0, PIECES as f64) as usize;
+    let pieces = (way.norm() / (INTERVAL_RADII * r.min(s))).ceil().clamp(1.0, MAX_INTERVALS as f64) as usize;
     let inner = (1..pieces).map(|k| p + way * (k as f64 / pieces as f64)).map(|c| (c, radius(tree, &c)));
     let balls: Vec<(Point3<f64>, f64)> = std::iter::once((*p, r)).chain(inner).chain([(*q, s)]).collect();
     let is_covered = |x: &Point3<f64>| balls.iter().any(|(c, r)| nalgebra::distance(x, c) <= *r);

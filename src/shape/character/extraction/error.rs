@@ -1,4 +1,4 @@
-//! Why a skeleton could not be extracted.
+//! Errors of skeleton extraction.
 
 use crate::character::CharacterError;
 use plumbline_num::options::OptionError;
@@ -9,27 +9,27 @@ use plumbline_num::sparse::SparseError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExtractionError {
-    /// Input: no triangle with an area.
-    #[error("the mesh has no triangle with an area: there is nothing to find the middle of")]
+    /// Input: zero surface area.
+    #[error("mesh has zero surface area")]
     Empty,
-    /// Usage: an option outside its range.
+    /// Usage: an option out of range.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// Usage: a vertex to keep that does not exist.
+    /// Usage: a vertex index to keep that is out of range.
     #[error("vertex {vertex} is to be kept, but the mesh has {vertices} vertices, numbered from 0")]
     NoSuchVertex {
-        /// The vertex, numbered from 0.
+        /// The vertex index, from 0.
         vertex: u32,
         /// Number of vertices of the mesh.
         vertices: usize,
     },
-    /// The curve gives no skeleton: more joints than a skeleton holds.
+    /// More joints than a skeleton supports.
     #[error(transparent)]
     Skeleton(#[from] CharacterError),
-    /// The observer asked to stop, the run was interrupted, or its time is used up.
+    /// The observer or the run was interrupted, or the time budget was exceeded.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
-    /// Numerics: a system of the contraction could not be solved.
+    /// Numerics: a linear system of the contraction could not be solved.
     #[error("the contraction could not be solved: {0}")]
     Numerics(SparseError),
 }

@@ -1,17 +1,17 @@
-//! Which loops on a closed surface bound inside the shape.
+//! Homology classes of surface loops in the enclosed volume.
 //!
-//! A surface of genus `g` has `2g` independent loops; half of them bound inside the shape (round a branch), the others go round its
-//! holes. A curve skeleton must keep the second kind and none of the first. Which is which is a matter of integers:
+//! A surface of genus `g` has `2g` independent loops; `g` of them bound inside the shape (around a branch), the others encircle its holes. A
+//! curve skeleton must keep the latter and none of the former. The distinction is integer linear algebra:
 //!
-//! 1. A spanning tree of the vertices and one of the triangles that crosses none of its edges leave `2g` edges `e_k`. With the tree,
-//!    `e_k` closes a loop `c_k`; with the tree of triangles it closes a chain of triangles, and `ω_k` counts how often, and which
-//!    way, an edge crosses it. `ω_k(c_j) = δ_kj`, and `ω_k` of the border of a triangle is 0: a loop `γ` is `Σ ω_k(γ) c_k` in homology.
-//! 2. `M_kj` is the linking number of `c_k` with `c_j` pushed off the surface to the outside. By Alexander duality `γ` bounds inside
-//!    the shape if and only if `Σ_k ω_k(γ) M_kj = 0` for all `j`; `M` has rank `g`.
+//! 1. A spanning tree of the vertices and one of the triangles that crosses none of its edges leave `2g` edges `e_k`. With the tree, `e_k`
+//!    closes a loop `c_k`; with the cotree it closes a chain of triangles, and `ω_k` counts the signed crossings of an edge with it.
+//!    `ω_k(c_j) = δ_kj`, and `ω_k` of the boundary of a triangle is 0: a loop `γ` is homologous to `Σ ω_k(γ) c_k`.
+//! 2. `M_kj` is the linking number of `c_k` with `c_j` offset outward. By Alexander duality `γ` bounds inside the shape if and only if
+//!    `Σ_k ω_k(γ) M_kj = 0` for all `j`; `M` has rank `g`.
 //!
-//! The class of an edge is the integer vector `(Σ_k ω_k M_kj)_j` over `g` independent columns `j`; that of a loop is the sum over its
-//! edges. Classes of merged vertices' edges follow from the order of collapses. Self-intersecting surfaces may have no such
-//! `M`: then nothing is guarded.
+//! The class of an edge is the integer vector `(Σ_k ω_k M_kj)_j` over `g` independent columns `j`; that of a loop is the sum over its edges.
+//! Classes of edges between merged vertices follow from the sequence of collapses. For self-intersecting surfaces `M` may not exist: then
+//! no loop is protected.
 //!
 //! # Reference
 //! T. K. Dey, K. Li, J. Sun, D. Cohen-Steiner, *Computing geometry-aware handle and tunnel loops in 3D models*, SIGGRAPH 2008; D. Eppstein,
@@ -25,30 +25,30 @@ use nalgebra::{DMatrix, Point3, Vector3};
 
 use super::complex::{Collapse, Complex, NONE};
 
-/// `ω` at a half-edge: pairs of `k` and how often.
+/// `ω` of a half-edge: pairs of `k` and multiplicity.
 type Form = Vec<(u32, i32)>;
 
-/// Above this genus linking numbers would cost more than everything else, and no character has as many handles.
+/// Largest genus: beyond it linking numbers would dominate the cost, and no character has as many handles.
 const MAX_HANDLES: usize = 24;
-/// How far loops are pushed off the surface, as a share of the mean length of edges.
-const PUSH: f64 = 1e-3;
+/// Outward offset of the loops, as a fraction of the mean edge length: small enough to cross nothing, large beside rounding.
+const LOOP_OFFSET: f64 = 1e-3;
 
-/// Classes of edges, each known by a number.
+/// Homology classes of edges, stored by index.
 #[derive(Clone)]
 pub(super) struct Classes {
     rank: usize,
     vectors: Vec<Vec<i32>>,
     numbers: HashMap<Vec<i32>, u32>,
-    /// Of the half-edge from each corner of each triangle to the next, by the surface they were found on.
+    /// Class of each half-edge of each triangle, on the original surface.
     of_half_edge: Vec<[u32; 3]>,
-    /// Corners of that surface.
+    /// Corners of the original surface.
     corners: Vec<[u32; 3]>,
-    /// For each vertex the one that it merged into, and the class of the way there.
+    /// For each vertex the one it merged into, and the class of the path there.
     way: Vec<(u32, u32)>,
 }
 
 impl Classes {
-    /// Nothing is told apart: every loop bounds.
+    /// The trivial homology: every loop bounds.
     pub(super) fn trivial() -> Self {
         let zero = Vec::new();
         Self {
@@ -61,8 +61,8 @@ impl Classes {
         }
     }
 
-    /// The classes on a surface, which should be closed, oriented and connected, before more of it collapses. `None` where it is
-    /// not so, or where linking numbers make no sense.
+    /// The classes of a surface before further collapses. `None` if it is not closed, oriented and connected, or if linking numbers are
+    /// undefined.
     pub(super) fn new(complex: &Complex) -> Option<Self> {
         let surface = Surface::new(complex)?;
         if surface.genus == 0 {
@@ -108,23 +108,23 @@ impl Classes {
         number
     }
 
-    /// True where there is nothing to tell apart.
+    /// Whether all loops bound.
     pub(super) fn is_trivial(&self) -> bool {
         self.rank == 0
     }
 
-    /// Number of independent loops that a skeleton keeps.
+    /// Number of independent loops that the skeleton keeps.
     pub(super) fn rank(&self) -> usize {
         self.rank
     }
 
-    /// The class of what bounds.
+    /// The zero class.
     #[expect(clippy::unused_self, reason = "a class is of one set of classes")]
     pub(super) fn zero(&self) -> u32 {
         0
     }
 
-    /// The class of one way after the other.
+    /// Class of a concatenation of paths.
     pub(super) fn sum(&mut self, a: u32, b: u32) -> u32 {
         match (a, b) {
             (0, other) | (other, 0) => other,
@@ -135,7 +135,7 @@ impl Classes {
         }
     }
 
-    /// The class of the way back.
+    /// Class of the reversed path.
     pub(super) fn negative(&mut self, a: u32) -> u32 {
         if a == 0 {
             return 0;
@@ -144,7 +144,7 @@ impl Classes {
         self.number(negative)
     }
 
-    /// Takes note of what has collapsed since.
+    /// Updates the merged vertices after collapses.
     pub(super) fn follow(&mut self, collapses: &[Collapse]) {
         if self.is_trivial() {
             return;
@@ -155,7 +155,7 @@ impl Classes {
         }
     }
 
-    /// The class of the edge between two corners of a triangle as it is now.
+    /// Class of the edge between two corners of a triangle as merged now.
     pub(super) fn between(&mut self, triangle: usize, from: usize, to: usize) -> u32 {
         if self.is_trivial() {
             return 0;
@@ -174,7 +174,7 @@ impl Classes {
         self.sum(sum, end)
     }
 
-    /// The class of the way from a vertex to the one that it is part of now.
+    /// Class of the path from a vertex to the one it merged into.
     fn way_of(&mut self, mut v: u32) -> u32 {
         let mut class = 0;
         while self.way[v as usize].0 != v {
@@ -190,7 +190,7 @@ impl Classes {
 struct Surface<'c> {
     complex: &'c Complex,
     genus: usize,
-    /// The half-edge on the other side of each, `3t + k`.
+    /// Opposite half-edge of each half-edge `3t + k`.
     twin: Vec<u32>,
     alive: Vec<u32>,
 }
@@ -225,11 +225,11 @@ impl<'c> Surface<'c> {
         self.complex.triangles[h as usize / 3][(h as usize % 3 + 1) % 3]
     }
 
-    /// `ω` of every half-edge, as pairs of `k` and how often, and the loops `c_k`.
+    /// `ω` of every half-edge, and the loops `c_k`.
     fn forms_and_loops(&self) -> (Vec<Form>, Vec<Vec<u32>>) {
         let halves = self.twin.len();
         let mut tree = vec![false; halves];
-        // The half-edge by which the tree reaches each vertex.
+        // Half-edge by which the tree reaches each vertex.
         let mut reached = vec![NONE; self.complex.positions.len()];
         let outgoing = {
             let mut out: Vec<Vec<u32>> = vec![Vec::new(); self.complex.positions.len()];
@@ -251,7 +251,7 @@ impl<'c> Surface<'c> {
                 }
             }
         }
-        // The half-edge by which the tree of triangles leaves the parent of each triangle.
+        // Half-edge through which the cotree enters each triangle from its parent.
         let first = self.complex.triangles.iter().position(|t| t[0] != NONE).expect("a surface has triangles");
         let mut entered = vec![NONE; self.complex.triangles.len()];
         let mut queue = VecDeque::from([first]);
@@ -280,7 +280,7 @@ impl<'c> Surface<'c> {
                 forms[h as usize].push((k as u32, w));
                 forms[self.twin[h as usize] as usize].push((k as u32, -w));
             };
-            // Out of the triangle on the left, from the other one back to the root, and from the root to the left one.
+            // Out of the left triangle, from the right one back to the root, and from the root to the left one.
             cross(h, 1);
             for (mut t, w) in [(self.twin[h as usize] as usize / 3, -1), (h as usize / 3, 1)] {
                 while entered[t] != NONE {
@@ -315,7 +315,7 @@ impl<'c> Surface<'c> {
         a
     }
 
-    /// Linking numbers of each loop with each other one, and itself, pushed off; `None` where they are not whole.
+    /// Linking numbers of each loop with each offset loop, including its own; `None` if they are not integers.
     fn linking(&self, loops: &[Vec<u32>]) -> Option<DMatrix<f64>> {
         let mut normals = vec![Vector3::zeros(); self.complex.positions.len()];
         let (mut length, mut count) = (0.0, 0.0);
@@ -328,7 +328,7 @@ impl<'c> Surface<'c> {
             length += (b - a).norm() + (c - b).norm() + (a - c).norm();
             count += 3.0;
         }
-        let push = PUSH * length / count;
+        let push = LOOP_OFFSET * length / count;
         let at = |v: &u32| self.complex.positions[*v as usize];
         let on: Vec<Vec<Point3<f64>>> = loops.iter().map(|l| l.iter().map(at).collect()).collect();
         let lifted = |v: &u32| at(v) + normals[*v as usize].try_normalize(0.0).unwrap_or_default() * push;
@@ -368,7 +368,7 @@ fn solid_angle(p: &Point3<f64>, q: &Point3<f64>, r: &Point3<f64>, s: &Point3<f64
     if side == 0.0 { 0.0 } else { angle * side.signum() }
 }
 
-/// Columns of a matrix of whole numbers, each independent of those before it.
+/// Independent columns of an integer matrix, greedily from the left, by Gaussian elimination.
 fn independent_columns(m: &DMatrix<f64>) -> Vec<usize> {
     let mut rest = m.clone();
     let mut found = Vec::new();

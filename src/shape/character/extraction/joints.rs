@@ -1,10 +1,9 @@
-//! Joints on a curve: few nodes that tell its shape.
+//! Joints on a curve: a few nodes that represent its shape.
 //!
-//! Ends and junctions are joints, and where a branch bends away from the straight line between two joints by more than a share of
-//! the local radius, the farthest node becomes one (Douglas–Peucker with a tolerance relative to the radius). With a number asked
-//! for, bends are taken in the order of how far they are off. The root of each part is the joint nearest to the center of its
-//! nodes, weighted by the cubes of their radii: the middle of its volume. Skeletons are trees: a loop is cut at the joint where
-//! the ways from the root meet.
+//! Ends and junctions are joints; where a branch deviates from the segment between two joints by more than a fraction of the local radius, the
+//! farthest node becomes one (Douglas–Peucker with relative tolerance). With a prescribed number of joints, bends are added in descending
+//! order of deviation. The root of each component is the joint nearest to the centroid of its nodes, weighted by cubed radii: the center of
+//! volume. Skeletons are trees: a loop is cut at the joint where the paths from the root meet.
 //!
 //! # Reference
 //! D. H. Douglas, T. K. Peucker, *Algorithms for the reduction of the number of points required to represent a digitized line*,
@@ -14,23 +13,23 @@ use std::collections::VecDeque;
 
 use nalgebra::{Point3, Vector3};
 
+use super::curve_graph::{Branch, CurveGraph};
 use super::order::Cost;
-use super::web::{Branch, Web};
 use crate::character::{CharacterError, CurveSkeleton, Joint, Skeleton};
 use plumbline_num::math::Trs;
 
-/// A bend farther off than this share of the radius is a joint: what a limb as thick shows as bent.
-const BEND: f64 = 0.4;
+/// Deviation above which a bend is a joint, in local radii: visible on a limb of that thickness.
+const BEND_TOLERANCE: f64 = 0.4;
 
-/// The skeleton of a curve, with about `count` joints where that is asked for: never fewer than ends and junctions.
+/// The skeleton of a curve. `count` prescribes the approximate number of joints, at least the ends and junctions.
 ///
 /// # Errors
-/// [`CharacterError`]: a curve without nodes, or of more joints than a skeleton holds.
+/// [`CharacterError`]: a curve without nodes, or with more joints than a skeleton supports.
 pub fn skeleton_of(curve: &CurveSkeleton, count: Option<usize>) -> Result<Skeleton, CharacterError> {
-    let web = Web::new(curve.nodes.clone(), &curve.edges, Vec::new());
+    let graph = CurveGraph::new(curve.nodes.clone(), &curve.edges, Vec::new());
     let radius = |v: u32| curve.radius.get(v as usize).copied().unwrap_or(0.0);
-    let branches = web.branches();
-    let chosen = chosen(&web, &branches, &radius, count);
+    let branches = graph.branches();
+    let chosen = chosen(&graph, &branches, &radius, count);
     let mut links: Vec<Vec<u32>> = vec![Vec::new(); curve.nodes.len()];
     for branch in &branches {
         let stops: Vec<u32> = branch.iter().copied().filter(|v| chosen[*v as usize]).collect();
@@ -41,53 +40,59 @@ pub fn skeleton_of(curve: &CurveSkeleton, count: Option<usize>) -> Result<Skelet
     }
     let mut joints: Vec<Joint> = Vec::new();
     let mut number = vec![u32::MAX; curve.nodes.len()];
-    for root in roots(&web, &chosen, &links, &radius) {
+    for root in roots(&graph, &chosen, &links, &radius) {
         hang(curve, root, &links, &mut number, &mut joints);
     }
     Skeleton::new(joints)
 }
 
 /// Which nodes are joints.
-fn chosen(web: &Web, branches: &[Branch], radius: &dyn Fn(u32) -> f64, count: Option<usize>) -> Vec<bool> {
-    let mut chosen: Vec<bool> = (0..web.nodes.len() as u32).map(|v| web.degree(v) != 2).collect();
+fn chosen(graph: &CurveGraph, branches: &[Branch], radius: &dyn Fn(u32) -> f64, count: Option<usize>) -> Vec<bool> {
+    let mut chosen: Vec<bool> = (0..graph.nodes.len() as u32).map(|v| graph.degree(v) != 2).collect();
     let mut spans: Vec<(Cost, usize, usize, usize, usize)> = Vec::new();
     for (b, branch) in branches.iter().enumerate() {
         let last = branch.len() - 1;
         for i in [0, last] {
             chosen[branch[i] as usize] = true;
         }
-        // A loop needs three corners to be one.
+        // A loop needs at least three segments.
         let cuts = if branch[0] == branch[last] { vec![0, last / 3, 2 * last / 3, last] } else { vec![0, last] };
         for i in &cuts {
             chosen[branch[*i] as usize] = true;
         }
         for pair in cuts.windows(2) {
-            spans.extend(worst(web, branch, pair[0], pair[1], radius).map(|(c, i)| (c, b, pair[0], i, pair[1])));
+            spans.extend(worst(graph, branch, pair[0], pair[1], radius).map(|(c, i)| (c, b, pair[0], i, pair[1])));
         }
     }
     let mut joints = chosen.iter().filter(|c| **c).count();
     while let Some(at) = (0..spans.len()).max_by_key(|i| (spans[*i].0, std::cmp::Reverse(*i))) {
         let (cost, b, from, i, to) = spans.swap_remove(at);
-        let wanted = count.map_or(cost > Cost::new(BEND), |count| joints < count);
+        let wanted = count.map_or(cost > Cost::new(BEND_TOLERANCE), |count| joints < count);
         if !wanted {
             break;
         }
         chosen[branches[b][i] as usize] = true;
         joints += 1;
         for (from, to) in [(from, i), (i, to)] {
-            spans.extend(worst(web, &branches[b], from, to, radius).map(|(c, i)| (c, b, from, i, to)));
+            spans.extend(worst(graph, &branches[b], from, to, radius).map(|(c, i)| (c, b, from, i, to)));
         }
     }
     chosen
 }
 
-/// The node of a branch farthest from the line between two others, in radii; for straight spans the one in the middle.
-fn worst(web: &Web, branch: &[u32], from: usize, to: usize, radius: &dyn Fn(u32) -> f64) -> Option<(Cost, usize)> {
-    let (a, b) = (web.nodes[branch[from] as usize], web.nodes[branch[to] as usize]);
+/// The node of a span with the largest deviation from its segment, in radii; for straight spans the middle one.
+fn worst(
+    graph: &CurveGraph,
+    branch: &[u32],
+    from: usize,
+    to: usize,
+    radius: &dyn Fn(u32) -> f64,
+) -> Option<(Cost, usize)> {
+    let (a, b) = (graph.nodes[branch[from] as usize], graph.nodes[branch[to] as usize]);
     let along = b - a;
     let middle = usize::midpoint(from, to);
     let off = |i: usize| {
-        let p = web.nodes[branch[i] as usize];
+        let p = graph.nodes[branch[i] as usize];
         let t =
             if along.norm_squared() > 0.0 { ((p - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
         let distance = (p - (a + along * t)).norm();
@@ -97,11 +102,11 @@ fn worst(web: &Web, branch: &[u32], from: usize, to: usize, radius: &dyn Fn(u32)
     (from + 1..to).map(|i| (Cost::new(off(i)), i)).max_by_key(|(c, i)| (*c, std::cmp::Reverse(i.abs_diff(middle))))
 }
 
-/// The root of each connected piece.
-fn roots(web: &Web, chosen: &[bool], links: &[Vec<u32>], radius: &dyn Fn(u32) -> f64) -> Vec<u32> {
-    let mut seen = vec![false; web.nodes.len()];
+/// The root of each connected component.
+fn roots(graph: &CurveGraph, chosen: &[bool], links: &[Vec<u32>], radius: &dyn Fn(u32) -> f64) -> Vec<u32> {
+    let mut seen = vec![false; graph.nodes.len()];
     let mut roots = Vec::new();
-    for start in (0..web.nodes.len()).filter(|v| chosen[*v]) {
+    for start in (0..graph.nodes.len()).filter(|v| chosen[*v]) {
         if seen[start] {
             continue;
         }
@@ -116,29 +121,29 @@ fn roots(web: &Web, chosen: &[bool], links: &[Vec<u32>], radius: &dyn Fn(u32) ->
                 }
             }
         }
-        let center = volume_center(web, piece[0], radius);
-        let near = |v: &u32| (Cost::new(nalgebra::distance(&web.nodes[*v as usize], &center)), *v);
+        let center = volume_center(graph, piece[0], radius);
+        let near = |v: &u32| (Cost::new(nalgebra::distance(&graph.nodes[*v as usize], &center)), *v);
         roots.extend(piece.into_iter().min_by_key(near));
     }
     roots
 }
 
-/// Center of the nodes connected with `start`, weighted by the cubes of their radii.
-fn volume_center(web: &Web, start: u32, radius: &dyn Fn(u32) -> f64) -> Point3<f64> {
-    let origin = web.nodes[start as usize];
+/// Centroid of the nodes connected to `start`, weighted by cubed radii.
+fn volume_center(graph: &CurveGraph, start: u32, radius: &dyn Fn(u32) -> f64) -> Point3<f64> {
+    let origin = graph.nodes[start as usize];
     let mut seen = std::collections::BTreeSet::from([start]);
     let mut stack = vec![start];
     let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
     while let Some(v) = stack.pop() {
         let w = radius(v).powi(3).max(f64::MIN_POSITIVE);
-        sum += (web.nodes[v as usize] - origin) * w;
+        sum += (graph.nodes[v as usize] - origin) * w;
         weight += w;
-        stack.extend(web.neighbors(v).iter().copied().filter(|u| seen.insert(*u)));
+        stack.extend(graph.neighbors(v).iter().copied().filter(|u| seen.insert(*u)));
     }
     origin + sum / weight
 }
 
-/// Hangs joints on a root, breadth first.
+/// Adds the joints of a component, breadth first from the root.
 fn hang(curve: &CurveSkeleton, root: u32, links: &[Vec<u32>], number: &mut [u32], joints: &mut Vec<Joint>) {
     let mut queue = VecDeque::from([(root, None::<u32>)]);
     number[root as usize] = u32::MAX - 1;

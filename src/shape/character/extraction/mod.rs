@@ -1,31 +1,31 @@
-//! The curve in the middle of a surface, and the joints of a skeleton on it.
+//! Curve skeletons of surfaces, and joint skeletons derived from them.
 //!
-//! A surface is contracted until it is all but a curve, its triangles are collapsed, and what remains is put in the middle of the
-//! shape. Part by part, with lengths in units of the radius of the sphere of equal area about the center of the area, so that
-//! neither scale nor place nor pose of the model matters:
+//! A surface is contracted almost to a curve, its triangles are collapsed, and the remaining graph is centered. Each connected component is
+//! processed separately, with lengths relative to the radius of the sphere of equal area and positions relative to the centroid, so that the
+//! result is invariant to scale, position and rotation of the model:
 //!
 //! | step | file |
 //! | --- | --- |
-//! | parts; vertices in one place are one | `parts.rs` |
-//! | holes are closed; a surface without an inside becomes a thin solid | `caps.rs`, `sheet.rs` |
-//! | about as many vertices as the curve needs | `reduction.rs` |
-//! | tips, which keep their ends while the surface contracts: geodesic extrema | `extremities.rs` |
-//! | the ball of each vertex | `medial.rs` |
-//! | contraction, one sparse solve a round | `contraction.rs`, `normal_equations.rs` |
-//! | collapse to a graph | `surgery.rs`, which loops may close: `homology.rs` |
-//! | even nodes | `resampling.rs` |
-//! | ends to the tips | `tips.rs` |
-//! | branches into corners and rims | `cones.rs` |
-//! | branches that say nothing | `pruning.rs` |
-//! | the way to a tip that was none | `detours.rs` |
-//! | to the middle, evened out as far as the shape is wide | `centering.rs`, `fairing.rs` |
-//! | to the axis of round limbs | `axis.rs` |
-//! | to where the surface sees it | `sight.rs` |
-//! | sharp bends and crowded nodes that this leaves | `bends.rs`, `resampling.rs` |
+//! | connected components, duplicate vertices welded | `parts.rs` |
+//! | close holes; thicken a surface without an inside | `caps.rs`, `sheet.rs` |
+//! | reduce to as many vertices as the curve needs | `reduction.rs` |
+//! | tips, pinned during contraction: geodesic extrema | `geodesic_extrema.rs` |
+//! | medial ball of each vertex | `medial.rs` |
+//! | contraction, one sparse solve per iteration | `contraction.rs`, `normal_equations.rs` |
+//! | collapse to a graph; which loops may close | `surgery.rs`, `homology.rs` |
+//! | uniform node spacing | `resampling.rs` |
+//! | extend ends to the tips | `tips.rs` |
+//! | remove branches into corners and rims | `corner_branches.rs` |
+//! | prune insignificant branches | `pruning.rs` |
+//! | remove detours to tips that were none | `detours.rs` |
+//! | centering, smoothed in proportion to the local width | `centering.rs`, `fairing.rs` |
+//! | center on the axis of round limbs | `axis.rs` |
+//! | visibility from the surface | `sight.rs` |
+//! | smooth remaining sharp bends, thin crowded nodes | `bends.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
 //!
-//! The curve has as many loops as the surface has handles. Every vertex of the surface keeps the node that it became part of.
-//! All iterations are bounded; an observer hears of every round and may stop the work. Results do not depend on threads.
+//! The curve has as many loops as the surface has handles. Every vertex of the surface is assigned the node it contracted to. All iterations
+//! are bounded; an observer is called after every iteration and may stop the work. Results are independent of threads.
 //!
 //! # Reference
 //! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008; A. Tagliasacchi, I.
@@ -37,12 +37,13 @@ mod bends;
 mod caps;
 mod centering;
 mod complex;
-mod cones;
 mod contraction;
+mod corner_branches;
+mod curve_graph;
 mod detours;
 mod error;
-mod extremities;
 mod fairing;
+mod geodesic_extrema;
 mod homology;
 mod joints;
 mod medial;
@@ -59,7 +60,6 @@ mod surgery;
 #[cfg(test)]
 mod tests;
 mod tips;
-mod web;
 
 use std::ops::ControlFlow;
 
@@ -73,45 +73,46 @@ use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 use plumbline_num::spatial::{KdTree, UnionFind};
 
-/// Which ends must stay.
+/// Which ends are kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Keep {
-    /// None in particular.
+    /// No particular ends.
     #[default]
     Nothing,
-    /// Those at vertices of the mesh: the curve reaches each of them.
+    /// Ends at these vertices of the mesh: the curve reaches each of them.
     Vertices(Vec<u32>),
-    /// Those at the tips that geodesic distance finds.
+    /// Ends at the tips found by geodesic distance.
     Extrema,
 }
 
-/// How a curve is extracted.
+/// Options of curve skeleton extraction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExtractionOptions {
-    /// Strength of the contraction, dimensionless. Less than 0.3 leaves wide parts as sheets, more than 2 draws limbs in.
+    /// Weight of the contraction, dimensionless. Default 0.7. Below 0.3 wide parts stay sheets, above 2 limbs shorten.
     pub contraction: f64,
-    /// How firmly a round holds on to the one before.
-    pub hold: f64,
-    /// Strength of the pull toward medial centers.
+    /// Weight of the positions of the last iteration, dimensionless. Default 0.1.
+    pub attraction: f64,
+    /// Weight of medial centers, dimensionless. Default 0.3.
     pub medial: f64,
-    /// Branches whose end sticks out of the balls about the rest of the curve by less than this share of its own half-width are
-    /// taken away.
+    /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton. Default 1.5.
     pub prune: f64,
-    /// Rounds of contraction at most.
-    pub rounds: usize,
-    /// Ends that stay.
+    /// Largest number of contraction iterations. Default 12.
+    pub iterations: usize,
+    /// Ends to keep.
     pub keep: Keep,
 }
 
 impl Default for ExtractionOptions {
     fn default() -> Self {
-        Self { contraction: 0.7, hold: 0.1, medial: 0.3, prune: 1.5, rounds: 12, keep: Keep::default() }
+        Self { contraction: 0.7, attraction: 0.1, medial: 0.3, prune: 1.5, iterations: 12, keep: Keep::default() }
     }
 }
 
 impl ExtractionOptions {
     fn check(&self, vertices: usize) -> Result<(), ExtractionError> {
-        for (name, value) in [("contraction", self.contraction), ("hold", self.hold), ("medial", self.medial)] {
+        for (name, value) in
+            [("contraction", self.contraction), ("attraction", self.attraction), ("medial", self.medial)]
+        {
             OptionError::check(value > 0.0 && value <= 1000.0, name, value, "more than 0, at most 1000")?;
         }
         OptionError::check((0.0..=100.0).contains(&self.prune), "prune", self.prune, "0 to 100")?;
@@ -125,58 +126,58 @@ impl ExtractionOptions {
     }
 }
 
-/// A round of contraction.
-pub struct Round<'a> {
-    /// The part of the surface, from 0.
+/// Progress of the contraction after an iteration.
+pub struct ContractionStep<'a> {
+    /// Index of the connected component, from 0.
     pub part: usize,
-    /// How many parts there are.
+    /// Number of components.
     pub parts: usize,
-    /// The round, from 1.
-    pub round: usize,
-    /// Rounds at most.
-    pub rounds: usize,
-    /// Share of the part's area that is left.
+    /// The iteration, from 1.
+    pub iteration: usize,
+    /// Largest number of iterations.
+    pub iterations: usize,
+    /// Fraction of the component's initial area that is left.
     pub area_left: f64,
     surface: &'a dyn Fn() -> TriMesh,
 }
 
-impl Round<'_> {
-    /// The contracted part, in the place and scale of the model.
+impl ContractionStep<'_> {
+    /// The contracted component, in model coordinates.
     pub fn surface(&self) -> TriMesh {
         (self.surface)()
     }
 }
 
-/// What is told of each round, and whether to go on.
-pub type Observer<'o> = dyn FnMut(&Round<'_>) -> ControlFlow<()> + 'o;
+/// Called after every iteration; decides whether to continue.
+pub type Observer<'o> = dyn FnMut(&ContractionStep<'_>) -> ControlFlow<()> + 'o;
 
-/// How an extraction went.
+/// Statistics of an extraction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExtractionReport {
-    /// Parts of the surface.
+    /// Connected components of the surface.
     pub parts: usize,
-    /// Rounds of contraction over all parts.
-    pub rounds: usize,
-    /// Handles of the closed parts, and of sheets that are laid double: loops that the curve must have.
+    /// Contraction iterations over all components.
+    pub iterations: usize,
+    /// Handles of the closed components and of thickened sheets: loops that the curve must have.
     pub handles: usize,
-    /// Loops that it has.
+    /// Loops of the curve.
     pub loops: usize,
     /// Ends of the curve.
     pub ends: usize,
     /// Nodes where three or more branches meet.
     pub junctions: usize,
-    /// What repair did to the surface first, in words.
+    /// Repairs made to the surface first, in words.
     pub repairs: Vec<String>,
 }
 
-/// The curve of a surface.
+/// Extracts the curve skeleton of a surface.
 ///
-/// The surface is repaired first; it may be open, in parts, or no manifold. `node_of_vertex` of the result follows the vertices of
-/// `mesh`; a vertex of which repair left nothing gets the node nearest to it.
+/// The surface is repaired first; it may be open, disconnected or non-manifold. `node_of_vertex` follows the vertices of `mesh`; vertices
+/// removed by repair get the nearest node.
 ///
 /// # Errors
-/// [`ExtractionError`]: a mesh without area, an option outside its range, a vertex to keep that does not exist, an interruption by
-/// `observer` or `run`, a system that cannot be solved.
+/// [`ExtractionError`]: zero surface area, an option out of range, a vertex index out of range, interruption by `observer` or `run`, a
+/// singular system.
 pub fn extract(
     mesh: &TriMesh,
     options: &ExtractionOptions,
@@ -199,7 +200,7 @@ pub fn extract(
             observer,
             &run.part(i as f64 / count as f64, (i + 1) as f64 / count as f64),
         )?;
-        report.rounds += found.rounds;
+        report.iterations += found.iterations;
         report.handles += found.handles;
         let first = curve.nodes.len() as u32;
         curve.nodes.extend(found.nodes);
@@ -216,8 +217,8 @@ pub fn extract(
     Ok((curve, report))
 }
 
-/// The skeleton of a surface: [`extract`] with the default options, and [`skeleton_of`] its curve with as many joints as the
-/// shape has ends, junctions and bends.
+/// The skeleton of a surface in one call: [`extract`] with default options, then [`skeleton_of`] with as many joints as the curve has ends,
+/// junctions and bends.
 ///
 /// ```
 /// use plumbline_shape::character::extraction::skeleton;
@@ -237,7 +238,7 @@ pub fn skeleton(mesh: &TriMesh) -> Result<Skeleton, ExtractionError> {
     Ok(skeleton_of(&curve, None)?)
 }
 
-/// Vertices of no part go to the nearest node.
+/// Assigns unassigned vertices to the nearest node.
 fn adopt_the_rest(mesh: &TriMesh, curve: &mut CurveSkeleton) {
     let tree = KdTree::new(&curve.nodes);
     for (node, p) in curve.node_of_vertex.iter_mut().zip(mesh.positions()) {
@@ -259,8 +260,7 @@ fn count_features(curve: &CurveSkeleton, report: &mut ExtractionReport) {
     report.junctions = degree.iter().filter(|d| **d > 2).count();
 }
 
-/// A place and a scale that do not depend on how the model lies: the center of its area, and the radius of the sphere of equal
-/// area.
+/// Normalizing transform: the centroid of the area, and the radius of the sphere of equal area.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     center: Point3<f64>,

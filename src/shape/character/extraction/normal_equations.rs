@@ -1,11 +1,10 @@
-//! The matrix of a round of contraction, and its factorization.
+//! Normal equations of a contraction iteration and their factorization.
 //!
-//! With `L` the cotangent Laplacian of the surface and `W` a weight for each of its rows,
+//! With `L` the cotangent Laplacian of the surface and `W` a weight per row,
 //!
 //! `A = Lᵀ W² L + D`,   `Lᵢⱼ = wᵢⱼ = ½ (cot αᵢⱼ + cot βᵢⱼ)`,   `Lᵢᵢ = −Σⱼ wᵢⱼ`,
 //!
-//! couples each vertex with those up to two edges away. Column `j` of the product is the sum of the rows of `L` around `j`, each times its
-//! entry at `j`.
+//! couples each vertex with its two-ring. Column `j` of the product is the sum of the rows of `L` around `j`, each times its entry at `j`.
 
 use std::sync::Arc;
 
@@ -16,13 +15,13 @@ use super::error::ExtractionError;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
-/// Cotangents beyond this are those of slivers about to collapse: larger ones would cost the factorization its digits, and
-/// much smaller ones let the tips of limbs be drawn in (10: fingers lose half their length).
+/// Bound of cotangents, reached by slivers about to collapse: larger ones cost the factorization its digits; much smaller ones let the tips
+/// of limbs shrink (at 10 fingers lose half their length).
 const MAX_COTANGENT: f64 = 1e3;
 
-/// The normal equations of one connectivity.
+/// The normal equations for one connectivity.
 pub(super) struct NormalEquations {
-    /// The vertices that are left, in order: the unknowns.
+    /// Unknowns: the remaining vertices, ascending.
     pub(super) vertices: Vec<u32>,
     number: Vec<u32>,
     rings: Rings,
@@ -30,7 +29,7 @@ pub(super) struct NormalEquations {
     factor: Cholesky,
 }
 
-/// The unknowns around each, ascending, and the weights of the edges to them.
+/// One-ring of each unknown, ascending, with edge weights.
 struct Rings {
     starts: Vec<usize>,
     to: Vec<u32>,
@@ -38,7 +37,7 @@ struct Rings {
 }
 
 impl NormalEquations {
-    /// Of a surface as it is connected now.
+    /// Symbolic analysis for the current connectivity.
     pub(super) fn analyze(complex: &Complex) -> Result<Self, ExtractionError> {
         let vertices: Vec<u32> = complex.vertices().collect();
         let mut number = vec![NONE; complex.positions.len()];
@@ -52,7 +51,7 @@ impl NormalEquations {
         Ok(Self { vertices, number, rings, matrix: SparseMatrix::zeros(pattern), factor })
     }
 
-    /// Sets the matrix to that of a surface, with `W` and `D` given by their diagonals; weights of edges are not negative.
+    /// Numeric values for the current positions, with `W` and `D` given by their diagonals; edge weights are clamped to be non-negative.
     pub(super) fn set(&mut self, complex: &Complex, w: &[f64], d: &[f64]) {
         self.rings.weigh(complex, &self.number);
         let n = self.vertices.len();
@@ -82,12 +81,12 @@ impl NormalEquations {
         }
     }
 
-    /// The unknowns around one.
+    /// The one-ring of an unknown.
     pub(super) fn around(&self, i: usize) -> impl Iterator<Item = usize> + Clone + '_ {
         self.rings.around(i).map(|(j, _)| j)
     }
 
-    /// Solves for three right-hand sides, one behind the other.
+    /// Factors and solves for three concatenated right-hand sides.
     pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], run: &Run) -> Result<(), ExtractionError> {
         self.factor.factor(&self.matrix, run).map_err(ExtractionError::from_sparse)?;
         self.factor.solve_in_place(rhs);
@@ -111,7 +110,7 @@ impl Rings {
         self.to[places.clone()].iter().zip(&self.weights[places]).map(|(j, w)| (*j as usize, *w))
     }
 
-    /// Pairs of unknowns up to two edges apart, each once.
+    /// Pairs of distinct unknowns within two edges, each once.
     fn pairs(&self) -> Vec<(usize, usize)> {
         let n = self.starts.len() - 1;
         let mut pairs = Vec::with_capacity(10 * n);
@@ -129,7 +128,7 @@ impl Rings {
         pairs
     }
 
-    /// Sets the weights of the edges of a surface.
+    /// Computes the edge weights.
     fn weigh(&mut self, complex: &Complex, number: &[u32]) {
         self.weights.fill(0.0);
         for t in complex.faces() {
@@ -191,7 +190,7 @@ mod tests {
         }
         let wanted = l.transpose() * &l + DMatrix::from_diagonal(&d.clone().into());
         let mut system = NormalEquations::analyze(&complex).unwrap();
-        // What was set before leaves nothing behind.
+        // Values of the previous matrix leave no trace.
         system.set(&complex, &d, &w);
         system.set(&complex, &w, &d);
         let mut outside = wanted.clone();

@@ -1,6 +1,6 @@
-//! Costs that compare alike for a model and its rotated, scaled or moved copy.
+//! Costs that order equally for a model and its rotated, scaled or moved copy.
 
-/// A cost in single precision: what differs by rounding alone compares as equal, and the number of the vertex decides.
+/// A cost in single precision: values that differ by rounding compare equal, and the vertex index breaks the tie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Cost(f32);
 

@@ -1,4 +1,4 @@
-//! The curve of one part of a surface: all steps in their order.
+//! Extraction of the curve of one connected component: the sequence of all steps.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,71 +6,75 @@ use super::aabb::AabbTree;
 use super::axis;
 use super::complex::Complex;
 use super::contraction::{Contraction, Weights};
-use super::extremities::{Heights, Top};
+use super::curve_graph::CurveGraph;
+use super::geodesic_extrema::{GeodesicExtrema, Maximum};
 use super::homology::Classes;
 use super::medial::{Ball, balls};
 use super::parts::{self, Part};
-use super::web::Web;
-use super::{ExtractionError, ExtractionOptions, Frame, Keep, Observer, Round};
-use super::{bends, caps, centering, cones, detours, pruning, reduction, resampling, sheet, sight, surgery, tips};
+use super::{ContractionStep, ExtractionError, ExtractionOptions, Frame, Keep, Observer};
+use super::{
+    bends, caps, centering, corner_branches, detours, pruning, reduction, resampling, sheet, sight, surgery, tips,
+};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::{Run, Stopped};
 
-/// Vertices whose balls are found at most: twice what is contracted, so that there is a choice.
+/// Largest number of vertices with medial balls: twice the contracted ones, so that the reduction can choose.
 const MAX_BALLS: usize = 12000;
-/// Vertices that are contracted at most. At 4000 a horse of 48 000 loses an ear.
+/// Largest number of contracted vertices. At 4000 a horse of 48 000 loses an ear.
 const MAX_VERTICES: usize = 6000;
-/// Edges shorter than this share of the radius of the shape go before: about 25 stay around a limb. At 0.2 and at 0.3 ears
-/// and toes of some models are lost.
-const FINE: f64 = 0.25;
-/// A size that all edges are longer than: the shortest go first, as many as must.
-const MIN_LENGTH: f64 = 1e-12;
-/// Radius by which vertices are spread, at least: bumps of scans have balls as small as they are.
-const MIN_SIZE: f64 = 0.01;
-/// Vertices that are contracted at least: coarser surfaces are divided.
+/// Edge length to which the surface is reduced, in local radii: about 25 edges around a limb. At 0.2 and at 0.3 ears and toes of some models
+/// are lost.
+const TARGET_EDGE_RADII: f64 = 0.25;
+/// Edge size below every edge of a normalized model: only the vertex count then limits the reduction.
+const MIN_EDGE_SIZE: f64 = 1e-12;
+/// Lower bound of the radius in the target edge length: bumps of scans have tiny balls.
+const MIN_REDUCTION_RADIUS: f64 = 0.01;
+/// Smallest number of contracted vertices: coarser surfaces are subdivided.
 const MIN_VERTICES: usize = 1500;
-/// Triangles below which a part is a point.
+/// Smallest number of triangles; components with fewer become a point.
 const MIN_TRIANGLES: usize = 4;
-/// Edges shorter than this collapse in the contraction.
-const SHORT: f64 = 0.03;
-/// Edges shorter than this share of the radius of the shape about them collapse in the contraction.
-const SHORT_OF_RADIUS: f64 = 0.3;
-/// How far the tips stand out that stay where this is asked for, in radii of the sphere of equal area.
-const STANDS_OUT: f64 = 0.25;
-/// Those that stay while the surface contracts.
-const TIP: f64 = 0.15;
-/// And those that get a branch if they have none, in radii of the shape there, and at least: fingers of large bodies.
-const TIP_OF_RADIUS: f64 = 2.0;
-const MIN_TIP: f64 = 0.04;
-/// Likewise those of slim limbs on which no other tip is, with lengths in radii of the shape on the way: ears, horns, fingers that turn
-/// back. Lips stand out by 2.1. And what counts as a radius at least.
-const SLIM_TIP: f64 = 2.2;
+/// Length below which edges collapse during contraction.
+const COLLAPSE_LENGTH: f64 = 0.03;
+/// Length below which edges collapse during contraction, in local radii.
+const COLLAPSE_RADII: f64 = 0.3;
+/// Smallest persistence of tips kept on request, in radii of the sphere of equal area.
+const KEPT_TIP_PERSISTENCE: f64 = 0.25;
+/// Smallest persistence of tips that are pinned during contraction.
+const PINNED_TIP_PERSISTENCE: f64 = 0.15;
+/// Smallest persistence of tips that get a branch if they have none, in local radii: fingers of large bodies.
+const TIP_PERSISTENCE_RADII: f64 = 2.0;
+/// Lower bound of that persistence.
+const MIN_TIP_PERSISTENCE: f64 = 0.04;
+/// Smallest persistence of tips of slim limbs without other tips, with lengths in local radii along the path: ears, horns, fingers that turn
+/// back. Lips have 2.1.
+const SLIM_TIP_PERSISTENCE: f64 = 2.2;
+/// Lower bound of the local radius in these lengths.
 const MIN_RADIUS: f64 = 0.02;
-/// How far inside the surface a branch to a tip ends at least.
-const INSIDE: f64 = 0.01;
-/// Growth of the contraction per round.
-const GROWTH: f64 = 1.2;
-/// Distance of nodes.
+/// Smallest depth of a branch end below a tip.
+const MIN_TIP_DEPTH: f64 = 0.01;
+/// Growth of the contraction weight per iteration; Au et al. use 2.
+const CONTRACTION_GROWTH: f64 = 1.2;
+/// Node spacing, in radii of the sphere of equal area.
 const SPACING: f64 = 0.04;
-/// Radius of a medial ball at most: twice that of the sphere of equal area.
+/// Largest radius of a medial ball: twice that of the sphere of equal area.
 const MAX_BALL_RADIUS: f64 = 2.0;
-/// Passes of centering before branches are judged, and after.
-const PASSES: [usize; 2] = [3, 6];
-/// Junctions nearer than this share of the radius are one.
-const ONE_JUNCTION: f64 = 0.5;
+/// Centering passes before and after pruning.
+const CENTERING_PASSES: [usize; 2] = [3, 6];
+/// Distance below which junctions merge, in local radii.
+const JUNCTION_MERGE_RADII: f64 = 0.5;
 
-/// A curve in the place of the model.
+/// A curve in model coordinates.
 pub(super) struct Found {
     pub(super) nodes: Vec<Point3<f64>>,
     pub(super) edges: Vec<[u32; 2]>,
     pub(super) radius: Vec<f64>,
     pub(super) node_of_vertex: Vec<u32>,
-    pub(super) rounds: usize,
-    /// Handles of the closed surface that was contracted.
+    pub(super) iterations: usize,
+    /// Handles of the closed surface.
     pub(super) handles: usize,
 }
 
-/// Extracts the curve of part `which.0` of `which.1`.
+/// Extracts the curve of component `which.0` of `which.1`.
 pub(super) fn extract(
     part: &Part,
     which: (usize, usize),
@@ -82,6 +86,7 @@ pub(super) fn extract(
         return Ok(point(part));
     };
     let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
+    // 1. Normalize, and close or thicken open surfaces.
     let mut surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
     run.check()?;
     let mut tree = AabbTree::new(surface.positions(), surface.triangles());
@@ -103,6 +108,7 @@ pub(super) fn extract(
         closed = parts::is_closed(&surface);
     }
     run.check()?;
+    // 2. Subdivide coarse surfaces, pin requested vertices, reduce fine ones.
     let fine = divided(&surface);
     let normals = fine.vertex_normals();
     let mut pinned = vec![false; fine.vertex_count()];
@@ -115,12 +121,19 @@ pub(super) fn extract(
     }
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     if complex.alive_count() > MAX_BALLS {
-        reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_LENGTH, run)?;
+        reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_EDGE_SIZE, run)?;
     }
     let balls = balls_of(&complex, &normals, run)?;
     let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
-    reduction::reduce(&mut complex, MAX_VERTICES, &pinned, &|v| FINE * balls[v as usize].radius.max(MIN_SIZE), run)?;
+    reduction::reduce(
+        &mut complex,
+        MAX_VERTICES,
+        &pinned,
+        &|v| TARGET_EDGE_RADII * balls[v as usize].radius.max(MIN_REDUCTION_RADIUS),
+        run,
+    )?;
     run.check()?;
+    // 3. Tips and homology classes, then the curve.
     let tips = Tips::of(&complex, &balls, &options.keep);
     for v in &tips.kept {
         pinned[*v as usize] = true;
@@ -141,12 +154,13 @@ pub(super) fn extract(
         pinned: &pinned,
         run,
     };
-    let (web, rounds) = job.curve(&complex, &classes, &tips, observer)?;
+    let (graph, iterations) = job.curve(&complex, &classes, &tips, observer)?;
     let Job { tree, frame, .. } = job;
     run.check()?;
-    let mut found = found(&web, &tree, &frame, surface.vertex_count(), rounds);
+    // 4. Back to the model: nodes of vertices, connected regions.
+    let mut found = found(&graph, &tree, &frame, surface.vertex_count(), iterations);
     found.handles = handles.unwrap_or(0);
-    // Of the two sides of a sheet the first counts.
+    // Of the two sides of a thickened sheet the first one counts.
     let mut node_of_vertex = vec![0; part.mesh.vertex_count()];
     over.iter().zip(&found.node_of_vertex).rev().for_each(|(v, node)| node_of_vertex[*v as usize] = *node);
     found.node_of_vertex = node_of_vertex;
@@ -154,41 +168,44 @@ pub(super) fn extract(
     Ok(found)
 }
 
-/// Vertices that ends of the curve belong to.
+/// Vertices that are tips of the curve.
 #[derive(Default)]
 struct Tips {
-    /// They stay for good.
+    /// Pinned throughout, on request.
     kept: Vec<u32>,
-    /// They stay while the surface contracts.
+    /// Pinned during contraction.
     held: Vec<u32>,
-    /// They get a branch if they have none.
+    /// Get a branch if they have none.
     shown: Vec<u32>,
 }
 
 impl Tips {
     fn of(complex: &Complex, balls: &[Ball], keep: &Keep) -> Self {
-        let vertices = |tops: Vec<Top>| tops.into_iter().map(|t| t.vertex).collect::<Vec<u32>>();
+        let vertices = |maxima: Vec<Maximum>| maxima.into_iter().map(|t| t.vertex).collect::<Vec<u32>>();
         if let Keep::Vertices(_) = keep {
             return Self::default();
         }
-        let heights = Heights::new(complex);
-        let mut far = heights.tops(&|_| 1.0, &[]);
+        let extrema = GeodesicExtrema::new(complex);
+        let mut far = extrema.maxima(&|_| 1.0, &[]);
         if let Keep::Extrema = keep {
-            far.retain(|t| t.stands_out >= STANDS_OUT);
+            far.retain(|t| t.persistence >= KEPT_TIP_PERSISTENCE);
             return Self { kept: vertices(far), ..Self::default() };
         }
         let radius = |v: u32| balls[v as usize].radius;
-        far.retain(|t| t.stands_out >= TIP.min(MIN_TIP.max(TIP_OF_RADIUS * radius(t.vertex))));
-        let (held, less) = far.into_iter().partition(|t| t.stands_out >= TIP);
+        far.retain(|t| {
+            t.persistence
+                >= PINNED_TIP_PERSISTENCE.min(MIN_TIP_PERSISTENCE.max(TIP_PERSISTENCE_RADII * radius(t.vertex)))
+        });
+        let (held, less) = far.into_iter().partition(|t| t.persistence >= PINNED_TIP_PERSISTENCE);
         let (held, mut shown) = (vertices(held), vertices(less));
-        let mut slim = heights.tops(&|v| radius(v).max(MIN_RADIUS), &[&held[..], &shown].concat());
-        slim.retain(|t| t.stands_out >= SLIM_TIP);
+        let mut slim = extrema.maxima(&|v| radius(v).max(MIN_RADIUS), &[&held[..], &shown].concat());
+        slim.retain(|t| t.persistence >= SLIM_TIP_PERSISTENCE);
         shown.extend(vertices(slim));
         Self { kept: Vec::new(), held, shown }
     }
 }
 
-/// What stays the same when a part is contracted again.
+/// Inputs of a contraction.
 struct Job<'a> {
     options: &'a ExtractionOptions,
     which: (usize, usize),
@@ -198,31 +215,31 @@ struct Job<'a> {
     fine: &'a TriMesh,
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
-    /// Where the curve should be seen from.
+    /// Surface points from which the curve should be visible.
     places: &'a [Point3<f64>],
     pinned: &'a [bool],
     run: &'a Run,
 }
 
 impl Job<'_> {
-    /// The curve of the surface, with branches to the `tips`; and rounds that it took.
+    /// The curve of the surface, with branches to the `tips`, and the number of iterations.
     fn curve(
         &self,
         complex: &Complex,
         classes: &Classes,
         tips: &Tips,
         observer: &mut Observer<'_>,
-    ) -> Result<(Web, usize), ExtractionError> {
+    ) -> Result<(CurveGraph, usize), ExtractionError> {
         let options = self.options;
         let weights = Weights {
             contraction: options.contraction,
-            hold: options.hold,
+            attraction: options.attraction,
             medial: options.medial,
-            growth: GROWTH,
-            short: SHORT,
-            short_of_radius: SHORT_OF_RADIUS,
-            rounds: options.rounds,
-            still: 1e-4,
+            growth: CONTRACTION_GROWTH,
+            short: COLLAPSE_LENGTH,
+            short_of_radius: COLLAPSE_RADII,
+            iterations: options.iterations,
+            tolerance: 1e-4,
         };
         let mut pinned = self.pinned.to_vec();
         for v in &tips.held {
@@ -230,87 +247,87 @@ impl Job<'_> {
         }
         let mut classes = classes.clone();
         let mut contraction = Contraction::new(complex.clone(), self.balls, pinned.clone(), weights);
-        let rounds = contract(&mut contraction, self.which, options, &self.frame, observer, self.run)?;
+        let iterations = contract(&mut contraction, self.which, options, &self.frame, observer, self.run)?;
         classes.follow(&contraction.complex.collapses);
-        let graph = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes, self.run)?;
-        let mut web = Web::new(graph.nodes, &graph.edges, graph.node_of_vertex);
+        let collapsed = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes, self.run)?;
+        let mut graph = CurveGraph::new(collapsed.nodes, &collapsed.edges, collapsed.node_of_vertex);
         for v in (0..pinned.len()).filter(|v| self.pinned[*v]) {
-            let node = web.node_of(v) as usize;
-            web.pinned[node] = true;
-            web.nodes[node] = self.fine.positions()[v];
+            let node = graph.node_of(v) as usize;
+            graph.pinned[node] = true;
+            graph.nodes[node] = self.fine.positions()[v];
         }
         let end = |v: &u32| {
-            let node = web.node_of(*v as usize);
-            (node, self.end_at(*v as usize, &web.nodes[node as usize]))
+            let node = graph.node_of(*v as usize);
+            (node, self.end_at(*v as usize, &graph.nodes[node as usize]))
         };
         let ends: Vec<(u32, Point3<f64>)> = tips.held.iter().chain(&tips.shown).map(end).collect();
-        tips::end_at(&mut web, &ends);
-        Ok((self.finished(&web)?, rounds))
+        tips::end_at(&mut graph, &ends);
+        Ok((self.finished(&graph)?, iterations))
     }
 
-    /// The center of the ball at a tip; where its normal leads astray, as on a needle, a place just below it on the way to the curve.
+    /// The ball center at a tip; if its normal is unreliable, as on a needle, a point just below the tip toward the curve.
     fn end_at(&self, tip: usize, curve: &Point3<f64>) -> Point3<f64> {
         let place = self.fine.positions()[tip];
-        let center = place - self.normals[tip] * self.balls[tip].radius.max(INSIDE);
+        let center = place - self.normals[tip] * self.balls[tip].radius.max(MIN_TIP_DEPTH);
         if self.is_inside(&center) {
             return center;
         }
-        place + (curve - place).try_normalize(0.0).unwrap_or_default() * INSIDE
+        place + (curve - place).try_normalize(0.0).unwrap_or_default() * MIN_TIP_DEPTH
     }
 
-    /// Evened out, pruned, in the middle, in sight of the surface.
-    fn finished(&self, web: &Web) -> Result<Web, ExtractionError> {
+    /// Postprocessing: resampled, pruned, centered, visible from the surface.
+    fn finished(&self, graph: &CurveGraph) -> Result<CurveGraph, ExtractionError> {
         let (tree, closed) = (&self.tree, self.closed);
-        let mut web = resampling::resample(web, SPACING);
-        centering::center(&mut web, tree, closed, PASSES[0], self.run)?;
+        let mut graph = resampling::resample(graph, SPACING);
+        centering::center(&mut graph, tree, closed, CENTERING_PASSES[0], self.run)?;
         self.run.check()?;
-        tips::trim(&mut web, tree, &|p| self.is_inside(p));
+        tips::trim(&mut graph, tree, &|p| self.is_inside(p));
         if closed {
-            tips::extend(&mut web, tree);
+            tips::extend(&mut graph, tree);
         }
-        web = resampling::resample(&web, SPACING);
-        self.take_away_what_says_nothing(&mut web)?;
-        web = resampling::resample(&web, SPACING);
-        tips::go_on(&mut web, tree);
-        centering::center(&mut web, tree, closed, PASSES[1], self.run)?;
+        graph = resampling::resample(&graph, SPACING);
+        self.remove_insignificant_branches(&mut graph)?;
+        graph = resampling::resample(&graph, SPACING);
+        tips::extrapolate_ends(&mut graph, tree);
+        centering::center(&mut graph, tree, closed, CENTERING_PASSES[1], self.run)?;
         self.run.check()?;
-        tips::trim(&mut web, tree, &|p| self.is_inside(p));
-        tips::go_on(&mut web, tree);
-        axis::settle(&mut web, tree, self.run)?;
-        web = resampling::resample(&web, SPACING);
-        sight::draw(&mut web, tree, self.places, self.run)?;
+        tips::trim(&mut graph, tree, &|p| self.is_inside(p));
+        tips::extrapolate_ends(&mut graph, tree);
+        axis::settle(&mut graph, tree, self.run)?;
+        graph = resampling::resample(&graph, SPACING);
+        sight::draw(&mut graph, tree, self.places, self.run)?;
         self.run.check()?;
         if closed {
-            centering::keep_inside(&mut web, tree);
+            centering::keep_inside(&mut graph, tree);
         }
         self.run.check()?;
-        bends::round_off(&mut web, tree);
-        resampling::thin(&mut web, tree, SPACING);
-        Ok(web)
+        bends::round_off(&mut graph, tree);
+        resampling::thin(&mut graph, tree, SPACING);
+        Ok(graph)
     }
 
-    /// Takes branches away that are no limbs, and ways there and back.
-    fn take_away_what_says_nothing(&self, web: &mut Web) -> Result<(), Stopped> {
+    /// Removes branches that are no limbs, and detours.
+    fn remove_insignificant_branches(&self, graph: &mut CurveGraph) -> Result<(), Stopped> {
         let (tree, prune) = (&self.tree, self.options.prune);
-        let radii = centering::radii(web, tree);
-        cones::take_crowns(web, &radii);
-        pruning::prune(web, tree, &radii, prune, self.run)?;
-        if cones::take_crowns(web, &radii) {
-            pruning::prune(web, tree, &radii, prune, self.run)?;
+        let radii = centering::radii(graph, tree);
+        corner_branches::remove_corner_clusters(graph, &radii);
+        pruning::prune(graph, tree, &radii, prune, self.run)?;
+        if corner_branches::remove_corner_clusters(graph, &radii) {
+            pruning::prune(graph, tree, &radii, prune, self.run)?;
         }
-        pruning::join_junctions(web, &radii, ONE_JUNCTION, self.run)?;
-        detours::cut(web, tree, &radii, self.run)?;
-        cones::unhook(web, &radii);
+        pruning::join_junctions(graph, &radii, JUNCTION_MERGE_RADII, self.run)?;
+        detours::cut(graph, tree, &radii, self.run)?;
+        corner_branches::remove_rim_hooks(graph, &radii);
         Ok(())
     }
 
-    /// Where a surface has no inside, everything counts as inside.
+    /// Inside test; everything is inside a surface without an inside.
     fn is_inside(&self, p: &Point3<f64>) -> bool {
         !self.closed || self.tree.encloses(p)
     }
 }
 
-/// A part too small for a curve.
+/// The result for a component too small for a curve.
 fn point(part: &Part) -> Found {
     let all = part.mesh.positions();
     let first = all[0];
@@ -321,18 +338,18 @@ fn point(part: &Part) -> Found {
         edges: Vec::new(),
         radius: vec![radius],
         node_of_vertex: vec![0; all.len()],
-        rounds: 0,
+        iterations: 0,
         handles: 0,
     }
 }
 
-/// The surface with all triangles turned: an open one may have come with its inside out.
+/// The surface with reversed orientation: an open surface may be inside out.
 fn inside_out(surface: &TriMesh) -> TriMesh {
     let turned = surface.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
     TriMesh::new(surface.positions().to_vec(), turned).expect("the same corners and positions")
 }
 
-/// The surface with each triangle cut into four, until there are vertices enough. Vertices keep their numbers.
+/// Subdivides triangles into four until there are enough vertices. Vertices keep their indices.
 fn divided(surface: &TriMesh) -> TriMesh {
     let mut mesh = surface.clone();
     while mesh.vertex_count() < MIN_VERTICES {
@@ -353,7 +370,7 @@ fn divided(surface: &TriMesh) -> TriMesh {
     mesh
 }
 
-/// Balls of the vertices that are left; the others have none.
+/// Medial balls of the remaining vertices; zero for others.
 fn balls_of(complex: &Complex, normals: &[Vector3<f64>], run: &Run) -> Result<Vec<Ball>, Stopped> {
     let alive: Vec<u32> = complex.vertices().collect();
     let points: Vec<_> = alive.iter().map(|v| complex.positions[*v as usize]).collect();
@@ -365,7 +382,7 @@ fn balls_of(complex: &Complex, normals: &[Vector3<f64>], run: &Run) -> Result<Ve
     Ok(all)
 }
 
-/// Contracts round by round; the number of rounds.
+/// Runs the contraction; returns the number of iterations.
 fn contract(
     contraction: &mut Contraction,
     (part, parts): (usize, usize),
@@ -374,23 +391,24 @@ fn contract(
     observer: &mut Observer<'_>,
     run: &Run,
 ) -> Result<usize, ExtractionError> {
-    for round in 1..=options.rounds {
-        run.step((round - 1) as f64 / options.rounds as f64)?;
+    for iteration in 1..=options.iterations {
+        run.step((iteration - 1) as f64 / options.iterations as f64)?;
         let done = contraction.step(run)?;
         let surface = || contracted(&contraction.complex, frame);
         let area_left = contraction.area_left();
-        let told = Round { part, parts, round, rounds: options.rounds, area_left, surface: &surface };
+        let told =
+            ContractionStep { part, parts, iteration, iterations: options.iterations, area_left, surface: &surface };
         if observer(&told).is_break() {
             return Err(Stopped::Interrupted.into());
         }
         if done {
-            return Ok(round);
+            return Ok(iteration);
         }
     }
-    Ok(options.rounds)
+    Ok(options.iterations)
 }
 
-/// The surface as it is now, without the vertices that are gone.
+/// The current surface, without merged vertices.
 fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     let mut number = vec![0; complex.positions.len()];
     let mut positions = Vec::new();
@@ -402,24 +420,24 @@ fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     TriMesh::new(positions, triangles).expect("a contraction keeps finite positions")
 }
 
-fn found(web: &Web, tree: &AabbTree, frame: &Frame, vertices: usize, rounds: usize) -> Found {
-    let alive: Vec<u32> = web.alive().collect();
-    let mut number = vec![0_u32; web.nodes.len()];
+fn found(graph: &CurveGraph, tree: &AabbTree, frame: &Frame, vertices: usize, iterations: usize) -> Found {
+    let alive: Vec<u32> = graph.alive().collect();
+    let mut number = vec![0_u32; graph.nodes.len()];
     alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
-    let radii = centering::radii(web, tree);
-    let joined = |v: &u32| web.neighbors(*v).iter().filter(|u| *v < **u).map(|u| [*v, *u]).collect::<Vec<_>>();
+    let radii = centering::radii(graph, tree);
+    let joined = |v: &u32| graph.neighbors(*v).iter().filter(|u| *v < **u).map(|u| [*v, *u]).collect::<Vec<_>>();
     Found {
-        nodes: alive.iter().map(|v| frame.of_model(&web.nodes[*v as usize])).collect(),
+        nodes: alive.iter().map(|v| frame.of_model(&graph.nodes[*v as usize])).collect(),
         edges: alive.iter().flat_map(joined).map(|e| e.map(|v| number[v as usize])).collect(),
         radius: alive.iter().map(|v| radii[*v as usize] * frame.scale).collect(),
-        node_of_vertex: (0..vertices).map(|v| number[web.node_of(v) as usize]).collect(),
-        rounds,
+        node_of_vertex: (0..vertices).map(|v| number[graph.node_of(v) as usize]).collect(),
+        iterations,
         handles: 0,
     }
 }
 
-/// Makes the vertices of each node hang together: a divided surface may be connected where the one it was made of is not. Of
-/// each node the largest piece stays, the others go to nodes beside them.
+/// Makes the vertices of each node connected: a subdivided or welded surface may be connected where the original is not. The largest piece of
+/// each node stays; others are reassigned to adjacent nodes.
 fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
     let neighbors = neighbors_of_vertices(mesh.vertex_count(), mesh.triangles());
     let mut piece_of_vertex = vec![usize::MAX; mesh.vertex_count()];

@@ -1,7 +1,7 @@
-//! The parts of a surface, each by itself.
+//! Connected components of a surface.
 //!
-//! Repair drops what is degenerate or double and orients the rest, but takes sheets apart where more than two meet. A curve should
-//! run through such places: copies of a vertex are joined again, and triangles that hang together by a vertex are one part.
+//! Repair removes degenerate and duplicate triangles and orients the rest, but separates sheets at non-manifold edges. The curve should pass
+//! there: duplicate vertices are welded again, and triangles that share a vertex belong to one component.
 
 use std::collections::HashMap;
 
@@ -9,14 +9,14 @@ use crate::mesh::{RepairOptions, TriMesh, edge_groups, repair};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::numbered_components;
 
-/// A part of the surface.
+/// A connected component.
 pub(super) struct Part {
     pub(super) mesh: TriMesh,
-    /// For each vertex the vertices of the input that it is.
+    /// Input vertices of each vertex.
     pub(super) sources: Vec<Vec<u32>>,
 }
 
-/// Number of handles; `None` where the surface is not a closed manifold.
+/// Number of handles; `None` if the surface is not a closed manifold.
 pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
     let origins = mesh.triangles().as_flattened();
     let mut edges = 0;
@@ -30,12 +30,12 @@ pub(super) fn handles(mesh: &TriMesh) -> Option<usize> {
     usize::try_from(2 - euler).ok().map(|twice| twice / 2)
 }
 
-/// True where a surface has an inside: it need not be a manifold, but no edge is one of a hole.
+/// Whether a surface has an inside: it need not be manifold, but no edge may be a boundary edge.
 pub(super) fn is_closed(mesh: &TriMesh) -> bool {
     edge_groups(mesh.triangles().as_flattened()).iter().all(|edge| edge.len().is_multiple_of(2))
 }
 
-/// Parts in the order of their first vertex, and what repair did.
+/// Components in the order of their first vertices, and the repairs made.
 pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<(Vec<Part>, Vec<String>), Stopped> {
     let repaired = repair(mesh, &RepairOptions::default(), run)?;
     let mut number: HashMap<[u64; 3], u32> = HashMap::new();
@@ -89,7 +89,7 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn what_has_an_inside_is_closed_manifold_or_not() {
+    fn surfaces_with_an_inside_are_closed_manifold_or_not() {
         let places = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]];
         let positions: Vec<_> = places.iter().map(|p| Point3::from(p.map(f64::from))).collect();
         let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];

@@ -1,8 +1,8 @@
-//! Fewer vertices before the work begins: the shortest edges collapse first.
+//! Mesh reduction before contraction, by collapsing the shortest edges.
 //!
-//! A curve needs far less detail than the surface around it. The edge that is shortest beside the sizes of its ends is collapsed, unless that
-//! changes the topology or folds the surface: triangles remain of about equal size where sizes are equal, and as many around a
-//! finger as around a trunk where they are the radii of the shape.
+//! A curve needs much less detail than its surface. The edge with the smallest length relative to the target sizes of its ends collapses,
+//! unless that changes the topology or folds the surface: for constant sizes triangles become uniform; for sizes proportional to the local
+//! radius a finger keeps as many around it as a trunk.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,7 +11,7 @@ use super::complex::Complex;
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
-/// Collapses edges shorter than `size` at either end, and others until at most `most` vertices are left, as far as they can go.
+/// Collapses edges shorter than `size` at either end, and further ones until at most `most` vertices remain, if possible.
 pub(super) fn reduce(
     complex: &mut Complex,
     most: usize,
@@ -64,21 +64,21 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn short_edges_go_and_there_is_more_detail_where_sizes_are_smaller() {
+    fn short_edges_collapse_and_small_sizes_keep_detail() {
         let ball = shapes::icosphere(4);
         let whole = || Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
         let kept = vec![false; ball.vertex_count()];
         let mut complex = whole();
-        let heights: Vec<f64> = ball.positions().iter().map(|p| p.z).collect();
+        let extrema: Vec<f64> = ball.positions().iter().map(|p| p.z).collect();
         reduce(
             &mut complex,
             usize::MAX,
             &kept,
-            &|v| if heights[v as usize] > 0.0 { 0.3 } else { 0.1 },
+            &|v| if extrema[v as usize] > 0.0 { 0.3 } else { 0.1 },
             &Run::default(),
         )
         .expect("a run that never stops");
-        let (upper, lower): (Vec<u32>, Vec<u32>) = complex.vertices().partition(|v| heights[*v as usize] > 0.0);
+        let (upper, lower): (Vec<u32>, Vec<u32>) = complex.vertices().partition(|v| extrema[*v as usize] > 0.0);
         assert!(lower.len() > 4 * upper.len(), "{} and {}", lower.len(), upper.len());
         let length = |a: u32, b: u32| nalgebra::distance(&ball.positions()[a as usize], &ball.positions()[b as usize]);
         let mut around = Vec::new();

@@ -1,35 +1,34 @@
-//! Nodes at even distances along the branches.
+//! Uniform resampling of branches.
 //!
-//! Ends and junctions stay; between them a branch of length `l` gets `round(l / spacing)` segments of equal length along the polyline.
-//! Each old node hands the vertices that belong to it to the new node nearest along the branch. Where the curve is led round what is
-//! outside, nodes come closer; those that it does not need are taken away.
+//! Ends and junctions stay; a branch of length `l` gets `round(l / spacing)` segments of equal length along the polyline. Vertices of each old
+//! node go to the nearest new node along the branch. Detours around the outside leave denser nodes; unnecessary ones are removed.
 
 use super::aabb::AabbTree;
-use super::web::{Branch, Web};
+use super::curve_graph::{Branch, CurveGraph};
 
-/// A node is close to its two neighbors where the way between these is less than this many spacings.
-const CLOSE: f64 = 1.25;
+/// A node is redundant if the path between its neighbors is shorter than this many spacings.
+const MAX_REDUNDANT_SPACINGS: f64 = 1.25;
 
-/// The same curve with nodes `spacing` apart, of a loop at least three.
-pub(super) fn resample(web: &Web, spacing: f64) -> Web {
+/// The same curve with nodes `spacing` apart; at least three on a loop.
+pub(super) fn resample(graph: &CurveGraph, spacing: f64) -> CurveGraph {
     let mut nodes = Vec::new();
     let mut pinned = Vec::new();
     let mut edges = Vec::new();
-    let mut number = vec![u32::MAX; web.nodes.len()];
+    let mut number = vec![u32::MAX; graph.nodes.len()];
     let keep = |v: u32, nodes: &mut Vec<_>, pinned: &mut Vec<bool>| {
-        nodes.push(web.nodes[v as usize]);
-        pinned.push(web.pinned[v as usize]);
+        nodes.push(graph.nodes[v as usize]);
+        pinned.push(graph.pinned[v as usize]);
         nodes.len() as u32 - 1
     };
-    for v in web.alive().filter(|v| web.degree(*v) != 2) {
+    for v in graph.alive().filter(|v| graph.degree(*v) != 2) {
         number[v as usize] = keep(v, &mut nodes, &mut pinned);
     }
-    for branch in web.branches() {
+    for branch in graph.branches() {
         let (first, last) = (branch[0], branch[branch.len() - 1]);
         if number[first as usize] == u32::MAX {
             number[first as usize] = keep(first, &mut nodes, &mut pinned);
         }
-        let lengths = lengths(web, &branch);
+        let lengths = lengths(graph, &branch);
         let total = lengths[lengths.len() - 1];
         let least = if first == last { 3.0 } else { 1.0 };
         let parts = (total / spacing).round().max(least) as usize;
@@ -37,7 +36,7 @@ pub(super) fn resample(web: &Web, spacing: f64) -> Web {
         for k in 1..parts {
             let at = total * k as f64 / parts as f64;
             let i = lengths.partition_point(|l| *l <= at).clamp(1, branch.len() - 1);
-            let (a, b) = (web.nodes[branch[i - 1] as usize], web.nodes[branch[i] as usize]);
+            let (a, b) = (graph.nodes[branch[i - 1] as usize], graph.nodes[branch[i] as usize]);
             let span = lengths[i] - lengths[i - 1];
             let share = if span > 0.0 { (at - lengths[i - 1]) / span } else { 0.0 };
             row.push(nodes.len() as u32);
@@ -51,30 +50,30 @@ pub(super) fn resample(web: &Web, spacing: f64) -> Web {
             number[*v as usize] = row[k.min(parts)];
         }
     }
-    let node_of_vertex = (0..web.vertex_count()).map(|v| number[web.node_of(v) as usize]).collect();
-    let mut result = Web::new(nodes, &edges, node_of_vertex);
+    let node_of_vertex = (0..graph.vertex_count()).map(|v| number[graph.node_of(v) as usize]).collect();
+    let mut result = CurveGraph::new(nodes, &edges, node_of_vertex);
     result.pinned = pinned;
     result
 }
 
-/// Takes nodes away that are close to their two neighbors, as far as the line between these stays inside.
-pub(super) fn thin(web: &mut Web, tree: &AabbTree, spacing: f64) {
-    for v in web.alive().collect::<Vec<_>>() {
-        let [a, b] = *web.neighbors(v) else { continue };
-        let [p, q] = [a, b].map(|v| web.nodes[v as usize]);
-        let near = web.length(a, v) + web.length(v, b) < CLOSE * spacing;
-        if near && !web.pinned[v as usize] && !web.neighbors(a).contains(&b) && !tree.is_hit(&p, &(q - p), 1.0) {
-            web.merge(v, if web.length(a, v) < web.length(v, b) { a } else { b });
+/// Removes redundant nodes if the segment between their neighbors stays inside.
+pub(super) fn thin(graph: &mut CurveGraph, tree: &AabbTree, spacing: f64) {
+    for v in graph.alive().collect::<Vec<_>>() {
+        let [a, b] = *graph.neighbors(v) else { continue };
+        let [p, q] = [a, b].map(|v| graph.nodes[v as usize]);
+        let near = graph.length(a, v) + graph.length(v, b) < MAX_REDUNDANT_SPACINGS * spacing;
+        if near && !graph.pinned[v as usize] && !graph.neighbors(a).contains(&b) && !tree.is_hit(&p, &(q - p), 1.0) {
+            graph.merge(v, if graph.length(a, v) < graph.length(v, b) { a } else { b });
         }
     }
 }
 
-/// Length along a branch up to each of its nodes.
-fn lengths(web: &Web, branch: &Branch) -> Vec<f64> {
+/// Arc length at each node of a branch.
+fn lengths(graph: &CurveGraph, branch: &Branch) -> Vec<f64> {
     let mut sum = 0.0;
     let mut all = vec![0.0];
     for w in branch.windows(2) {
-        sum += web.length(w[0], w[1]);
+        sum += graph.length(w[0], w[1]);
         all.push(sum);
     }
     all

@@ -1,12 +1,12 @@
-//! An open surface without an inside becomes a thin solid.
+//! Thickens an open surface without an inside.
 //!
-//! A plane, a ribbon or a Möbius strip bounds no volume: there is no middle to find, and no telling which loops go round a hole. Such a sheet is
-//! laid double, `h` apart along its normals, and closed along its rim: the boundary of a thickened sheet, which has as many
-//! handles as the sheet has independent loops. Both sides of a triangle are followed over the edges to those of its neighbors (the
-//! orientation double cover), so that a strip with one side gives a closed surface too.
+//! A plane, a ribbon or a Möbius strip bounds no volume: it has no medial axis, and loops around holes are undefined. Such a sheet is doubled,
+//! `h` apart along its normals, and closed along its boundary: a thickened sheet with as many handles as the sheet has independent loops.
+//! The sides of a triangle are followed over edges to those of its neighbors (orientation double cover), so that a one-sided strip gives a
+//! closed surface, too.
 //!
-//! Whether an open surface is a sheet or a solid with holes is asked of its vertices: a little inward from one, the winding number is one half
-//! on a plane, and one on a closed surface.
+//! Sheets are distinguished from solids with holes by sampling: slightly inward from a vertex the winding number is one half on a plane, and
+//! one on a closed surface.
 //!
 //! # Reference
 //! A. Jacobson, L. Kavan, O. Sorkine-Hornung, *Robust inside-outside segmentation using generalized winding numbers*, SIGGRAPH 2013; A. van
@@ -19,24 +19,24 @@ use nalgebra::{Point3, Vector3};
 use crate::mesh::TriMesh;
 use plumbline_num::spatial::UnionFind;
 
-/// Half the thickness of a sheet, in radii of the sphere of equal area.
+/// Half the thickness of a sheet, in radii of the sphere of equal area (2.5 node spacings).
 const THICKNESS: f64 = 0.1;
-/// Vertices that are asked.
-const ASKED: usize = 60;
-/// How far inward.
-const BESIDE: f64 = 0.02;
-/// Mean winding number of a solid at least: halfway between a plane and a closed surface.
-const SOLID: f64 = 0.75;
+/// Number of sampled vertices.
+const SAMPLES: usize = 60;
+/// Inward offset of the samples.
+const SAMPLE_OFFSET: f64 = 0.02;
+/// Smallest mean winding number of a solid: midway between a plane and a closed surface.
+const MIN_SOLID_WINDING: f64 = 0.75;
 
-/// True where an open surface has an inside all the same.
+/// Whether an open surface bounds a volume.
 pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>]) -> bool {
-    let every = surface.vertex_count().div_ceil(ASKED).max(1);
+    let every = surface.vertex_count().div_ceil(SAMPLES).max(1);
     let asked = surface.positions().iter().zip(normals).step_by(every).filter(|(_, n)| n.norm() > 0.5);
-    let numbers: Vec<f64> = asked.map(|(p, n)| winding_number(surface, &(p - n * BESIDE))).collect();
-    numbers.iter().sum::<f64>() >= SOLID * numbers.len() as f64
+    let numbers: Vec<f64> = asked.map(|(p, n)| winding_number(surface, &(p - n * SAMPLE_OFFSET))).collect();
+    numbers.iter().sum::<f64>() >= MIN_SOLID_WINDING * numbers.len() as f64
 }
 
-/// How often the surface goes round a point: its signed solid angle over `4π`.
+/// Generalized winding number of a surface about a point: its signed solid angle over `4π`.
 pub(super) fn winding_number(surface: &TriMesh, p: &Point3<f64>) -> f64 {
     let half_angle = |t: usize| {
         let [a, b, c] = surface.corners(t).map(|q| q - p);
@@ -47,10 +47,9 @@ pub(super) fn winding_number(surface: &TriMesh, p: &Point3<f64>) -> f64 {
     (0..surface.triangle_count()).map(half_angle).sum::<f64>() / std::f64::consts::TAU
 }
 
-/// The surface of a thickened sheet, and the vertex of the sheet that each of its vertices is over; `None` where more than two
-/// triangles meet at an edge.
+/// The thickened surface, and the sheet vertex of each of its vertices; `None` if more than two triangles share an edge.
 pub(super) fn thickened(sheet: &TriMesh) -> Option<(TriMesh, Vec<u32>)> {
-    // Corner k of triangle t has the number 6t + k on its front and 6t + 3 + k on its back.
+    // Corner k of triangle t has the index 6t + k on its front and 6t + 3 + k on its back.
     let front = |t: usize, k: usize| (6 * t + k) as u32;
     let back = |t: usize, k: usize| (6 * t + 3 + k) as u32;
     let mut at_edge: HashMap<(u32, u32), Vec<(usize, usize)>> = HashMap::new();
@@ -71,7 +70,7 @@ pub(super) fn thickened(sheet: &TriMesh) -> Option<(TriMesh, Vec<u32>)> {
             }
             [one, other] => {
                 let ((a, first), (b, mut second)) = (ends(one), ends(other));
-                // Neighbors of one orientation run along their edge in opposite directions.
+                // Consistently oriented neighbors traverse their edge in opposite directions.
                 let turned = a == b;
                 if !turned {
                     second.reverse();

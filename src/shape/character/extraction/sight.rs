@@ -1,80 +1,85 @@
-//! The curve is drawn to where it is seen from the surface.
+//! Pulls the curve to where it is visible from the surface.
 //!
-//! A place of the surface should see the point of the curve nearest to it. Where a limb lies close beside a trunk, a flank is nearer to
-//! the curve of the limb, which it does not see. For such a place `p`, with the nearest node `s` hidden and `u` the nearest one in sight,
-//! `u` is drawn toward `p` until it is as near as `s`. Steps are evened out along the curve, and no node goes farther from the middle than a
-//! share of the radius there: the curve gives up a little of its middle for the sight of its whole surface.
+//! A surface point should see the nearest point of the curve. Where a limb is close to a trunk, a flank is nearer to the hidden curve of the
+//! limb. For such a point `p`, with `s` the nearest (hidden) node and `u` the nearest visible one, `u` is pulled toward `p` until it is as
+//! near as `s`. Steps are smoothed along the curve, and nodes stay within a fraction of the local radius of the medial axis: the curve trades
+//! a little centeredness for visibility.
 
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
 use super::centering::radii;
+use super::curve_graph::CurveGraph;
 use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::order::Cost;
-use super::web::Web;
 use plumbline_num::run::Run;
 use plumbline_num::spatial::KdTree;
 
-/// Times that it is drawn.
+/// Number of passes.
 const PASSES: usize = 8;
-/// Over how many radii steps agree.
-const AGREE: f64 = 0.2;
-/// Over how many radii the whole way is evened out at last.
-const EVEN: f64 = 0.1;
-/// Nodes that are tried for the nearest one in sight.
-const TRIED: usize = 40;
-/// How far a node goes from the middle, in radii.
+/// Smoothing width of the steps, in radii.
+const STEP_SMOOTHING_RADII: f64 = 0.2;
+/// Smoothing width of the total displacement, in radii.
+const FINAL_SMOOTHING_RADII: f64 = 0.1;
+/// Largest number of candidates for the nearest visible node.
+const MAX_CANDIDATES: usize = 40;
+/// Largest distance of a node from its centered position, in radii.
 const MAX_OFFSET: f64 = 0.7;
-/// How much nearer than the hidden one the node in sight shall be.
+/// Relative margin by which the visible node must become nearer than the hidden one.
 const MARGIN: f64 = 0.05;
 
-/// Draws the curve to places that do not see it.
-pub(super) fn draw(web: &mut Web, tree: &AabbTree, places: &[Point3<f64>], run: &Run) -> Result<(), ExtractionError> {
-    let alive: Vec<u32> = web.alive().collect();
-    let middle = web.nodes.clone();
-    let radii = radii(web, tree);
+/// Pulls the curve toward points that do not see it.
+pub(super) fn draw(
+    graph: &mut CurveGraph,
+    tree: &AabbTree,
+    places: &[Point3<f64>],
+    run: &Run,
+) -> Result<(), ExtractionError> {
+    let alive: Vec<u32> = graph.alive().collect();
+    let middle = graph.nodes.clone();
+    let radii = radii(graph, tree);
     let mut hidden = places.to_vec();
     for pass in 0..PASSES {
         run.check()?;
         if pass == PASSES / 2 {
-            // What has moved may have hidden others.
+            // Moved nodes may hide others: check all points again.
             hidden = places.to_vec();
         }
         let clear: Vec<f64> =
-            (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&web.nodes[v], &middle[v])).collect();
-        let Some(mut steps) = steps(web, tree, (&alive, &clear), &mut hidden) else { break };
-        Fairing::new(web, &alive, &radii, AGREE, |_| false, run)?.apply(&mut steps);
-        let free = |v: &u32| !web.pinned[*v as usize] && web.degree(*v) > 1;
+            (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&graph.nodes[v], &middle[v])).collect();
+        let Some(mut steps) = steps(graph, tree, (&alive, &clear), &mut hidden) else { break };
+        Fairing::new(graph, &alive, &radii, STEP_SMOOTHING_RADII, |_| false, run)?.apply(&mut steps);
+        let free = |v: &u32| !graph.pinned[*v as usize] && graph.degree(*v) > 1;
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
         for v in free {
-            let off = web.nodes[v] + steps[v] - middle[v];
+            let off = graph.nodes[v] + steps[v] - middle[v];
             let most = MAX_OFFSET * radii[v];
-            web.nodes[v] = middle[v] + off * (most / off.norm().max(most));
+            graph.nodes[v] = middle[v] + off * (most / off.norm().max(most));
         }
     }
-    // Steps of single places leave corners.
-    let mut off: Vec<Vector3<f64>> = web.nodes.iter().zip(&middle).map(|(p, m)| p - m).collect();
-    Fairing::new(web, &alive, &radii, EVEN, |_| false, run)?.apply(&mut off);
-    let pinned = web.pinned.clone();
+    // Steps for isolated points leave corners.
+    let mut off: Vec<Vector3<f64>> = graph.nodes.iter().zip(&middle).map(|(p, m)| p - m).collect();
+    Fairing::new(graph, &alive, &radii, FINAL_SMOOTHING_RADII, |_| false, run)?.apply(&mut off);
+    let pinned = graph.pinned.clone();
     for v in alive.iter().map(|v| *v as usize).filter(|v| !pinned[*v]) {
-        web.nodes[v] = middle[v] + off[v];
+        graph.nodes[v] = middle[v] + off[v];
     }
     Ok(())
 }
 
-/// The longest step that is wanted of each node, and the places for which; `None` where all is seen. About each node nothing is nearer
-/// than `clear`.
+/// The longest step requested of each node; retains the points that request one. `None` if all points see the curve. `clear` bounds the
+/// distance to the surface from below.
 fn steps(
-    web: &Web,
+    graph: &CurveGraph,
     tree: &AabbTree,
     (alive, clear): (&[u32], &[f64]),
     places: &mut Vec<Point3<f64>>,
 ) -> Option<Vec<Vector3<f64>>> {
-    let nodes: Vec<Point3<f64>> = alive.iter().map(|v| web.nodes[*v as usize]).collect();
+    let nodes: Vec<Point3<f64>> = alive.iter().map(|v| graph.nodes[*v as usize]).collect();
     let sees = |p: &Point3<f64>, node: usize| sees(tree, p, &nodes[node], clear[alive[node] as usize]);
     let near = KdTree::new(&nodes);
-    let mut steps = vec![Vector3::zeros(); web.nodes.len()];
+    let mut steps = vec![Vector3::zeros(); graph.nodes.len()];
     let mut any = false;
     places.retain(|p| {
         let Some((s, square)) = near.nearest(p, |_| true) else { return false };
@@ -95,19 +100,19 @@ fn steps(
     any.then_some(steps)
 }
 
-/// The nearest node that is seen from `p`, within twice the distance of the hidden one.
+/// The nearest node visible from `p`, within twice the distance of the hidden one.
 fn in_sight(p: &Point3<f64>, nodes: &[Point3<f64>], hidden: f64, sees: &dyn Fn(usize) -> bool) -> Option<usize> {
     let mut by_distance: Vec<(Cost, usize)> =
         nodes.iter().enumerate().map(|(i, q)| (Cost::new(nalgebra::distance(p, q)), i)).collect();
     by_distance.retain(|(d, _)| *d < Cost::new(2.0 * hidden));
     by_distance.sort_unstable();
-    let every = by_distance.len().div_ceil(TRIED).max(1);
+    let every = by_distance.len().div_ceil(MAX_CANDIDATES).max(1);
     by_distance.into_iter().step_by(every).map(|(_, i)| i).find(|i| sees(*i))
 }
 
-/// True where nothing but the surface at `p` itself lies between it and `q`, about which nothing is nearer than `clear`.
+/// Whether `q` is visible from the surface point `p`; the ball of radius `clear` around `q` is empty.
 fn sees(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, clear: f64) -> bool {
-    // From the node outward: the first surface that is met is the one at `p`.
+    // From the node outward: the last intersection is the surface at `p` itself, excluded by 1e-3.
     let (way, until) = (p - q, 1.0 - 1e-3);
     let from = (clear / way.norm()).clamp(0.0, until);
     from == until || !tree.is_hit(&(q + way * from), &way, until - from)

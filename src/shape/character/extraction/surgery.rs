@@ -1,4 +1,4 @@
-//! The shrunken surface becomes a curve: edges collapse until no triangle is left.
+//! Connectivity surgery: collapses edges of the contracted surface until no triangle is left.
 //!
 //! The half-edge collapse `i → j` of least cost goes first,
 //!
@@ -6,15 +6,13 @@
 //! F(i, j) = w_a (p_jᵀ Q_i p_j + p_jᵀ Q_j p_j) + w_b ‖v_i − v_j‖ Σ_{k ∈ N(i)} ‖v_i − v_k‖
 //! ```
 //!
-//! The shape term measures how far `p_j = (v_j, 1)` is from the lines of edges that have collapsed into both ends: with the unit
-//! direction `a` of an edge and `b = a × v_i`, `K = ([a]ₓ | −b)` gives the offset of a point from its line, and `Q_i = Σ Kᵀ K` over
-//! the edges at `i`; `Q_j` takes `Q_i` over. The sampling term keeps long edges from arising. An edge is collapsed only while it
-//! belongs to a triangle, so that what remains is a graph.
+//! The shape term measures the distance of `p_j = (v_j, 1)` from the lines of edges that collapsed into both ends: with the unit direction `a`
+//! of an edge and `b = a × v_i`, `K = ([a]ₓ | −b)` gives the offset of a point from its line, and `Q_i = Σ Kᵀ K` over the edges at `i`; `Q_j`
+//! accumulates `Q_i`. The sampling term penalizes long edges. Only edges of triangles collapse, so that the result is a graph.
 //!
-//! Collapses that do not keep the link condition close a triangle of edges that is no face. Where this is the neck of a
-//! branch, it is what is wanted; where it goes round a hole of the shape, it would fill the hole. [`super::homology`] tells
-//! one from the other: edges carry the class that they have inside the shape, and a triangle may close only if its classes
-//! sum to zero.
+//! Collapses that violate the link condition close a triangle of edges that is not a face. At the neck of a branch this is desired; around a
+//! hole of the shape it would fill the hole. [`super::homology`] distinguishes the two: edges carry their homology class inside the shape,
+//! and a triangle may close only if its classes sum to zero.
 //!
 //! # Reference
 //! O. K.-C. Au et al., *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section 5.
@@ -29,12 +27,12 @@ use super::homology::Classes;
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
-/// Weight of the shape, as in the paper.
+/// Weight of the shape term, as in the paper.
 const SHAPE: f64 = 1.0;
-/// Weight of the sampling, as in the paper.
+/// Weight of the sampling term, as in the paper.
 const SAMPLING: f64 = 0.1;
 
-/// Nodes and edges, and the node that each vertex of the surface became part of.
+/// Nodes, edges, and the node that each surface vertex collapsed to.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Graph {
     pub(super) nodes: Vec<Point3<f64>>,
@@ -47,11 +45,11 @@ pub(super) struct Graph {
 #[derive(Clone, Copy, Debug)]
 struct Spoke {
     to: u32,
-    /// Number of its class from the vertex to `to`.
+    /// Class of the edge from the vertex to `to`.
     class: u32,
 }
 
-/// A collapse of the first vertex into the second, at what cost, and the versions of both for which that holds.
+/// Cost of a collapse of the first vertex into the second, and the versions of both for which it is valid.
 type Collapse = (Cost, u32, u32, u32, u32);
 
 struct Surgery<'c> {
@@ -118,7 +116,7 @@ impl<'c> Surgery<'c> {
         this
     }
 
-    /// `Kᵀ K` of the line through an edge; zero where it has no length.
+    /// `Kᵀ K` of the line through an edge; zero for a degenerate edge.
     fn line_quadric(&self, i: u32, j: u32) -> Matrix4<f64> {
         let (p, q) = (self.positions[i as usize].coords, self.positions[j as usize].coords);
         let Some(a) = (q - p).try_normalize(1e-12) else { return Matrix4::zeros() };
@@ -139,7 +137,7 @@ impl<'c> Surgery<'c> {
         SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * to(j) * around
     }
 
-    /// Puts all collapses of edges at `v` into the heap.
+    /// Pushes all collapses of edges at `v`.
     fn offer(&mut self, v: u32) {
         for k in 0..self.spokes[v as usize].len() {
             let u = self.spokes[v as usize][k].to;
@@ -174,7 +172,7 @@ impl<'c> Surgery<'c> {
         self.spokes[i as usize].iter().copied().find(|s| s.to == j)
     }
 
-    /// True where each triangle of edges that would close bounds inside the shape.
+    /// Whether each triangle of edges that would close bounds inside the shape.
     fn keeps_holes(&mut self, i: u32, j: u32) -> bool {
         let Some(across) = self.spoke(i, j) else { return false };
         if self.classes.is_trivial() {
@@ -231,12 +229,12 @@ impl<'c> Surgery<'c> {
         self.into[i as usize] = j;
         self.version[i as usize] += 1;
         self.version[j as usize] += 1;
-        // Costs at the neighbors changed in their sampling term alone; they are offered anew with the edges of `j`.
+        // Costs at the neighbors changed only in their sampling term; they are pushed again with the edges of `j`.
         self.offer(j);
     }
 
-    /// What is left may hold loops that bound inside the shape, where faces of several branches died between them: the
-    /// shortest edge of a shortest such loop collapses until there is none.
+    /// Contracts remaining loops that bound inside the shape, which arise where faces of several branches vanished between them: the shortest
+    /// edge of a shortest such loop collapses until there is none.
     fn close_trivial_loops(&mut self, run: &Run) -> Result<(), Stopped> {
         while let Some(cycle) = self.trivial_cycle(run)? {
             let edge = |k: usize| (cycle[k], cycle[(k + 1) % cycle.len()]);
@@ -250,7 +248,7 @@ impl<'c> Surgery<'c> {
         Ok(())
     }
 
-    /// The simple cycle of fewest edges whose class is zero, by searches from every vertex.
+    /// The simple cycle with the fewest edges and zero class, by searches from every junction.
     fn trivial_cycle(&mut self, run: &Run) -> Result<Option<Vec<u32>>, Stopped> {
         let mut best: Option<Vec<u32>> = None;
         let junctions: Vec<u32> = (0..self.spokes.len() as u32)
@@ -297,8 +295,8 @@ impl<'c> Surgery<'c> {
         edges / 2 + parts - nodes
     }
 
-    /// Breadth-first search from `v` over pairs of vertex and class: where a vertex is reached by two ways of equal class that
-    /// share no edge at `v`, they close a cycle that bounds.
+    /// Breadth-first search from `v` over pairs of vertex and class: two paths of equal class to a vertex with different first edges close a
+    /// bounding cycle.
     fn trivial_cycle_through(&mut self, v: u32, shorter_than: usize) -> Option<Vec<u32>> {
         let mut reached: std::collections::HashMap<(u32, u32), (u32, u32, u32, u32)> = std::collections::HashMap::new();
         let zero = self.classes.zero();

@@ -1,4 +1,4 @@
-//! Laws of extraction on shapes made by rule.
+//! Laws of extraction on procedural shapes.
 
 use std::ops::ControlFlow;
 
@@ -100,7 +100,7 @@ fn a_straight_capsule_gives_its_axis_and_a_bent_one_its_arc() {
 }
 
 #[test]
-fn every_vertex_belongs_to_one_node_and_regions_hang_together() {
+fn every_vertex_belongs_to_one_node_and_regions_are_connected() {
     let mesh = shapes::cactus(30);
     let (curve, _) = curve_of(&mesh);
     assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count());
@@ -123,7 +123,7 @@ fn every_vertex_belongs_to_one_node_and_regions_hang_together() {
 }
 
 #[test]
-fn scale_turn_and_place_of_the_model_do_not_matter() {
+fn the_curve_is_invariant_to_scale_rotation_and_position() {
     let mesh = shapes::cactus(30);
     let (curve, report) = curve_of(&mesh);
     let turn = Rotation3::from_euler_angles(0.3, 1.1, -0.7);
@@ -147,7 +147,7 @@ fn scale_turn_and_place_of_the_model_do_not_matter() {
 }
 
 #[test]
-fn what_is_kept_ends_a_branch() {
+fn kept_vertices_end_a_branch() {
     let mesh = shapes::icosphere(3);
     let ends = vec![0, 7];
     let options = ExtractionOptions { keep: Keep::Vertices(ends.clone()), ..ExtractionOptions::default() };
@@ -167,7 +167,7 @@ fn what_is_kept_ends_a_branch() {
 }
 
 #[test]
-fn surfaces_that_hurt_have_curves_too() {
+fn degenerate_surfaces_have_curves_too() {
     let whole = shapes::icosphere(3);
     let parts = shapes::disjoint(&[whole.clone(), shapes::one_triangle(), shapes::holed_torus(1, 12)]);
     for (name, mesh, parts) in [
@@ -193,19 +193,19 @@ fn surfaces_that_hurt_have_curves_too() {
 }
 
 #[test]
-fn rounds_are_told_and_an_observer_can_stop_them() {
+fn iterations_are_reported_and_an_observer_can_stop_them() {
     let mesh = shapes::cactus(24);
     let mut left = vec![1.0];
-    let mut rounds = 0;
+    let mut iterations = 0;
     let stopped = extract(
         &mesh,
         &ExtractionOptions::default(),
-        &mut |round| {
-            left.push(round.area_left);
-            rounds += 1;
-            assert_eq!((round.part, round.parts, round.round), (0, 1, rounds));
-            assert!(round.surface().triangle_count() > 0);
-            if rounds == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        &mut |iteration| {
+            left.push(iteration.area_left);
+            iterations += 1;
+            assert_eq!((iteration.part, iteration.parts, iteration.iteration), (0, 1, iterations));
+            assert!(iteration.surface().triangle_count() > 0);
+            if iterations == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         },
         &Run::default(),
     );
@@ -249,7 +249,7 @@ fn joints_are_ends_junctions_and_bends_in_a_tree() {
 }
 
 #[test]
-fn sheets_have_as_many_loops_as_ways_go_round_them() {
+fn sheets_have_as_many_loops_as_their_independent_cycles() {
     for (name, mesh, loops) in [("plane", shapes::plane(12), 0), ("moebius", shapes::moebius(40, 4), 1)] {
         let (curve, report) = curve_of(&mesh);
         assert_eq!((report.loops, report.handles), (loops, loops), "{name}");
@@ -274,25 +274,25 @@ fn a_ball_has_one_short_bone() {
 }
 
 /// A row of nodes beside the axis of a capsule, and a side branch of one node from its middle.
-fn comb(from: f64, to: f64, side: f64) -> web::Web {
+fn comb(from: f64, to: f64, side: f64) -> curve_graph::CurveGraph {
     let along = |k: usize| from + (to - from) * k as f64 / 20.0;
     let mut nodes: Vec<_> = (0..=20).map(|k| Point3::new(along(k), 0.02, 0.01)).collect();
     let mut edges: Vec<[u32; 2]> = (0..20).map(|k| [k, k + 1]).collect();
     nodes.push(Point3::new(along(10), side, 0.0));
     edges.push([10, 21]);
-    web::Web::new(nodes, &edges, Vec::new())
+    curve_graph::CurveGraph::new(nodes, &edges, Vec::new())
 }
 
 #[test]
-fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
+fn branches_covered_by_the_rest_are_pruned() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     for side in [0.3, 0.9] {
-        let mut web = comb(0.0, 10.0, side);
-        let radii = centering::radii(&web, &tree);
-        pruning::prune(&mut web, &tree, &radii, 1.0, &Run::default()).expect("a run that never stops");
-        assert_eq!(web.alive().filter(|v| web.degree(*v) == 1).count(), 2, "a branch {side} long");
-        assert!([0, 20].iter().all(|v| web.is_alive(*v)), "the ends of the capsule stay");
+        let mut graph = comb(0.0, 10.0, side);
+        let radii = centering::radii(&graph, &tree);
+        pruning::prune(&mut graph, &tree, &radii, 1.0, &Run::default()).expect("a run that never stops");
+        assert_eq!(graph.alive().filter(|v| graph.degree(*v) == 1).count(), 2, "a branch {side} long");
+        assert!([0, 20].iter().all(|v| graph.is_alive(*v)), "the ends of the capsule stay");
         let mut all = comb(0.0, 10.0, side);
         pruning::prune(&mut all, &tree, &radii, 0.0, &Run::default()).expect("a run that never stops");
         assert!(all.is_alive(21), "nothing goes at zero");
@@ -301,19 +301,19 @@ fn what_lies_in_the_balls_of_the_rest_is_no_limb() {
 
 #[test]
 fn the_curve_ends_at_a_tip_that_it_runs_through() {
-    let mut web = comb(0.0, 2.0, 0.5);
-    let (knot, end) = (5, (0..21).find(|v| web.degree(*v) == 1).unwrap());
-    let sides: Vec<u32> = web.neighbors(knot).to_vec();
+    let mut graph = comb(0.0, 2.0, 0.5);
+    let (knot, end) = (5, (0..21).find(|v| graph.degree(*v) == 1).unwrap());
+    let sides: Vec<u32> = graph.neighbors(knot).to_vec();
     assert_eq!(sides.len(), 2);
-    web.nodes[knot as usize].y = 3.0;
+    graph.nodes[knot as usize].y = 3.0;
     for node in [knot, end] {
-        let tip = web.nodes[node as usize] + Vector3::new(0.0, 0.7, 0.2);
-        tips::end_at(&mut web, &[(node, tip)]);
-        let ends = web.alive().filter(|v| web.degree(*v) == 1 && web.nodes[*v as usize] == tip);
+        let tip = graph.nodes[node as usize] + Vector3::new(0.0, 0.7, 0.2);
+        tips::end_at(&mut graph, &[(node, tip)]);
+        let ends = graph.alive().filter(|v| graph.degree(*v) == 1 && graph.nodes[*v as usize] == tip);
         assert_eq!(ends.count(), 1);
     }
-    let [p, q] = [sides[0], sides[1]].map(|v| web.nodes[v as usize]);
-    assert_eq!((web.degree(knot), web.nodes[knot as usize]), (3, nalgebra::center(&p, &q)));
+    let [p, q] = [sides[0], sides[1]].map(|v| graph.nodes[v as usize]);
+    assert_eq!((graph.degree(knot), graph.nodes[knot as usize]), (3, nalgebra::center(&p, &q)));
 }
 
 #[test]
@@ -321,11 +321,12 @@ fn ends_come_to_the_center_of_the_cap_from_both_sides() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     for (from, to) in [(2.0, 8.0), (-0.9, 10.9)] {
-        let mut web = comb(from, to, 0.0);
-        web.merge(21, 10);
-        tips::trim(&mut web, &tree, &|p| tree.encloses(p));
-        tips::extend(&mut web, &tree);
-        let ends: Vec<f64> = web.alive().filter(|v| web.degree(*v) == 1).map(|v| web.nodes[v as usize].x).collect();
+        let mut graph = comb(from, to, 0.0);
+        graph.merge(21, 10);
+        tips::trim(&mut graph, &tree, &|p| tree.encloses(p));
+        tips::extend(&mut graph, &tree);
+        let ends: Vec<f64> =
+            graph.alive().filter(|v| graph.degree(*v) == 1).map(|v| graph.nodes[v as usize].x).collect();
         assert_eq!(ends.len(), 2);
         for end in ends {
             let off = end.min((10.0 - end).abs()).abs();
@@ -335,16 +336,16 @@ fn ends_come_to_the_center_of_the_cap_from_both_sides() {
 }
 
 #[test]
-fn evening_out_keeps_constants_and_sums_and_works_farther_where_it_is_wide() {
-    let web = comb(0.0, 2.0, 0.5);
-    let alive: Vec<u32> = web.alive().collect();
+fn smoothing_preserves_constants_and_sums_and_reaches_farther_where_the_shape_is_wide() {
+    let graph = comb(0.0, 2.0, 0.5);
+    let alive: Vec<u32> = graph.alive().collect();
     let spread = |radius: f64| {
-        let radii = vec![radius; web.nodes.len()];
-        let mut fairing = fairing::Fairing::new(&web, &alive, &radii, 0.5, |_| false, &Run::default()).unwrap();
-        let mut same = vec![Vector3::new(1.0, -2.0, 3.0); web.nodes.len()];
+        let radii = vec![radius; graph.nodes.len()];
+        let mut fairing = fairing::Fairing::new(&graph, &alive, &radii, 0.5, |_| false, &Run::default()).unwrap();
+        let mut same = vec![Vector3::new(1.0, -2.0, 3.0); graph.nodes.len()];
         fairing.apply(&mut same);
         assert!(same.iter().all(|v| (v - Vector3::new(1.0, -2.0, 3.0)).norm() < 1e-9));
-        let mut one = vec![Vector3::zeros(); web.nodes.len()];
+        let mut one = vec![Vector3::zeros(); graph.nodes.len()];
         one[5] = Vector3::x();
         fairing.apply(&mut one);
         assert!((one.iter().sum::<Vector3<f64>>() - Vector3::x()).norm() < 1e-9);
@@ -354,13 +355,13 @@ fn evening_out_keeps_constants_and_sums_and_works_farther_where_it_is_wide() {
 }
 
 #[test]
-fn a_curve_that_all_places_see_stays() {
+fn a_visible_curve_does_not_move() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-    let mut web = comb(0.0, 10.0, 0.3);
-    let before = web.nodes.clone();
-    sight::draw(&mut web, &tree, mesh.positions(), &Run::default()).unwrap();
-    assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
+    let mut graph = comb(0.0, 10.0, 0.3);
+    let before = graph.nodes.clone();
+    sight::draw(&mut graph, &tree, mesh.positions(), &Run::default()).unwrap();
+    assert!(graph.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }
 
 #[test]
@@ -372,14 +373,14 @@ fn an_edge_that_passes_outside_goes_round() {
     });
     let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
     let feet = vec![Point3::new(-2.0, 0.1, 0.0), Point3::new(2.0, 0.1, 0.0)];
-    let mut web = web::Web::new(feet, &[[0, 1]], vec![0; arch.vertex_count()]);
-    centering::keep_inside(&mut web, &tree);
+    let mut graph = curve_graph::CurveGraph::new(feet, &[[0, 1]], vec![0; arch.vertex_count()]);
+    centering::keep_inside(&mut graph, &tree);
     let mut length = 0.0;
-    for v in web.alive() {
-        for u in web.neighbors(v).iter().filter(|u| v < **u) {
-            length += web.length(v, *u);
+    for v in graph.alive() {
+        for u in graph.neighbors(v).iter().filter(|u| v < **u) {
+            length += graph.length(v, *u);
             for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
-                let place = web.nodes[v as usize] + (web.nodes[*u as usize] - web.nodes[v as usize]) * t;
+                let place = graph.nodes[v as usize] + (graph.nodes[*u as usize] - graph.nodes[v as usize]) * t;
                 assert!(tree.encloses(&place), "{place} is outside");
             }
         }
@@ -388,7 +389,7 @@ fn an_edge_that_passes_outside_goes_round() {
 }
 
 #[test]
-fn steps_toward_the_middle_come_to_rest() {
+fn centering_converges() {
     let bar = shapes::bar([8, 8, 40], [1.0, 1.0, 5.0]);
     let tree = aabb::AabbTree::new(bar.positions(), bar.triangles());
     let middle = bar.positions().iter().map(|p| p.coords).sum::<Vector3<f64>>() / bar.vertex_count() as f64;
@@ -396,9 +397,9 @@ fn steps_toward_the_middle_come_to_rest() {
         (0..40).map(|k| Point3::from(middle + Vector3::new(0.2, 0.1, -2.0 + 0.1 * f64::from(k)))).collect();
     let edges: Vec<[u32; 2]> = (1..40).map(|k| [k - 1, k]).collect();
     let after = |passes: usize| {
-        let mut web = web::Web::new(nodes.clone(), &edges, vec![0; 1]);
-        centering::center(&mut web, &tree, true, passes, &Run::default()).unwrap();
-        web.nodes
+        let mut graph = curve_graph::CurveGraph::new(nodes.clone(), &edges, vec![0; 1]);
+        centering::center(&mut graph, &tree, true, passes, &Run::default()).unwrap();
+        graph.nodes
     };
     let inner = |nodes: &[Point3<f64>]| nodes[8..32].iter().map(|p| (p.coords - middle).xy()).collect::<Vec<_>>();
     let moved = |passes: usize| {
@@ -411,15 +412,15 @@ fn steps_toward_the_middle_come_to_rest() {
 }
 
 #[test]
-fn ends_do_not_depend_on_how_fine_the_file_is() {
+fn ends_do_not_depend_on_the_resolution() {
     for resolution in [24, 30, 40, 56] {
         let (_, report) = curve_of(&shapes::cactus(resolution));
         assert_eq!(report.ends, 4, "at {resolution}");
     }
 }
 
-/// A row of nodes through the places, its edges about a twentieth long.
-fn row(places: &[[f64; 3]]) -> web::Web {
+/// A row of nodes through the points, with edges about a twentieth long.
+fn row(places: &[[f64; 3]]) -> curve_graph::CurveGraph {
     let mut nodes = vec![Point3::from(places[0])];
     for pair in places.windows(2) {
         let [p, q] = [pair[0], pair[1]].map(Point3::from);
@@ -427,18 +428,18 @@ fn row(places: &[[f64; 3]]) -> web::Web {
         nodes.extend((1..=parts as usize).map(|k| p + (q - p) * (k as f64 / parts)));
     }
     let edges: Vec<[u32; 2]> = (1..nodes.len() as u32).map(|k| [k - 1, k]).collect();
-    web::Web::new(nodes, &edges, Vec::new())
+    curve_graph::CurveGraph::new(nodes, &edges, Vec::new())
 }
 
 #[test]
-fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
+fn detours_are_removed_and_a_bent_limb_is_kept() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-    let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert!(web.alive().all(|v| web.nodes[v as usize].y < 0.1), "the detour is left");
-    assert!((web.branches().iter().map(|b| web.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
+    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert!(graph.alive().all(|v| graph.nodes[v as usize].y < 0.1), "the detour is left");
+    assert!((graph.branches().iter().map(|b| graph.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
     let bent = capsule(10.0, |s| {
         let a: f64 = s / 2.0;
         (Point3::new(2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
@@ -450,63 +451,63 @@ fn a_way_there_and_back_is_cut_and_a_bent_limb_is_none() {
             [2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0]
         })
         .collect();
-    let mut web = row(&axis);
-    let before = web.alive().count();
-    let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert_eq!(web.alive().count(), before);
+    let mut graph = row(&axis);
+    let before = graph.alive().count();
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert_eq!(graph.alive().count(), before);
 }
 
 #[test]
-fn what_is_pinned_is_no_detour() {
+fn detours_to_pinned_nodes_are_kept() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-    let mut web = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    let top = web.alive().max_by(|a, b| web.nodes[*a as usize].y.total_cmp(&web.nodes[*b as usize].y)).unwrap();
-    web.pinned[top as usize] = true;
-    let radii = centering::radii(&web, &tree);
-    detours::cut(&mut web, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert!(web.is_alive(top) && web.nodes[top as usize].y == 0.8);
+    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    let top = graph.alive().max_by(|a, b| graph.nodes[*a as usize].y.total_cmp(&graph.nodes[*b as usize].y)).unwrap();
+    graph.pinned[top as usize] = true;
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert!(graph.is_alive(top) && graph.nodes[top as usize].y == 0.8);
 }
 
 #[test]
-fn sharp_bends_are_rounded_off_as_far_as_the_surface_lets_them() {
+fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
     let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
-    let mut web = web::Web::new(nodes, &edges, Vec::new());
-    bends::round_off(&mut web, &tree);
+    let mut graph = curve_graph::CurveGraph::new(nodes, &edges, Vec::new());
+    bends::round_off(&mut graph, &tree);
     for k in 2..49 {
-        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| web.nodes[v]);
+        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| graph.nodes[v]);
         assert!((c - p).angle(&(q - c)) < 0.9, "a sharp bend at {c}");
     }
-    // A square about the hole of a ring would not fit if its corners went half the way.
+    // A square around the hole of a ring cannot move its corners halfway.
     let ring = shapes::holed_torus(1, 24);
     let tree = aabb::AabbTree::new(ring.positions(), ring.triangles());
     let (curve, _) = curve_of(&ring);
     let few: Vec<_> = web_loop(&curve).into_iter().step_by(curve.nodes.len().div_ceil(6)).collect();
     let n = few.len() as u32;
     let edges: Vec<[u32; 2]> = (0..n).map(|k| [k, (k + 1) % n]).collect();
-    let mut web = web::Web::new(few, &edges, Vec::new());
-    let crosses = |web: &web::Web| {
+    let mut graph = curve_graph::CurveGraph::new(few, &edges, Vec::new());
+    let crosses = |graph: &curve_graph::CurveGraph| {
         let hit = |&[a, b]: &&[u32; 2]| {
-            let (p, q) = (web.nodes[*a as usize], web.nodes[*b as usize]);
+            let (p, q) = (graph.nodes[*a as usize], graph.nodes[*b as usize]);
             tree.is_hit(&p, &(q - p), 1.0)
         };
         edges.iter().filter(hit).count()
     };
-    assert_eq!(crosses(&web), 0, "too few nodes for this test");
-    bends::round_off(&mut web, &tree);
-    assert_eq!(crosses(&web), 0);
+    assert_eq!(crosses(&graph), 0, "too few nodes for this test");
+    bends::round_off(&mut graph, &tree);
+    assert_eq!(crosses(&graph), 0);
 }
 
 /// The nodes of a loop in order.
 fn web_loop(curve: &CurveSkeleton) -> Vec<Point3<f64>> {
-    let web = web::Web::new(curve.nodes.clone(), &curve.edges, Vec::new());
-    let branches = web.branches();
+    let graph = curve_graph::CurveGraph::new(curve.nodes.clone(), &curve.edges, Vec::new());
+    let branches = graph.branches();
     let longest = branches.iter().max_by_key(|b| b.len()).unwrap();
-    longest[1..].iter().map(|v| web.nodes[*v as usize]).collect()
+    longest[1..].iter().map(|v| graph.nodes[*v as usize]).collect()
 }
 
 #[test]
@@ -551,7 +552,7 @@ fn corners_of_a_box_and_rims_of_a_cut_are_no_limbs() {
 }
 
 #[test]
-fn a_cone_that_goes_on_straight_is_a_tip_and_one_that_turns_aside_a_hook() {
+fn a_straight_cone_is_a_tip_and_one_that_turns_aside_a_hook() {
     let mesh = shapes::bar([10, 10, 40], [1.0, 1.0, 4.0]);
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let (low, high) = mesh.bounding_box().unwrap();
@@ -560,19 +561,19 @@ fn a_cone_that_goes_on_straight_is_a_tip_and_one_that_turns_aside_a_hook() {
     let corner = [high.x - 0.01, high.y - 0.01, high.z - 0.01];
     let mut hooked = row(&[[middle.x, middle.y, low.z + 0.5], top, corner]);
     let radii = centering::radii(&hooked, &tree);
-    cones::unhook(&mut hooked, &radii);
+    corner_branches::remove_rim_hooks(&mut hooked, &radii);
     let end = hooked.alive().map(|v| hooked.nodes[v as usize].z).fold(f64::MIN, f64::max);
     assert!((end - top[2]).abs() < 0.06, "the end is at {end}");
-    // The same corner, come upon straight: the bar is the cone's own limb.
+    // The same corner approached straight: the cone is the tip of the bar.
     let straight = [0, 1, 2].map(|k| top[k] - (corner[k] - top[k]));
     let mut tip = row(&[straight, top, corner]);
     let before = tip.alive().count();
     let radii = centering::radii(&tip, &tree);
-    cones::unhook(&mut tip, &radii);
+    corner_branches::remove_rim_hooks(&mut tip, &radii);
     assert_eq!(tip.alive().count(), before);
 }
 
-/// A ball of radius 1 with spikes `high` and about `wide`.
+/// A ball of radius 1 with spikes of this height and approximate width.
 fn spiked_ball(spikes: &[Vector3<f64>], high: f64, wide: f64) -> TriMesh {
     moved(&shapes::icosphere(5), |p| {
         let along = p.coords.normalize();
@@ -599,58 +600,58 @@ fn arms_of_a_ball_are_found_and_bumps_are_not() {
 }
 
 #[test]
-fn tips_stand_out_by_their_length_and_hills_that_are_known_are_left_out() {
+fn persistence_is_the_length_of_a_tip_and_known_components_are_skipped() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let complex = complex::Complex::new(mesh.positions().to_vec(), mesh.triangles().to_vec());
-    let heights = extremities::Heights::new(&complex);
-    let tips = |unit: f64, known: &[u32]| -> Vec<extremities::Top> {
-        let mut tops = heights.tops(&|_| unit, known);
-        tops.retain(|t| t.stands_out > 3.0 / unit);
-        tops
+    let extrema = geodesic_extrema::GeodesicExtrema::new(&complex);
+    let tips = |unit: f64, known: &[u32]| -> Vec<geodesic_extrema::Maximum> {
+        let mut maxima = extrema.maxima(&|_| unit, known);
+        maxima.retain(|t| t.persistence > 3.0 / unit);
+        maxima
     };
     let ends = [0, mesh.vertex_count() as u32 - 1];
     let [first, second] = &tips(1.0, &[])[..] else { panic!("two ends") };
-    assert!(first.stands_out.is_infinite() && (3.0..4.5).contains(&second.stands_out), "{}", second.stands_out);
+    assert!(first.persistence.is_infinite() && (3.0..4.5).contains(&second.persistence), "{}", second.persistence);
     let on_a_cap = |v: u32| !(0.0..=10.0).contains(&mesh.positions()[v as usize].x);
     assert!(on_a_cap(first.vertex) && on_a_cap(second.vertex));
-    assert!((tips(0.5, &[])[1].stands_out - 2.0 * second.stands_out).abs() < 1e-9);
+    assert!((tips(0.5, &[])[1].persistence - 2.0 * second.persistence).abs() < 1e-9);
     let side = |v: u32| usize::from(mesh.positions()[v as usize].x > 5.0);
     assert_ne!(side(first.vertex), side(second.vertex));
-    // Any place on a hill says that it is known.
+    // Any vertex of a component marks it as known.
     let left = tips(1.0, &[ends[side(first.vertex)]]);
     assert_eq!(left.iter().map(|t| t.vertex).collect::<Vec<_>>(), [second.vertex]);
     assert!(tips(1.0, &[ends[side(second.vertex)]]).is_empty());
 }
 
 #[test]
-fn tips_that_became_one_node_get_ends_each() {
+fn tips_merged_into_one_node_get_an_end_each() {
     let nodes = vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
     let ends = |node: u32| {
-        let mut web = web::Web::new(nodes.clone(), &[[0, 1], [1, 2]], Vec::new());
+        let mut graph = curve_graph::CurveGraph::new(nodes.clone(), &[[0, 1], [1, 2]], Vec::new());
         let tips = [3.0, 4.0, 5.0].map(|y| Point3::new(2.0, y, 0.0));
-        tips::end_at(&mut web, &tips.map(|p| (node, p)));
-        assert!(tips.iter().all(|tip| web.alive().any(|v| web.nodes[v as usize] == *tip && web.degree(v) == 1)));
-        web.alive().filter(|v| web.degree(*v) == 1).count()
+        tips::end_at(&mut graph, &tips.map(|p| (node, p)));
+        assert!(tips.iter().all(|tip| graph.alive().any(|v| graph.nodes[v as usize] == *tip && graph.degree(v) == 1)));
+        graph.alive().filter(|v| graph.degree(*v) == 1).count()
     };
     assert_eq!(ends(2), 4);
     assert_eq!(ends(1), 5);
-    let mut point = web::Web::new(vec![Point3::origin()], &[], Vec::new());
+    let mut point = curve_graph::CurveGraph::new(vec![Point3::origin()], &[], Vec::new());
     tips::end_at(&mut point, &[(0, Point3::new(1.0, 0.0, 0.0)), (0, Point3::new(0.0, 1.0, 0.0))]);
     assert_eq!((point.alive().count(), point.degree(0)), (3, 2));
 }
 
 #[test]
-fn nodes_too_close_are_thinned_but_for_what_they_lead_round() {
+fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
     let places: Vec<Point3<f64>> = (0..=100).map(|k| Point3::new(0.1 * f64::from(k), 0.0, 0.0)).collect();
     let edges: Vec<[u32; 2]> = (1..=100).map(|k| [k - 1, k]).collect();
-    let mut web = web::Web::new(places, &edges, Vec::new());
-    resampling::thin(&mut web, &tree, 0.4);
-    let lengths: Vec<f64> = web.branches()[0].windows(2).map(|w| web.length(w[0], w[1])).collect();
+    let mut graph = curve_graph::CurveGraph::new(places, &edges, Vec::new());
+    resampling::thin(&mut graph, &tree, 0.4);
+    let lengths: Vec<f64> = graph.branches()[0].windows(2).map(|w| graph.length(w[0], w[1])).collect();
     assert!((lengths.iter().sum::<f64>() - 10.0).abs() < 1e-9);
     assert!(lengths.windows(2).all(|w| w[0] + w[1] >= 0.4), "{lengths:?}");
-    // In the bend of an arch the middle one of three is the only way inside.
+    // In the bend of an arch the middle one of three is the only path inside.
     let half = std::f64::consts::PI;
     let arch = capsule(2.0 * half, |s| {
         let a = half - 0.5 * s;
@@ -658,53 +659,53 @@ fn nodes_too_close_are_thinned_but_for_what_they_lead_round() {
     });
     let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
     let three = vec![Point3::new(-2.0, 0.0, 0.0), Point3::new(0.0, 2.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
-    let mut web = web::Web::new(three, &[[0, 1], [1, 2]], Vec::new());
-    resampling::thin(&mut web, &tree, 100.0);
-    assert_eq!(web.alive().count(), 3);
+    let mut graph = curve_graph::CurveGraph::new(three, &[[0, 1], [1, 2]], Vec::new());
+    resampling::thin(&mut graph, &tree, 100.0);
+    assert_eq!(graph.alive().count(), 3);
 }
 
 #[test]
-fn what_wanders_within_the_last_ball_is_trimmed() {
+fn wandering_within_the_last_ball_is_trimmed() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-    // Along the axis to the center of the cap, aside to the wall, and along it: no ball of the way back holds the one before it.
-    let mut web = row(&[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 0.9, 0.0], [10.3, 0.85, 0.0], [10.0, 0.9, 0.2]]);
-    tips::trim(&mut web, &tree, &|p| tree.encloses(p));
-    let farthest = web.alive().map(|v| web.nodes[v as usize].coords.yz().norm()).fold(0.0, f64::max);
+    // Along the axis to the center of the cap, aside to the wall, and along it: no ball on the way back contains the one before.
+    let mut graph = row(&[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 0.9, 0.0], [10.3, 0.85, 0.0], [10.0, 0.9, 0.2]]);
+    tips::trim(&mut graph, &tree, &|p| tree.encloses(p));
+    let farthest = graph.alive().map(|v| graph.nodes[v as usize].coords.yz().norm()).fold(0.0, f64::max);
     assert!(farthest < 1e-9, "a node is {farthest} off the axis");
-    let end = web.alive().map(|v| web.nodes[v as usize].x).fold(0.0, f64::max);
+    let end = graph.alive().map(|v| graph.nodes[v as usize].x).fold(0.0, f64::max);
     assert!((9.8..=10.0).contains(&end), "the curve ends at {end}");
 }
 
 #[test]
-fn a_curve_comes_to_the_axis_of_what_is_round_and_stays_where_it_is_in_what_is_flat() {
-    let round = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let flat = moved(&round, |p| Point3::new(p.x, p.y, 0.5 * p.z));
-    for (mesh, is_round) in [(&round, true), (&flat, false)] {
+fn round_limbs_are_centered_on_their_axis_and_flat_ones_unchanged() {
+    let iteration = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let flat = moved(&iteration, |p| Point3::new(p.x, p.y, 0.5 * p.z));
+    for (mesh, is_round) in [(&iteration, true), (&flat, false)] {
         let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-        let mut web = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
-        web.pinned[100] = true;
-        let pinned = web.nodes[100];
-        axis::settle(&mut web, &tree, &Run::default()).unwrap();
-        assert_eq!(web.nodes[100], pinned, "what is pinned stays");
+        let mut graph = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
+        graph.pinned[100] = true;
+        let pinned = graph.nodes[100];
+        axis::settle(&mut graph, &tree, &Run::default()).unwrap();
+        assert_eq!(graph.nodes[100], pinned, "what is pinned stays");
         for v in (40..=160).filter(|v| !(90..=110).contains(v)) {
-            let off = web.nodes[v].y.hypot(web.nodes[v].z);
+            let off = graph.nodes[v].y.hypot(graph.nodes[v].z);
             assert!(if is_round { off < 0.005 } else { (off - 0.05_f64.hypot(0.03)).abs() < 1e-12 }, "{v}: {off}");
         }
     }
 }
 
 #[test]
-fn the_last_radius_goes_on_as_the_branch_bends_and_stays_where_that_is_narrow() {
+fn the_last_radius_continues_the_bend_and_stays_where_that_is_narrow() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
-    let mut web = row(&[[0.0, 0.0, 0.0], [9.2, 0.0, 0.0], [10.0, 0.1, 0.0]]);
-    tips::go_on(&mut web, &tree);
-    let off = web.alive().map(|v| web.nodes[v as usize].y.abs()).fold(0.0, f64::max);
+    let mut graph = row(&[[0.0, 0.0, 0.0], [9.2, 0.0, 0.0], [10.0, 0.1, 0.0]]);
+    tips::extrapolate_ends(&mut graph, &tree);
+    let off = graph.alive().map(|v| graph.nodes[v as usize].y.abs()).fold(0.0, f64::max);
     assert!(off < 0.03, "{off} off the axis");
-    // Straight on would lead to the wall.
-    let mut web = row(&[[0.0, 0.0, 0.0], [7.0, -0.6, 0.0], [8.5, 0.3, 0.0], [9.3, 0.0, 0.0]]);
-    let before: Vec<Point3<f64>> = web.nodes.clone();
-    tips::go_on(&mut web, &tree);
-    assert!(web.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
+    // A straight continuation would lead to the wall.
+    let mut graph = row(&[[0.0, 0.0, 0.0], [7.0, -0.6, 0.0], [8.5, 0.3, 0.0], [9.3, 0.0, 0.0]]);
+    let before: Vec<Point3<f64>> = graph.nodes.clone();
+    tips::extrapolate_ends(&mut graph, &tree);
+    assert!(graph.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }

@@ -1,39 +1,38 @@
-//! Joints along a path.
+//! Joint positions along a path.
 //!
-//! Joints `0 = t₀ < t₁ < … < t_n = 1` by share of the path's length `L`; the template has them at `τᵢ`. An elbow belongs in the bend, which
-//! the template cannot know to the last percent:
+//! Joints are at arc-length fractions `0 = t₀ < t₁ < … < t_n = 1` of a path of length `L`; the template has them at `τᵢ`. An elbow belongs in
+//! the bend of the path, which the template locates only roughly:
 //!
 //! ```text
 //! min  Σᵢ ∫ dist²(c(t), bone i) dt / L²  +  μ Σᵢ (Δtᵢ − Δτᵢ)² / Δτᵢ
 //! ```
 //!
-//! over a grid of shares about each `τᵢ`, by dynamic programming, so that the least is found. Along a straight path it is `t = τ`.
+//! over a grid of fractions around each `τᵢ`, by dynamic programming, which finds the global minimum. Along a straight path `t = τ`.
 
 use nalgebra::Vector3;
 
-/// `μ`: a bend of 40° outweighs a difference of a tenth of the path's length; unrest of a straight path by 1 % of its length moves joints
-/// by 4 %.
+/// `μ`: a bend of 40° outweighs a shift by a tenth of the path's length; noise of 1 % of the length on a straight path moves joints by 4 %.
 const STIFFNESS: f64 = 0.005;
-/// Shares tried to each side of `τ`, and the step between them.
+/// Grid steps on each side of `τ`, and the step size: joints move by at most a fifth of the path's length.
 const STEPS: i32 = 20;
 const STEP: f64 = 0.01;
-/// Samples of the path.
+/// Samples of the path: finer than the grid step.
 const SAMPLES: usize = 128;
-/// A bone keeps at least this share of its length in the template.
+/// Lower bound of a bone's length relative to the template, so that bones do not collapse into a bend.
 const MIN_LENGTH_RATIO: f64 = 0.4;
-/// A path of more bones has no bends of its own: it is a tail or a rope.
+/// Largest number of bones: longer chains are tails or ropes without distinct bends.
 const MAX_BONES: usize = 16;
 
-/// Points in a row, by share of their length.
+/// A polyline parametrized by arc length.
 #[derive(Clone, Debug)]
 pub(super) struct Path {
     points: Vec<Vector3<f64>>,
-    /// Length up to each point.
+    /// Arc length up to each point.
     upto: Vec<f64>,
 }
 
 impl Path {
-    /// A path of one point or more.
+    /// A path of at least one point.
     pub(super) fn new(points: Vec<Vector3<f64>>) -> Self {
         let mut upto = Vec::with_capacity(points.len());
         let mut sum = 0.0;
@@ -48,9 +47,9 @@ impl Path {
         self.upto[self.upto.len() - 1]
     }
 
-    /// The point at a share of the length.
-    pub(super) fn at(&self, share: f64) -> Vector3<f64> {
-        let wanted = share.clamp(0.0, 1.0) * self.length();
+    /// The point at a fraction of the length.
+    pub(super) fn at(&self, fraction: f64) -> Vector3<f64> {
+        let wanted = fraction.clamp(0.0, 1.0) * self.length();
         let after = self.upto.partition_point(|u| *u < wanted).clamp(1, self.points.len().max(2) - 1);
         let Some(b) = self.points.get(after) else { return self.points[0] };
         let (from, to) = (self.upto[after - 1], self.upto[after]);
@@ -59,24 +58,24 @@ impl Path {
     }
 }
 
-/// Shares `t` for the template's `τ`, which rise from 0 to 1.
-pub(super) fn bent(path: &Path, shares: &[f64]) -> Vec<f64> {
-    let bones = shares.len() - 1;
+/// Fractions `t` that fit the bends, for the template's `τ`, which increase from 0 to 1.
+pub(super) fn bent(path: &Path, fractions: &[f64]) -> Vec<f64> {
+    let bones = fractions.len() - 1;
     let squared = path.length().powi(2);
     if !(2..=MAX_BONES).contains(&bones) || !(squared > 0.0) {
-        return shares.to_vec();
+        return fractions.to_vec();
     }
-    let samples: Vec<Vector3<f64>> = (0..SAMPLES).map(|j| path.at(share_of(j))).collect();
+    let samples: Vec<Vector3<f64>> = (0..SAMPLES).map(|j| path.at(fraction_of(j))).collect();
     let grid = |i: usize| if i == 0 || i == bones { 0..=0 } else { -STEPS..=STEPS };
-    let share = |i: usize, m: i32| shares[i] + STEP * f64::from(m);
+    let fraction = |i: usize, m: i32| fractions[i] + STEP * f64::from(m);
     let mut least: Vec<f64> = vec![0.0];
     let mut back: Vec<Vec<usize>> = Vec::new();
     for i in 0..bones {
-        let wanted = shares[i + 1] - shares[i];
+        let wanted = fractions[i + 1] - fractions[i];
         let best = |to: i32| {
-            let to = share(i + 1, to);
+            let to = fraction(i + 1, to);
             let cost = |(a, from): (usize, i32)| {
-                let (from, before) = (share(i, from), least[a]);
+                let (from, before) = (fraction(i, from), least[a]);
                 let bone = to - from;
                 let possible = before.is_finite() && bone >= MIN_LENGTH_RATIO * wanted && bone > 0.0 && to <= 1.0;
                 let strain = STIFFNESS * (bone - wanted).powi(2) / wanted.max(STEP);
@@ -96,27 +95,27 @@ pub(super) fn bent(path: &Path, shares: &[f64]) -> Vec<f64> {
         });
     }
     if !least[0].is_finite() {
-        return shares.to_vec();
+        return fractions.to_vec();
     }
-    let mut found = shares.to_vec();
+    let mut found = fractions.to_vec();
     let mut at = 0;
     for i in (1..bones).rev() {
         at = back[i][at];
-        found[i] = share(i, at as i32 - STEPS);
+        found[i] = fraction(i, at as i32 - STEPS);
     }
     found
 }
 
-fn share_of(sample: usize) -> f64 {
+fn fraction_of(sample: usize) -> f64 {
     (sample as f64 + 0.5) / SAMPLES as f64
 }
 
-/// `∫ dist²(c(t), bone) dt` over the part of the path from one share to another, by its samples.
+/// `∫ dist²(c(t), bone) dt` over the path between two fractions, by its samples.
 fn deviation(path: &Path, samples: &[Vector3<f64>], from: f64, to: f64) -> f64 {
     let (a, b) = (path.at(from), path.at(to));
     let along = b - a;
     let squared = along.norm_squared().max(f64::MIN_POSITIVE);
-    let index = |share: f64| ((share * SAMPLES as f64 - 0.5).ceil().max(0.0) as usize).min(SAMPLES);
+    let index = |fraction: f64| ((fraction * SAMPLES as f64 - 0.5).ceil().max(0.0) as usize).min(SAMPLES);
     let off = |p: &Vector3<f64>| {
         let t = ((p - a).dot(&along) / squared).clamp(0.0, 1.0);
         (p - a - along * t).norm_squared()
@@ -129,10 +128,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn along_a_straight_path_joints_keep_their_shares() {
+    fn along_a_straight_path_joints_keep_their_fractions() {
         let path = Path::new((0..=30).map(|i| Vector3::new(f64::from(i).powf(1.3), 2.0, -1.0)).collect());
-        let shares = [0.0, 0.21, 0.58, 0.9, 1.0];
-        assert_eq!(bent(&path, &shares), shares);
+        let fractions = [0.0, 0.21, 0.58, 0.9, 1.0];
+        assert_eq!(bent(&path, &fractions), fractions);
     }
 
     #[test]
@@ -148,15 +147,15 @@ mod tests {
     }
 
     #[test]
-    fn shares_rise_however_the_path_turns() {
+    fn fractions_increase_for_any_path() {
         let knot = Path::new(
             (0..200)
                 .map(|i| f64::from(i) * 0.1)
                 .map(|t| Vector3::new((3.1 * t).sin(), t.cos(), (0.7 * t).sin()))
                 .collect(),
         );
-        let shares = [0.0, 0.02, 0.04, 0.5, 0.52, 1.0];
-        let found = bent(&knot, &shares);
+        let fractions = [0.0, 0.02, 0.04, 0.5, 0.52, 1.0];
+        let found = bent(&knot, &fractions);
         assert!(found.windows(2).all(|w| w[0] < w[1]), "{found:?}");
         assert_eq!((found[0], found[5]), (0.0, 1.0));
     }

@@ -1,59 +1,59 @@
-//! Ends in the order of what they add to the tree that those before them span.
+//! Leaves of a graph, ordered by their contribution to the spanning tree.
 //!
-//! The first two are far from each other. An end `x` then adds `min_{i,j} (d(x,i) + d(x,j) − d(i,j)) / 2`, the length of its own way to
-//! the tree of the ends before it (exact on trees).
+//! The first two are far from each other. A leaf `x` then adds `min_{i,j} (d(x,i) + d(x,j) − d(i,j)) / 2`, the length of its path to the
+//! tree of the leaves before it (exact on trees).
 
 use super::graph::Graph;
 use crate::character::Skeleton;
 use plumbline_num::spatial::ShortestPaths;
 
-/// What adds less than this share of all length is no end of its own.
+/// A leaf that adds less than this fraction of the total length coincides with another.
 const MIN_LENGTH_FRACTION: f64 = 1e-6;
-/// Ends of a curve that are tried at most: those of a hand each on four limbs, and as many beside them.
+/// Largest number of curve leaves: four hands of five fingers, and as many others.
 const MAX_CURVE_ENDS: usize = 40;
-/// Ends of a template that are matched at most; what else it has goes with what it hangs on.
+/// Largest number of template leaves; the remaining joints follow their parents.
 const MAX_TEMPLATE_ENDS: usize = 64;
 
-/// What a root at the end of a limb counts, with an image or without: many rigs hang on one on the ground, outside of any surface, while that
-/// of an arm is its shoulder.
-const ROOT: f64 = 0.2;
+/// Weight of a root that is a leaf, matched or not: many rigs have a root on the ground outside the surface, while that of an arm rig is its
+/// shoulder.
+const ROOT_WEIGHT: f64 = 0.2;
 
-/// Ends of a graph.
+/// Leaves of a graph, in order.
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
     /// Their nodes.
     pub(super) nodes: Vec<u32>,
-    /// What each adds, as a share of the graph's length; of the first two the way between them.
+    /// Length that each adds, as a fraction of the graph's length; for the first two the path between them.
     pub(super) reach: Vec<f64>,
-    /// What it costs to leave each out.
+    /// Cost of leaving each unmatched.
     pub(super) need: Vec<f64>,
-    /// Share of the surface around each one's own way, of the first two half of that between them.
+    /// Fraction of the surface around each one's path, for the first two half of that between them.
     pub(super) around: Vec<f64>,
-    /// How much each is believed to be an end of a limb, 0 to 1.
+    /// Probability that each is the end of a limb, 0 to 1.
     pub(super) trust: Vec<f64>,
-    /// Shortest ways from each.
+    /// Shortest paths from each.
     pub(super) paths: Vec<ShortestPaths>,
 }
 
 impl Ends {
-    /// Length of the way between two ends.
+    /// Length of the path between two leaves.
     pub(super) fn between(&self, i: usize, j: usize) -> f64 {
         self.paths[i].length[self.nodes[j] as usize]
     }
 }
 
-/// The ends of a template.
+/// The leaves of a template.
 pub(super) fn of_template(template: &Skeleton, bones: &Graph) -> Ends {
     let mut ends = far_first(bones, bones.ends(), MAX_TEMPLATE_ENDS);
     for ((need, trust), node) in ends.need.iter_mut().zip(&mut ends.trust).zip(&ends.nodes) {
         if template.joints()[*node as usize].parent.is_none() {
-            (*need, *trust) = (*need * ROOT, ROOT);
+            (*need, *trust) = (*need * ROOT_WEIGHT, ROOT_WEIGHT);
         }
     }
     ends
 }
 
-/// The ends of a curve; of one that is all loops the nodes that are farthest apart.
+/// The leaves of a curve; for a curve of loops only, the nodes farthest apart.
 pub(super) fn of_curve(branches: &Graph) -> Ends {
     let ends = branches.ends();
     if ends.len() >= 2 {
@@ -98,14 +98,14 @@ fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
     if let [first, second, ..] = ends.reach.as_mut_slice() {
         *first = *second;
     }
-    // The way between the first two counts once.
+    // The path between the first two counts once.
     ends.around = around(graph, &ends);
     ends.trust = vec![1.0; ends.nodes.len()];
     ends.need = ends.reach.iter().enumerate().map(|(k, reach)| if k < 2 { 0.5 * reach } else { *reach }).collect();
     ends
 }
 
-/// The part of each end's way to the first that no end before it has.
+/// The part of each leaf's path to the first that no earlier leaf covers.
 fn around(graph: &Graph, ends: &Ends) -> Vec<f64> {
     let Some(to_first) = ends.paths.first() else { return Vec::new() };
     let mut seen = std::collections::BTreeSet::new();
@@ -113,7 +113,7 @@ fn around(graph: &Graph, ends: &Ends) -> Vec<f64> {
         let way = to_first.back_from(*node);
         let pairs = way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]);
         let fresh: Vec<_> = pairs.filter(|pair| seen.insert(*pair)).collect();
-        graph.share_around(fresh.into_iter())
+        graph.surface_fraction_around(fresh.into_iter())
     };
     let mut around: Vec<f64> = ends.nodes.iter().map(&mut own).collect();
     if let [first, second, ..] = around.as_mut_slice() {
@@ -123,7 +123,7 @@ fn around(graph: &Graph, ends: &Ends) -> Vec<f64> {
     around
 }
 
-/// Place and value of the largest; of equal ones, but for rounding, the first.
+/// Index and value of the largest; of values equal up to rounding (1e-9) the first.
 fn farthest(candidates: &[u32], added: &[f64]) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
     for (at, node) in candidates.iter().enumerate() {

@@ -1,45 +1,45 @@
-//! Why a template does not fit.
+//! Errors of template fitting.
 
 use crate::character::CharacterError;
 use plumbline_num::run::Stopped;
 
-/// Why a template was not fitted.
+/// Why a template could not be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
-    /// Input: a template that has no extent.
-    #[error("the template has {joints} joints in one place; to be fitted it needs two joints apart")]
+    /// Input: a template without extent.
+    #[error("the template has {joints} joints at one position; fitting needs two joints apart")]
     Template {
-        /// Its joints.
+        /// Number of joints.
         joints: usize,
     },
-    /// Input: a curve that has no extent.
+    /// Input: a curve without limbs.
     #[error(
-        "the curve in the middle has {nodes} nodes and no limb longer than it is thick: a template needs a surface with limbs; leave it out, or fit it to \
-         another mesh"
+        "the curve skeleton has {nodes} nodes and no limb longer than its radius: a template needs a surface with limbs; omit the template, or fit it \
+        to another mesh"
     )]
     Curve {
-        /// Its nodes.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// Input: a node with a number that is not finite.
+    /// Input: a node position that is not finite.
     #[error("node {node} of the curve is not finite")]
     NotFinite {
-        /// The node.
+        /// Index of the node.
         node: usize,
     },
-    /// Input: an edge to a node that does not exist.
+    /// Input: an edge with a node index out of range.
     #[error("an edge of the curve ends at node {node}, but there are {nodes}, numbered from 0")]
     NoSuchNode {
-        /// Number of the node.
+        /// The index.
         node: u32,
-        /// Nodes of the curve.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// Numerics: frames that are none.
+    /// Numerics: singular frames.
     #[error(transparent)]
     Character(#[from] CharacterError),
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted or exceeded its time budget.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
 }

@@ -1,13 +1,13 @@
-//! Joints in their new places, with frames that follow the bones.
+//! Frames of the fitted joints.
 //!
 //! ```text
-//! Q_j = argmin over rotations  Σ_children |b̂ − Q â|²,   of those the one nearest to the parent's
+//! Q_j = argmin over rotations  Σ_children |b̂ − Q â|²,   nearest to that of the parent among minimizers
 //! ```
 //!
-//! with bones `a` of the template and `b` of the result: a joint with one child turns the shortest way. World frames of the template are
-//! turned by `Q` and keep their scales, so that limits mean the same about the bones. What the curve has nothing for goes with the joint
-//! it hangs on: `p = p_h + s_h Q_h (x − x_h)`, with `s_h` the stretch of the limbs there; what hangs on nothing, a root outside, with the
-//! whole.
+//! with bone directions `a` of the template and `b` of the result: a joint with one child takes the shortest rotation. World frames of the
+//! template are rotated by `Q` and keep their scales, so that limits keep their meaning relative to the bones. A joint without image follows
+//! its parent: `p = p_h + s_h Q_h (x − x_h)`, with `s_h` the stretch of the limbs there; a root outside the surface follows the global
+//! similarity.
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, Unit, Vector3};
 
@@ -17,13 +17,13 @@ use super::limbs::Layout;
 use crate::character::{CharacterError, Skeleton};
 use plumbline_num::math::{Trs, nearest_rotation};
 
-/// Weight of the parent's turn beside that of the children's directions: enough to choose among equals.
-const PARENT: f64 = 1e-6;
+/// Weight of the parent's rotation relative to the children's directions: only selects among minimizers.
+const PARENT_WEIGHT: f64 = 1e-6;
 
-/// Directions of a bone in the template and in the result.
+/// Bone directions in the template and in the result.
 type Directions = (Unit<Vector3<f64>>, Unit<Vector3<f64>>);
 
-/// A joint in its place.
+/// A fitted joint.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     place: Vector3<f64>,
@@ -31,7 +31,7 @@ struct Placed {
     scale: f64,
 }
 
-/// The template at rest in the places of a layout, and its limbs.
+/// The template at rest with the positions of a layout, and its limbs.
 pub(super) fn posed(
     template: &Skeleton,
     bones: &Graph,
@@ -41,6 +41,7 @@ pub(super) fn posed(
 ) -> Result<(Skeleton, Vec<FittedLimb>), CharacterError> {
     let mut placed = on_the_curve(template, bones, layout, places);
     let limbs = limbs(bones, layout, &placed);
+    // Joints without image follow their neighbors, breadth first.
     let mut queue: Vec<u32> = (0..placed.len() as u32).filter(|j| placed[*j as usize].is_some()).collect();
     let is_above = |j: u32, at: u32| template.joints()[at as usize].parent == Some(j);
     let whole = (layout.alignment.rotation, layout.scale());
@@ -61,7 +62,7 @@ pub(super) fn posed(
     Ok((rebuilt(template, branches, &all)?, limbs))
 }
 
-/// The joints that have a place, with turns from their children and scales from their limbs.
+/// The joints with images: rotations from their children, scales from their limbs.
 fn on_the_curve(
     template: &Skeleton,
     bones: &Graph,
@@ -92,19 +93,19 @@ fn on_the_curve(
     placed
 }
 
-/// The turn that carries the first of each pair best to the second.
+/// The rotation that best maps the first of each pair to the second.
 fn turn(base: &Matrix3<f64>, directions: &[Directions]) -> Matrix3<f64> {
     match directions {
         [] => *base,
         [(old, new)] => shortest(&(base * old.into_inner()), new) * base,
         several => {
             let sum: Matrix3<f64> = several.iter().map(|(old, new)| new.into_inner() * old.transpose()).sum();
-            nearest_rotation(&(sum + base * PARENT))
+            nearest_rotation(&(sum + base * PARENT_WEIGHT))
         }
     }
 }
 
-/// The least turn that carries one direction to another; a half turn goes about some axis across.
+/// The shortest rotation between two directions; for opposite ones about any perpendicular axis.
 fn shortest(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
     let (axis, cos) = (from.cross(to), from.dot(to));
     let across = || Unit::new_normalize(from.cross(&Vector3::ith(from.iamin(), 1.0)));
@@ -112,7 +113,7 @@ fn shortest(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&about, axis.norm().atan2(cos)).into_inner()
 }
 
-/// The skeleton whose world frames are those of the template, turned and moved.
+/// The skeleton with the template's world frames, rotated and moved.
 fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<Skeleton, CharacterError> {
     let old = template.rest_globals();
     let mut joints = template.joints().to_vec();
@@ -130,7 +131,7 @@ fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<S
     Skeleton::new(joints)
 }
 
-/// All limbs: those on the curve, and those that are not.
+/// All limbs: those on the curve, and those without image.
 fn limbs(bones: &Graph, layout: &Layout, placed: &[Option<Placed>]) -> Vec<FittedLimb> {
     let scale = layout.scale();
     let stretch = |l: &super::limbs::Limb| FittedLimb {
@@ -148,7 +149,7 @@ fn limbs(bones: &Graph, layout: &Layout, placed: &[Option<Placed>]) -> Vec<Fitte
                 let on = bones.neighbors(to).iter().copied().find(|v| *v != before).unwrap_or(to);
                 (before, to) = (to, on);
             }
-            // Told once: from what it hangs on, or from the lower number where both ends do not.
+            // Reported once: from the side with an image, or from the lower index if neither has one.
             let first = is_placed(from) && !is_placed(to) || !is_placed(from) && !is_placed(to) && from < to;
             if first {
                 limbs.push(FittedLimb { from, to, stretch: None });

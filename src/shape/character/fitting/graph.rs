@@ -1,4 +1,4 @@
-//! Points in space joined by edges, in one piece; lengths in units of the sum of all edges, places about the mean of all points.
+//! A connected graph in space; lengths relative to the total edge length, positions relative to the mean of all points.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,24 +6,24 @@ use super::FitError;
 use crate::character::{CurveSkeleton, Skeleton};
 use plumbline_num::spatial::{ShortestPaths, UnionFind};
 
-/// No node.
+/// Missing node.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Joints and bones, or nodes and edges of a curve.
+/// A skeleton (joints and bones) or a curve (nodes and edges).
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
     /// `(x − center) / size`.
     pub(super) points: Vec<Vector3<f64>>,
-    /// Length of all edges, in units of the model.
+    /// Total edge length, units of the model.
     pub(super) size: f64,
-    /// How thick what is around each point is; any unit.
+    /// Thickness of the shape around each point, any unit.
     thickness: Vec<f64>,
     center: Point3<f64>,
     neighbors: Vec<Vec<u32>>,
 }
 
 impl Graph {
-    /// Joints at rest and their bones; `None` where all are in one place.
+    /// Joints at rest and their bones; `None` if all coincide.
     pub(super) fn of_skeleton(skeleton: &Skeleton) -> Option<Self> {
         let bones = skeleton.joints().iter().zip(0..).filter_map(|(joint, j)| Some([joint.parent?, j]));
         Self::new(&skeleton.rest_positions(), &bones.collect::<Vec<_>>(), &[])
@@ -39,7 +39,7 @@ impl Graph {
             return Err(FitError::NoSuchNode { node, nodes });
         }
         let graph = Self::new(&curve.nodes, &curve.edges, &curve.radius).ok_or(FitError::Curve { nodes })?;
-        // What is left of a ball is a dash.
+        // The curve of a ball degenerates to a short segment.
         let thickest = curve.radius.iter().copied().fold(0.0, f64::max);
         if graph.size < thickest { Err(FitError::Curve { nodes }) } else { Ok(graph) }
     }
@@ -59,13 +59,13 @@ impl Graph {
             neighbors[a as usize].push(b);
             neighbors[b as usize].push(a);
         }
-        // Curves made by hand have none.
+        // Curves made by hand have no radii.
         let known = radius.len() == points.len() && radius.iter().all(|r| *r > 0.0 && r.is_finite());
         let thickness = if known { radius.to_vec() } else { vec![1.0; points.len()] };
         Some(Self { points: points.iter().map(|p| (p - center) / size).collect(), size, thickness, center, neighbors })
     }
 
-    /// A place in units of the model.
+    /// A position in units of the model.
     pub(super) fn of_model(&self, x: &Vector3<f64>) -> Point3<f64> {
         self.center + x * self.size
     }
@@ -78,15 +78,15 @@ impl Graph {
         (self.points[a as usize] - self.points[b as usize]).norm()
     }
 
-    /// What part of the surface around all edges is around some: cylinders as thick as their ends.
-    pub(super) fn share_around(&self, edges: impl Iterator<Item = [u32; 2]>) -> f64 {
+    /// Fraction of the total surface area around some edges: cylinders with the mean thickness of their ends.
+    pub(super) fn surface_fraction_around(&self, edges: impl Iterator<Item = [u32; 2]>) -> f64 {
         let around = |[a, b]: [u32; 2]| self.length(a, b) * (self.thickness[a as usize] + self.thickness[b as usize]);
         let each = |a: u32| self.neighbors(a).iter().filter(move |b| a < **b).map(move |b| [a, *b]);
         let all: f64 = (0..self.points.len() as u32).flat_map(each).map(around).sum();
         edges.map(around).sum::<f64>() / all
     }
 
-    /// Nodes with one neighbor.
+    /// Leaves.
     pub(super) fn ends(&self) -> Vec<u32> {
         (0..self.points.len() as u32).filter(|v| self.neighbors(*v).len() == 1).collect()
     }
@@ -98,14 +98,14 @@ impl Graph {
     }
 }
 
-/// Edges that join all pieces, each between the nearest nodes of a piece and the rest.
+/// Edges that connect all components, each between the nearest nodes of a component and the rest (Prim).
 fn bridges(points: &[Point3<f64>], edges: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let mut pieces = UnionFind::new(points.len());
     for &[a, b] in edges {
         pieces.join(a, b);
     }
     let mut bridges = Vec::new();
-    // Grows the piece of the first node: the nearest node of any other is joined with it, and its piece comes along.
+    // Grows the component of node 0: the nearest outside node is connected, together with its component.
     let mut nearest = vec![(f64::INFINITY, NONE); points.len()];
     let mut fresh: Vec<u32> = (0..points.len() as u32).filter(|v| pieces.root(*v) == pieces.root(0)).collect();
     loop {

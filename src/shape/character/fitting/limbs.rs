@@ -1,13 +1,13 @@
-//! A matching of ends laid out: where limbs meet, the way of each limb on the curve, and what it costs.
+//! The layout of a matching: junctions, the path of each limb on the curve, and the cost.
 //!
-//! A joint `b` where limbs meet has matched ends behind each of its bones. Its image is the node of the curve
+//! A junction `b` of the template has matched leaves behind each of its bones. Its image is the curve node
 //!
 //! ```text
-//! min_n  Σ_bones mean_ends d_C(e, n)  +  ε mean_ends |d_C(e, n) − s d_T(e, b)|  +  what it is too near to the images before it
+//! min_n  Σ_bones mean_leaves d_C(e, n)  +  ε mean_leaves |d_C(e, n) − s d_T(e, b)|  +  penalty for nearness to earlier junctions
 //! ```
 //!
-//! With three bones on a tree the first term alone is least at the one node where the ways part; where four meet and the curve has two
-//! junctions, it is as little on all of the way between them, and lengths decide.
+//! For three bones on a tree the first term alone has its minimum at the branching node. If four bones meet and the curve has two
+//! junctions, the first term is constant between them, and the second decides.
 
 use std::collections::BTreeSet;
 
@@ -16,47 +16,47 @@ use nalgebra::{Matrix3, Vector3};
 use super::along::{Path, bent};
 use super::ends::Ends;
 use super::graph::Graph;
-use super::matching::{Images, PLACE, spare};
+use super::matching::{Images, POSITION_WEIGHT, spare};
 use super::moments::{Alignment, Moments};
 
-/// `ε`: decides where the first term does not.
-const LENGTHS: f64 = 0.1;
-/// Limbs between two joints where limbs meet keep at least this share of their length: without it they vanish where the curve has one
+/// `ε`: small, so that it decides only where the first term is constant.
+const LENGTH_WEIGHT: f64 = 0.1;
+/// Lower bound of the length of limbs between two junctions, relative to the template: without it they vanish if the curve has a single
 /// junction for both.
-const APART: f64 = 0.3;
-/// What a unit less costs: more than a bone's share of the first term.
-const TOO_NEAR: f64 = 4.0;
-/// Limbs shorter than this share of their length cost no more.
+const MIN_JUNCTION_DISTANCE_RATIO: f64 = 0.3;
+/// Penalty per unit below that bound: exceeds the slope of one bone in the first term.
+const NEARNESS_PENALTY: f64 = 4.0;
+/// Limb length ratios below this have the same cost: bounds the logarithm.
 const MIN_RATIO: f64 = 0.05;
 
-/// A limb with its way on the curve.
+/// A limb and its path on the curve.
 #[derive(Clone, Debug)]
 pub(super) struct Limb {
     /// Joints from one end to the other.
     pub(super) joints: Vec<u32>,
-    /// Share of the limb's length at which each joint is.
-    shares: Vec<f64>,
+    /// Arc-length fraction of each joint.
+    fractions: Vec<f64>,
     /// Length in the template.
     pub(super) length: f64,
-    /// Its way.
+    /// Path on the curve.
     pub(super) path: Path,
 }
 
 /// Joints on the curve.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Limbs that have a way.
+    /// Limbs with a path.
     pub(super) limbs: Vec<Limb>,
-    /// Where the joints are, in units of the curve; `None` where the curve has nothing for them.
+    /// Joint positions, in units of the curve; `None` for joints without image.
     places: Vec<Option<Vector3<f64>>>,
-    /// The similarity that explains most of it.
+    /// The best similarity from the template.
     pub(super) alignment: Alignment,
     pub(super) cost: f64,
     matched: usize,
 }
 
 impl Layout {
-    /// Lays a matching out; `None` where a limb would have no length at all.
+    /// Lays out a matching; `None` if a limb has zero length.
     pub(super) fn new(bones: &Graph, ours: &Ends, branches: &Graph, theirs: &Ends, images: &Images) -> Option<Self> {
         let matching = Matching { bones, ours, branches, theirs, images };
         let spanned = matching.spanned();
@@ -75,9 +75,10 @@ impl Layout {
         }
         let [sure, doubted] = used;
         let only = doubted.difference(&sure).copied();
-        let covered = branches.share_around(sure.iter().copied()) + trust * branches.share_around(only);
+        let covered =
+            branches.surface_fraction_around(sure.iter().copied()) + trust * branches.surface_fraction_around(only);
         let mut layout = Self {
-            places: placed(&limbs, bones.points.len(), |limb| limb.shares.clone()),
+            places: placed(&limbs, bones.points.len(), |limb| limb.fractions.clone()),
             limbs,
             alignment: Moments::default().alignment(),
             cost: 0.0,
@@ -85,38 +86,37 @@ impl Layout {
         };
         layout.alignment = layout.aligned(bones);
         let missing: f64 = ours.need.iter().zip(images).filter_map(|(need, i)| i.is_none().then_some(need)).sum();
-        layout.cost = layout.distortion() + PLACE * layout.alignment.residual + missing + spare(covered);
+        layout.cost = layout.distortion() + POSITION_WEIGHT * layout.alignment.residual + missing + spare(covered);
         Some(layout)
     }
 
-    /// Length of all limbs on the curve by that in the template: a pose does not change it.
+    /// Ratio of the total limb lengths on the curve and in the template, which is independent of the pose.
     pub(super) fn scale(&self) -> f64 {
         self.limbs.iter().map(|l| l.path.length()).sum::<f64>() / self.limbs.iter().map(|l| l.length).sum::<f64>()
     }
 
-    /// Ends of the template that have an image.
+    /// Number of matched template leaves.
     pub(super) fn matched_ends(&self) -> usize {
         self.matched
     }
 
-    /// Whether joints are elsewhere by more than a share of the curve's length on average.
-    pub(super) fn differs(&self, other: &Self, share: f64) -> bool {
+    /// Whether joints differ by more than a fraction of the curve's length on average.
+    pub(super) fn differs(&self, other: &Self, fraction: f64) -> bool {
         let both: Vec<f64> = self
             .places
             .iter()
             .zip(&other.places)
             .filter_map(|(a, b)| Some((a.as_ref()? - b.as_ref()?).norm()))
             .collect();
-        both.iter().sum::<f64>() > share * both.len() as f64
+        both.iter().sum::<f64>() > fraction * both.len() as f64
     }
 
-    /// The joints with bends where those of the curve are.
+    /// Joint positions adapted to the bends of the paths.
     pub(super) fn refined(&self) -> Vec<Option<Vector3<f64>>> {
-        placed(&self.limbs, self.places.len(), |limb| bent(&limb.path, &limb.shares))
+        placed(&self.limbs, self.places.len(), |limb| bent(&limb.path, &limb.fractions))
     }
 
-    /// The turn of the joints where limbs meet, of those next to them and of limbs between two of them; of all joints where limbs do not
-    /// meet.
+    /// Rotation of the trunk: junctions, their neighbors and the limbs between two junctions; without junctions that of all joints.
     pub(super) fn trunk_turn(&self, bones: &Graph, places: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
         let meet = |j: &u32| bones.neighbors(*j).len() > 2;
         let between = self.limbs.iter().filter(|l| meet(&l.joints[0]) && meet(&l.joints[l.joints.len() - 1]));
@@ -134,7 +134,7 @@ impl Layout {
         if trunk.is_empty() { self.alignment.rotation } else { moments.alignment().rotation }
     }
 
-    /// Weights are the lengths of the bones at a joint.
+    /// Similarity of all joints, weighted by the lengths of their bones.
     fn aligned(&self, bones: &Graph) -> Alignment {
         let mut moments = Moments::default();
         for (j, place) in self.places.iter().enumerate() {
@@ -145,7 +145,7 @@ impl Layout {
         moments.alignment()
     }
 
-    /// Variance of the logarithm of how limbs are stretched, weighted by their lengths.
+    /// Variance of the log stretch of limbs, weighted by length.
     fn distortion(&self) -> f64 {
         let total: f64 = self.limbs.iter().map(|l| l.length).sum();
         let log = |l: &Limb| (l.path.length() / l.length).max(MIN_RATIO).ln();
@@ -162,23 +162,23 @@ impl Limb {
         }
         let length = upto[upto.len() - 1];
         let path = Path::new(way.iter().map(|n| branches.points[*n as usize]).collect());
-        let shares = upto.iter().map(|u| u / length).collect();
-        (length > 0.0 && path.length() > 0.0).then_some(Self { joints, shares, length, path })
+        let fractions = upto.iter().map(|u| u / length).collect();
+        (length > 0.0 && path.length() > 0.0).then_some(Self { joints, fractions, length, path })
     }
 }
 
-/// The joints of limbs at the shares that `shares` gives.
-fn placed(limbs: &[Limb], joints: usize, shares: impl Fn(&Limb) -> Vec<f64>) -> Vec<Option<Vector3<f64>>> {
+/// Joint positions at given fractions of the limbs.
+fn placed(limbs: &[Limb], joints: usize, fractions: impl Fn(&Limb) -> Vec<f64>) -> Vec<Option<Vector3<f64>>> {
     let mut places = vec![None; joints];
     for limb in limbs {
-        for (j, share) in limb.joints.iter().zip(shares(limb)) {
-            places[*j as usize] = Some(limb.path.at(share));
+        for (j, fraction) in limb.joints.iter().zip(fractions(limb)) {
+            places[*j as usize] = Some(limb.path.at(fraction));
         }
     }
     places
 }
 
-/// Both graphs, and the images of the ends.
+/// Both graphs, and the images of the leaves.
 struct Matching<'a> {
     bones: &'a Graph,
     ours: &'a Ends,
@@ -188,12 +188,12 @@ struct Matching<'a> {
 }
 
 impl Matching<'_> {
-    /// Ends of the template with their images.
+    /// Matched leaves of the template with their images.
     fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.images.iter().enumerate().filter_map(|(i, image)| Some((i, (*image)?)))
     }
 
-    /// Neighbors of each joint in the tree between the matched ends.
+    /// Adjacency of each joint in the tree that the matched leaves span.
     fn spanned(&self) -> Vec<Vec<u32>> {
         let mut spanned = vec![Vec::new(); self.bones.points.len()];
         let mut ends = self.pairs().map(|(i, _)| i);
@@ -210,7 +210,7 @@ impl Matching<'_> {
         spanned
     }
 
-    /// The node of each joint where limbs meet or end.
+    /// The node of each junction and leaf.
     fn nodes(&self, spanned: &[Vec<u32>]) -> Vec<Option<u32>> {
         let mut nodes: Vec<Option<u32>> = vec![None; spanned.len()];
         for (i, e) in self.pairs() {
@@ -223,9 +223,9 @@ impl Matching<'_> {
             let to = self.bones.paths(b).length;
             let cost = |n: u32| {
                 let near = |(other, lengths): &(u32, Vec<f64>)| {
-                    (APART * scale * to[*other as usize] - lengths[n as usize]).max(0.0)
+                    (MIN_JUNCTION_DISTANCE_RATIO * scale * to[*other as usize] - lengths[n as usize]).max(0.0)
                 };
-                self.cost(b, n, scale, &spanned[b as usize]) + TOO_NEAR * known.iter().map(near).sum::<f64>()
+                self.cost(b, n, scale, &spanned[b as usize]) + NEARNESS_PENALTY * known.iter().map(near).sum::<f64>()
             };
             let all = (0..self.branches.points.len() as u32).map(|n| (cost(n), n));
             let best = all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, n)| n);
@@ -235,7 +235,7 @@ impl Matching<'_> {
         nodes
     }
 
-    /// Length on the curve by length in the template: the geometric mean over pairs of ends.
+    /// Scale from template to curve: geometric mean over pairs of leaves.
     fn scale(&self) -> f64 {
         let pairs: Vec<_> = self.pairs().collect();
         let (mut sum, mut weight) = (0.0, 0.0);
@@ -261,11 +261,11 @@ impl Matching<'_> {
                 ways[side] = (ways[side].0 + length, ways[side].1 + 1.0);
             }
         }
-        ways.iter().filter(|w| w.1 > 0.0).map(|w| w.0 / w.1).sum::<f64>() + LENGTHS * misfit / ends
+        ways.iter().filter(|w| w.1 > 0.0).map(|w| w.0 / w.1).sum::<f64>() + LENGTH_WEIGHT * misfit / ends
     }
 }
 
-/// Joints in a row between those where limbs meet or end; each limb once.
+/// Chains of joints between junctions and leaves; each limb once.
 fn chains(spanned: &[Vec<u32>]) -> Vec<Vec<u32>> {
     let mut chains = Vec::new();
     for v in (0..spanned.len() as u32).filter(|v| !matches!(spanned[*v as usize].len(), 0 | 2)) {

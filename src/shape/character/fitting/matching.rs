@@ -1,40 +1,40 @@
-//! Which end of the curve each end of the template becomes.
+//! Matching of template leaves to curve leaves by beam search.
 //!
-//! Ends are taken in the order of what they add; a beam keeps the best partial matchings. The cost of a matching is
+//! Template leaves are matched in their order; a beam keeps the best partial matchings. The cost of a matching is
 //!
 //! ```text
-//! Var ln (d_C / d_T)  over pairs of matched ends, weighted by d_T
-//! + a little of the square of its mean, so that a whole body is not matched with the fingers of a hand
-//! + share of the curve's ends that the best proper similarity does not explain
-//! + share of the template's length that has no image
-//! + a part of the share of the surface that has no limb, by cylinders about the curve
+//! Var ln (d_C / d_T)  over pairs of matched leaves, weighted by d_T
+//! + a small multiple of the squared mean, so that a whole body is not matched to the fingers of a hand
+//! + residual of the best proper similarity, as a fraction of the spread of the curve's leaves
+//! + fraction of the template's length without image
+//! + a multiple of the fraction of the surface without limb, by cylinders about the curve
 //! ```
 //!
-//! so that an end may go without one where every place for it is worse than none.
+//! so that a leaf stays unmatched if every candidate costs more.
 
 use super::ends::Ends;
 use super::graph::Graph;
 use super::moments::Moments;
 use plumbline_num::run::{Run, Stopped};
 
-/// Image of each end of the template: a number of an end of the curve.
+/// Image of each template leaf: index of a curve leaf.
 pub(super) type Images = Vec<Option<usize>>;
 
-/// Partial matchings that are kept: all pairs of forty ends where the beam begins, ...
-const BEAM_WIDTH: usize = 1600;
-/// ... and those that mirrors and swaps of fingers leave alike later on.
-const WIDTH: usize = 400;
-/// Matchings that are laid out to the last joint.
-const LAID_OUT: usize = 48;
-/// What the place of ends counts beside lengths: a limb in another pose moves its end, but not the lengths.
-pub(super) const PLACE: f64 = 0.5;
-/// What the part of the surface without a limb counts. A forearm beside the spike of an elbow, or a snout beside an ear, is most of what
-/// tells a limb from what sticks out of it: whatever the length of the template's, that is where the surface is. The ends of five
-/// characters are the same from 0.6 to 1.
-const SPARE: f64 = 0.8;
-/// What the size counts. Lengths are in units of each graph's own: a tail or a missing arm changes that by a tenth or a third, fingers
-/// for a body by a factor of ten.
-const SIZE: f64 = 0.05;
+/// Width of the beam for the first two leaves: all pairs of forty leaves.
+const INITIAL_BEAM_WIDTH: usize = 1600;
+/// Width of the beam afterwards: enough for the matchings that symmetries and permuted fingers leave with equal costs.
+const BEAM_WIDTH: usize = 400;
+/// Number of complete matchings that are laid out.
+const MAX_LAYOUTS: usize = 48;
+/// Weight of leaf positions relative to lengths: a pose moves leaves but keeps lengths.
+pub(super) const POSITION_WEIGHT: f64 = 0.5;
+/// Weight of the surface without limb. It is the main term that separates a limb from features near it, such as a forearm from a spike at the
+/// elbow, or a snout from an ear: the limb is where the surface is, whatever the template's lengths. The result on five characters is
+/// constant from 0.6 to 1.
+const UNCOVERED_WEIGHT: f64 = 0.8;
+/// Weight of the global scale. Lengths are relative to each graph's total: a tail or a missing arm changes that by a tenth or a third, fingers
+/// instead of a body by a factor of ten.
+const SCALE_WEIGHT: f64 = 0.05;
 
 #[derive(Clone)]
 struct Partial {
@@ -42,13 +42,13 @@ struct Partial {
     /// Sums of `w`, `w x`, `w x²` over pairs, `x = ln (d_C / d_T)`, `w = d_T`.
     logs: [f64; 3],
     missing: f64,
-    /// Share of the surface of the curve about limbs.
+    /// Fraction of the curve's surface covered by limbs.
     covered: f64,
     moments: Moments,
     cost: f64,
 }
 
-/// The best matchings, best first.
+/// The best matchings, in ascending order of cost.
 pub(super) fn candidates(
     bones: &Graph,
     ours: &Ends,
@@ -82,24 +82,25 @@ pub(super) fn candidates(
                 let mut moments = partial.moments;
                 moments.add(*reach, &place, &branches.points[theirs.nodes[e] as usize]);
                 let covered = partial.covered + theirs.around[e] * ours.trust[k];
-                let cost = spread(&logs) + PLACE * moments.alignment().residual + partial.missing + spare(covered);
+                let cost =
+                    spread(&logs) + POSITION_WEIGHT * moments.alignment().residual + partial.missing + spare(covered);
                 let images = partial.images.iter().copied().chain([Some(e)]).collect();
                 next.push(Partial { images, logs, missing: partial.missing, covered, moments, cost });
             }
         }
         next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        next.truncate(if k < 2 { BEAM_WIDTH } else { WIDTH });
+        next.truncate(if k < 2 { INITIAL_BEAM_WIDTH } else { BEAM_WIDTH });
         beam = next;
     }
-    Ok(beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(LAID_OUT).collect())
+    Ok(beam.into_iter().map(|p| p.images).filter(|i| i.iter().flatten().count() >= 2).take(MAX_LAYOUTS).collect())
 }
 
-/// What the part of the curve without a limb costs.
+/// Cost of the part of the curve without limb.
 pub(super) fn spare(covered: f64) -> f64 {
-    SPARE * (1.0 - covered)
+    UNCOVERED_WEIGHT * (1.0 - covered)
 }
 
-/// The sums with the pairs of one more end; `None` where two ends of the curve are in one place.
+/// The sums with the pairs of one more leaf; `None` if two curve leaves coincide.
 fn lengths(partial: &Partial, ours: &Ends, theirs: &Ends, k: usize, e: usize) -> Option<[f64; 3]> {
     let mut logs = partial.logs;
     for (i, image) in partial.images.iter().enumerate() {
@@ -119,5 +120,5 @@ fn spread([w, x, xx]: &[f64; 3]) -> f64 {
         return 0.0;
     }
     let mean = x / w;
-    (xx / w - mean * mean).max(0.0) + SIZE * mean * mean
+    (xx / w - mean * mean).max(0.0) + SCALE_WEIGHT * mean * mean
 }

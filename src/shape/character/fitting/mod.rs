@@ -1,27 +1,27 @@
-//! A skeleton made for something else, the template, fitted to the curve in the middle of a surface.
+//! Fits a template skeleton to the curve skeleton of a surface.
 //!
-//! Template and curve are graphs in space: joints along bones, nodes along branches. Sought is where on the curve each joint of the
-//! template belongs,
+//! Template and curve are graphs in space: joints along bones, nodes along branches. The fit `f` maps each joint of the template to the
+//! curve,
 //!
 //! ```text
-//! min  Var_{a,b} ln (d_C(f(a), f(b)) / d_T(a, b))  +  min_{s, R} |C − s R T|² / |C|²  +  what of the template has no place
+//! min  Var_{a,b} ln (d_C(f(a), f(b)) / d_T(a, b))  +  min_{s, R} |C − s R T|² / |C|²  +  cost of unmatched parts
 //! ```
 //!
-//! with path lengths `d`, ends `a, b` of the template and their images `f(a), f(b)` among the ends of the curve. The first term knows
-//! neither scale nor pose; the second, a proper rotation `R` without mirroring, tells left from right. Steps:
+//! with path lengths `d`, leaves `a, b` of the template and their images `f(a), f(b)` among the leaves of the curve. The first term is
+//! invariant to scale and pose; the second, with a proper rotation `R`, distinguishes left from right. Steps:
 //!
 //! | step | file |
 //! | --- | --- |
-//! | joints and nodes as graphs in one piece, in units of their own length | `graph.rs` |
-//! | ends in the order of what they add | `ends.rs` |
-//! | images of the ends, by a beam search that may leave some out | `matching.rs` |
-//! | images of the joints where limbs meet, and the paths of limbs between them | `limbs.rs` |
-//! | joints along a path: by length, drawn to its bends | `along.rs` |
-//! | frames of the joints; limbs without an image go with what they hang on | `frames.rs` |
-//! | movements of the template in those frames | `retarget.rs` |
+//! | connected graphs in units of their own length | `graph.rs` |
+//! | leaves, ordered by their contribution | `ends.rs` |
+//! | images of the leaves, by a beam search that may leave some unmatched | `matching.rs` |
+//! | images of junctions, and the paths of limbs between them | `limbs.rs` |
+//! | joints along a path: by length, adapted to bends | `along.rs` |
+//! | frames of the joints; limbs without image follow their parents | `frames.rs` |
+//! | clips of the template in those frames | `retarget.rs` |
 //!
-//! A shape that is all but flat or turns into itself leaves two answers that differ by less than can be told; the one that turns the
-//! template least is taken then, and the result says so.
+//! A shape that is nearly flat or symmetric has two solutions of almost equal cost; the one that rotates the template least is chosen, and
+//! the result is marked ambiguous.
 
 mod along;
 mod ends;
@@ -43,49 +43,47 @@ use graph::Graph;
 use limbs::Layout;
 use plumbline_num::run::Run;
 
-/// Layouts whose costs differ by less are not told apart: what a curve is off the middle changes them by as much.
+/// Cost difference below which layouts are indistinguishable: off-center curves change costs by as much.
 const TIE: f64 = 2e-3;
-/// Share of the template's length by which joints of two layouts differ on average where the layouts do.
+/// Mean distance of joints above which two layouts are different, as a fraction of the curve's length.
 const DIFFERENT: f64 = 0.02;
 
-/// A limb of the template: the joints between two where limbs meet or end.
+/// A limb of the template: the chain of joints between two junctions or leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedLimb {
-    /// Joint at its beginning.
+    /// First joint.
     pub from: u32,
-    /// Joint at its end.
+    /// Last joint.
     pub to: u32,
-    /// How much longer it became than by the scale of the whole, a factor; `None` where the curve has nothing for it and it went with
-    /// what it hangs on.
+    /// Length ratio to the template relative to the global scale; `None` if the curve has no image for it and it followed its parent.
     pub stretch: Option<f64>,
 }
 
-/// A template on a curve.
+/// A fitted template.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TemplateFit {
-    /// The joints of the template with their names, parents and limits, at rest in their new places.
+    /// The joints of the template with their names, parents and limits, with the fitted rest pose.
     pub skeleton: Skeleton,
     /// Every limb of the template.
     pub limbs: Vec<FittedLimb>,
-    /// Length of the limbs on the curve by that in the template, a factor.
+    /// Ratio of limb lengths on the curve and in the template.
     pub scale: f64,
-    /// How the trunk is turned: what limbs hang on, whatever their pose.
+    /// Rotation of the trunk, independent of the pose of the limbs.
     pub rotation: UnitQuaternion<f64>,
-    /// How far joints are from where the best similarity puts those of the template: root of the mean square, as a share of their spread.
+    /// RMS distance of the joints from the best similarity of the template, as a fraction of their spread.
     pub residual: f64,
-    /// Ends of the curve that no limb ends in.
+    /// Number of curve leaves without a limb.
     pub spare_ends: usize,
-    /// Another layout fits as well: sides were chosen so that the template turns least.
+    /// Whether a different layout fits equally well; the one that rotates the template least was chosen.
     pub ambiguous: bool,
 }
 
 /// Fits a template to a curve.
 ///
-/// Scale, turn and place of either do not matter; pieces of the curve, and of the template, are joined where they are nearest.
+/// The result is equivariant under similarities of either input. Components are connected at their nearest points.
 ///
 /// # Errors
-/// [`FitError`]: a template without two joints apart, a curve without two nodes apart or with nodes that are not finite, names of nodes
-/// beyond their number; an interruption.
+/// [`FitError`]: a template or curve without extent, non-finite nodes, node indices out of range, interruption.
 pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Result<TemplateFit, FitError> {
     let bones = Graph::of_skeleton(template).ok_or(FitError::Template { joints: template.joint_count() })?;
     let branches = Graph::of_curve(curve)?;

@@ -1,11 +1,11 @@
-//! The similarity that carries weighted points best to others, from sums alone.
+//! Best similarity between weighted point sets, from running sums.
 //!
 //! ```text
 //! min over s, R, t of  Σ w |b − s R a − t|²  =  B − tr(Rᵀ H)² / A
 //! ```
 //!
-//! with `H = Σ w b aᵀ`, `A = Σ w |a|²`, `B = Σ w |b|²` about the centers, and `R` the proper rotation nearest to `H`: mirrored points
-//! keep a residual.
+//! with `H = Σ w b aᵀ`, `A = Σ w |a|²`, `B = Σ w |b|²` about the centroids, and `R` the proper rotation nearest to `H`: reflected points
+//! have a residual.
 //!
 //! # Reference
 //! S. Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, PAMI 13 (1991).
@@ -25,12 +25,12 @@ pub(super) struct Moments {
     bb: f64,
 }
 
-/// What is left of `b ≈ s R a + t`, and its `R`.
+/// Residual of `b ≈ s R a + t`, and its `R`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Alignment {
     /// `R`.
     pub(super) rotation: Matrix3<f64>,
-    /// The least sum of squares as a share of `B`, 0 to 1.
+    /// The minimum as a fraction of `B`, 0 to 1.
     pub(super) residual: f64,
 }
 
@@ -52,7 +52,7 @@ impl Moments {
         self.bb += b.norm_squared() * weight;
     }
 
-    /// The best similarity; what turns nothing where the points have no extent.
+    /// The best similarity; the identity if the points have no extent.
     pub(super) fn alignment(&self) -> Alignment {
         let w = self.weight.max(f64::MIN_POSITIVE);
         let (a, b) = (self.a / w, self.b / w);

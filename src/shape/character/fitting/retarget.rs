@@ -1,32 +1,31 @@
-//! Movements of a template for the skeleton that was fitted.
+//! Retargeting of template clips to the fitted skeleton.
 //!
-//! Frames of the fitted joints are those of the template, turned with the bones. The character shall stand as the template does, whatever
-//! it stood like at rest, turned with the whole (`R`):
+//! The frames of fitted joints are those of the template, rotated with the bones. The character takes the template's world pose, regardless of
+//! its own rest pose, rotated by the global rotation `R`:
 //!
 //! ```text
-//! W_j(t) = R G_j(t)                                        so that a T and an A at rest walk alike:
+//! W_j(t) = R G_j(t)                                        so that a T-pose and an A-pose at rest walk alike:
 //!
 //! root           q'(t) = R q(t)                            p'(t) = p'₀ + s R (p(t) − p₀)
 //! joints         q'(t) = q(t)                              p'(t) = p'₀ + s (p(t) − p₀)
 //! ends of limbs  q'(t) = q(t) q₀⁻¹ q'₀
 //! ```
 //!
-//! with `p₀, q₀` of the template at rest, `p'₀, q'₀` of what was fitted, in the frames of the parents, and `s` how much longer the limbs at
-//! the joint are, so that steps are as long as the legs. What ends a limb keeps how it stood on the limb at rest: where a curve ends in
-//! a foot says little of where its sole is.
+//! with `p₀, q₀` the template's and `p'₀, q'₀` the fitted rest transforms in the parent frames, and `s` the stretch of the limbs at the joint,
+//! so that steps scale with the legs. The end of a limb keeps its rest rotation relative to the limb: the curve's end in a foot does not
+//! determine the direction of its sole.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::TemplateFit;
-use crate::character::clip::{Between, Curve, RotationKeys, Track};
+use crate::character::clip::{Curve, Interpolation, RotationKeys, Track};
 use crate::character::{Clip, ClipError, Keys, Skeleton};
 
 impl TemplateFit {
-    /// A movement of the template as one of the fitted skeleton. Weights of morph targets are left out: they belong to the template's
-    /// surface.
+    /// Retargets a clip of the template. Morph tracks are dropped: they belong to the template's surface.
     ///
     /// # Errors
-    /// [`ClipError`]: a movement of joints that `template` does not have.
+    /// [`ClipError`]: tracks of joints that `template` does not have.
     pub fn retargeted(&self, template: &Skeleton, clip: &Clip) -> Result<Clip, ClipError> {
         clip.check(template.joint_count(), usize::MAX)?;
         let start = clip.span().map_or(0.0, |span| span.0);
@@ -38,8 +37,9 @@ impl TemplateFit {
             }
             let [left, right] = self.beside(template, joint);
             let still = left * template.joints()[joint as usize].rest.rotation * right;
-            if still.angle_to(&self.skeleton.joints()[joint as usize].rest.rotation) > STILL {
-                let keys = Keys::new(vec![start], vec![still.coords.into()], Between::Step)?;
+            // A joint without a rotation track gets a constant one if its world rotation at rest changed.
+            if still.angle_to(&self.skeleton.joints()[joint as usize].rest.rotation) > ROTATION_TOLERANCE {
+                let keys = Keys::new(vec![start], vec![still.coords.into()], Interpolation::Step)?;
                 tracks.push(Track { joint, curve: Curve::Rotation(RotationKeys::new(keys)?) });
             }
         }
@@ -70,7 +70,7 @@ impl TemplateFit {
         Ok(Track { joint, curve })
     }
 
-    /// What turns of the template are multiplied by on the left and on the right.
+    /// Left and right factors of the template's rotations.
     fn beside(&self, template: &Skeleton, joint: u32) -> [UnitQuaternion<f64>; 2] {
         let none = UnitQuaternion::identity();
         let (before, now) = (&template.joints()[joint as usize], &self.skeleton.joints()[joint as usize]);
@@ -84,7 +84,7 @@ impl TemplateFit {
         }
     }
 
-    /// How much longer than in the template the limbs at a joint are.
+    /// Length ratio of the limbs at a joint.
     fn size_at(&self, joint: u32) -> f64 {
         let at = |l: &&super::FittedLimb| l.from == joint || l.to == joint;
         let stretches: Vec<f64> = self.limbs.iter().filter(at).filter_map(|l| l.stretch).collect();
@@ -93,21 +93,21 @@ impl TemplateFit {
     }
 }
 
-/// Joints that the movement does not turn get a key of their own where they stood otherwise by more than that, rad.
-const STILL: f64 = 1e-9;
+/// Rotation difference above which a joint without a rotation track gets one, rad: above rounding.
+const ROTATION_TOLERANCE: f64 = 1e-9;
 
-/// Keys with other values; tangents go by `slope`.
+/// Keys with mapped values; tangents are mapped by `slope`.
 fn mapped<const N: usize>(
     keys: &Keys<N>,
     value: impl Fn(&[f64; N]) -> [f64; N],
     slope: impl Fn(&[f64; N]) -> [f64; N],
 ) -> Result<Keys<N>, ClipError> {
-    let between = match keys.between() {
-        Between::Cubic { arriving, leaving } => Between::Cubic {
+    let interpolation = match keys.interpolation() {
+        Interpolation::Cubic { arriving, leaving } => Interpolation::Cubic {
             arriving: arriving.iter().map(&slope).collect(),
             leaving: leaving.iter().map(&slope).collect(),
         },
         other => other.clone(),
     };
-    Keys::new(keys.times().to_vec(), keys.values().iter().map(value).collect(), between)
+    Keys::new(keys.times().to_vec(), keys.values().iter().map(value).collect(), interpolation)
 }

@@ -1,4 +1,4 @@
-//! Laws of fitting.
+//! Laws of template fitting.
 
 use std::ops::ControlFlow;
 
@@ -11,7 +11,7 @@ use crate::character::{Joint, Pose};
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// A curve along the bones of a skeleton in a pose, with nodes every hundredth of a unit; bones into `without` are left out with all below.
+/// A curve along the posed bones of a skeleton, with nodes every hundredth of a unit; bones into `without` are omitted with all descendants.
 fn curve_along(skeleton: &Skeleton, pose: &Pose, without: &[&str]) -> CurveSkeleton {
     let at: Vec<Point3<f64>> =
         skeleton.globals(pose).expect("fits").iter().map(|g| Point3::from(g.column(3).xyz())).collect();
@@ -66,7 +66,7 @@ fn mapped(curve: &CurveSkeleton, map: impl Fn(&Point3<f64>) -> Point3<f64>) -> C
     CurveSkeleton { nodes: curve.nodes.iter().map(map).collect(), ..curve.clone() }
 }
 
-/// A skeleton whose joints are elsewhere, with frames as the world.
+/// The skeleton with mapped joint positions and axis-aligned frames.
 fn moved(skeleton: &Skeleton, map: impl Fn(&Point3<f64>) -> Point3<f64>) -> Skeleton {
     let at: Vec<Point3<f64>> = skeleton.rest_positions().iter().map(map).collect();
     let joint = |(j, joint): (usize, &Joint)| {
@@ -76,13 +76,13 @@ fn moved(skeleton: &Skeleton, map: impl Fn(&Point3<f64>) -> Point3<f64>) -> Skel
     Skeleton::new(skeleton.joints().iter().enumerate().map(joint).collect()).expect("valid")
 }
 
-/// Largest distance between joints of the same number.
+/// Largest distance between joints of equal index.
 fn apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
     a.iter().zip(b).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max)
 }
 
 #[test]
-fn a_skeleton_on_the_curve_of_its_own_bones_is_itself() {
+fn a_skeleton_fits_the_curve_of_its_own_bones_exactly() {
     let skeleton = person();
     let fit =
         fit_template(&skeleton, &curve_along(&skeleton, &skeleton.rest_pose(), &[]), &Run::default()).expect("fits");
@@ -98,7 +98,7 @@ fn a_skeleton_on_the_curve_of_its_own_bones_is_itself() {
 }
 
 #[test]
-fn a_skeleton_on_the_curve_of_its_pose_stands_in_that_pose() {
+fn a_skeleton_fitted_to_the_curve_of_its_pose_takes_that_pose() {
     let skeleton = person();
     let pose = posed(&skeleton);
     let expected: Vec<Point3<f64>> =
@@ -106,7 +106,7 @@ fn a_skeleton_on_the_curve_of_its_pose_stands_in_that_pose() {
     let fit = fit_template(&skeleton, &curve_along(&skeleton, &pose, &[]), &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &expected);
     assert!(off < 0.025, "{off}: a tenth of an arm's bone");
-    // Frames go with the bones: those of joints in a chain as the pose turned them, but for twists.
+    // Frames follow the bones: those of joints in a chain as posed, up to twist.
     for (j, local) in pose.locals.iter().enumerate() {
         let turned = fit.skeleton.joints()[j].rest.rotation.angle_to(&local.rotation);
         assert!(turned < 0.35, "{}: {turned}", skeleton.joints()[j].name);
@@ -114,7 +114,7 @@ fn a_skeleton_on_the_curve_of_its_pose_stands_in_that_pose() {
 }
 
 #[test]
-fn scale_turn_and_place_of_either_do_not_matter() {
+fn the_fit_is_equivariant_under_similarities_of_either_input() {
     let skeleton = person();
     let curve = curve_along(&skeleton, &posed(&skeleton), &[]);
     let reference = fit_template(&skeleton, &curve, &Run::default()).expect("fits");
@@ -141,7 +141,7 @@ fn left_is_left_for_the_template_and_for_its_mirror_image() {
     let expected: Vec<_> = fit.skeleton.rest_positions().iter().map(mirror).collect();
     let off = apart(&mirrored.skeleton.rest_positions(), &expected);
     assert!(off < 1e-9, "{off}");
-    // The mirrored template on the curve as it was: its left arm is where the right one was.
+    // The mirrored template on the original curve: its left arm is where the right one was.
     let crossed = fit_template(&moved(&skeleton, mirror), &curve, &Run::default()).expect("fits");
     let [left, right] = ["hand.L", "hand.R"].map(|n| skeleton.named(n).expect("there") as usize);
     let [was, is] = [&fit, &crossed].map(|f| f.skeleton.rest_positions());
@@ -149,7 +149,7 @@ fn left_is_left_for_the_template_and_for_its_mirror_image() {
 }
 
 #[test]
-fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
+fn limbs_of_the_curve_without_counterpart_are_ignored() {
     let skeleton = person();
     let mut joints = skeleton.joints().to_vec();
     let mut add = |name: &str, parent: &str, offset: [f64; 3]| {
@@ -177,7 +177,7 @@ fn limbs_that_the_curve_has_beside_the_template_are_left_alone() {
 }
 
 #[test]
-fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
+fn limbs_without_image_follow_their_parent_and_are_reported() {
     let skeleton = person();
     for (missing, ends) in
         [("arm.R", ["chest", "hand end.R"]), ("neck", ["chest", "head end"]), ("hand end.L", ["", ""])]
@@ -198,7 +198,7 @@ fn what_the_curve_lacks_goes_with_what_it_hangs_on_and_is_named() {
 }
 
 #[test]
-fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() {
+fn a_retargeted_clip_has_the_templates_world_pose_for_any_rest_pose() {
     let person = humanoid(0.1).expect("made");
     let skeleton = &person.skeleton;
     let map =
@@ -214,12 +214,12 @@ fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() 
             for k in 0..5 {
                 let time = first + (last - first) * f64::from(k) / 4.0;
                 let at = |skeleton: &Skeleton, clip: &crate::character::Clip| -> Vec<Point3<f64>> {
-                    let pose = clip.pose(skeleton, time, crate::character::Outside::Hold).expect("fits");
+                    let pose = clip.pose(skeleton, time, crate::character::Extrapolation::Constant).expect("fits");
                     skeleton.globals(&pose).expect("fits").iter().map(|g| Point3::from(g.column(3).xyz())).collect()
                 };
                 let expected: Vec<_> = at(skeleton, clip).iter().map(map).collect();
                 let is = at(&fit.skeleton, &there);
-                // A tenth of a bone of the arm, of a template three times as large; less what the whole stands elsewhere at rest.
+                // A tenth of an arm bone of a template three times as large, minus the offset at rest.
                 let by = fit.skeleton.rest_positions()[0] - hips;
                 let off = expected.iter().zip(&is).map(|(a, b)| (b - a - by).norm()).fold(0.0, f64::max);
                 assert!(off < 0.09, "{} at {time}: {off}", clip.name());
@@ -229,11 +229,11 @@ fn a_movement_of_the_template_is_that_of_the_character_whatever_it_stood_like() 
 }
 
 #[test]
-fn what_ends_a_limb_keeps_how_it_stood_there_and_morphs_are_left_out() {
+fn ends_of_limbs_keep_their_rest_rotation_and_morphs_are_dropped() {
     let person = humanoid(0.1).expect("made");
     let skeleton = &person.skeleton;
     let fit = fit_template(skeleton, &curve_along(skeleton, &posed(skeleton), &[]), &Run::default()).expect("fits");
-    // A movement of nothing: all joints stand as in the template but those at the ends of limbs.
+    // A clip of nothing: all joints as in the template except the ends of limbs.
     let morph = crate::character::clip::MorphTrack {
         target: 0,
         keys: crate::character::Keys::constant([1.0]).expect("finite"),
@@ -241,7 +241,7 @@ fn what_ends_a_limb_keeps_how_it_stood_there_and_morphs_are_left_out() {
     let still = crate::character::Clip::new("still", Vec::new(), vec![morph]).expect("valid");
     let there = fit.retargeted(skeleton, &still).expect("its own");
     assert!(there.morphs().is_empty());
-    let pose = there.pose(&fit.skeleton, 0.0, crate::character::Outside::Hold).expect("fits");
+    let pose = there.pose(&fit.skeleton, 0.0, crate::character::Extrapolation::Constant).expect("fits");
     for (j, joint) in fit.skeleton.joints().iter().enumerate() {
         let template = skeleton.joints()[j].rest.rotation;
         let ends = ["head", "hand.L", "hand.R", "foot.L", "foot.R"].contains(&joint.name.as_str());
@@ -270,7 +270,7 @@ fn a_root_on_the_ground_is_no_limb() {
 }
 
 #[test]
-fn a_root_on_the_ground_is_no_tail_either() {
+fn a_root_on_the_ground_is_no_tail() {
     let skeleton = person();
     let mut joints = skeleton.joints().to_vec();
     joints[0].parent = Some(joints.len() as u32);
@@ -296,7 +296,7 @@ fn a_root_on_the_ground_is_no_tail_either() {
 }
 
 #[test]
-fn a_limb_ends_where_the_surface_is_and_not_in_a_spike_on_the_way() {
+fn a_limb_ends_where_the_surface_ends_and_not_in_a_spike_along_it() {
     let skeleton = person();
     let mut joints = skeleton.joints().to_vec();
     // Longer arms than the template's, hanging down; a crown of spikes at the elbows, where the template has its hands.
@@ -324,7 +324,7 @@ fn a_limb_ends_where_the_surface_is_and_not_in_a_spike_on_the_way() {
 }
 
 #[test]
-fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() {
+fn where_four_limbs_meet_lengths_decide_between_two_junctions() {
     let skeleton = person();
     let index = |name: &str| skeleton.named(name).expect("there");
     let at = skeleton.rest_positions();
@@ -333,8 +333,8 @@ fn where_four_limbs_meet_is_told_by_lengths_where_the_curve_has_two_junctions() 
     let spine = skeleton.joints()[chest as usize].parent.expect("a spine");
     for (low, high) in [(0.5, 0.6), (0.9, 0.3), (0.3, 0.9)] {
         let mut joints = skeleton.joints().to_vec();
-        for (name, of, from, share) in [("low", "arm.L", spine, low), ("high", "arm.R", neck, high)] {
-            let place = at[chest as usize].lerp(&at[from as usize], share);
+        for (name, of, from, fraction) in [("low", "arm.L", spine, low), ("high", "arm.R", neck, high)] {
+            let place = at[chest as usize].lerp(&at[from as usize], fraction);
             let parent = if name == "low" { spine } else { chest };
             let new = joints.len() as u32;
             let offset = place - at[parent as usize];
@@ -389,7 +389,7 @@ fn a_chain_with_a_bend_fits_a_chain_and_pieces_are_joined() {
     let fit = fit_template(&chain, &curve, &Run::default()).expect("fits");
     let off = apart(&fit.skeleton.rest_positions(), &chain.rest_positions());
     assert!(off < 0.05, "{off}");
-    // A straight one may lie either way: as the template does, and that is told.
+    // A straight curve fits in both directions: the template's is chosen, and the result is ambiguous.
     let line = CurveSkeleton {
         nodes: (0..50).map(|i| Point3::new(f64::from(50 - i), 0.0, 0.0)).collect(),
         edges: (0..49).map(|i| [i, i + 1]).collect(),
@@ -402,7 +402,7 @@ fn a_chain_with_a_bend_fits_a_chain_and_pieces_are_joined() {
 }
 
 #[test]
-fn what_cannot_be_fitted_is_refused_with_the_reason() {
+fn unfittable_inputs_are_rejected_with_the_reason() {
     let skeleton = person();
     let curve = curve_along(&skeleton, &skeleton.rest_pose(), &[]);
     let point = Skeleton::new(vec![skeleton.joints()[0].clone()]).expect("valid");
@@ -418,7 +418,7 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
     };
     let dot = CurveSkeleton { nodes: vec![Point3::origin()], ..CurveSkeleton::default() };
     for (template, curve, expected) in [
-        (&point, &curve, "the template has 1 joints in one place"),
+        (&point, &curve, "the template has 1 joints at one position"),
         (&skeleton, &dot, "the curve in the middle has 1 nodes and no limb"),
         (&skeleton, &dash, "the curve in the middle has 2 nodes"),
         (&skeleton, &CurveSkeleton::default(), "the curve in the middle has 0 nodes"),

@@ -1,8 +1,8 @@
-//! Cyclic coordinate descent: each joint of a chain in turn, from the tip to the root, turns so that the tip points at the target,
-//! as far as its limits allow.
+//! Cyclic coordinate descent: each joint of a chain, from the tip to the root, rotates so that the tip points at the target, within its
+//! limits.
 //!
-//! Simple and never diverging, but it favors joints near the tip, takes tens to hundreds of rounds near the end of its reach, and
-//! seeks one place only; [`super::solve`] has none of these limits.
+//! Simple and never divergent, but it favors joints near the tip, takes tens to hundreds of iterations near full extension, and supports a
+//! single position target; [`super::solve`] has none of these limitations.
 //!
 //! # Reference
 //! L.-C. T. Wang, C. C. Chen, *A Combined Optimization Method for Solving the Inverse Kinematics Problem of Mechanical
@@ -11,13 +11,13 @@
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::frames::Frames;
-use super::two_bone::turn;
+use super::two_bone::rotate;
 use super::{IkError, within_limits};
 use crate::character::{Pose, Skeleton};
 use plumbline_num::run::Run;
 
-/// Turns `joints` above a tip (all where there are fewer) until it is within `tolerance` of a place, in units of the model, or
-/// for as many rounds. The pose and the rounds that it took.
+/// Moves a tip to a position by rotating up to `joints` joints above it, for at most `rounds` iterations or until it is within
+/// `tolerance`, units of the model. Returns the pose and the number of iterations.
 ///
 /// # Errors
 /// [`IkError`]: `Unknown`, `NotFinite`, `Character`, `Interrupted`.
@@ -47,21 +47,21 @@ pub fn ccd(
     pose: &Pose,
     (tip, joints): (u32, usize),
     at: &Point3<f64>,
-    (rounds, tolerance): (usize, f64),
+    (iterations, tolerance): (usize, f64),
     run: &Run,
 ) -> Result<(Pose, usize), IkError> {
     let chain = chain(skeleton, tip, joints, at)?;
     let mut pose = within_limits(skeleton, pose);
     let mut frames = Frames::of(skeleton, &pose)?;
-    for round in 0..rounds {
+    for iteration in 0..iterations {
         run.check()?;
         if (frames.at(tip) - at).norm() <= tolerance {
-            return Ok((pose, round));
+            return Ok((pose, iteration));
         }
         for &joint in &chain {
             let from = frames.at(joint);
             if let Some(by) = UnitQuaternion::rotation_between(&(frames.at(tip) - from), &(at - from)) {
-                turn(skeleton, &frames, &mut pose, joint, &by);
+                rotate(skeleton, &frames, &mut pose, joint, &by);
                 let described = &skeleton.joints()[joint as usize];
                 if let Some(limits) = &described.limits {
                     let local = &mut pose.locals[joint as usize].rotation;
@@ -71,10 +71,10 @@ pub fn ccd(
             }
         }
     }
-    Ok((pose, rounds))
+    Ok((pose, iterations))
 }
 
-/// The joints above a tip, the nearest first.
+/// Ancestors of a tip, the nearest first.
 pub(super) fn chain(skeleton: &Skeleton, tip: u32, joints: usize, at: &Point3<f64>) -> Result<Vec<u32>, IkError> {
     let count = skeleton.joint_count();
     if tip as usize >= count {

@@ -1,7 +1,7 @@
-//! Forward and backward reaching: the joints of a chain as points on strings of fixed length, pulled to the target from the tip
-//! and back to the root in turn; then joints are turned so that they lie there.
+//! FABRIK: the joints of a chain are points at fixed distances, pulled to the target from the tip (backward) and back to the root
+//! (forward) in alternation; then the joints are rotated onto the points.
 //!
-//! Fast where the target is well within reach. It knows positions alone: no limits, no twist, one place.
+//! Fast if the target is well within reach. Positions only: no limits, no twist, one target.
 //!
 //! # Reference
 //! A. Aristidou, J. Lasenby, *FABRIK: A fast, iterative solver for the Inverse Kinematics problem*, Graphical Models 2011.
@@ -11,7 +11,7 @@ use nalgebra::{Point3, UnitQuaternion};
 use super::IkError;
 use super::ccd::chain;
 use super::frames::Frames;
-use super::two_bone::turn;
+use super::two_bone::rotate;
 use crate::character::{Pose, Skeleton};
 use plumbline_num::run::Run;
 
@@ -45,7 +45,7 @@ pub fn fabrik(
     pose: &Pose,
     (tip, joints): (u32, usize),
     at: &Point3<f64>,
-    (rounds, tolerance): (usize, f64),
+    (iterations, tolerance): (usize, f64),
     run: &Run,
 ) -> Result<(Pose, usize), IkError> {
     let mut chain = chain(skeleton, tip, joints, at)?;
@@ -54,12 +54,12 @@ pub fn fabrik(
     let frames = Frames::of(skeleton, pose)?;
     let start: Vec<Point3<f64>> = chain.iter().map(|&j| frames.at(j)).collect();
     let lengths: Vec<f64> = start.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
-    let (mut points, mut taken) = (start.clone(), rounds);
+    let (mut points, mut taken) = (start.clone(), iterations);
     let last = points.len() - 1;
-    for round in 0..rounds {
+    for iteration in 0..iterations {
         run.check()?;
         if (points[last] - at).norm() <= tolerance {
-            taken = round;
+            taken = iteration;
             break;
         }
         points[last] = *at;
@@ -76,13 +76,13 @@ pub fn fabrik(
         let frames = Frames::chained(skeleton, &pose);
         let [from, to] = [chain[k], chain[k + 1]].map(|j| frames.at(j));
         if let Some(by) = UnitQuaternion::rotation_between(&(to - from), &(points[k + 1] - points[k])) {
-            turn(skeleton, &frames, &mut pose, chain[k], &by);
+            rotate(skeleton, &frames, &mut pose, chain[k], &by);
         }
     }
     Ok((pose, taken))
 }
 
-/// The point at this distance from another, toward where it was.
+/// The point at distance `length` from `from`, in the direction of `to`.
 fn pulled(from: &Point3<f64>, to: &Point3<f64>, length: f64) -> Point3<f64> {
     let away = (to - from).try_normalize(0.0);
     away.map_or(*to, |direction| from + direction * length)

@@ -9,15 +9,16 @@ use super::{Target, above};
 use crate::character::{Pose, Skeleton};
 use plumbline_num::optim::levenberg_marquardt::DampedProblem;
 
-/// How stiff a direction is that limits block, of the largest stiffness there is.
-const BLOCKED: f64 = 1e8;
+/// Stiffness of a direction blocked by limits, relative to the largest diagonal entry: large enough to stop the step to 1e-8, small enough
+/// for the Cholesky factor to keep half its digits.
+const BLOCKED_STIFFNESS: f64 = 1e8;
 
-/// Turns of joints at their present values.
+/// The problem at the current pose.
 pub(super) struct Problem<'a> {
     skeleton: &'a Skeleton,
     targets: &'a [Target],
     variables: &'a Variables,
-    /// What a unit of each target's residual is.
+    /// Unit of each target's residual.
     scales: Vec<f64>,
     rest: f64,
     pose: Pose,
@@ -41,7 +42,7 @@ impl<'a> Problem<'a> {
             skeleton,
             targets,
             variables,
-            // Lengths of chains do not change as joints turn.
+            // Chain lengths are constant under rotation of joints.
             scales: targets.iter().map(|t| start.scale(t)).collect(),
             rest,
             frames: Frames::chained(skeleton, &pose),
@@ -56,14 +57,14 @@ impl<'a> Problem<'a> {
         self.pose
     }
 
-    /// Gradient of the present pose.
+    /// Gradient at the current pose.
     #[cfg(test)]
     pub(super) fn gradient(&mut self) -> DVector<f64> {
         self.linearize();
         self.gradient.clone()
     }
 
-    /// Cost of the present pose.
+    /// Cost of the current pose.
     pub(super) fn cost(&self) -> f64 {
         self.cost_of(&self.pose, &self.frames)
     }
@@ -75,7 +76,7 @@ impl<'a> Problem<'a> {
         }
         for &j in &self.variables.joints {
             let (joint, local) = (&self.skeleton.joints()[j as usize], &pose.locals[j as usize]);
-            let (turn, _) = Coordinates::of(joint, local).turn_from_rest(joint, local);
+            let (turn, _) = Coordinates::of(joint, local).rotation_from_rest(joint, local);
             cost += 0.5 * (self.rest * turn).norm_squared();
         }
         cost
@@ -84,20 +85,20 @@ impl<'a> Problem<'a> {
     fn lever(&self, j: u32) -> Lever {
         let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
         let linear = linear_above(self.skeleton, &self.frames, j);
-        let turn = joint
+        let rotation = joint
             .parent
-            .map_or_else(Matrix3::identity, |p| self.frames.turn[p as usize].to_rotation_matrix().into_inner());
+            .map_or_else(Matrix3::identity, |p| self.frames.rotation[p as usize].to_rotation_matrix().into_inner());
         Lever {
             origin: self.frames.at(j),
-            // A frame without volume moves nothing that can be told.
+            // A singular frame moves nothing that could be measured.
             inverse: linear.try_inverse().unwrap_or_else(Matrix3::zeros),
             linear,
-            turn,
+            rotation,
             velocities: Coordinates::of(joint, local).velocities(joint, local),
         }
     }
 
-    /// Makes directions in which limits block the way stiff.
+    /// Stiffens the directions that active limits block (penalty form of an active set).
     fn stiffen(&self, matrix: &mut DMatrix<f64>) {
         let most = self.hessian.diagonal().amax().max(f64::MIN_POSITIVE);
         for (k, &j) in self.variables.joints.iter().enumerate() {
@@ -105,7 +106,7 @@ impl<'a> Problem<'a> {
             let push: Vector3<f64> = -self.gradient.fixed_rows::<3>(3 * k).into_owned();
             for normal in Coordinates::of(joint, local).blocked(&push) {
                 let mut block = matrix.fixed_view_mut::<3, 3>(3 * k, 3 * k);
-                block += normal * normal.transpose() * (BLOCKED * most);
+                block += normal * normal.transpose() * (BLOCKED_STIFFNESS * most);
             }
         }
     }
@@ -137,7 +138,7 @@ impl DampedProblem for Problem<'_> {
         }
         for (k, &j) in joints.iter().enumerate() {
             let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
-            let (turn, change) = Coordinates::of(joint, local).turn_from_rest(joint, local);
+            let (turn, change) = Coordinates::of(joint, local).rotation_from_rest(joint, local);
             let weight = self.rest * self.rest;
             let mut rows = self.gradient.fixed_rows_mut::<3>(3 * k);
             rows += change.transpose() * turn * weight;
@@ -163,7 +164,7 @@ impl DampedProblem for Problem<'_> {
             taken.fixed_rows_mut::<3>(3 * k).copy_from(&possible);
         }
         let gain = -(self.gradient.dot(&taken) + 0.5 * taken.dot(&(&self.hessian * &taken)));
-        // A step that limits have bent uphill promises nothing; more damping makes it shorter and straighter.
+        // A step that projection onto the limits turned uphill is rejected; more damping shortens it.
         (gain > 0.0 || taken.amax() == 0.0).then_some(gain.max(0.0))
     }
 

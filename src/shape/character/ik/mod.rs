@@ -1,6 +1,6 @@
-//! Inverse kinematics: turns of joints that bring parts of a character where they are wanted.
+//! Inverse kinematics: joint rotations that bring parts of a character to targets.
 //!
-//! All targets form one least-squares problem in the turns `q` of the joints that may move:
+//! All targets form one least-squares problem in the coordinates `q` of the movable joints:
 //!
 //! ```text
 //! minimize ½ Σ w² ‖r(q)‖²      subject to the limits of each joint
@@ -8,17 +8,17 @@
 //! position      r = (p(q) − p̂) / ℓ                        ℓ the length of the longest chain
 //! orientation   r = log(R(q) R̂⁻¹)
 //! look at       r = d(q) − direction to the point          d an axis of the joint
-//! pole          r = m(q) − m̂                              directions from the chain's axis to its middle, and to the pole
+//! pole          r = m(q) − m̂                              directions from the chain's axis to its middle joint, and to the pole
 //! ```
 //!
-//! `q` of a joint with limits are its swing and twist, in which limits are convex; other joints turn by rotation vectors. Steps
-//! are those of Levenberg and Marquardt in the face of the limits that hold the solution back, each ends with the nearest point
-//! that limits allow, and is taken only where it lowers the cost: no pose on the way breaks a limit, and bones keep their lengths
-//! because joints only turn. What the targets leave open stays as it was at the start, as the damping has it; where joints shall
-//! be drawn to rest instead, `½ μ² Σ ‖turn from rest‖²` is added for a first run, and a second without it meets the targets.
+//! The coordinates of a joint with limits are its swing and twist, in which limits are convex; other joints use rotation vectors. Steps
+//! are Levenberg–Marquardt with an active set of limits; each step is projected onto the limits and accepted only if it lowers the cost.
+//! Every intermediate pose is therefore within the limits, and bone lengths are constant because joints only rotate. Degrees of freedom
+//! that the targets leave open stay near the initial guess, by the damping. With `μ > 0`, `½ μ² Σ ‖rotation from rest‖²` is added in a
+//! first run, which draws joints to rest; a second run without it meets the targets.
 //!
-//! Other methods ([`IkMethod`]) seek positions, one target after the other: the closed form for two bones ([`two_bone`]), cyclic
-//! coordinate descent ([`ccd()`]) and FABRIK ([`fabrik()`]).
+//! Other methods ([`IkMethod`]) support positions only, one target after the other: the closed form for two bones ([`two_bone`]),
+//! cyclic coordinate descent ([`ccd()`]) and FABRIK ([`fabrik()`]).
 //!
 //! # Reference
 //! S. R. Buss, *Introduction to Inverse Kinematics with Jacobian Transpose, Pseudoinverse and Damped Least Squares Methods*, 2004.
@@ -53,64 +53,64 @@ use frames::Frames;
 use least_squares::Problem;
 use variables::Variables;
 
-/// What is wanted of a joint.
+/// Kinds of targets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
-    /// A point of its frame is at a place.
+    /// A point of the joint's frame reaches a world position.
     Position {
         /// The point, in the joint's frame.
         point: Point3<f64>,
-        /// Where it is wanted, world.
+        /// The world position.
         at: Point3<f64>,
     },
-    /// Its frame is turned like this in the world.
+    /// The joint has this world rotation.
     Orientation(UnitQuaternion<f64>),
-    /// An axis of it points at a place.
+    /// An axis of the joint points at a world position.
     LookAt {
         /// The axis, in the joint's frame.
         axis: Unit<Vector3<f64>>,
-        /// Where it points, world.
+        /// The world position.
         at: Point3<f64>,
     },
-    /// The chain that ends with the joint bends toward a place.
+    /// The chain that ends at the joint bends toward a world position.
     Pole {
-        /// Where the chain begins: an ancestor.
+        /// First joint of the chain, an ancestor.
         root: u32,
-        /// What bends: between the two.
+        /// The joint that bends, between the two.
         middle: u32,
-        /// Toward this, world.
+        /// The world position.
         at: Point3<f64>,
     },
 }
 
-/// Something wanted of a joint, and how much.
+/// A target for a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// The joint.
     pub joint: u32,
-    /// What is wanted.
+    /// What to reach.
     pub goal: Goal,
-    /// How much it counts beside others, above 0.
+    /// Weight of the residual, above 0.
     pub weight: f64,
-    /// Joints that turn for it: the joint itself and this many above it; all up to the root without a number.
+    /// Movable joints: the joint itself and this many ancestors; `None`: all up to the root.
     pub chain: Option<usize>,
 }
 
 impl Target {
-    /// A joint's origin at a place; all joints above it may turn.
+    /// The joint's origin reaches a world position; all ancestors may move.
     pub fn position(joint: u32, at: Point3<f64>) -> Self {
         Self { joint, goal: Goal::Position { point: Point3::origin(), at }, weight: 1.0, chain: None }
     }
 }
 
-/// The algorithm of inverse kinematics.
+/// Inverse kinematics method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum IkMethod {
     /// Damped least squares: all targets of all kinds together
     ///
-    /// Joint limits hold at every step.
+    /// Every step is within the joint limits. Slowest, and the only method for orientations, directions and poles.
     #[default]
     LeastSquares,
     /// Cyclic coordinate descent: positions only
@@ -139,18 +139,18 @@ impl IkMethod {
     }
 }
 
-/// How targets are sought.
+/// Options of the inverse kinematics solver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkOptions {
-    /// The algorithm.
+    /// The method. Default: damped least squares.
     pub method: IkMethod,
-    /// Steps at most.
+    /// Largest number of steps. Default 200.
     pub iterations: usize,
-    /// Done when a step lowers the cost by no more than this share.
+    /// Relative cost decrease per step below which the solver stops. Default 1e-9.
     pub tolerance: f64,
-    /// `μ`: how much turns from rest count in a first run, per radian; 0: there is none, and poses follow their start closely.
+    /// `μ`: weight of rotations from rest in a first run, per radian. 0 (default) skips it, and poses stay close to the initial guess.
     pub rest: f64,
-    /// Joints that do not turn.
+    /// Joints that do not rotate.
     pub locked: Vec<u32>,
 }
 
@@ -160,30 +160,30 @@ impl Default for IkOptions {
     }
 }
 
-/// A pose and how well it meets its targets.
+/// A pose and its residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkSolution {
-    /// The pose: within all limits, and as the one it started from but for turns.
+    /// The pose: within all limits; only rotations differ from the initial guess.
     pub pose: Pose,
-    /// For each target how far it is missed: units of the model for positions, rad otherwise.
-    pub missed: Vec<f64>,
-    /// Steps tried.
+    /// Residual of each target: units of the model for positions, rad otherwise.
+    pub residuals: Vec<f64>,
+    /// Number of steps tried.
     pub iterations: usize,
-    /// The last step gained nothing to speak of.
+    /// Whether the last step was below the tolerance.
     pub converged: bool,
 }
 
-/// A second try from a bent pose must lower the cost to this share, or the first result stays: two tries that end alike must not
-/// alternate from frame to frame.
-const BETTER: f64 = 0.25;
-/// Residuals below this, of weight 1, count as met.
-const MET: f64 = 1e-6;
-/// Steps toward rest at most: along the curved valley of poses that meet their targets they are short.
-const DRAWN: usize = 50;
-/// How far joints are bent for a second try, rad.
-const BENT: f64 = 0.3;
+/// Cost ratio below which a second attempt from a bent pose replaces the first result. Well below 1, so that two attempts of similar
+/// quality do not alternate from frame to frame.
+const MAX_RETRY_COST_RATIO: f64 = 0.25;
+/// Largest residual of a met target, in its unit.
+const MET_TOLERANCE: f64 = 1e-6;
+/// Largest number of steps toward rest: along the curved valley of poses that meet the targets steps are short.
+const MAX_REST_ITERATIONS: usize = 50;
+/// Rotation of each joint before the second attempt, rad: enough to leave the singularity of a straight chain.
+const RETRY_BEND: f64 = 0.3;
 
-/// Turns joints of a pose so that targets are met as well as possible. Joints outside of their limits are brought inside first.
+/// Rotates joints so that targets are met in the least-squares sense. Joints outside their limits are first projected onto them.
 ///
 /// # Errors
 /// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Method`, `Character`, `Interrupted`.
@@ -207,7 +207,7 @@ const BENT: f64 = 0.3;
 /// for method in [IkMethod::LeastSquares, IkMethod::Ccd, IkMethod::Fabrik, IkMethod::TwoBone] {
 ///     let options = IkOptions { method, ..IkOptions::default() };
 ///     let found = solve(&arm, &arm.rest_pose(), &targets, &options, &Run::default())?;
-///     assert!(found.missed[0] < 1e-5, "{method:?}: {}", found.missed[0]);
+///     assert!(found.residuals[0] < 1e-5, "{method:?}: {}", found.residuals[0]);
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -230,6 +230,7 @@ pub fn solve(
         let cost = problem.cost();
         let damping = DampingOptions {
             tolerance: options.tolerance,
+            // Relative to unit residuals: a cost of 1e-20 is 1e-10 of a chain length.
             floor: 1e-20,
             max_iterations: iterations,
             ..DampingOptions::default()
@@ -238,52 +239,55 @@ pub fn solve(
         Ok::<_, IkError>((problem.into_pose(), report))
     };
     let meet = |pose: Pose| run_with(pose, 0.0, options.iterations);
-    let first =
-        if options.rest > 0.0 { run_with(allowed, options.rest, options.iterations.min(DRAWN))?.0 } else { allowed };
+    let first = if options.rest > 0.0 {
+        run_with(allowed, options.rest, options.iterations.min(MAX_REST_ITERATIONS))?.0
+    } else {
+        allowed
+    };
     let (mut pose, mut report) = meet(first)?;
-    let missed = |pose: &Pose| residual::missed(skeleton, targets, &Frames::chained(skeleton, pose));
-    let unmet = |pose: &Pose| missed(pose).iter().zip(targets).any(|(m, t)| *m > MET * frames.scale(t));
+    let residuals = |pose: &Pose| residual::residuals(skeleton, targets, &Frames::chained(skeleton, pose));
+    let unmet = |pose: &Pose| residuals(pose).iter().zip(targets).any(|(m, t)| *m > MET_TOLERANCE * frames.scale(t));
     if unmet(&pose) {
-        // A stretched chain whose target lies along it has no gradient.
-        let (second, other) = meet(variables.bent(skeleton, &pose, BENT))?;
-        if other.cost < BETTER * report.cost {
+        // A straight chain with a target on its line has zero gradient.
+        let (second, other) = meet(variables.bent(skeleton, &pose, RETRY_BEND))?;
+        if other.cost < MAX_RETRY_COST_RATIO * report.cost {
             (pose, report) = (second, other);
         }
     }
-    Ok(IkSolution { missed: missed(&pose), pose, iterations: report.iterations, converged: report.converged })
+    Ok(IkSolution { residuals: residuals(&pose), pose, iterations: report.iterations, converged: report.converged })
 }
 
-/// A pose on the way from one to another: `t` 0 and 1 are these. Between poses that limits allow it is allowed too.
+/// Interpolates two poses at `t` in 0 ..= 1. If both are within the limits, so is the result.
 ///
 /// # Errors
 /// [`IkError::Character`] for poses of another skeleton.
-pub fn between(skeleton: &Skeleton, from: &Pose, to: &Pose, t: f64) -> Result<Pose, IkError> {
+pub fn interpolate(skeleton: &Skeleton, from: &Pose, to: &Pose, t: f64) -> Result<Pose, IkError> {
     let (mut pose, _, _) = (from.clone(), skeleton.globals(from)?, skeleton.globals(to)?);
     for ((joint, local), target) in skeleton.joints().iter().zip(&mut pose.locals).zip(&to.locals) {
         local.translation += (target.translation - local.translation) * t;
         local.scale += (target.scale - local.scale) * t;
         local.rotation = match &joint.limits {
-            None => turned(&local.rotation, &target.rotation, t),
+            None => slerp(&local.rotation, &target.rotation, t),
             Some(limits) => {
                 let rest = joint.rest.rotation;
                 let [mut a, b] = [&local.rotation, &target.rotation].map(|r| limits.split(&(rest.inverse() * r)));
                 a.swing += (b.swing - a.swing) * t;
                 a.twist += (b.twist - a.twist) * t;
-                rest * limits.turn(&a)
+                rest * limits.rotation(&a)
             }
         };
     }
     Ok(pose)
 }
 
-/// On the great circle, the short way.
-fn turned(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>, t: f64) -> UnitQuaternion<f64> {
+/// Slerp on the shortest path.
+fn slerp(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>, t: f64) -> UnitQuaternion<f64> {
     let turn = a.inverse() * b;
     let turn = if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn };
     a * UnitQuaternion::from_scaled_axis(turn.scaled_axis() * t)
 }
 
-/// The pose with every joint within its limits; others are left as they are.
+/// The pose with every joint projected onto its limits; joints within them are unchanged.
 pub fn within_limits(skeleton: &Skeleton, pose: &Pose) -> Pose {
     let mut pose = pose.clone();
     for (joint, local) in skeleton.joints().iter().zip(&mut pose.locals) {
@@ -328,7 +332,7 @@ fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), IkError> {
     Ok(())
 }
 
-/// Whether `ancestor` lies above a joint.
+/// Whether `ancestor` is a proper ancestor of a joint.
 fn above(skeleton: &Skeleton, joint: u32, ancestor: u32) -> bool {
     let parent = |j: u32| skeleton.joints()[j as usize].parent;
     std::iter::successors(parent(joint), |&j| parent(j)).any(|j| j == ancestor)

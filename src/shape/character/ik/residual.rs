@@ -1,4 +1,4 @@
-//! What targets are missed by, and how that changes as joints turn.
+//! Residuals of targets and their Jacobians.
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
@@ -7,37 +7,37 @@ use super::variables::left_jacobian;
 use super::{Goal, Target};
 use crate::character::Skeleton;
 
-/// How a joint's turn moves what hangs on it: angular velocity `ω` of the parent's frame moves the point `p` by
-/// `A (ω × A⁻¹ (p − o))`, and turns it by `R ω`.
+/// Effect of a joint's rotation on its descendants: the angular velocity `ω` of the parent's frame moves the point `p` by
+/// `A (ω × A⁻¹ (p − o))` and rotates its frame by `R ω`.
 pub(super) struct Lever {
     pub(super) origin: Point3<f64>,
     pub(super) linear: Matrix3<f64>,
     pub(super) inverse: Matrix3<f64>,
-    pub(super) turn: Matrix3<f64>,
-    /// Angular velocities of the joint's coordinates, columns.
+    pub(super) rotation: Matrix3<f64>,
+    /// Angular velocities of the joint's coordinates, as columns.
     pub(super) velocities: Matrix3<f64>,
 }
 
 impl Lever {
-    /// Velocity of a point for each coordinate, columns.
+    /// Velocity of a point per coordinate, as columns.
     fn of_point(&self, p: &Point3<f64>) -> Matrix3<f64> {
         let arm = self.inverse * (p - self.origin);
         -self.linear * arm.cross_matrix() * self.velocities
     }
 
-    /// Angular velocity in the world for each coordinate, columns.
-    fn of_turn(&self) -> Matrix3<f64> {
-        self.turn * self.velocities
+    /// World angular velocity per coordinate, as columns.
+    fn of_rotation(&self) -> Matrix3<f64> {
+        self.rotation * self.velocities
     }
 }
 
-/// The residual of a target, of weight 1.
+/// The residual of a target, before weighting.
 pub(super) fn residual(target: &Target, frames: &Frames, scale: f64) -> Vector3<f64> {
     match &target.goal {
         Goal::Position { point, at } => (frames.point(target.joint, point) - at) / scale,
-        Goal::Orientation(turn) => error_of(&frames.turn[target.joint as usize], turn),
+        Goal::Orientation(turn) => error_of(&frames.rotation[target.joint as usize], turn),
         Goal::LookAt { axis, at } => {
-            let seen = frames.turn[target.joint as usize] * axis.into_inner();
+            let seen = frames.rotation[target.joint as usize] * axis.into_inner();
             seen - direction(at - frames.at(target.joint))
         }
         Goal::Pole { root, middle, at } => {
@@ -48,7 +48,7 @@ pub(super) fn residual(target: &Target, frames: &Frames, scale: f64) -> Vector3<
     }
 }
 
-/// How the residual changes with the coordinates of a joint, columns. `moves` says whether the joint lies above another, or is it.
+/// Jacobian of the residual in the coordinates of a joint. `moves` tests whether the joint is an ancestor of another, or the same.
 pub(super) fn jacobian(
     target: &Target,
     frames: &Frames,
@@ -60,13 +60,13 @@ pub(super) fn jacobian(
     match &target.goal {
         Goal::Position { point: p, .. } => point(target.joint, &frames.point(target.joint, p)) / scale,
         Goal::Orientation(turn) => {
-            let error = error_of(&frames.turn[target.joint as usize], turn);
-            left_jacobian(&error).try_inverse().unwrap_or_else(Matrix3::identity) * lever.of_turn()
+            let error = error_of(&frames.rotation[target.joint as usize], turn);
+            left_jacobian(&error).try_inverse().unwrap_or_else(Matrix3::identity) * lever.of_rotation()
         }
         Goal::LookAt { axis, at } => {
-            let seen = frames.turn[target.joint as usize] * axis.into_inner();
+            let seen = frames.rotation[target.joint as usize] * axis.into_inner();
             let from = frames.at(target.joint);
-            -seen.cross_matrix() * lever.of_turn() + direction_change(&(at - from)) * point(target.joint, &from)
+            -seen.cross_matrix() * lever.of_rotation() + direction_change(&(at - from)) * point(target.joint, &from)
         }
         Goal::Pole { root, middle, at } => {
             let [a, b, c] = [*root, *middle, target.joint].map(|j| frames.at(j));
@@ -77,8 +77,8 @@ pub(super) fn jacobian(
     }
 }
 
-/// For each target how far it is missed: units of the model for positions, rad otherwise.
-pub(super) fn missed(_skeleton: &Skeleton, targets: &[Target], frames: &Frames) -> Vec<f64> {
+/// Residual of each target: units of the model for positions, rad otherwise.
+pub(super) fn residuals(_skeleton: &Skeleton, targets: &[Target], frames: &Frames) -> Vec<f64> {
     let angle = |chord: f64| 2.0 * (0.5 * chord).min(1.0).asin();
     let of = |target: &Target| match target.goal {
         Goal::Position { .. } | Goal::Orientation(_) => residual(target, frames, 1.0).norm(),
@@ -87,18 +87,18 @@ pub(super) fn missed(_skeleton: &Skeleton, targets: &[Target], frames: &Frames) 
     targets.iter().map(of).collect()
 }
 
-/// `log(R R̂⁻¹)`, the short way.
+/// `log(R R̂⁻¹)` on the shortest path.
 fn error_of(turn: &UnitQuaternion<f64>, wanted: &UnitQuaternion<f64>) -> Vector3<f64> {
     let error = turn * wanted.inverse();
     if error.w < 0.0 { UnitQuaternion::new_unchecked(-error.into_inner()) } else { error }.scaled_axis()
 }
 
-/// The direction of a vector; none for no vector.
+/// The unit vector; zero for the zero vector.
 fn direction(v: Vector3<f64>) -> Vector3<f64> {
     v.try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 
-/// How the direction changes with the vector: `(I − d dᵀ) / |v|`.
+/// Derivative of the unit vector: `(I − d dᵀ) / |v|`.
 fn direction_change(v: &Vector3<f64>) -> Matrix3<f64> {
     let length = v.norm();
     if !(length > 0.0) {
@@ -108,12 +108,12 @@ fn direction_change(v: &Vector3<f64>) -> Matrix3<f64> {
     (Matrix3::identity() - d * d.transpose()) / length
 }
 
-/// The direction of a vector across an axis.
+/// Unit vector of the part of `v` perpendicular to an axis.
 fn across(axis: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     direction(v - axis * axis.dot(v))
 }
 
-/// How it changes, of the changes of the axis and of the vector.
+/// Its derivative, from those of the axis and of the vector.
 fn across_change(axis: &Vector3<f64>, turning: &Matrix3<f64>, v: &Vector3<f64>, moving: &Matrix3<f64>) -> Matrix3<f64> {
     let flat = v - axis * axis.dot(v);
     let change = moving - turning * axis.dot(v) - axis * (v.transpose() * turning + axis.transpose() * moving);

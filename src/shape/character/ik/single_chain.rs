@@ -1,5 +1,5 @@
-//! Targets one after the other, each by the joints of its own chain: what [`IkMethod::Ccd`], [`IkMethod::Fabrik`] and
-//! [`IkMethod::TwoBone`] share.
+//! Sequential solution of position targets, each by the joints of its own chain: the driver of [`IkMethod::Ccd`],
+//! [`IkMethod::Fabrik`] and [`IkMethod::TwoBone`].
 
 use nalgebra::Point3;
 
@@ -8,10 +8,10 @@ use super::{Goal, IkError, IkMethod, IkOptions, IkSolution, Target, ccd, fabrik,
 use crate::character::{Pose, Skeleton};
 use plumbline_num::run::Run;
 
-/// A target is met within this fraction of the length of its chain: the tolerance of the iterations.
+/// Distance to a met target, as a fraction of its chain length: the tolerance of the least-squares method, too.
 const TOLERANCE: f64 = 1e-6;
 
-/// Seeks the targets in their order, from a pose within limits; those that come later may move what earlier ones met.
+/// Solves the targets in order, from a pose within limits; later ones may move joints of earlier ones.
 pub(super) fn solve(
     skeleton: &Skeleton,
     initial: Pose,
@@ -24,7 +24,7 @@ pub(super) fn solve(
         let refused = |problem| IkError::Method { target: number, method: options.method.name(), problem };
         let at = match &target.goal {
             Goal::Position { point, at } if *point == Point3::origin() => at,
-            // The poles of a closed form are taken together with its positions.
+            // The closed form handles a pole together with the position of its joint.
             Goal::Pole { .. } if options.method == IkMethod::TwoBone => continue,
             _ => return Err(refused("it brings the origins of joints to positions, nothing else")),
         };
@@ -48,11 +48,11 @@ pub(super) fn solve(
         iterations = iterations.max(taken);
         converged &= options.method == IkMethod::TwoBone || taken < options.iterations;
     }
-    let missed = residual::missed(skeleton, targets, &Frames::of(skeleton, &pose)?);
-    Ok(IkSolution { pose, missed, iterations, converged })
+    let residuals = residual::residuals(skeleton, targets, &Frames::of(skeleton, &pose)?);
+    Ok(IkSolution { pose, residuals, iterations, converged })
 }
 
-/// The closed form: root and middle are those of a pole of the same joint, or the two joints above it.
+/// The closed form: root and middle joint are those of a pole of the same joint, or its two ancestors.
 fn of_two_bones(
     skeleton: &Skeleton,
     pose: &Pose,

@@ -5,7 +5,7 @@ use crate::character::{Joint, Limits};
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// A chain of joints along x with bones of these lengths, turned frames, and an end.
+/// A chain of joints along x with bones of these lengths, rotated frames, and a leaf joint.
 fn chain(lengths: &[f64], limits: Option<Limits>) -> Skeleton {
     let mut joints = Vec::new();
     for k in 0..=lengths.len() {
@@ -21,7 +21,7 @@ fn tip_of(skeleton: &Skeleton, pose: &Pose) -> Point3<f64> {
     Frames::chained(skeleton, pose).at(skeleton.joint_count() as u32 - 1)
 }
 
-/// Places about a chain, of which `share` of its length is the farthest.
+/// Positions around a chain, at most the fraction `share` of its length away.
 fn places(skeleton: &Skeleton, length: f64, share: f64) -> Vec<Point3<f64>> {
     let root = Frames::chained(skeleton, &skeleton.rest_pose()).at(0);
     let place = |k: u32| {
@@ -44,37 +44,37 @@ fn within(skeleton: &Skeleton, pose: &Pose) -> bool {
 }
 
 #[test]
-fn i1_targets_within_reach_are_reached_and_a_chain_out_of_reach_is_straight() {
+fn i1_reachable_targets_are_reached_and_a_chain_out_of_reach_is_straight() {
     let lengths = [0.7, 0.5, 0.6, 0.4];
     let skeleton = chain(&lengths, None);
     let (rest, length) = (skeleton.rest_pose(), 2.2);
     for at in places(&skeleton, length, 0.95) {
         let found =
             solve(&skeleton, &rest, &[Target::position(4, at)], &IkOptions::default(), &Run::default()).expect("valid");
-        assert!(found.missed[0] <= 1e-6 * length, "{at}: {} after {}", found.missed[0], found.iterations);
+        assert!(found.residuals[0] <= 1e-6 * length, "{at}: {} after {}", found.residuals[0], found.iterations);
     }
     let root = Frames::chained(&skeleton, &rest).at(0);
     for at in places(&skeleton, length, 1.0) {
         let far = root + (at - root).normalize() * 1.7 * length;
         let found = solve(&skeleton, &rest, &[Target::position(4, far)], &IkOptions::default(), &Run::default())
             .expect("valid");
-        assert!(found.missed[0] - 0.7 * length <= 1e-6 * length, "{}", found.missed[0] - 0.7 * length);
+        assert!(found.residuals[0] - 0.7 * length <= 1e-6 * length, "{}", found.residuals[0] - 0.7 * length);
     }
 }
 
 #[test]
-fn i1_a_stretched_chain_reaches_inward() {
+fn i1_a_straight_chain_reaches_inward() {
     let skeleton = chain(&[1.0, 1.0], None);
     let mut straight = skeleton.rest_pose();
     straight.locals.iter_mut().for_each(|l| l.rotation = UnitQuaternion::identity());
     let root = Frames::chained(&skeleton, &straight).at(0);
     let at = root + Vector3::x();
     let found = solve(&skeleton, &straight, &[Target::position(2, at)], &IkOptions::default(), &Run::default());
-    assert!(found.expect("valid").missed[0] < 2e-6);
+    assert!(found.expect("valid").residuals[0] < 2e-6);
 }
 
 #[test]
-fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
+fn i2_every_pose_and_interpolated_pose_is_within_the_limits() {
     let limits = Limits { swing: [0.6, 0.25], twist: [-0.1, 0.3], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
     let hinge = Limits { swing: [0.0, 1.2], twist: [0.0, 0.0], ..limits };
     for limits in [limits, hinge] {
@@ -91,7 +91,7 @@ fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
                 .expect("valid")
                 .pose;
             for k in 0..=10 {
-                let on_the_way = between(&skeleton, &pose, &found, f64::from(k) / 10.0).expect("valid");
+                let on_the_way = interpolate(&skeleton, &pose, &found, f64::from(k) / 10.0).expect("valid");
                 assert!(within(&skeleton, &on_the_way));
             }
             let (by_descent, _) = ccd(&skeleton, &pose, (4, 9), &at, (20, 1e-6), &Run::default()).expect("valid");
@@ -102,11 +102,11 @@ fn i2_limits_are_kept_by_every_pose_even_on_the_way() {
 }
 
 #[test]
-fn i2_what_limits_allow_is_reached_within_them() {
+fn i2_poses_within_the_limits_are_reached_within_them() {
     let limits = Limits { swing: [0.8, 0.5], twist: [-0.4, 0.4], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
     let skeleton = chain(&[0.7, 0.5, 0.6, 0.4], Some(limits));
     for k in 0..30 {
-        // A pose at or within the limits, whose tip is the target.
+        // A pose within the limits, or on them, whose tip is the target.
         let k = f64::from(k);
         let mut there = skeleton.rest_pose();
         for (j, (local, joint)) in there.locals.iter_mut().zip(skeleton.joints()).enumerate() {
@@ -115,13 +115,13 @@ fn i2_what_limits_allow_is_reached_within_them() {
                 swing: nalgebra::Vector2::new(0.95 * phase.sin(), 0.6 * (2.0 * phase).cos()),
                 twist: 0.5 * (3.0 * phase).sin(),
             };
-            local.rotation = joint.rest.rotation * limits.turn(&limits.nearest(&at));
+            local.rotation = joint.rest.rotation * limits.rotation(&limits.nearest(&at));
         }
         let at = tip_of(&skeleton, &there);
         let found =
             solve(&skeleton, &skeleton.rest_pose(), &[Target::position(4, at)], &IkOptions::default(), &Run::default())
                 .expect("valid");
-        assert!(found.missed[0] <= 2e-6 && within(&skeleton, &found.pose), "{k}: {}", found.missed[0]);
+        assert!(found.residuals[0] <= 2e-6 && within(&skeleton, &found.pose), "{k}: {}", found.residuals[0]);
     }
 }
 
@@ -134,7 +134,7 @@ fn i3_a_chain_bends_toward_its_pole() {
         let toward = Target { goal: Goal::Pole { root: 0, middle: 1, at: pole }, ..position.clone() };
         let found =
             solve(&skeleton, &rest, &[position, toward], &IkOptions::default(), &Run::default()).expect("valid");
-        assert!(found.missed[0] < 2e-6 && found.missed[1] < 0.1_f64.to_radians(), "{:?}", found.missed);
+        assert!(found.residuals[0] < 2e-6 && found.residuals[1] < 0.1_f64.to_radians(), "{:?}", found.residuals);
         let by_hand = two_bone(&skeleton, &rest, [0, 1, 2], &at, Some(&pole)).expect("valid");
         assert!((tip_of(&skeleton, &by_hand) - at).norm() < 1e-12);
         let ([a, b, c], root) = ([0, 1, 2].map(|j| Frames::chained(&skeleton, &by_hand).at(j)), pole);
@@ -149,7 +149,7 @@ fn i3_a_chain_bends_toward_its_pole() {
 }
 
 #[test]
-fn i4_a_target_that_moves_a_little_moves_joints_a_little() {
+fn i4_a_small_motion_of_the_target_moves_joints_a_little() {
     let limits = Limits { swing: [1.2, 1.2], twist: [-0.4, 0.4], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
     for limits in [None, Some(limits)] {
         let skeleton = chain(&[0.7, 0.5, 0.6], limits);
@@ -163,8 +163,8 @@ fn i4_a_target_that_moves_a_little_moves_joints_a_little() {
             let found = solve(&skeleton, &pose, &[Target::position(3, at)], &IkOptions::default(), &Run::default())
                 .expect("valid")
                 .pose;
-            let turned = found.locals.iter().zip(&pose.locals).map(|(a, b)| a.rotation.angle_to(&b.rotation));
-            let most = turned.fold(0.0, f64::max);
+            let slerp = found.locals.iter().zip(&pose.locals).map(|(a, b)| a.rotation.angle_to(&b.rotation));
+            let most = slerp.fold(0.0, f64::max);
             assert!(first || most < 8.0 * step, "{limits:?}: {most} at {k}");
             (pose, first) = (found, false);
         }
@@ -172,7 +172,7 @@ fn i4_a_target_that_moves_a_little_moves_joints_a_little() {
 }
 
 #[test]
-fn i5_bones_keep_their_lengths() {
+fn i5_bone_lengths_are_constant() {
     let lengths = [0.7, 0.5, 0.6, 0.4];
     let skeleton = chain(&lengths, None);
     let rest = skeleton.rest_pose();
@@ -194,18 +194,18 @@ fn i5_bones_keep_their_lengths() {
 }
 
 #[test]
-fn all_goals_are_met_together() {
+fn targets_of_all_kinds_are_met_together() {
     let skeleton = chain(&[0.7, 0.5, 0.6, 0.4, 0.3], None);
     let mut there = skeleton.rest_pose();
     for (k, local) in there.locals.iter_mut().enumerate() {
         local.rotation *= UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8 - k as f64 * 0.3, 0.5));
     }
     let frames = Frames::chained(&skeleton, &there);
-    let seen = frames.at(3) + frames.turn[3] * Vector3::z() * 5.0;
+    let seen = frames.at(3) + frames.rotation[3] * Vector3::z() * 5.0;
     let target = |joint, goal| Target { joint, goal, weight: 1.0, chain: None };
     let targets = [
         Target::position(5, frames.at(5)),
-        target(5, Goal::Orientation(frames.turn[5])),
+        target(5, Goal::Orientation(frames.rotation[5])),
         target(3, Goal::LookAt { axis: Vector3::z_axis(), at: seen }),
         target(2, Goal::Pole { root: 0, middle: 1, at: frames.at(1) }),
         target(
@@ -215,13 +215,13 @@ fn all_goals_are_met_together() {
     ];
     let found =
         solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default(), &Run::default()).expect("valid");
-    for (k, missed) in found.missed.iter().enumerate() {
-        assert!(*missed < 1e-5, "target {k}: {missed} after {}", found.iterations);
+    for (k, residuals) in found.residuals.iter().enumerate() {
+        assert!(*residuals < 1e-5, "target {k}: {residuals} after {}", found.iterations);
     }
 }
 
 #[test]
-fn derivatives_are_those_of_differences_also_under_scaled_frames() {
+fn jacobians_agree_with_finite_differences_also_under_scaled_frames() {
     let limits = Limits { swing: [2.0, 2.0], twist: [-2.0, 2.0], ..Limits::cone(Vector3::x_axis(), 1.0, 1.0) };
     let mut joints = chain(&[0.7, 0.5, 0.6, 0.4], None).joints().to_vec();
     joints[1].rest.scale = Vector3::new(1.5, 0.8, 1.2);
@@ -273,7 +273,7 @@ fn derivatives_are_those_of_differences_also_under_scaled_frames() {
 }
 
 #[test]
-fn the_answer_moves_with_the_world_and_grows_with_the_model() {
+fn the_solution_is_equivariant_under_motion_and_scale() {
     let lengths = [0.7, 0.5, 0.6];
     let skeleton = chain(&lengths, None);
     let world = Translation3::new(5.0, -3.0, 1.0) * UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 1.0, -2.0));
@@ -299,7 +299,7 @@ fn the_answer_moves_with_the_world_and_grows_with_the_model() {
 }
 
 #[test]
-fn locked_joints_and_joints_beyond_the_chain_stay() {
+fn locked_joints_and_joints_beyond_the_chain_do_not_move() {
     let skeleton = chain(&[0.7, 0.5, 0.6, 0.4], None);
     let rest = skeleton.rest_pose();
     let target = Target { chain: Some(3), ..Target::position(4, Point3::new(1.2, 0.9, 0.2)) };
@@ -310,7 +310,7 @@ fn locked_joints_and_joints_beyond_the_chain_stay() {
 }
 
 #[test]
-fn faults_are_told_with_target_and_value() {
+fn errors_name_the_target_and_the_value() {
     let skeleton = chain(&[1.0, 1.0], None);
     let told = |target: Target| {
         let e = solve(&skeleton, &skeleton.rest_pose(), &[target], &IkOptions::default(), &Run::default());
@@ -321,7 +321,7 @@ fn faults_are_told_with_target_and_value() {
     assert_eq!(told(Target::position(2, Point3::new(f64::NAN, 0.0, 0.0))), "target 0 is not finite");
     assert!(told(Target { weight: 0.0, ..at.clone() }).starts_with("the weight 0 of target 0 is invalid"));
     let pole = Goal::Pole { root: 1, middle: 0, at: Point3::origin() };
-    assert!(told(Target { goal: pole, ..at }).starts_with("the joints of target 0 are no chain"));
+    assert!(told(Target { goal: pole, ..at }).starts_with("the joints of target 0 are not a chain"));
 }
 
 #[test]
@@ -337,7 +337,7 @@ fn methods_of_single_chains_meet_positions_and_refuse_other_goals() {
     let toward = Target { goal: pole, ..two.clone() };
     for method in [IkMethod::Ccd, IkMethod::Fabrik, IkMethod::TwoBone] {
         let found = solve_by(method, std::slice::from_ref(&two), Vec::new()).expect("valid");
-        assert!(found.missed[0] < 1e-5 && found.converged, "{method:?}: {}", found.missed[0]);
+        assert!(found.residuals[0] < 1e-5 && found.converged, "{method:?}: {}", found.residuals[0]);
         assert_eq!(found.pose.locals[0], rest.locals[0], "{method:?}: beyond the chain");
         let turned = Target { goal: Goal::Orientation(UnitQuaternion::identity()), ..two.clone() };
         let refused = solve_by(method, &[turned], Vec::new()).expect_err("an orientation").to_string();
@@ -346,5 +346,5 @@ fn methods_of_single_chains_meet_positions_and_refuse_other_goals() {
         assert!(locked.contains("a joint of the chain is locked"), "{locked}");
     }
     let both = solve_by(IkMethod::TwoBone, &[two, toward], Vec::new()).expect("valid");
-    assert!(both.missed.iter().all(|missed| *missed < 1e-5), "{:?}", both.missed);
+    assert!(both.residuals.iter().all(|residual| *residual < 1e-5), "{:?}", both.residuals);
 }

@@ -1,14 +1,14 @@
-//! Two bones in closed form: an arm or a leg.
+//! Two bones in closed form, such as an arm or a leg.
 //!
-//! With lengths `l₁`, `l₂` and the target `d` away from the root, the law of cosines gives the angle at the root,
+//! With bone lengths `l₁`, `l₂` and the target at distance `d` from the root, the law of cosines gives the angle at the root,
 //!
 //! ```text
 //! cos α = (l₁² + d² − l₂²) / (2 l₁ d),      b' = a + l₁ (cos α u + sin α q)
 //! ```
 //!
-//! with `u` toward the target and `q` the direction across it in which the chain bends: toward the pole, or as it bends now. A
-//! target out of reach is approached as far as the bones go. The middle turns in the plane of the bend alone, so that a hinge
-//! stays one. Limits are not regarded: [`super::within_limits`] may follow, or [`super::solve`] instead.
+//! with `u` toward the target and `q ⊥ u` the direction in which the chain bends: toward the pole, or as it bends now. A target out of reach
+//! is approached as far as the bones reach. The middle joint rotates in the plane of the bend only, so that a hinge stays a hinge. Limits
+//! are ignored: follow with [`super::within_limits`], or use [`super::solve`].
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
@@ -16,7 +16,7 @@ use super::frames::Frames;
 use super::{IkError, above};
 use crate::character::{Pose, Skeleton};
 
-/// Turns the joints `root` and `middle` so that the joint `tip` comes to a place. Frames above must not be scaled unevenly.
+/// Rotates the joints `root` and `middle` so that the joint `tip` reaches a position. Frames above must not be scaled unevenly.
 ///
 /// # Errors
 /// [`IkError`]: `Unknown`, `NotFinite`, `Chain`, `Character`.
@@ -65,7 +65,7 @@ pub fn two_bone(
     let toward = away.try_normalize(0.0).or((c - a).try_normalize(0.0)).unwrap_or_else(Vector3::x);
     let across =
         |v: Vector3<f64>, axis: &Vector3<f64>| (v - axis * axis.dot(&v)).try_normalize(1e-9 * (first + second));
-    // As it bends now, carried along by the shortest turn of the whole chain.
+    // The present bend direction, carried along by the shortest rotation of the whole chain.
     let present = (c - a).try_normalize(0.0).unwrap_or(toward);
     let bend = across(b - a, &present).unwrap_or_else(|| some_across(&present));
     let carried = UnitQuaternion::rotation_between(&present, &toward).unwrap_or_else(UnitQuaternion::identity) * bend;
@@ -76,7 +76,7 @@ pub fn two_bone(
     let sine = (1.0 - cosine * cosine).sqrt();
     let new_b = a + (toward * cosine + bend_toward * sine) * first;
     let new_c = a + toward * distance;
-    // The root turns the first bone and the plane of the bend.
+    // The root rotates the first bone together with the plane of the bend.
     let plane = |along: Vector3<f64>, bend: &Vector3<f64>, axis: &Vector3<f64>| -> Option<Rotation3<f64>> {
         let (along, normal) = (along.try_normalize(0.0)?, axis.cross(bend).try_normalize(0.0)?);
         let columns = [along, normal.cross(&along), normal];
@@ -84,30 +84,30 @@ pub fn two_bone(
     };
     let mut pose = pose.clone();
     if let (Some(old), Some(new)) = (plane(b - a, &bend, &present), plane(new_b - a, &bend_toward, &toward)) {
-        turn(skeleton, &frames, &mut pose, root, &UnitQuaternion::from_rotation_matrix(&(new * old.inverse())));
+        rotate(skeleton, &frames, &mut pose, root, &UnitQuaternion::from_rotation_matrix(&(new * old.inverse())));
     }
     let frames = Frames::of(skeleton, &pose)?;
     let (old, new) = (frames.at(tip) - frames.at(middle), new_c - new_b);
     if let Some(by) = UnitQuaternion::rotation_between(&old, &new) {
-        turn(skeleton, &frames, &mut pose, middle, &by);
+        rotate(skeleton, &frames, &mut pose, middle, &by);
     } else {
-        // Back upon itself: about the normal of the plane.
+        // Folded back upon itself: rotate about the normal of the plane.
         let by = UnitQuaternion::from_scaled_axis(toward.cross(&bend_toward) * std::f64::consts::PI);
-        turn(skeleton, &frames, &mut pose, middle, &by);
+        rotate(skeleton, &frames, &mut pose, middle, &by);
     }
     Ok(pose)
 }
 
-/// Turns a joint by a rotation of the world about its origin.
-pub(super) fn turn(skeleton: &Skeleton, frames: &Frames, pose: &mut Pose, joint: u32, by: &UnitQuaternion<f64>) {
+/// Rotates a joint about its origin by a world rotation.
+pub(super) fn rotate(skeleton: &Skeleton, frames: &Frames, pose: &mut Pose, joint: u32, by: &UnitQuaternion<f64>) {
     let parent = skeleton.joints()[joint as usize].parent;
-    let above = parent.map_or_else(UnitQuaternion::identity, |p| frames.turn[p as usize]);
+    let above = parent.map_or_else(UnitQuaternion::identity, |p| frames.rotation[p as usize]);
     let local = &mut pose.locals[joint as usize].rotation;
     *local = above.inverse() * by * above * *local;
     local.renormalize();
 }
 
-/// Some direction across an axis.
+/// A unit vector perpendicular to an axis.
 fn some_across(axis: &Vector3<f64>) -> Vector3<f64> {
     axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize()
 }

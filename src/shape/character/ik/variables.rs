@@ -1,4 +1,4 @@
-//! The joints that may turn, and the coordinates of their turns.
+//! The movable joints and the coordinates of their rotations.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -6,13 +6,13 @@ use super::{IkOptions, Target};
 use crate::character::{Joint, Limits, Pose, Skeleton, SwingTwist};
 use plumbline_num::math::Trs;
 
-/// At the border of its limits is a coordinate this close, rad.
-const AT_BORDER: f64 = 1e-9;
+/// Distance from a limit at which it is active, rad: above the rounding of a projection.
+const ACTIVE_TOLERANCE: f64 = 1e-9;
 
-/// Joints that may turn, each with three coordinates.
+/// Movable joints, with three coordinates each.
 pub(super) struct Variables {
     pub(super) joints: Vec<u32>,
-    /// For each target the variables (numbers in `joints`) that move it.
+    /// For each target the variables (indices into `joints`) that affect it.
     pub(super) of_target: Vec<Vec<usize>>,
 }
 
@@ -39,7 +39,7 @@ impl Variables {
         Self { joints, of_target }
     }
 
-    /// The pose with every joint that may turn bent a little, within its limits; the axes differ from joint to joint.
+    /// The pose with every movable joint rotated by `angle` within its limits; the axes differ from joint to joint to avoid symmetry.
     pub(super) fn bent(&self, skeleton: &Skeleton, pose: &Pose, angle: f64) -> Pose {
         let mut pose = pose.clone();
         for (k, &j) in self.joints.iter().enumerate() {
@@ -52,9 +52,9 @@ impl Variables {
     }
 }
 
-/// The coordinates of a joint's turn, and how it moves with them.
+/// The local coordinates of a joint's rotation.
 pub(super) enum Coordinates<'a> {
-    /// A rotation vector from here, in the joint's own frame.
+    /// A rotation vector from the current rotation, in the joint's own frame.
     Free,
     /// Swing and twist from rest.
     Limited(&'a Limits, SwingTwist),
@@ -68,7 +68,7 @@ impl<'a> Coordinates<'a> {
         }
     }
 
-    /// Angular velocities, in the parent's frame, of the three coordinates; columns.
+    /// Angular velocities, in the parent's frame, of the three coordinates, as columns.
     pub(super) fn velocities(&self, joint: &Joint, local: &Trs) -> Matrix3<f64> {
         match self {
             Self::Free => local.rotation.to_rotation_matrix().into_inner(),
@@ -83,7 +83,7 @@ impl<'a> Coordinates<'a> {
         }
     }
 
-    /// The turn after a step, within limits, and the step that was possible.
+    /// The rotation after a step and projection onto the limits, and the step actually taken.
     pub(super) fn stepped(
         &self,
         joint: &Joint,
@@ -96,13 +96,13 @@ impl<'a> Coordinates<'a> {
                 let wanted = SwingTwist { swing: at.swing + step.xy(), twist: at.twist + step.z };
                 let there = limits.nearest(&wanted);
                 let swing = there.swing - at.swing;
-                let turn = joint.rest.rotation * limits.turn(&there);
+                let turn = joint.rest.rotation * limits.rotation(&there);
                 (turn, Vector3::new(swing.x, swing.y, there.twist - at.twist))
             }
         }
     }
 
-    /// Directions in which the joint cannot go, of those in which it is pushed.
+    /// Normals of the active limits against which the gradient pushes.
     pub(super) fn blocked(&self, push: &Vector3<f64>) -> Vec<Vector3<f64>> {
         let Self::Limited(limits, at) = self else { return Vec::new() };
         let mut blocked = Vec::new();
@@ -115,27 +115,27 @@ impl<'a> Coordinates<'a> {
         if a > 0.0 && b > 0.0 {
             let measure = (at.swing.x / a).hypot(at.swing.y / b);
             let outward = Vector3::new(at.swing.x / (a * a), at.swing.y / (b * b), 0.0);
-            if measure >= 1.0 - AT_BORDER && push.dot(&outward) > 0.0 {
+            if measure >= 1.0 - ACTIVE_TOLERANCE && push.dot(&outward) > 0.0 {
                 blocked.push(outward.normalize());
             }
         } else {
-            // One axis of swing is left, between −a and a.
+            // One swing axis is left, between −a and a.
             for (half, value, axis) in [(a, at.swing.x, Vector3::x()), (b, at.swing.y, Vector3::y())] {
-                if half > 0.0 && value.abs() >= half - AT_BORDER && push.dot(&axis) * value > 0.0 {
+                if half > 0.0 && value.abs() >= half - ACTIVE_TOLERANCE && push.dot(&axis) * value > 0.0 {
                     blocked.push(axis);
                 }
             }
         }
         let [least, largest] = limits.twist;
-        let (low, high) = (at.twist <= least + AT_BORDER, at.twist >= largest - AT_BORDER);
+        let (low, high) = (at.twist <= least + ACTIVE_TOLERANCE, at.twist >= largest - ACTIVE_TOLERANCE);
         if low && push.z < 0.0 || high && push.z > 0.0 {
             blocked.push(Vector3::z());
         }
         blocked
     }
 
-    /// Turn from rest as coordinates, and how they change with ours.
-    pub(super) fn turn_from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
+    /// Rotation from rest in coordinates, and its derivative in ours.
+    pub(super) fn rotation_from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
         match self {
             Self::Limited(_, at) => (Vector3::new(at.swing.x, at.swing.y, at.twist), Matrix3::identity()),
             Self::Free => {
@@ -149,10 +149,11 @@ impl<'a> Coordinates<'a> {
     }
 }
 
-/// How `exp` of a rotation vector turns as the vector changes, in the frame turned to: `J_l`.
+/// Left Jacobian `J_l` of the exponential map: its angular velocity per change of the rotation vector.
 pub(super) fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     let (angle, cross) = (vector.norm(), vector.cross_matrix());
     let (b, c) = if angle < 1e-4 {
+        // Taylor series below 1e-4, where the closed form loses half its digits.
         (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
     } else {
         ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))

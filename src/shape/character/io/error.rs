@@ -1,60 +1,60 @@
-//! What a file of a skeleton or of a movement can be refused for.
+//! Errors of rig files.
 
 use crate::character::skeleton_file::SkeletonFileError;
 use crate::character::{CharacterError, ClipError};
 use crate::mesh::MeshError;
 
-/// Why a file could not be read or written.
+/// Why a rig file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RigFileError {
-    /// Input: a text that is not what its format asks for.
+    /// Input: malformed text.
     #[error("{format}, line {line}: {fault}")]
     Malformed {
         /// The format.
         format: &'static str,
-        /// The line, counted from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong, the value, and what to do.
+        /// The fault with its value, and the remedy.
         fault: String,
     },
-    /// Input: a name whose extension is none of those that are read or written.
-    #[error("not a skeleton file by its name's extension (expected {expected})")]
+    /// Input: an unknown file extension.
+    #[error("unknown skeleton file extension (expected {expected})")]
     UnknownFormat {
-        /// Extensions that are known here.
+        /// Supported extensions.
         expected: &'static str,
     },
-    /// Input: a model without anything that moves it.
+    /// Input: a static model.
     #[error(
         "the model has no skin and nothing that moves; give a skeleton and weights (`plumbline skeleton`, `plumbline skin weights` \
          make them)"
     )]
     NoSkin,
-    /// Input: a node that no translation, rotation and scale hold.
-    #[error("the matrix of node {node:?} shears; a joint can only be moved, turned and scaled")]
+    /// Input: a node matrix with shear.
+    #[error("the matrix of node {node:?} has shear; a joint supports translation, rotation and scale only")]
     Shear {
         /// Name of the node.
         node: String,
     },
-    /// Input: two skins that bind one joint in ways that no single surface allows.
+    /// Input: two skins with inconsistent bind matrices for one joint.
     #[error(
         "skin {skin} binds joint {joint:?} otherwise than the skins before it, and not by one map for all its joints"
     )]
     Bindings {
-        /// The skin, numbered from 0.
+        /// Index of the skin.
         skin: usize,
         /// Name of the joint.
         joint: String,
     },
-    /// Input: a skeleton that the format cannot hold.
+    /// Input: a skeleton that the format cannot represent.
     #[error("{format} cannot hold the skeleton: {fault}")]
     Unwritable {
         /// The format.
         format: &'static str,
-        /// Why not.
+        /// The reason.
         fault: String,
     },
-    /// Input: a file beyond the limit.
+    /// Input: a file above the size limit.
     #[error("{bytes} bytes are too many (at most {most})")]
     TooLarge {
         /// Bytes of the file.
@@ -62,33 +62,33 @@ pub enum RigFileError {
         /// The most there may be.
         most: u64,
     },
-    /// Input: what the joints, weights or frames are refused for.
+    /// Input: invalid joints, weights or frames.
     #[error(transparent)]
     Character(#[from] CharacterError),
-    /// Input: what the movement is refused for.
+    /// Input: an invalid clip.
     #[error(transparent)]
     Clip(#[from] ClipError),
-    /// Input: what the surface is refused for.
+    /// Input: an invalid mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Input: what our own skeleton file is refused for.
+    /// Input: an invalid skeleton file.
     #[error(transparent)]
     Skeleton(#[from] SkeletonFileError),
     /// Environment: the file cannot be read.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
-    /// One of the other faults, in this file.
+    /// Any other error, with the file name.
     #[error("{path}: {fault}")]
     InFile {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// The fault.
         fault: Box<RigFileError>,
     },
 }
 
 impl RigFileError {
-    /// The same fault, of this file; those that name their file already stay.
+    /// Adds the file name, unless the error has one.
     pub(super) fn of_file(self, path: &std::path::Path) -> Self {
         match self {
             Self::Mesh(MeshError::InFile { .. }) | Self::InFile { .. } => self,

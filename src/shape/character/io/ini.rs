@@ -1,4 +1,4 @@
-//! Characters put together by a file (`.ini`) that names their parts:
+//! Characters described by an `.ini` file that names their parts:
 //!
 //! ```text
 //! SIMMESH      tbone.off
@@ -6,7 +6,7 @@
 //! ANIMATION    tbone0.anim tbone       and tbone1.anim, tbone2.anim … beside it
 //! ```
 //!
-//! All parts lie in the folder of the file.
+//! All parts are in the folder of the file.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -15,13 +15,13 @@ use super::{Rig, RigFileError, parse_anim, parse_skel, text_of};
 use crate::mesh::{Model, ReadLimits, read_model};
 use plumbline_num::run::Run;
 
-/// Most movements that are looked for.
+/// Largest number of animation files searched; bounds the work for a hostile folder.
 const MAX_CLIPS: usize = 1000;
 
-/// Reads a surface with its skeleton and movements; they are not bound to each other yet.
+/// Reads a surface, its skeleton and its clips; binding them is up to the caller.
 ///
 /// # Errors
-/// [`RigFileError`], with the file at fault.
+/// [`RigFileError`], with the file name.
 pub fn read_ini(path: &Path) -> Result<(Model, Rig), RigFileError> {
     let read = || {
         let (mut mesh, mut skeleton, mut movement, mut warnings) = (None, None, None, Vec::new());
@@ -57,13 +57,13 @@ pub fn read_ini(path: &Path) -> Result<(Model, Rig), RigFileError> {
     read().map_err(|e: RigFileError| e.of_file(path))
 }
 
-/// A file in the folder of another.
+/// Path of a file in the folder of `path`; `None` if `name` leads outside.
 fn inside(path: &Path, name: &str) -> Option<PathBuf> {
     let stays = Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     (stays && !name.is_empty()).then(|| path.parent().unwrap_or(Path::new("")).join(name))
 }
 
-/// The file, and those of the same base with the next numbers.
+/// The file, and the consecutively numbered files with the same base name.
 fn files((first, base): (PathBuf, Option<String>)) -> Vec<PathBuf> {
     let Some(base) = base.filter(|base| Path::new(base).components().count() == 1) else { return vec![first] };
     let numbered = (1..MAX_CLIPS).map(|k| first.with_file_name(format!("{base}{k}.anim")));

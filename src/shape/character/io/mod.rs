@@ -1,7 +1,7 @@
-//! Files of skeletons, characters and movements: glTF and BVH read and written, `.tgf` and `.skel` skeletons read and written,
-//! `.anim` movements and `.ini` characters read.
+//! Skeleton, character and clip files: glTF and BVH, `.tgf` and `.skel` skeletons are read and written; `.anim` clips and `.ini`
+//! characters are read.
 //!
-//! Readers are strict about what a skeleton depends on (counts, parents, finite numbers) and say where in the file the fault is.
+//! Readers validate counts, parents and finiteness, and report the position of a fault in the file.
 
 mod bvh;
 mod error;
@@ -23,24 +23,24 @@ pub use ini::read_ini;
 pub use skel::{parse_anim, parse_skel, skel_text};
 pub use tgf::{parse_tgf, tgf_text};
 
-/// Largest skeleton or movement as text: 100 joints for an hour.
+/// Size limit of text files: 100 joints for an hour at 60 frames per second.
 const MAX_TEXT: u64 = 1 << 30;
 
-/// A skeleton with the movements that its file holds.
+/// A skeleton with the clips of its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// The joints.
+    /// The skeleton.
     pub skeleton: Skeleton,
-    /// Movements.
+    /// The clips.
     pub clips: Vec<Clip>,
-    /// What in the file was left out.
+    /// What the reader left out.
     pub warnings: Vec<String>,
 }
 
-/// Reads a skeleton from a file of any format: our own JSON, glTF, BVH, `.tgf` or `.skel`, told by the name's extension.
+/// Reads a skeleton file; the format (JSON, glTF, BVH, `.tgf`, `.skel`) follows from the extension.
 ///
 /// # Errors
-/// [`RigFileError`] with the file.
+/// [`RigFileError`] with the file name.
 pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let alone = |skeleton| Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
@@ -59,11 +59,11 @@ pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
     read().map_err(|e: RigFileError| e.of_file(path))
 }
 
-/// Writes a skeleton, with a movement where the format holds one (BVH), in the format of the name's extension: `.json`, `.bvh`,
-/// `.tgf` or `.skel`. What is lost, in words.
+/// Writes a skeleton, and a clip if the format supports one (BVH). The format follows from the extension: `.json`, `.bvh`, `.tgf` or
+/// `.skel`. Second result: what the format cannot represent.
 ///
 /// # Errors
-/// [`RigFileError`]: an extension that is none of these, a skeleton that the format cannot hold.
+/// [`RigFileError`]: an unknown extension, or a skeleton that the format cannot represent.
 pub fn rig_text(
     skeleton: &Skeleton,
     clip: Option<&Clip>,
@@ -75,13 +75,13 @@ pub fn rig_text(
             Ok((file.to_json(), if clip.is_some() { vec!["the movement"] } else { Vec::new() }))
         }
         "bvh" => bvh_text(skeleton, clip),
-        "tgf" => Ok((tgf_text(skeleton), vec!["names, turns and limits of joints"])),
-        "skel" => Ok((skel_text(skeleton), vec!["turns and limits of joints"])),
+        "tgf" => Ok((tgf_text(skeleton), vec!["names, rotations and limits of joints"])),
+        "skel" => Ok((skel_text(skeleton), vec!["rotations and limits of joints"])),
         _ => Err(RigFileError::UnknownFormat { expected: "json, bvh, tgf or skel" }),
     }
 }
 
-/// The text of a file.
+/// Reads a text file within the size limit.
 fn text_of(path: &Path) -> Result<String, RigFileError> {
     use std::io::Read as _;
     let file = std::fs::File::open(path)?;

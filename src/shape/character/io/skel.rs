@@ -1,4 +1,4 @@
-//! Skeletons of joints in world coordinates (`.skel`), and the movements that go with them (`.anim`).
+//! Skeletons with world joint positions (`.skel`) and their animations (`.anim`).
 //!
 //! ```text
 //! .skel    number of joints, then for each   x y z name parent          the parent of a root is called `root`,
@@ -6,8 +6,8 @@
 //! .anim    poses and joints, then for each pose   time, an axis x y z per joint, an angle in rad per joint
 //! ```
 //!
-//! Frames at rest are turned as the world. A movement may give fewer joints than the skeleton has; the others rest. Files are found
-//! whose times do not ascend, because their program takes the poses one after the other; the numbers of the poses are taken then.
+//! Frames at rest are axis-aligned. An animation may have fewer joints than the skeleton; the others stay at rest. Some files have times
+//! that do not increase, because their original player ignores them; the pose index is used as time then.
 
 use std::fmt::Write as _;
 
@@ -15,20 +15,20 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use super::RigFileError;
 use super::text::{Words, one_word};
-use crate::character::clip::{Between, Curve, Track, rotations};
+use crate::character::clip::{Curve, Interpolation, Track, rotations};
 use crate::character::{Clip, Joint, Skeleton};
 use plumbline_num::math::Trs;
 
-/// What roots hang on.
+/// Parent name of root joints.
 const ROOT: &str = "root";
-/// Most joints of a file, most poses.
+/// Largest number of joints and of poses: 16-bit indices, and five hours at 60 per second.
 const MAX_JOINTS: usize = 1 << 16;
 const MAX_POSES: usize = 1 << 20;
 
-/// Reads a skeleton.
+/// Parses a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and what the joints are refused for.
+/// [`RigFileError::Malformed`], and errors of the joints.
 pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     let mut words = Words::new("skel", text);
     let count = words.count("the number of joints", MAX_JOINTS)?;
@@ -46,7 +46,7 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
         if number.is_none() && parent != ROOT {
             return Err(fault);
         }
-        // A root may be called as what it hangs on.
+        // A root may itself be named `root`.
         let number = number.filter(|p| parent != ROOT || *p != k);
         let from = number.map_or_else(Vector3::zeros, |p| at[p]);
         let rest = Trs::from_translation(at[k] - from);
@@ -55,8 +55,8 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     Ok(Skeleton::new(joints)?)
 }
 
-/// The joints at rest. A space in a name becomes `_`; so does the end of the name `root` where there are other roots, which would hang
-/// on it.
+/// Writes the rest pose. Spaces in names become `_`; with several roots a joint named `root` becomes `root_`, because the other roots
+/// would read as its children.
 pub fn skel_text(skeleton: &Skeleton) -> String {
     let joints = skeleton.joints();
     let several = joints.iter().filter(|j| j.parent.is_none()).count() > 1;
@@ -69,10 +69,10 @@ pub fn skel_text(skeleton: &Skeleton) -> String {
     text
 }
 
-/// Reads a movement of a skeleton.
+/// Parses an animation of a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and what the movement is refused for.
+/// [`RigFileError::Malformed`], and errors of the clip.
 pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, RigFileError> {
     let mut words = Words::new("anim", text);
     let poses = words.count("the number of poses", MAX_POSES)?;
@@ -105,7 +105,7 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
         let turns: Vec<_> = turns.iter().map(|turn| rest * turn).collect();
         tracks.push(Track {
             joint: j as u32,
-            curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear)?),
+            curve: Curve::Rotation(rotations(times.clone(), &turns, Interpolation::Linear)?),
         });
     }
     Ok(Clip::new(name, tracks, Vec::new())?)

@@ -1,11 +1,11 @@
 use nalgebra::{Matrix4, UnitQuaternion, Vector3};
 
 use super::*;
-use crate::character::clip::{Between, rotations};
-use crate::character::{Curve, Joint, Keys, Outside, Track};
+use crate::character::clip::{Interpolation, rotations};
+use crate::character::{Curve, Extrapolation, Joint, Keys, Track};
 use plumbline_num::math::Trs;
 
-/// A body with turned frames, two legs and an end.
+/// A body with rotated frames, two legs and a leaf joint.
 fn skeleton() -> Skeleton {
     let joint = |name: &str, parent, x: [f64; 3], turn: [f64; 3]| Joint {
         name: name.into(),
@@ -30,15 +30,15 @@ fn clip() -> Clip {
     let track = |joint: u32| {
         let rest = skeleton().joints()[joint as usize].rest.rotation;
         let turns: Vec<_> = times.iter().map(|&t| rest * turn(f64::from(joint) + 1.0, t)).collect();
-        Track { joint, curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear).expect("valid")) }
+        Track { joint, curve: Curve::Rotation(rotations(times.clone(), &turns, Interpolation::Linear).expect("valid")) }
     };
     let place = |t: &f64| [0.1 + t.sin(), 1.0, 0.2 - 0.1 * t];
-    let keys = Keys::new(times.clone(), times.iter().map(place).collect(), Between::Linear).expect("valid");
+    let keys = Keys::new(times.clone(), times.iter().map(place).collect(), Interpolation::Linear).expect("valid");
     let moves = Track { joint: 0, curve: Curve::Translation(keys) };
     Clip::new("motion", vec![moves, track(0), track(1), track(2), track(3)], vec![]).expect("valid")
 }
 
-/// Where joints stand in the world, by name.
+/// World positions of joints, by name.
 fn places(skeleton: &Skeleton, pose: &crate::character::Pose) -> Vec<(String, Vector3<f64>)> {
     let worlds: Vec<Matrix4<f64>> = skeleton.globals(pose).expect("valid");
     let place = |(j, m): (&Joint, &Matrix4<f64>)| (j.name.clone(), m.fixed_view::<3, 1>(0, 3).into_owned());
@@ -55,14 +55,14 @@ fn same_places(a: &[(String, Vector3<f64>)], b: &[(String, Vector3<f64>)]) {
 }
 
 #[test]
-fn bvh_gives_back_the_skeleton_and_its_movement() {
+fn bvh_round_trips_the_skeleton_and_its_clip() {
     let (text, lost) = bvh_text(&skeleton(), Some(&clip())).expect("valid");
     assert!(lost.is_empty() && text.contains("End Site"), "{lost:?}");
     let rig = parse_bvh(&text).expect("own files are read");
     same_places(&places(&rig.skeleton, &rig.skeleton.rest_pose()), &places(&skeleton(), &skeleton().rest_pose()));
     for (k, t) in (0..9_u32).map(|k| (k as usize, 0.25 * f64::from(k))) {
         let [a, b] = [(&rig.skeleton, &rig.clips[0]), (&skeleton(), &clip())]
-            .map(|(s, c)| places(s, &c.pose(s, t, Outside::Hold).expect("valid")));
+            .map(|(s, c)| places(s, &c.pose(s, t, Extrapolation::Constant).expect("valid")));
         assert_eq!(rig.clips[0].tracks()[0].curve.times()[k], t);
         same_places(&a, &b);
     }
@@ -78,15 +78,15 @@ fn bvh_reads_any_order_of_channels() {
     let rig = parse_bvh(text).expect("valid");
     let names: Vec<&str> = rig.skeleton.joints().iter().map(|j| j.name.as_str()).collect();
     assert_eq!(names, ["a b", "c", "c end"]);
-    let pose = rig.clips[0].pose(&rig.skeleton, 0.5, Outside::Hold).expect("valid");
+    let pose = rig.clips[0].pose(&rig.skeleton, 0.5, Extrapolation::Constant).expect("valid");
     let there = places(&rig.skeleton, &pose);
-    // The root turns y to −x; c then turns its own y to z.
+    // The root rotates y to −x; c then rotates its own y to z.
     assert!((there[1].1 - Vector3::new(1.0, 3.0, 4.0)).norm() < 1e-12, "{there:?}");
     assert!((there[2].1 - Vector3::new(1.0, 3.0, 6.0)).norm() < 1e-12, "{there:?}");
 }
 
 #[test]
-fn graphs_and_joint_lists_give_back_the_joints() {
+fn tgf_and_skel_round_trip_the_joints() {
     let (skeleton, rest) = (skeleton(), skeleton().rest_positions());
     let graph = parse_tgf(&tgf_text(&skeleton)).expect("own files are read").skeleton;
     let list = parse_skel(&skel_text(&skeleton)).expect("own files are read");
@@ -100,7 +100,7 @@ fn graphs_and_joint_lists_give_back_the_joints() {
 }
 
 #[test]
-fn graphs_may_have_bones_either_way_and_sections_behind() {
+fn graphs_may_have_bones_in_either_direction_and_further_sections() {
     let text = "7 0 0 0 9 9\n8 1 0 0\n9 1 1 0\n3 2 0 0\n#\n7 8\n9 8\n8 3\n#\n1 2 3\n";
     let rig = parse_tgf(text).expect("valid");
     let parents: Vec<_> = rig.skeleton.joints().iter().map(|j| j.parent).collect();
@@ -109,18 +109,18 @@ fn graphs_may_have_bones_either_way_and_sections_behind() {
 }
 
 #[test]
-fn movements_of_joint_lists_turn_about_their_axes() {
+fn anim_clips_rotate_about_their_axes() {
     let skeleton = parse_skel("3\n0 0 0 a root\n1 0 0 b a\n2 0 0 c b\n").expect("valid");
     let text = "2 2\n0\n1 0 0\n1 0 0\n0 0\n1\n0 0 2\n0 0 1\n1.5707963267948966 -1.5707963267948966\n";
     let clip = parse_anim(text, "wave", &skeleton).expect("valid");
-    let pose = clip.pose(&skeleton, 1.0, Outside::Hold).expect("valid");
+    let pose = clip.pose(&skeleton, 1.0, Extrapolation::Constant).expect("valid");
     let there = places(&skeleton, &pose);
     assert!((there[1].1 - Vector3::y()).norm() < 1e-12 && (there[2].1 - Vector3::new(1.0, 1.0, 0.0)).norm() < 1e-12);
     assert_eq!((clip.name(), clip.span()), ("wave", Some((0.0, 1.0))));
 }
 
 #[test]
-fn characters_are_put_together_from_the_files_beside() {
+fn ini_characters_are_read_from_the_files_beside_them() {
     let folder = tempfile::tempdir().expect("writable");
     let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writable");
     put("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
@@ -144,7 +144,7 @@ fn characters_are_put_together_from_the_files_beside() {
 }
 
 #[test]
-fn files_are_told_by_their_names() {
+fn the_format_follows_from_the_extension() {
     let folder = tempfile::tempdir().expect("writable");
     for extension in ["json", "bvh", "tgf", "skel"] {
         let path = folder.path().join(format!("a.{extension}"));
@@ -154,16 +154,12 @@ fn files_are_told_by_their_names() {
         assert_eq!((rig.skeleton.joint_count(), rig.clips.len()), (5, usize::from(extension == "bvh")), "{extension}");
     }
     let told = read_rig(&folder.path().join("a.max")).expect_err("to be refused").to_string();
-    assert!(
-        told.ends_with(
-            "a.max: not a skeleton file by its name's extension (expected json, glb, gltf, bvh, tgf or skel)"
-        )
-    );
+    assert!(told.ends_with("a.max: unknown skeleton file extension (expected json, glb, gltf, bvh, tgf or skel)"));
     assert!(rig_text(&skeleton(), None, "fbx").is_err());
 }
 
 #[test]
-fn faults_are_told_with_line_and_value() {
+fn errors_name_the_line_and_the_value() {
     let bvh = |text: &str| parse_bvh(text).expect_err("to be refused").to_string();
     assert_eq!(
         bvh("HIERARCHY\nROOT a\n{\n OFFSET 0 x 0\n"),
@@ -201,7 +197,7 @@ fn faults_are_told_with_line_and_value() {
 }
 
 #[test]
-fn a_root_may_be_called_root_in_a_skel_file() {
+fn a_root_may_be_named_root_in_a_skel_file() {
     let joint = |name: &str, parent: Option<u32>, x: f64| Joint {
         name: name.into(),
         parent,

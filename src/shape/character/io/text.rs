@@ -1,12 +1,12 @@
-//! Words and numbers of text files, with the lines they stand in.
+//! Tokenizer of text files, with line numbers.
 
 use super::RigFileError;
 
-/// Words of a text, one after the other.
+/// The words of a text, in order.
 pub(super) struct Words<'a> {
     format: &'static str,
     lines: std::iter::Peekable<std::iter::Enumerate<std::str::Lines<'a>>>,
-    /// What is left of the present line, and its number.
+    /// Rest of the current line, and its number.
     rest: std::str::SplitWhitespace<'a>,
     line: usize,
 }
@@ -16,7 +16,7 @@ impl<'a> Words<'a> {
         Self { format, lines: text.lines().enumerate().peekable(), rest: "".split_whitespace(), line: 1 }
     }
 
-    /// The next word; none at the end.
+    /// The next word; `None` at the end.
     pub(super) fn next(&mut self) -> Option<&'a str> {
         loop {
             if let Some(word) = self.rest.next() {
@@ -27,18 +27,18 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The rest of the present line, as words.
+    /// The remaining words of the current line.
     pub(super) fn rest_of_line(&mut self) -> Vec<&'a str> {
         self.rest.by_ref().collect()
     }
 
-    /// The next word, which `what` is; the end of the file is a fault.
+    /// The next word, described by `what`; the end of the file is an error.
     pub(super) fn word(&mut self, what: &str) -> Result<&'a str, RigFileError> {
         let end = self.fault(format!("the file ends where {what} is expected; it is cut short"));
         self.next().ok_or(end)
     }
 
-    /// The next word must be this one.
+    /// Expects this word.
     pub(super) fn expect(&mut self, word: &str) -> Result<(), RigFileError> {
         let found = self.word(word)?;
         let fits = found.eq_ignore_ascii_case(word);
@@ -64,18 +64,18 @@ impl<'a> Words<'a> {
         value.ok_or_else(|| self.fault(format!("{word:?}, where {what} is expected (0 to {most})")))
     }
 
-    /// A fault in the present line.
+    /// An error at the current line.
     pub(super) fn fault(&self, fault: impl Into<String>) -> RigFileError {
         malformed(self.format, self.line, fault)
     }
 }
 
-/// A fault of a text file.
+/// An error in a text file.
 pub(super) fn malformed(format: &'static str, line: usize, fault: impl Into<String>) -> RigFileError {
     RigFileError::Malformed { format, line, fault: fault.into() }
 }
 
-/// A name that is one word.
+/// The name with whitespace replaced by `_`.
 pub(super) fn one_word(name: &str) -> String {
     let word: Vec<&str> = name.split_whitespace().collect();
     if word.is_empty() { "_".to_owned() } else { word.join("_") }

@@ -1,15 +1,15 @@
-//! Trivial graph files (`.tgf`): handles and the bones between them.
+//! Trivial graph files (`.tgf`): joints and the bones between them.
 //!
 //! ```text
-//! 1 0.1 0.2 0.3         number, place; what follows in the line is left out
+//! 1 0.1 0.2 0.3         index, position; the rest of the line is ignored
 //! 2 0.5 0.2 0.3
 //! #
 //! 1 2                   a bone, from the parent to the child
-//! #                     further sections are left out
+//! #                     further sections are ignored
 //! ```
 //!
-//! Where bones give no joint two parents their direction counts; otherwise the first joint is the root and bones lead away from
-//! it. Joints are named by their numbers.
+//! If no joint has two parents, bones are directed from parent to child; otherwise the first joint of each component is the root and bones
+//! lead away from it. Joints are named by their indices.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -23,10 +23,10 @@ use plumbline_num::math::Trs;
 
 const FORMAT: &str = "TGF";
 
-/// Reads a skeleton.
+/// Parses a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and what the joints are refused for.
+/// [`RigFileError::Malformed`], and errors of the joints.
 pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
     let (mut number_of, mut at): (HashMap<&str, u32>, Vec<Vector3<f64>>) = (HashMap::new(), Vec::new());
     let (mut names, mut edges) = (Vec::new(), Vec::new());
@@ -68,7 +68,7 @@ pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
     Ok(Rig { skeleton, clips: Vec::new(), warnings })
 }
 
-/// A line and a bone.
+/// A line number and a bone.
 type Edge = (usize, [u32; 2]);
 
 fn parents(joints: usize, edges: &[Edge]) -> Result<Vec<Option<u32>>, RigFileError> {
@@ -102,7 +102,7 @@ fn parents(joints: usize, edges: &[Edge]) -> Result<Vec<Option<u32>>, RigFileErr
     Ok(parents)
 }
 
-/// The joints at rest as a graph, numbered from 1.
+/// Writes the joints at rest as a graph, numbered from 1.
 pub fn tgf_text(skeleton: &Skeleton) -> String {
     let mut text = String::new();
     for (k, p) in skeleton.rest_positions().iter().enumerate() {

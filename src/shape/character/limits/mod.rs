@@ -1,8 +1,8 @@
-//! How far a joint may turn.
+//! Rotation limits of joints.
 //!
-//! The turn from rest is `R = R_restᵀ R_pose`, in the frame of the joint at rest. It is split into a twist `T` about the bone's
-//! axis `a`, done first, and a swing `S` that moves the axis by the shortest way: `R = S T`. The swing's rotation vector lies in
-//! the plane across the axis; limits hold it in an ellipse and the twist's angle in an interval.
+//! The rotation from rest is `R = R_restᵀ R_pose`, in the joint frame at rest. It is decomposed into a twist `T` about the bone axis `a`,
+//! applied first, and a swing `S`, the shortest rotation that moves the axis: `R = S T`. The rotation vector of the swing is
+//! perpendicular to `a`. Limits are an ellipse for it and an interval for the twist angle.
 
 mod projection;
 
@@ -11,26 +11,26 @@ use nalgebra::{Unit, Vector3};
 use super::CharacterError;
 pub use projection::SwingTwist;
 
-/// An ellipse for the swing and an interval for the twist.
+/// Swing ellipse and twist interval of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Axis of the twist, in the joint's frame: mostly along the bone.
+    /// Twist axis, in the joint frame; usually along the bone.
     pub axis: Unit<Vector3<f64>>,
-    /// First axis of the swing's ellipse, across `axis`; the second is `axis × across`.
+    /// First axis of the swing ellipse, perpendicular to `axis`; the second is `axis × across`.
     pub across: Unit<Vector3<f64>>,
-    /// Largest turn about `across` and about `axis × across`, rad, each in 0 ..= π.
+    /// Largest swing about `across` and about `axis × across`, rad, each in 0 ..= π.
     pub swing: [f64; 2],
-    /// Least and largest twist, rad, in −π ..= π.
+    /// Smallest and largest twist, rad, in −π ..= π.
     pub twist: [f64; 2],
 }
 
 impl Limits {
-    /// A round cone about an axis, and a twist to both sides.
+    /// A circular swing cone about an axis and a symmetric twist interval.
     pub fn cone(axis: Unit<Vector3<f64>>, swing: f64, twist: f64) -> Self {
         Self { axis, across: across(&axis), swing: [swing; 2], twist: [-twist, twist] }
     }
 
-    /// Refuses what no rotation keeps, and axes that are not perpendicular.
+    /// Rejects values out of range and axes that are not perpendicular.
     ///
     /// # Errors
     /// [`CharacterError::Limits`].
@@ -38,6 +38,7 @@ impl Limits {
         let refused = |what, value: String, expected| {
             Err(CharacterError::Limits { joint: joint.to_owned(), what, value, expected })
         };
+        // 1e-9: π converted from 180° and back may exceed itself by rounding.
         let pi = std::f64::consts::PI + 1e-9;
         if let Some(swing) = self.swing.iter().find(|s| !(**s >= 0.0 && **s <= pi)) {
             return refused("swing", format!("{swing} rad"), "0 to π");
@@ -54,7 +55,7 @@ impl Limits {
     }
 }
 
-/// Some direction across another.
+/// A unit vector perpendicular to `axis`.
 fn across(axis: &Vector3<f64>) -> Unit<Vector3<f64>> {
     Unit::new_normalize(axis.cross(&Vector3::ith(axis.iamin(), 1.0)))
 }

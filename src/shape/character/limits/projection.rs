@@ -1,37 +1,36 @@
-//! The nearest turn that limits allow.
+//! Projection of rotations onto joint limits.
 //!
-//! In the coordinates `(x, y, θ)` of a turn `R = exp(x e₁ + y e₂) · exp(θ a)`, `e₁ = across`, `e₂ = a × across`, limits are a
-//! convex set: an ellipse of `(x, y)` times an interval of `θ`. The way between two turns that are allowed is therefore allowed
-//! as well.
+//! In the coordinates `(x, y, θ)` of a rotation `R = exp(x e₁ + y e₂) · exp(θ a)`, `e₁ = across`, `e₂ = a × across`, limits are a convex
+//! set: an ellipse of `(x, y)` times an interval of `θ`. Every convex combination of two allowed rotations is therefore allowed.
 
 use nalgebra::{Unit, UnitQuaternion, Vector2, Vector3};
 
 use super::Limits;
 
-/// A turn from rest as swing about two axes across the bone, and twist about it, rad.
+/// Swing–twist coordinates of a rotation from rest, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwingTwist {
-    /// About `across` and about `axis × across`.
+    /// Swing about `across` and about `axis × across`.
     pub swing: Vector2<f64>,
-    /// About the axis, done first.
+    /// Twist about the axis, applied first.
     pub twist: f64,
 }
 
 impl Limits {
-    /// The second axis of the swing's ellipse.
+    /// The second axis of the swing ellipse.
     pub fn second(&self) -> Unit<Vector3<f64>> {
         Unit::new_normalize(self.axis.cross(&self.across))
     }
 
-    /// A turn from rest in coordinates: the twist in −π ..= π, the swing of at most π.
+    /// Swing–twist decomposition: the twist in −π ..= π, the swing of norm at most π.
     pub fn split(&self, turn: &UnitQuaternion<f64>) -> SwingTwist {
         let (w, along) = (turn.w, turn.imag().dot(&self.axis));
-        // A half turn about an axis across leaves the twist open; none is the choice then.
+        // For a half rotation about a perpendicular axis the twist is undetermined: choose 0.
         let length = w.hypot(along);
         let (w, along) = if length > 1e-12 { (w / length, along / length) } else { (1.0, 0.0) };
         let twist = UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(w, self.axis.into_inner() * along));
         let swing = turn * twist.inverse();
-        // The short way.
+        // q and −q are the same rotation: take the one with the smaller angle.
         let swing =
             if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
         let angle = 2.0 * along.atan2(w);
@@ -45,41 +44,41 @@ impl Limits {
         SwingTwist { swing: Vector2::new(swing.dot(&self.across), swing.dot(&self.second())), twist: angle }
     }
 
-    /// The turn of these coordinates.
-    pub fn turn(&self, at: &SwingTwist) -> UnitQuaternion<f64> {
+    /// The rotation with these coordinates.
+    pub fn rotation(&self, at: &SwingTwist) -> UnitQuaternion<f64> {
         let swing = self.across.into_inner() * at.swing.x + self.second().into_inner() * at.swing.y;
         UnitQuaternion::from_scaled_axis(swing) * UnitQuaternion::from_scaled_axis(self.axis.into_inner() * at.twist)
     }
 
-    /// How far coordinates lie outside, rad; 0 inside.
+    /// Distance of coordinates from the limits, rad; 0 inside.
     pub fn excess(&self, at: &SwingTwist) -> f64 {
         let nearest = self.nearest(at);
         (nearest.swing - at.swing).norm().max((nearest.twist - at.twist).abs())
     }
 
-    /// Whether a turn from rest is allowed, but for `tolerance` rad.
+    /// Whether a rotation from rest is within the limits, up to `tolerance` rad.
     pub fn allows(&self, turn: &UnitQuaternion<f64>, tolerance: f64) -> bool {
         self.excess(&self.split(turn)) <= tolerance
     }
 
-    /// The nearest turn from rest that is allowed; the same where it is allowed already.
+    /// The nearest allowed rotation from rest, in coordinates; `turn` itself, bit for bit, if it is allowed.
     pub fn project(&self, turn: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let at = self.split(turn);
         let nearest = self.nearest(&at);
-        if nearest == at { *turn } else { self.turn(&nearest) }
+        if nearest == at { *turn } else { self.rotation(&nearest) }
     }
 
-    /// The nearest coordinates that are allowed.
+    /// The nearest allowed coordinates.
     pub fn nearest(&self, at: &SwingTwist) -> SwingTwist {
         let [least, largest] = self.twist;
         SwingTwist { swing: in_ellipse(at.swing, self.swing), twist: at.twist.clamp(least, largest) }
     }
 }
 
-/// The point of an ellipse with these half axes that is nearest to `p`; `p` where it lies inside.
+/// The point of an ellipse with half axes `a`, `b` that is nearest to `p`; `p` itself if inside.
 ///
-/// Outside, it is `(a² x / (t + a²), b² y / (t + b²))` with the only root `t > 0` of a falling function, which bisection finds
-/// whatever the axes are (D. Eberly, *Distance from a Point to an Ellipse*, 2013).
+/// Outside, it is `(a² x / (t + a²), b² y / (t + b²))` where `t > 0` is the only root of a decreasing function. Bisection finds it for
+/// every eccentricity (D. Eberly, *Distance from a Point to an Ellipse*, 2013).
 fn in_ellipse(p: Vector2<f64>, [a, b]: [f64; 2]) -> Vector2<f64> {
     if a == 0.0 || b == 0.0 {
         return Vector2::new(p.x.clamp(-a, a), p.y.clamp(-b, b));
@@ -90,13 +89,14 @@ fn in_ellipse(p: Vector2<f64>, [a, b]: [f64; 2]) -> Vector2<f64> {
     }
     let (mut low, mut high) = (0.0, a.max(b) * p.norm());
     for _ in 0..200 {
+        // Bisection halves the bracket until it is two adjacent numbers; 200 halvings are more than any exponent range in use needs.
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {
             break;
         }
         if measure(middle) > 0.0 { low = middle } else { high = middle }
     }
-    // The end where the measure is not above 0, so that the point is inside to the last digit.
+    // The end of the bracket with a non-positive measure, so that the point is inside to the last digit.
     Vector2::new(a * a * p.x / (high + a * a), b * b * p.y / (high + b * b))
 }
 
@@ -118,19 +118,19 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_give_back_their_turn() {
+    fn swing_twist_coordinates_round_trip() {
         for turn in some_turns() {
             let at = limits().split(&turn);
-            assert!(limits().turn(&at).angle_to(&turn) < 1e-7, "{turn}");
+            assert!(limits().rotation(&at).angle_to(&turn) < 1e-7, "{turn}");
             assert!(at.twist.abs() <= std::f64::consts::PI && at.swing.norm() <= std::f64::consts::PI + 1e-12);
         }
         let at = SwingTwist { swing: Vector2::new(0.5, -1.2), twist: 2.0 };
-        let back = limits().split(&limits().turn(&at));
+        let back = limits().split(&limits().rotation(&at));
         assert!((back.swing - at.swing).norm() < 1e-12 && (back.twist - at.twist).abs() < 1e-12);
     }
 
     #[test]
-    fn the_nearest_turn_is_allowed_and_nothing_allowed_is_nearer() {
+    fn the_projection_is_allowed_and_no_allowed_rotation_is_nearer() {
         let limits = limits();
         for turn in some_turns() {
             let at = limits.split(&turn);

@@ -1,4 +1,4 @@
-//! The shape of the file.
+//! Schema of the file.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::{PoseFileError, TargetPose, pose_of};
 use crate::character::Character;
 use crate::character::ik::{Goal, Target};
 
-/// A pose, as turns of joints and places that joints seek.
+/// A pose, as joint rotations and inverse kinematics targets.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -20,19 +20,19 @@ pub(super) struct Document {
     /// Always 1.
     #[expect(dead_code, reason = "checked before the rest is read")]
     version: u32,
-    /// The pose that it begins with; left out: rest.
+    /// The initial pose; default: rest.
     #[serde(default)]
     from: Option<FromClip>,
-    /// Turns of joints, by their names.
+    /// Joint transforms, by joint name.
     #[serde(default)]
     joints: BTreeMap<String, JointEntry>,
-    /// What joints seek, together.
+    /// Inverse kinematics targets, solved together.
     #[serde(default)]
     targets: Vec<TargetEntry>,
-    /// Joints that do not turn for targets, by their names.
+    /// Names of joints that do not rotate for targets.
     #[serde(default)]
     locked: Vec<String>,
-    /// Weights of morph targets, by their names.
+    /// Morph weights, by target name.
     #[serde(default)]
     morphs: BTreeMap<String, f64>,
 }
@@ -44,65 +44,65 @@ pub(super) struct Document {
 struct FromClip {
     /// Name of the clip.
     clip: String,
-    /// When, s; the clip repeats.
+    /// Time, s; the clip repeats.
     #[serde(default)]
     time: f64,
 }
 
-/// How a joint stands. One of `rotation` and `turn_deg` at most.
+/// Transform of a joint. At most one of `rotation` and `turn_deg`.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct JointEntry {
-    /// How it is turned in its parent: `[w, x, y, z]`, whose length does not count.
+    /// Rotation in the parent frame: quaternion `[w, x, y, z]` of any length.
     #[serde(default)]
     rotation: Option<[f64; 4]>,
-    /// How it turns in its own frame: a rotation vector, degrees.
+    /// Additional rotation in the joint frame: a rotation vector, degrees.
     #[serde(default)]
     turn_deg: Option<[f64; 3]>,
-    /// How far it moves in its parent's frame, units of the model.
+    /// Additional translation in the parent frame, units of the model.
     #[serde(default, rename = "move")]
     by: Option<[f64; 3]>,
-    /// Factors along its axes.
+    /// Scale factors along the joint axes.
     #[serde(default)]
     scale: Option<[f64; 3]>,
 }
 
-/// What a joint seeks: one of `position`, `orientation`, `look_at` and `pole`.
+/// A target: exactly one of `position`, `orientation`, `look_at` and `pole`.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct TargetEntry {
     /// Name of the joint.
     joint: String,
-    /// A place in the world where it shall be.
+    /// World position to reach.
     #[serde(default)]
     position: Option<[f64; 3]>,
-    /// The point of its own frame that shall be there; left out: its origin.
+    /// The point of the joint frame that reaches `position`; default: the origin.
     #[serde(default)]
     point: Option<[f64; 3]>,
-    /// How it shall be turned in the world: `[w, x, y, z]`, whose length does not count.
+    /// World rotation to reach: quaternion `[w, x, y, z]` of any length.
     #[serde(default)]
     orientation: Option<[f64; 4]>,
-    /// A place in the world at which its `axis` shall point.
+    /// World position at which `axis` points.
     #[serde(default)]
     look_at: Option<[f64; 3]>,
-    /// An axis of its own frame; left out: z.
+    /// Axis of the joint frame; default: z.
     #[serde(default)]
     axis: Option<[f64; 3]>,
-    /// A place in the world toward which the chain from `root` over `middle` to the joint shall bend.
+    /// World position toward which the chain from `root` over `middle` to the joint bends.
     #[serde(default)]
     pole: Option<[f64; 3]>,
-    /// Name of the joint where the chain begins.
+    /// Name of the first joint of the chain.
     #[serde(default)]
     root: Option<String>,
-    /// Name of the joint where it bends.
+    /// Name of the joint that bends.
     #[serde(default)]
     middle: Option<String>,
-    /// How much it counts beside others, above 0; left out: 1.
+    /// Weight relative to other targets, above 0; default: 1.
     #[serde(default = "one")]
     weight: f64,
-    /// How many joints above it turn for it; left out: all.
+    /// Number of ancestors that may rotate; default: all.
     #[serde(default)]
     chain: Option<usize>,
 }

@@ -1,62 +1,35 @@
-//! What a pose file can be refused for.
+//! Errors of pose files.
 
 use crate::character::ik::IkError;
 use crate::character::{CharacterError, ClipError};
-use plumbline_num::document::{DocumentError, VERSION};
+use plumbline_num::document::DocumentError;
 use plumbline_num::run::Stopped;
 
-/// Why a pose file could not be used.
+/// Why a pose file was rejected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PoseFileError {
-    /// Input: not JSON of the shape of pose files.
-    #[error("not a pose file: {0} (`plumbline schema pose` describes it)")]
-    Syntax(serde_json::Error),
-    /// Input: a file of something else.
-    #[error("the file is of format {found:?}, where {expected:?} is expected")]
-    Format {
-        /// What it says.
-        found: String,
-        /// What it should say.
-        expected: &'static str,
-    },
-    /// Input: a file of another version.
-    #[error("version {found} is not read here (expected {expected})")]
-    Version {
-        /// What it says.
-        found: u64,
-        /// What is read.
-        expected: u32,
-    },
-    /// Input: a joint or a target that says too little, or too much.
+    /// Input: not a readable document of this format (`plumbline schema pose` describes it).
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// Input: an incomplete, ambiguous or invalid entry.
     #[error("{what}: {fault}")]
     Entry {
-        /// Which.
+        /// The joint, morph target or target.
         what: String,
-        /// What is wrong, and what to do.
+        /// The fault and its remedy.
         fault: String,
     },
     /// Input: joints or clips that the character does not have.
     #[error(transparent)]
     Character(#[from] CharacterError),
-    /// Input: a clip that cannot be used.
+    /// Input: a clip of another skeleton.
     #[error(transparent)]
     Clip(#[from] ClipError),
-    /// Input: targets that cannot be sought.
+    /// Input: invalid targets.
     #[error(transparent)]
     Ik(IkError),
-    /// Input: a file beyond the limit.
-    #[error("{bytes} bytes are too many (at most {most})")]
-    TooLarge {
-        /// Bytes of the file.
-        bytes: u64,
-        /// The most there may be.
-        most: u64,
-    },
-    /// Environment: the file cannot be read.
-    #[error("cannot be read: {0}")]
-    Io(#[from] std::io::Error),
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted or exceeded its time budget.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
 }
@@ -66,18 +39,6 @@ impl From<IkError> for PoseFileError {
         match error {
             IkError::Interrupted(stopped) => Self::Interrupted(stopped),
             error => Self::Ik(error),
-        }
-    }
-}
-
-impl From<DocumentError> for PoseFileError {
-    fn from(error: DocumentError) -> Self {
-        match error {
-            DocumentError::Syntax { fault, .. } => Self::Syntax(fault),
-            DocumentError::Format { found, expected, .. } => Self::Format { found, expected },
-            DocumentError::Version { found, .. } => Self::Version { found, expected: VERSION },
-            DocumentError::TooLarge { bytes, most, .. } => Self::TooLarge { bytes, most },
-            DocumentError::Io { fault, .. } => Self::Io(fault),
         }
     }
 }

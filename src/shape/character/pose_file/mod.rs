@@ -11,9 +11,9 @@
 //!   "locked": ["hip"], "morphs": {"smile": 0.7} }
 //! ```
 //!
-//! Turns of joints are applied first, in their own frames and from `from` (rest where that is left out); then targets are sought
-//! together, within the limits of the skeleton. Rotations are `[w, x, y, z]`; `turn_deg` is a rotation vector, degrees; places are
-//! in the world, units of the model. Unknown keys and unknown joints are refused.
+//! Joint rotations are applied first, in the joint frames and relative to `from` (default: rest); then the targets are solved together
+//! within the joint limits. Rotations are `[w, x, y, z]`; `turn_deg` is a rotation vector, degrees; positions are world positions, units
+//! of the model. Unknown keys and unknown joints are rejected.
 
 mod document;
 mod error;
@@ -23,7 +23,7 @@ mod tests;
 use std::path::Path;
 
 use super::ik::{IkMethod, IkOptions, IkSolution, Target, solve};
-use super::{Character, Outside, Pose};
+use super::{Character, Extrapolation, Pose};
 
 #[cfg(feature = "schema")]
 pub use document::pose_file_schema;
@@ -33,19 +33,19 @@ use document::Document;
 use plumbline_num::document::Kind;
 use plumbline_num::run::Run;
 
-/// At most as large as a hundred thousand joints.
+/// Size limit: a hundred thousand joints.
 const KIND: Kind = Kind { name: "a pose file", format: "plumbline.pose", max_bytes: 1 << 24 };
 
-/// What a file wants of a character.
+/// The content of a pose file, resolved for a character.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetPose {
-    /// Where turns and targets begin.
+    /// Initial guess: the joint transforms of the file.
     pub start: Pose,
-    /// What is sought.
+    /// Inverse kinematics targets.
     pub targets: Vec<Target>,
-    /// Joints that stay.
+    /// Joints that do not rotate.
     pub locked: Vec<u32>,
-    /// Weights of the morph targets.
+    /// Morph weights.
     pub weights: Vec<f64>,
 }
 
@@ -53,21 +53,20 @@ impl TargetPose {
     /// Reads a file for a character.
     ///
     /// # Errors
-    /// What [`Self::parse`] refuses; [`PoseFileError::TooLarge`], [`PoseFileError::Io`].
+    /// [`PoseFileError::Document`] and all errors of [`Self::parse`].
     pub fn read(path: &Path, character: &Character) -> Result<Self, PoseFileError> {
         Self::parse(&KIND.text(path)?, character)
     }
 
-    /// Reads a text for a character.
+    /// Parses a document for a character.
     ///
     /// # Errors
-    /// [`PoseFileError`]: not JSON of this shape, another format or version, joints, clips or morph targets that the character
-    /// does not have, numbers that are not finite.
+    /// [`PoseFileError`]: not this format or version; joints, clips or morph targets that the character does not have; non-finite numbers.
     pub fn parse(text: &str, character: &Character) -> Result<Self, PoseFileError> {
         KIND.parse::<Document>(text)?.of(character)
     }
 
-    /// The pose, within the limits of the skeleton.
+    /// Solves for the targets, within the joint limits.
     ///
     /// # Errors
     /// [`PoseFileError::Ik`], [`PoseFileError::Interrupted`].
@@ -86,6 +85,6 @@ impl TargetPose {
 /// The pose of a clip at a time.
 fn pose_of(character: &Character, clip: &str, time: f64) -> Result<(Pose, Vec<f64>), PoseFileError> {
     let clip = character.clip(clip)?;
-    let pose = clip.pose(&character.skeleton, time, Outside::Repeat)?;
-    Ok((pose, clip.weights(&character.rest_weights(), time, Outside::Repeat)?))
+    let pose = clip.pose(&character.skeleton, time, Extrapolation::Repeat)?;
+    Ok((pose, clip.weights(&character.rest_weights(), time, Extrapolation::Repeat)?))
 }

@@ -2,8 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-/// The linear map that takes the edges of a triangle at rest to those in a pose and its unit normal to the other; `None` where
-/// the triangle at rest has no area.
+/// The linear map from the edges and the unit normal of a triangle at rest to those in a pose; `None` if the triangle at rest has zero area.
 pub(super) fn gradient(rest: &[Point3<f64>; 3], posed: &[Point3<f64>; 3]) -> Option<Matrix3<f64>> {
     let frame = |t: &[Point3<f64>; 3]| {
         let (u, v) = (t[1] - t[0], t[2] - t[0]);

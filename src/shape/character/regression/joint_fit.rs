@@ -1,4 +1,4 @@
-//! Joints and weights fitted to poses of a surface, where only its vertices are known.
+//! Joint matrices and skin weights fitted to posed surfaces of which only vertex positions are known.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Point3, Vector3};
 use rayon::prelude::*;
@@ -9,24 +9,24 @@ use crate::mesh::TriMesh;
 use plumbline_num::math::nearest_rotation;
 use plumbline_num::run::{Run, Stopped};
 
-/// Where what follows a joint lies in the middle, at rest and in the example.
+/// Weighted centroids of a joint's vertices, at rest and in the example.
 type Middles = (Vector3<f64>, Vector3<f64>);
 
-/// Rounds of the active set at most, for each joint; a few are the rule.
-const ROUNDS: usize = 10;
-/// How firmly given weights are kept, in parts of the trace: far below what examples tell, far above rounding.
+/// Largest number of active-set iterations per joint; a few are typical.
+const MAX_ITERATIONS: usize = 10;
+/// Weight of the prior, relative to the trace: far below the information of examples, far above rounding.
 const RIDGE: f64 = 1e-6;
-/// Motions below this share of the diagonal are rounding, and tell nothing of joints.
+/// Motions below this fraction of the diagonal are rounding and carry no information.
 const NOISE: f64 = 1e-10;
 
-/// The rigid motion of each joint that carries the vertices that follow it best to where they are:
+/// The rigid motion of each joint that best maps its vertices to their posed positions:
 ///
 /// ```text
 /// min Σᵢ w_ij² |Rⱼ pᵢ + tⱼ − xᵢ|²
 /// ```
 ///
-/// A joint that no vertex follows, such as the tip of a chain, goes with its parent; where there is no vertex above it either,
-/// with the first joint below it that vertices follow.
+/// A joint without influence, such as a leaf, follows its parent; if no ancestor has influence either, it follows the first descendant
+/// with influence.
 ///
 /// # Errors
 /// [`CharacterError::PerVertex`] for weights or positions of another mesh, [`CharacterError::Matrices`] for weights of another
@@ -38,13 +38,9 @@ pub fn fit_joints(
     positions: &[Point3<f64>],
 ) -> Result<Vec<Matrix4<f64>>, CharacterError> {
     let (vertices, joints) = (mesh.vertex_count(), skeleton.joint_count());
-    if weights.joint_count() != joints {
-        return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
-    }
+    CharacterError::check_matrices(weights.joint_count(), joints)?;
     for (what, given) in [("rows of weights", weights.vertex_count()), ("positions", positions.len())] {
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what, given, vertices });
-        }
+        CharacterError::check_per_vertex(what, given, vertices)?;
     }
     let mut sums = vec![(0.0, Vector3::zeros(), Vector3::zeros()); weights.joint_count()];
     let pairs = || mesh.positions().iter().zip(positions).zip(weights.rows());
@@ -76,11 +72,11 @@ pub fn fit_joints(
     Ok(with_idle(skeleton, middles.iter().zip(&spread).map(motion).collect()))
 }
 
-/// Motions of all joints, where those that nothing tells go with their neighbors in the skeleton.
+/// Fills the motions of joints without influence from their neighbors in the skeleton.
 fn with_idle(skeleton: &Skeleton, mut motions: Vec<Option<Matrix4<f64>>>) -> Vec<Matrix4<f64>> {
     let order = skeleton.parents_first();
     let parent = |j: u32| skeleton.joints()[j as usize].parent.map(|p| p as usize);
-    // From the tips up, the lowest-numbered child last: it is the one that stays.
+    // From the leaves up; the lowest child is visited last and wins.
     let known = motions.clone();
     let mut below = known.clone();
     for &j in order.iter().rev() {
@@ -104,7 +100,7 @@ fn with_idle(skeleton: &Skeleton, mut motions: Vec<Option<Matrix4<f64>>>) -> Vec
 /// min Σₖ |Σⱼ wⱼ Mⱼₖ p − xₖ|² + λ |w − u|²      s.t.  w ≥ 0,  Σⱼ wⱼ = 1
 /// ```
 ///
-/// by active sets. `u` are the weights given: they decide between joints that the examples do not tell apart.
+/// by the active-set method. `u` are the initial weights: they decide between joints that the examples do not distinguish.
 ///
 /// # Errors
 /// [`CharacterError::NoExamples`], [`CharacterError::PerVertex`], [`CharacterError::Matrices`], [`CharacterError::Interrupted`].
@@ -116,27 +112,21 @@ pub fn fit_weights(
 ) -> Result<SkinWeights, CharacterError> {
     let joints = weights.joint_count();
     let vertices = mesh.vertex_count();
-    if weights.vertex_count() != vertices {
-        return Err(CharacterError::PerVertex { what: "rows of weights", given: weights.vertex_count(), vertices });
-    }
+    CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
     if examples.is_empty() {
         return Err(CharacterError::NoExamples);
     }
     for e in examples {
-        if e.positions.len() != vertices {
-            let given = e.positions.len();
-            return Err(CharacterError::PerVertex { what: "positions of an example", given, vertices });
-        }
-        if e.matrices.len() != joints {
-            return Err(CharacterError::Matrices { joints, matrices: e.matrices.len() });
-        }
+        let given = e.positions.len();
+        CharacterError::check_per_vertex("positions of an example", given, vertices)?;
+        CharacterError::check_matrices(joints, e.matrices.len())?;
     }
     let least = (NOISE * mesh.diagonal()).powi(2).max(f64::MIN_POSITIVE);
     let row = |(v, p): (usize, &Point3<f64>)| {
         run.check()?;
         let mut moved = DMatrix::zeros(3 * examples.len(), joints);
         for (k, example) in examples.iter().enumerate() {
-            // From where the vertex is, so that digits are kept far from the origin: weights sum to one.
+            // Relative to the posed vertex, which keeps digits far from the origin: weights sum to one.
             for (j, m) in example.matrices.iter().enumerate() {
                 moved.fixed_view_mut::<3, 1>(3 * k, j).copy_from(&(m.transform_point(p) - example.positions[v]));
             }
@@ -150,9 +140,8 @@ pub fn fit_weights(
     Ok(SkinWeights::normalized(joints, rows, None)?.0)
 }
 
-/// `min wᵀ G w + λ |w − u|²` over the simplex, by active sets: on a set of free weights the minimum is `H w = λ u + ν 1`,
-/// `H = G + λ`, `λ` no less than `least`; a weight that would fall below 0 leaves the set, one whose slope is below the others'
-/// enters it.
+/// `min wᵀ G w + λ |w − u|²` over the simplex by an active-set method: on a set of free weights the minimum is `H w = λ u + ν 1`, `H = G + λ`,
+/// with `λ` at least `least`; a weight that would become negative leaves the set, one with a gradient below the multiplier enters it.
 fn on_simplex(gram: &DMatrix<f64>, prior: &DVector<f64>, least: f64) -> DVector<f64> {
     let n = gram.nrows();
     let lambda = (RIDGE * gram.trace()).max(least);
@@ -162,9 +151,9 @@ fn on_simplex(gram: &DMatrix<f64>, prior: &DVector<f64>, least: f64) -> DVector<
     let mut w = DVector::zeros(n);
     w[best] = 1.0;
     let mut free = vec![best];
-    for _ in 0..ROUNDS * n {
+    for _ in 0..MAX_ITERATIONS * n {
         let Some(wanted) = on_plane(&h, &b, &free) else { break };
-        // As far as the first weight allows.
+        // Step to the first bound.
         let reach = |k: usize| if wanted[k] < 0.0 { w[free[k]] / (w[free[k]] - wanted[k]) } else { 1.0 };
         let first = (0..free.len()).min_by(|&a, &b| reach(a).total_cmp(&reach(b))).expect("one is free");
         let step = reach(first);
@@ -176,7 +165,7 @@ fn on_simplex(gram: &DMatrix<f64>, prior: &DVector<f64>, least: f64) -> DVector<
             continue;
         }
         let slope = &h * &w - &b;
-        // All free weights have the same.
+        // All free weights have the same gradient.
         let level = slope.dot(&w);
         let steepest = (0..n).filter(|j| !free.contains(j)).min_by(|&a, &b| slope[a].total_cmp(&slope[b]));
         let rounding = 1e-9 * (level.abs() + lambda);
@@ -188,7 +177,7 @@ fn on_simplex(gram: &DMatrix<f64>, prior: &DVector<f64>, least: f64) -> DVector<
     w
 }
 
-/// The minimum over the free weights that sum to one.
+/// The minimum over the free weights with sum one.
 fn on_plane(h: &DMatrix<f64>, b: &DVector<f64>, free: &[usize]) -> Option<DVector<f64>> {
     let cholesky = h.select_rows(free).select_columns(free).cholesky()?;
     let (toward, along) = (cholesky.solve(&b.select_rows(free)), cholesky.solve(&DVector::repeat(free.len(), 1.0)));

@@ -1,28 +1,27 @@
-//! Rotational regression: skinning that learns from example poses how triangles turn and stretch with the joints.
+//! Rotational regression: skinning that learns from example poses how triangles rotate and stretch with the joints.
 //!
 //! ```text
 //! D = R S                      deformation gradient of a triangle in an example: rotation, then stretch
-//! log(R_bᵀ R) = A q_j + a      the turn that remains beside that of the triangle's own joint b
+//! log(R_bᵀ R) = A q_j + a      rotation relative to the triangle's own joint b
 //! S           = C q_j + c      q_j = log of the rotation between joint j and its parent
 //! ```
 //!
-//! Per triangle the joint `j` (its own, its parent, a child) that explains the examples best is taken, and `A, a, C, c` follow by
-//! ridge regression. In a new pose the gradients `D_t = R_b exp(A q + a) (C q + c)` are joined to a surface by
+//! For each triangle the joint `j` (its own, its parent or a child) that explains the examples best is selected, and `A, a, C, c` follow from
+//! ridge regression. In a new pose the gradients `D_t = R_b exp(A q + a) (C q + c)` are integrated to a surface by
 //!
 //! ```text
-//! x = argmin Σ_t area_t |∇x − D_t|² + μ Σ_i s_i |x_i − y_i|²        one factor for all poses
+//! x = argmin Σ_t area_t |∇x − D_t|² + μ Σ_i s_i |x_i − y_i|²        one factorization for all poses
 //! ```
 //!
-//! where `y` is the linear blend by the weights that fit the examples best. Gradients know bends and folds, and add up small
-//! errors along a limb; blended places know where the limb is. `μ` ([`RegressionOptions::hold`]) says how far each is believed,
-//! and [`tuned`] finds it, and the ridge, by leaving examples out. [`Reduced`] replaces the regressors and the solve by few
-//! shapes.
+//! where `y` is the linear blend with the weights that fit the examples best. Gradients capture bends and folds but accumulate errors along
+//! limbs; blended positions locate the limbs. Their relative weight `μ` ([`RegressionOptions::hold`]) and the ridge are chosen by
+//! cross-validation ([`tuned`]). [`Reduced`] replaces the regressors and the solve by a few shapes.
 //!
 //! # Reference
 //! R. Y. Wang, K. Pulli, J. Popović, *Real-time enveloping with rotational regression*, ACM TOG 26 (2007). Departures: a full
-//! 3 × 3 matrix and an offset in place of a scaled rotation; only rotations between neighboring joints, so that results go rigidly
-//! with the character; blended places for all vertices in place of a few near-rigid ones that are fixed; the reduced form has the
-//! principal shapes of the triangles of a joint, which chosen triangles only steer, in place of sums of chosen triangles.
+//! 3 × 3 matrix and an offset instead of a scaled rotation; only rotations between neighboring joints, so that results are equivariant under
+//! rigid motion; blended positions for all vertices instead of a few fixed near-rigid ones; the reduced form uses principal shapes of the
+//! triangles of a joint, with key triangles as predictors, instead of sums of key triangles.
 
 mod gradients;
 mod joint_fit;
@@ -51,29 +50,29 @@ use training::Regressor;
 use plumbline_num::math::polar;
 use plumbline_num::options::OptionError;
 
-/// A pose that the surface is known in.
+/// A training pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
-    /// How space moves with each joint.
+    /// Skin matrices of the joints.
     pub matrices: Vec<Matrix4<f64>>,
-    /// Where the vertices are.
+    /// Vertex positions.
     pub positions: Vec<Point3<f64>>,
 }
 
-/// How a model is trained.
+/// Options of the training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RegressionOptions {
-    /// Ridge on the slopes, rad², above 0: larger trusts the examples less. The offsets are free.
+    /// Ridge on the slopes, rad², above 0. Larger values trust the examples less; offsets are not penalized. Default 1e-2.
     pub ridge: f64,
-    /// How much blended places are believed beside gradients, above 0, dimensionless: what is longer than `√(area / hold)` is where
-    /// they are.
+    /// `μ`: weight of blended positions relative to gradients, above 0, dimensionless. Features longer than `√(area / μ)` follow the
+    /// positions. Default 1e3.
     pub hold: f64,
 }
 
 impl Default for RegressionOptions {
     fn default() -> Self {
-        // A joint that turned by 2° in all examples together is hardly believed, one that turned by 20° is. Places say where limbs
-        // are, a thirtieth of the character wide; below it gradients say what the surface does. Both are what is found most.
+        // 1e-2: a joint with a total rotation of 2° in all examples is mostly ignored, one with 20° is mostly trusted. 1e3: positions rule down
+        // to a thirtieth of the character's width. Both are the values that cross-validation selects most often.
         Self { ridge: 1e-2, hold: 1e3 }
     }
 }
@@ -83,19 +82,19 @@ impl Default for RegressionOptions {
 pub struct RegressionModel {
     regressors: Vec<Regressor>,
     surface: SurfaceOfGradients,
-    places: Places,
+    places: BlendedPositions,
     parents: Vec<Option<u32>>,
     hold: f64,
 }
 
-/// Linear blending, which says about where vertices are.
+/// Linear blend skinning, which gives the approximate positions.
 #[derive(Clone, Debug)]
-struct Places {
+struct BlendedPositions {
     rest: Vec<Point3<f64>>,
     weights: SkinWeights,
 }
 
-impl Places {
+impl BlendedPositions {
     fn at(&self, vertex: usize, matrices: &[Matrix4<f64>]) -> Point3<f64> {
         let p = &self.rest[vertex];
         let part = |i: &super::Influence| matrices[i.joint as usize].transform_point(p).coords * i.weight;
@@ -107,16 +106,16 @@ impl Places {
     }
 }
 
-/// What regressors see of a pose.
+/// Features of a pose for the regressors.
 #[derive(Clone, Debug)]
-struct JointTurns {
-    /// Rotation of each joint from rest, world.
+struct JointRotations {
+    /// World rotation of each joint from rest.
     global: Vec<UnitQuaternion<f64>>,
-    /// Rotation vector of each joint from its parent's turn, rad; zero for roots.
+    /// Rotation vector of each joint relative to its parent, rad; zero for roots.
     relative: Vec<Vector3<f64>>,
 }
 
-impl JointTurns {
+impl JointRotations {
     fn new(matrices: &[Matrix4<f64>], parents: &[Option<u32>]) -> Self {
         let global: Vec<_> = matrices.iter().map(|m| polar(&m.fixed_view::<3, 3>(0, 0).into_owned()).0).collect();
         let relative = |(turn, parent): (&UnitQuaternion<f64>, &Option<u32>)| {
@@ -127,7 +126,7 @@ impl JointTurns {
 }
 
 impl RegressionModel {
-    /// Learns from examples. `weights` say which joint each triangle belongs to.
+    /// Trains a model. `weights` assign triangles to joints.
     ///
     /// # Errors
     /// [`CharacterError::NoExamples`]; [`CharacterError::PerVertex`], [`CharacterError::Matrices`] for examples or weights of other
@@ -144,7 +143,8 @@ impl RegressionModel {
         check(mesh, skeleton, weights, examples)?;
         let parents = parents_of(skeleton);
         let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge, run)?;
-        let places = Places { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples, run)? };
+        let places =
+            BlendedPositions { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples, run)? };
         run.step(0.5)?;
         let surface = SurfaceOfGradients::new(mesh, options.hold, run)?;
         let mut model = Self { regressors, surface, places, parents, hold: options.hold };
@@ -152,7 +152,7 @@ impl RegressionModel {
         Ok((model, report))
     }
 
-    /// Moves the surface at rest, as morph targets do: its triangles turn and stretch as they have learnt, from where they are now.
+    /// Replaces the rest surface, as morph targets do; the learned rotations and stretches apply to its triangles.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another number of vertices.
@@ -165,15 +165,15 @@ impl RegressionModel {
     /// The surface in a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
     pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         check_pose(&self.parents, matrices)?;
-        let turns = JointTurns::new(matrices, &self.parents);
+        let turns = JointRotations::new(matrices, &self.parents);
         let (regressors, places) = (&self.regressors, &self.places);
         Ok(self.surface.solve(|t| regressors[t].gradient(&turns), |v| places.at(v, matrices).coords))
     }
 
-    /// The linear blend by the weights that fit the examples best, in a pose.
+    /// Linear blend with the weights that fit the examples best.
     ///
     /// # Errors
     /// As [`Self::positions`].
@@ -188,9 +188,7 @@ fn parents_of(skeleton: &Skeleton) -> Vec<Option<u32>> {
 }
 
 fn check_pose(parents: &[Option<u32>], matrices: &[Matrix4<f64>]) -> Result<(), CharacterError> {
-    if parents.len() != matrices.len() {
-        return Err(CharacterError::Matrices { joints: parents.len(), matrices: matrices.len() });
-    }
+    CharacterError::check_matrices(parents.len(), matrices.len())?;
     super::skin::check_affine(matrices)
 }
 
@@ -204,20 +202,12 @@ fn check(
         return Err(CharacterError::NoExamples);
     }
     let (joints, vertices) = (skeleton.joint_count(), mesh.vertex_count());
-    if weights.joint_count() != joints {
-        return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
-    }
-    if weights.vertex_count() != vertices {
-        return Err(CharacterError::PerVertex { what: "rows of weights", given: weights.vertex_count(), vertices });
-    }
+    CharacterError::check_matrices(weights.joint_count(), joints)?;
+    CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
     for example in examples {
         let given = example.positions.len();
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "positions of an example", given, vertices });
-        }
-        if joints != example.matrices.len() {
-            return Err(CharacterError::Matrices { joints, matrices: example.matrices.len() });
-        }
+        CharacterError::check_per_vertex("positions of an example", given, vertices)?;
+        CharacterError::check_matrices(joints, example.matrices.len())?;
         super::skin::check_affine(&example.matrices)?;
     }
     Ok(())

@@ -1,11 +1,11 @@
-//! The surface whose triangles are mapped as given and whose vertices are where they are wanted, as nearly as both can be:
+//! Surface from prescribed triangle gradients and approximate vertex positions (screened Poisson equation):
 //!
 //! ```text
 //! x = argmin Σ_t Σ_{edges of t} ½ cot · |(x_a − x_b) − D_t (p_a − p_b)|²  +  μ Σ_i s_i |x_i − y_i|²
 //! ```
 //!
-//! `s_i` is the share of vertex `i` in the area of its piece, so that `μ` has no unit: what is longer than `√(area / μ)` has the
-//! places, what is shorter the gradients. The middle of each piece is that of its places, whatever `μ` is.
+//! `s_i` is the fraction of vertex `i` in the area of its component, so that `μ` is dimensionless: features longer than `√(area / μ)` follow
+//! the positions, shorter ones the gradients. The centroid of each component is that of its positions for every `μ`.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -17,7 +17,7 @@ use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
 use plumbline_num::spatial::UnionFind;
 
-/// The factored Laplacian.
+/// The factored screened Laplacian.
 #[derive(Clone, Debug)]
 pub(super) struct SurfaceOfGradients {
     rest: Vec<Point3<f64>>,
@@ -50,12 +50,12 @@ impl SurfaceOfGradients {
         })
     }
 
-    /// The surface at rest.
+    /// The rest surface.
     pub(super) fn rest(&self) -> &[Point3<f64>] {
         &self.rest
     }
 
-    /// Areas of the triangles at rest.
+    /// Triangle areas at rest.
     pub(super) fn areas(&self) -> Vec<f64> {
         let area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.rest[v as usize]);
@@ -64,17 +64,14 @@ impl SurfaceOfGradients {
         self.triangles.iter().map(area).collect()
     }
 
-    /// Moves the surface at rest. What joins its triangles, the matrix, stays that of the surface that it was made for.
+    /// Replaces the rest surface. The matrix remains that of the original surface.
     pub(super) fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
-        let (given, vertices) = (rest.len(), self.rest.len());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "positions at rest", given, vertices });
-        }
+        CharacterError::check_per_vertex("positions at rest", rest.len(), self.rest.len())?;
         self.rest.copy_from_slice(rest);
         Ok(())
     }
 
-    /// The positions for a map per triangle and a place per vertex.
+    /// Vertex positions for a gradient per triangle and a position per vertex.
     pub(super) fn solve(
         &mut self,
         gradient: impl Fn(usize) -> Matrix3<f64>,
@@ -99,13 +96,13 @@ impl SurfaceOfGradients {
     }
 }
 
-/// The least hold of a vertex, for those of no area: far below any cotangent that counts, far above nothing.
+/// Lower bound of the position weight, for vertices of zero area: far below relevant cotangents, above singularity.
 const MIN_WEIGHT: f64 = 1e-9;
 
-/// Half cotangents at most: needles of 1:2000 keep theirs.
+/// Upper bound of half cotangents: slivers of 1:2000 keep theirs.
 const MAX_COTANGENT: f64 = 1e3;
 
-/// Lowest vertex of each vertex's piece.
+/// Lowest vertex of each vertex's component.
 fn pieces(edges: &EdgeWeights) -> Vec<u32> {
     let mut sets = UnionFind::new(edges.vertex_count());
     for &[i, j] in edges.edges() {
@@ -114,7 +111,7 @@ fn pieces(edges: &EdgeWeights) -> Vec<u32> {
     sets.roots()
 }
 
-/// Areas over those of the pieces; the same for all vertices of a piece without area.
+/// Areas relative to those of the components; uniform for components of zero area.
 fn shares(areas: &[f64], piece: &[u32]) -> Vec<f64> {
     let (mut total, mut count) = (vec![0.0; areas.len()], vec![0.0; areas.len()]);
     for (a, &p) in areas.iter().zip(piece) {

@@ -3,13 +3,12 @@ use nalgebra::{Point3, Vector3};
 use super::super::humanoid::humanoid;
 use super::super::skinning::tests::{matrices, tube, turn};
 use super::super::skinning::{Skinner, SkinningMethod};
-use super::super::{Outside, Skin, SkinWeights};
+use super::super::{Extrapolation, Skin, SkinWeights};
 use super::*;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// An elbow that bends with a muscle: twist spreads evenly over the forearm, the upper arm swells with the bend. No blend of
-/// two matrices does either.
+/// An elbow with a muscle: twist distributes over the forearm, the upper arm bulges with the bend. Linear blending can do neither.
 pub(super) fn arm(around: usize, along: usize) -> (TriMesh, Skeleton, Skin, impl Fn(f64, f64) -> Example) {
     let (mesh, skeleton, skin) = tube(2, around, along);
     let (rest, bones, weights) = (mesh.clone(), skeleton.clone(), skin.clone());
@@ -19,7 +18,7 @@ pub(super) fn arm(around: usize, along: usize) -> (TriMesh, Skeleton, Skin, impl
         let place = |p: &Point3<f64>| {
             let swell = 1.0 + 0.3 * bend / 1.5 * (-(p.x - 1.8).powi(2) / 0.5).exp();
             let q = Vector3::new(p.x, p.y * swell, p.z * swell);
-            // The part of the turn that this place along the arm has: bend about the elbow within one unit, twist over three.
+            // Fraction of the rotation at this position: the bend happens within one unit, the twist over three.
             let part = |width: f64| ((p.x - 3.0) / width + 0.5).clamp(0.0, 1.0);
             let (b, t) = (bend * part(1.6), twist * part(3.0));
             let local = turn([0.0, 0.0, 1.0], b) * turn([1.0, 0.0, 0.0], t);
@@ -35,7 +34,7 @@ fn rms(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
 }
 
 #[test]
-fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
+fn the_model_learns_what_linear_blending_cannot_and_generalizes_between_examples() {
     let (mesh, skeleton, skin, example) = arm(16, 40);
     let angle = |k: usize| (1.5 * k as f64 / 29.0, 1.2 * ((k * 7) % 30) as f64 / 29.0);
     let all: Vec<Example> = (0..30).map(|k| example(angle(k).0, angle(k).1)).collect();
@@ -45,7 +44,7 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
     let options = tuned(&mesh, &skeleton, skin.weights(), &train, &Run::default()).expect("tuned");
     let (mut model, report) =
         RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options, &Run::default()).expect("trained");
-    // The best that linear blending can do with these joints.
+    // The best linear blend with these joints.
     let fitted = Skin::bound(fit_weights(&mesh, skin.weights(), &train, &Run::default()).expect("fitted"), &skeleton)
         .expect("not flat");
     let linear =
@@ -64,7 +63,7 @@ fn what_no_blend_can_do_is_learnt_from_examples_and_holds_between_them() {
 }
 
 #[test]
-fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
+fn a_rigid_motion_of_all_joints_moves_the_surface_rigidly() {
     let (mesh, skeleton, skin, example) = arm(12, 24);
     let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
     let (mut model, _) = RegressionModel::train(
@@ -81,7 +80,7 @@ fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
     let there: Vec<_> = pose.iter().map(|m| motion.matrix() * m).collect();
     let reduced =
         model.reduced(&train.iter().map(|e| e.matrices.clone()).collect::<Vec<_>>(), 4, &Run::default()).expect("fits");
-    // The product of the reduced model is of single precision.
+    // The product of the reduced model is in single precision.
     let pairs = [
         (model.positions(&pose).expect("fits"), model.positions(&there).expect("fits"), 1e-9),
         (reduced.positions(&pose).expect("fits"), reduced.positions(&there).expect("fits"), 1e-6 * mesh.diagonal()),
@@ -92,7 +91,7 @@ fn a_rigid_motion_of_all_joints_is_one_of_the_surface() {
 }
 
 #[test]
-fn examples_that_move_rigidly_come_back_exactly() {
+fn rigid_examples_are_reproduced_exactly() {
     let (mesh, skeleton, skin, _) = arm(10, 12);
     let rigid = |angle: f64| {
         let motion = Trs::rigid(turn([0.2, 1.0, 0.3], angle), Vector3::new(angle, 0.0, 1.0));
@@ -117,7 +116,7 @@ fn examples_that_move_rigidly_come_back_exactly() {
 }
 
 #[test]
-fn few_shapes_do_what_all_triangles_do_whatever_the_surface() {
+fn a_few_shapes_reproduce_the_full_model() {
     let mut counts = Vec::new();
     for (around, along) in [(12, 24), (24, 60)] {
         let (mesh, skeleton, skin, example) = arm(around, along);
@@ -146,7 +145,7 @@ fn few_shapes_do_what_all_triangles_do_whatever_the_surface() {
 }
 
 #[test]
-fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
+fn truncation_of_a_reduced_model_moves_no_vertex_by_more_than_reported() {
     let (mesh, skeleton, skin, example) = arm(16, 40);
     let train: Vec<Example> = (0..8).map(|k| example(0.2 * k as f64, 0.15 * ((3 * k) % 8) as f64)).collect();
     for hold in [10.0, 1e4] {
@@ -155,7 +154,7 @@ fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
             RegressionModel::train(&mesh, &skeleton, skin.weights(), &train, &options, &Run::default())
                 .expect("trained");
         let samples: Vec<_> = train.iter().map(|e| e.matrices.clone()).collect();
-        // As many shapes as there are: nothing else is missing in the poses that were learnt from.
+        // All shapes: nothing else is missing in the training poses.
         let reduced = model.reduced(&samples, 32, &Run::default()).expect("fits");
         for e in &train {
             let (few, all) =
@@ -167,7 +166,7 @@ fn what_a_reduced_model_leaves_out_moves_no_vertex_by_more_than_it_tells() {
 }
 
 #[test]
-fn joints_that_scale_do_so_in_few_shapes_as_in_all_triangles() {
+fn reduced_models_scale_as_full_ones() {
     let (mesh, skeleton, skin, example) = arm(12, 24);
     let train: Vec<Example> = (0..6).map(|k| example(0.3 * k as f64, 0.2 * k as f64)).collect();
     let (mut model, _) = RegressionModel::train(
@@ -188,7 +187,7 @@ fn joints_that_scale_do_so_in_few_shapes_as_in_all_triangles() {
 }
 
 #[test]
-fn joints_are_found_from_vertices_and_weights_from_joints() {
+fn joints_are_recovered_from_vertices_and_weights_from_joints() {
     let (mesh, skeleton, skin) = tube(3, 12, 36);
     let posed = |a: f64| {
         matrices(&skeleton, &skin, |p| {
@@ -208,14 +207,14 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
         })
         .collect();
     let found = fit_weights(&mesh, skin.weights(), &examples, &Run::default()).expect("fitted");
-    // Where the examples do not tell joints apart the weights may be others, but they do the same.
+    // Where examples do not distinguish joints the weights may differ, with the same effect.
     let fitted = Skin::bound(found, &skeleton).expect("not flat");
     let again =
         Skinner::new(&mesh, None, &skeleton, &fitted, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
     for example in &examples {
         assert!(rms(&again.positions(&example.matrices).expect("fits"), &example.positions) < 1e-3);
     }
-    // Joints of a skin that is rigid come back exactly.
+    // Joints of a rigid skin are recovered exactly.
     let rigid =
         SkinWeights::rigid(3, &mesh.positions().iter().map(|p| ((p.x / 3.0) as u32).min(2)).collect::<Vec<_>>())
             .expect("joints");
@@ -236,7 +235,7 @@ fn joints_are_found_from_vertices_and_weights_from_joints() {
 }
 
 #[test]
-fn what_cannot_be_learnt_from_is_refused() {
+fn invalid_training_data_is_rejected() {
     let (mesh, skeleton, skin, example) = arm(6, 6);
     let train = |e: &[Example], ridge| {
         RegressionModel::train(
@@ -261,9 +260,9 @@ fn what_cannot_be_learnt_from_is_refused() {
 }
 
 #[test]
-fn a_joint_that_nothing_follows_goes_with_its_parent_or_with_what_hangs_on_it() {
+fn a_joint_without_influence_follows_its_parent_or_its_descendants() {
     let (mesh, skeleton, _) = tube(4, 10, 30);
-    // Nothing follows the root and the tip.
+    // The root and the leaf have no influence.
     let weights = SkinWeights::rigid(4, &mesh.positions().iter().map(|p| 1 + u32::from(p.x > 3.0)).collect::<Vec<_>>());
     let weights = weights.expect("joints");
     let motion = |j: usize| Trs::rigid(turn([0.3, 1.0, 0.2], 0.5 * j as f64), Vector3::new(j as f64, 0.0, 2.0));
@@ -276,7 +275,7 @@ fn a_joint_that_nothing_follows_goes_with_its_parent_or_with_what_hangs_on_it() 
 }
 
 #[test]
-fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
+fn cross_validated_options_predict_unseen_poses_well() {
     let (mesh, skeleton, skin, example) = arm(10, 24);
     let angle = |k: usize| (1.5 * k as f64 / 19.0, 1.2 * ((k * 7) % 20) as f64 / 19.0);
     let all: Vec<Example> = (0..20).map(|k| example(angle(k).0, angle(k).1)).collect();
@@ -290,7 +289,7 @@ fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
         errors.sum::<f64>()
     };
     let found = tuned(&mesh, &skeleton, skin.weights(), &train, &Run::default()).expect("tuned");
-    // These poses are what gradients explain and blends do not: little ridge, little hold.
+    // These poses are explained by gradients and not by blends: small ridge, small position weight.
     assert!(found.hold <= 100.0 && found.ridge <= 1e-2, "{found:?}");
     let best = error(&found);
     for (ridge, hold) in [(1.0, found.hold), (found.ridge, 1e5), (1.0, 1e5)] {
@@ -299,7 +298,7 @@ fn options_found_by_leaving_examples_out_do_well_on_what_was_never_seen() {
 }
 
 #[test]
-fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_vertices_alone() {
+fn poses_are_recovered_from_vertices_alone_better_than_by_the_best_linear_blend() {
     let person = humanoid(0.07).expect("its own data");
     let (mesh, skeleton, skin) = (person.model.mesh(), &person.skeleton, &person.skin);
     let curved =
@@ -309,10 +308,10 @@ fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_
         let (first, last) = clip.span().expect("keys");
         for k in 0..6 {
             let time = first + (last - first) * f64::from(k) / 6.0;
-            let pose = clip.pose(skeleton, time, Outside::Hold).expect("valid");
+            let pose = clip.pose(skeleton, time, Extrapolation::Constant).expect("valid");
             let m = skin.joint_matrices(&skeleton.globals(&pose).expect("valid")).expect("valid");
             let positions = curved.positions(&m).expect("fits");
-            // Nothing but the vertices is known of a pose.
+            // Only the vertices of a pose are known.
             let matrices = fit_joints(mesh, skeleton, skin.weights(), &positions).expect("fits");
             shown.push(Example { matrices, positions });
         }
@@ -332,9 +331,9 @@ fn poses_of_a_character_are_recovered_better_than_by_the_best_linear_blend_from_
 }
 
 #[test]
-fn weights_that_examples_do_not_tell_are_those_that_were_given() {
+fn undetermined_weights_stay_at_their_prior() {
     let (mesh, skeleton, skin) = tube(3, 10, 30);
-    // The last two joints go together in all examples, and at rest all do.
+    // The last two joints move together in all examples, and at rest all do.
     let posed = |a: f64| matrices(&skeleton, &skin, |p| p.locals[1].rotation = turn([0.0, 0.3, 1.0], a));
     let linear =
         Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::LinearBlend, &Run::default()).expect("fits");
@@ -352,7 +351,7 @@ fn weights_that_examples_do_not_tell_are_those_that_were_given() {
 }
 
 #[test]
-fn a_surface_that_is_morphed_at_rest_moves_from_there() {
+fn a_morphed_rest_surface_deforms_from_there() {
     let (mesh, skeleton, skin, example) = arm(12, 30);
     let train: Vec<Example> = (0..6).map(|k| example(0.25 * k as f64, 0.2 * k as f64)).collect();
     let (mut model, _) = RegressionModel::train(

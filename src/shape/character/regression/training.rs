@@ -1,52 +1,52 @@
-//! Regressors of triangles, by ridge regression on the examples.
+//! Triangle regressors, by ridge regression on the examples.
 
 use nalgebra::{Matrix3, Matrix4, Point3, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
 
 use super::super::{CharacterError, Skeleton, SkinWeights};
 use super::gradients::gradient;
-use super::{Example, JointTurns, RegressionModel};
+use super::{Example, JointRotations, RegressionModel};
 use crate::mesh::TriMesh;
 use plumbline_num::math::polar;
 use plumbline_num::run::{Run, Stopped};
 
-/// Three numbers of the turn, six of the stretch.
+/// Outputs: three of the rotation vector, six of the stretch.
 pub(super) const OUTPUTS: usize = 9;
 /// Upper triangle of a symmetric matrix.
 const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-/// What was learnt, in root mean squares over vertices and examples, in units of the diagonal at rest.
+/// Training errors: RMS over vertices and examples, relative to the diagonal at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrainingReport {
-    /// Of the model.
+    /// Error of the model.
     pub error: f64,
-    /// Of linear blending with the weights that fit the examples best.
+    /// Error of the linear blend with the weights that fit the examples best.
     pub linear_error: f64,
 }
 
-/// How one triangle turns and stretches.
+/// Regressor of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Regressor {
-    /// The joint it goes with.
+    /// The joint that the triangle follows.
     pub(super) bone: u32,
-    /// The joint whose turn it is explained by.
+    /// The joint whose rotation is the predictor.
     pub(super) joint: u32,
     /// `[A a; C c]`.
     pub(super) map: SMatrix<f64, OUTPUTS, 4>,
 }
 
 impl Regressor {
-    /// `exp(A q + a) (C q + c)`: the gradient beside the turn of its own joint.
-    pub(super) fn relative(&self, turns: &JointTurns) -> Matrix3<f64> {
+    /// `exp(A q + a) (C q + c)`: the gradient relative to the rotation of its own joint.
+    pub(super) fn relative(&self, turns: &JointRotations) -> Matrix3<f64> {
         self.of_turn(&turns.relative[self.joint as usize])
     }
 
-    /// The same where the joint does not turn.
+    /// The same for zero rotation.
     pub(super) fn at_rest(&self) -> Matrix3<f64> {
         self.of_turn(&Vector3::zeros())
     }
 
-    /// The same for a turn of the joint that explains it.
+    /// The same for a rotation vector of the predictor joint.
     pub(super) fn of_turn(&self, q: &Vector3<f64>) -> Matrix3<f64> {
         let y = self.map * Vector4::new(q.x, q.y, q.z, 1.0);
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(y[0], y[1], y[2]));
@@ -58,8 +58,8 @@ impl Regressor {
         turn.to_rotation_matrix().into_inner() * stretch
     }
 
-    /// The gradient in the world.
-    pub(super) fn gradient(&self, turns: &JointTurns) -> Matrix3<f64> {
+    /// The gradient in world coordinates.
+    pub(super) fn gradient(&self, turns: &JointRotations) -> Matrix3<f64> {
         turns.global[self.bone as usize].to_rotation_matrix().into_inner() * self.relative(turns)
     }
 }
@@ -74,7 +74,7 @@ pub(super) fn regressors(
     run: &Run,
 ) -> Result<Vec<Regressor>, Stopped> {
     let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
-    let turns: Vec<JointTurns> = examples.iter().map(|e| JointTurns::new(&e.matrices, &parents)).collect();
+    let turns: Vec<JointRotations> = examples.iter().map(|e| JointRotations::new(&e.matrices, &parents)).collect();
     let inverses: Vec<Matrix4<f64>> = (0..skeleton.joint_count()).map(|j| inverse(&turns, j, ridge)).collect();
     let regressor = |t: usize| {
         run.check()?;
@@ -94,21 +94,21 @@ pub(super) fn regressors(
     (0..mesh.triangle_count()).into_par_iter().map(regressor).collect()
 }
 
-/// The joint that a triangle follows most.
+/// The joint with the largest weight on a triangle.
 fn bone_of(weights: &SkinWeights, corners: &[u32; 3]) -> u32 {
     let sum = |j: u32| corners.iter().map(|&v| weights.weight(v as usize, j)).sum::<f64>();
     let joints = corners.iter().flat_map(|&v| weights.row(v as usize)).map(|i| i.joint);
-    // The lowest of equals, whatever the order of the corners.
+    // Ties go to the lowest index, for any order of the corners.
     joints.max_by(|&a, &b| sum(a).total_cmp(&sum(b)).then(b.cmp(&a))).expect("every vertex follows a joint")
 }
 
-/// Joints that may explain a triangle of a joint.
+/// Candidate predictors of a triangle: its joint, the parent and the children.
 fn candidates(skeleton: &Skeleton, bone: u32) -> impl Iterator<Item = u32> + '_ {
     let parent = skeleton.joints()[bone as usize].parent;
     std::iter::once(bone).chain(parent).chain(skeleton.children(bone).iter().copied())
 }
 
-/// What a triangle's map tells beside the turn of its joint.
+/// Regression target: the triangle's map relative to the rotation of its joint.
 fn output(map: Option<&Matrix3<f64>>, own: &UnitQuaternion<f64>) -> SVector<f64, OUTPUTS> {
     let (rotation, stretch) = map.map_or((*own, Matrix3::identity()), polar);
     let turn = (own.inverse() * rotation).scaled_axis();
@@ -116,8 +116,8 @@ fn output(map: Option<&Matrix3<f64>>, own: &UnitQuaternion<f64>) -> SVector<f64,
 }
 
 /// `(Σ f fᵀ + ridge)⁻¹`, `f = [q 1]`.
-fn inverse(turns: &[JointTurns], joint: usize, ridge: f64) -> Matrix4<f64> {
-    let feature = |t: &JointTurns| t.relative[joint].push(1.0);
+fn inverse(turns: &[JointRotations], joint: usize, ridge: f64) -> Matrix4<f64> {
+    let feature = |t: &JointRotations| t.relative[joint].push(1.0);
     let squares: Matrix4<f64> = turns.iter().map(|t| feature(t) * feature(t).transpose()).sum();
     let with_ridge = squares + Matrix4::from_diagonal(&Vector4::new(ridge, ridge, ridge, 0.0));
     with_ridge
@@ -125,22 +125,22 @@ fn inverse(turns: &[JointTurns], joint: usize, ridge: f64) -> Matrix4<f64> {
         .expect("positive definite: a ridge on the slopes, and the offset's own square is the number of examples")
 }
 
-/// The ridge solution by one joint, and its squared error.
+/// The ridge solution with one predictor, and its squared error.
 fn fitted(
     joint: u32,
     bone: u32,
-    turns: &[JointTurns],
+    turns: &[JointRotations],
     outputs: &[SVector<f64, OUTPUTS>],
     inverse: &Matrix4<f64>,
 ) -> (Regressor, f64) {
-    let feature = |t: &JointTurns| t.relative[joint as usize].push(1.0);
+    let feature = |t: &JointRotations| t.relative[joint as usize].push(1.0);
     let right: SMatrix<f64, OUTPUTS, 4> = turns.iter().zip(outputs).map(|(t, y)| y * feature(t).transpose()).sum();
     let map = right * inverse;
     let error = turns.iter().zip(outputs).map(|(t, y)| (y - map * feature(t)).norm_squared()).sum();
     (Regressor { bone, joint, map }, error)
 }
 
-/// How well the examples come back.
+/// Training errors.
 pub(super) fn report(
     model: &mut RegressionModel,
     mesh: &TriMesh,

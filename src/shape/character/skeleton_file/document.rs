@@ -1,4 +1,4 @@
-//! The shape of the file.
+//! Schema of the file.
 
 use std::collections::HashMap;
 
@@ -22,7 +22,7 @@ pub(super) struct Document {
     /// The joints; a parent may come after its children.
     #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     joints: Vec<JointEntry>,
-    /// The curve that the joints were made of.
+    /// The curve skeleton that the joints were derived from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     curve: Option<CurveEntry>,
 }
@@ -32,53 +32,53 @@ pub(super) struct Document {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct JointEntry {
-    /// No other joint has it.
+    /// Unique name.
     name: String,
-    /// Name of the joint it hangs on; left out for a root.
+    /// Name of the parent joint; omitted for a root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     parent: Option<String>,
-    /// Where it is in its parent's frame, units of the model.
+    /// Position in the parent frame, units of the model.
     #[serde(default, skip_serializing_if = "is_zero")]
     translation: [f64; 3],
-    /// How its frame is turned in its parent's: `[w, x, y, z]`, whose length does not count.
+    /// Rotation in the parent frame: quaternion `[w, x, y, z]` of any length.
     #[serde(default = "no_turn", skip_serializing_if = "is_no_turn")]
     rotation: [f64; 4],
-    /// Factors along its axes.
+    /// Scale factors along the joint axes.
     #[serde(default = "ones", skip_serializing_if = "is_ones")]
     scale: [f64; 3],
-    /// How far it may turn from rest; left out: as far as it likes.
+    /// Limits of the rotation from rest; omitted: unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     limits: Option<LimitsEntry>,
 }
 
-/// How far a joint may turn from rest, in its own frame: a twist about an axis, then a swing that moves the axis.
+/// Limits of the rotation from rest, in the joint frame: a twist about an axis, then a swing of the axis.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-struct LimitsEntry {
-    /// Axis of the twist; its length does not count.
-    axis: [f64; 3],
-    /// First axis of the swing, across `axis`; its length does not count.
-    across: [f64; 3],
-    /// Largest turn about `across` and about `axis × across`, degrees, 0 to 180.
-    swing_deg: [f64; 2],
-    /// Least and largest twist, degrees, −180 to 180.
-    twist_deg: [f64; 2],
+pub(in crate::character) struct LimitsEntry {
+    /// Twist axis, of any length.
+    pub(in crate::character) axis: [f64; 3],
+    /// First swing axis, perpendicular to `axis`, of any length.
+    pub(in crate::character) across: [f64; 3],
+    /// Largest swing about `across` and about `axis × across`, degrees, 0 to 180.
+    pub(in crate::character) swing_deg: [f64; 2],
+    /// Smallest and largest twist, degrees, −180 to 180.
+    pub(in crate::character) twist_deg: [f64; 2],
 }
 
-/// A curve in the middle of a surface.
+/// A curve skeleton.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct CurveEntry {
-    /// Places of the nodes, units of the model.
+    /// Node positions, units of the model.
     nodes: Vec<[f64; 3]>,
-    /// Pairs of nodes that are joined, numbered from 0.
+    /// Pairs of adjacent nodes, numbered from 0.
     edges: Vec<[u32; 2]>,
-    /// Radius of the surface about each node.
+    /// Radius of the surface about each node, units of the model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     radius: Vec<f64>,
-    /// The node of each vertex of the surface, in the order of its file.
+    /// Node of each vertex of the surface, in the order of the mesh file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     node_of_vertex: Vec<u32>,
 }
@@ -112,7 +112,7 @@ fn is_no_turn(q: &[f64; 4]) -> bool {
 impl Document {
     pub(super) fn into_skeleton(self) -> Result<SkeletonFile, SkeletonFileError> {
         let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
-        // Of equal names any will do here: the skeleton refuses them.
+        // Of duplicate names any index will do: `Skeleton::new` rejects them.
         let number: HashMap<&str, u32> = names.iter().copied().zip(0..).collect();
         let joint = |entry: &JointEntry| {
             let parent = match &entry.parent {
@@ -137,7 +137,7 @@ impl Document {
         }
     }
 
-    /// One joint a line, so that versions of a file can be compared.
+    /// One joint per line, for readable diffs.
     pub(super) fn to_json(&self) -> String {
         let line = |j: &JointEntry| format!("    {}", serde_json::to_string(j).expect("strings and numbers"));
         let joints: Vec<String> = self.joints.iter().map(line).collect();
@@ -153,7 +153,7 @@ impl Document {
     }
 }
 
-/// A refusal of a field.
+/// A `Value` error.
 fn refused(place: &str, field: &'static str, value: String, expected: &'static str) -> SkeletonFileError {
     SkeletonFileError::Value { place: place.to_owned(), field, value, expected }
 }
@@ -178,7 +178,7 @@ impl JointEntry {
     fn rest(&self) -> Result<Trs, SkeletonFileError> {
         let [w, x, y, z] = self.rotation;
         let q = Quaternion::new(w, x, y, z);
-        // A quaternion that is a unit already keeps its bits, so that a file is read back as it was written.
+        // A unit quaternion keeps its bits, so that a round trip is exact.
         let unit = if (q.norm_squared() - 1.0).abs() < 1e-15 {
             Some(UnitQuaternion::new_unchecked(q))
         } else {
@@ -202,7 +202,7 @@ impl JointEntry {
 }
 
 impl LimitsEntry {
-    fn of(limits: &Limits) -> Self {
+    pub(in crate::character) fn of(limits: &Limits) -> Self {
         let degrees = |v: [f64; 2]| v.map(f64::to_degrees);
         Self {
             axis: limits.axis.into_inner().into(),

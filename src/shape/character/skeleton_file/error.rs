@@ -1,28 +1,28 @@
-//! Why a skeleton file was refused.
+//! Errors of skeleton files.
 
 use super::super::CharacterError;
 use plumbline_num::document::DocumentError;
 
-/// A skeleton file that cannot be used.
+/// Why a skeleton file was rejected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkeletonFileError {
-    /// Input: no such document, or one that cannot be read.
+    /// Input: not a readable document of this format.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// Input: a value that it cannot have.
+    /// Input: an invalid value.
     #[error("{place}: {field} is {value} (expected {expected})")]
     Value {
         /// The joint, or the curve.
         place: String,
         /// The field.
         field: &'static str,
-        /// What stands there.
+        /// The value.
         value: String,
-        /// What may stand there.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// Input: joints that are no skeleton.
+    /// Input: invalid joints.
     #[error(transparent)]
     Skeleton(#[from] CharacterError),
 }

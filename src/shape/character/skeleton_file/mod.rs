@@ -1,4 +1,4 @@
-//! Skeleton files of our own:
+//! Skeleton files:
 //!
 //! ```json
 //! { "format": "plumbline.skeleton", "version": 1,
@@ -9,9 +9,9 @@
 //!   "curve": {"nodes": [[0, 0.9, 0]], "edges": [], "radius": [0.1], "node_of_vertex": [0, 0]} }
 //! ```
 //!
-//! It is neither a pose nor a skin: it says where joints are at rest, in the frame of their parents. `rotation` is `[w, x, y, z]`;
-//! what is left out changes nothing. Lengths are in units of the model. `curve` is what the joints were made of, where they were
-//! found in a surface. Unknown keys are refused.
+//! Holds the rest pose only: joint frames relative to their parents. `rotation` is `[w, x, y, z]`; omitted transforms are identities.
+//! Lengths are in units of the model. `curve` is the curve skeleton that the joints were derived from, if they were extracted from a
+//! surface. Unknown keys are rejected.
 
 mod document;
 mod error;
@@ -20,6 +20,7 @@ mod tests;
 
 use std::path::Path;
 
+pub(super) use document::LimitsEntry;
 #[cfg(feature = "schema")]
 pub use document::skeleton_file_schema;
 pub use error::SkeletonFileError;
@@ -28,15 +29,15 @@ use super::{CurveSkeleton, Skeleton};
 use document::Document;
 use plumbline_num::document::Kind;
 
-/// At most as large as the mapping of ten million vertices.
+/// Size limit: the node indices of ten million vertices.
 const KIND: Kind = Kind { name: "a file of a skeleton", format: "plumbline.skeleton", max_bytes: 1 << 27 };
 
-/// A skeleton, and the curve it was made of.
+/// A skeleton, and the curve skeleton it was derived from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkeletonFile {
-    /// The joints.
+    /// The skeleton.
     pub skeleton: Skeleton,
-    /// The curve in the middle of the surface in which they were found.
+    /// The curve skeleton, if the skeleton was extracted from a surface.
     pub curve: Option<CurveSkeleton>,
 }
 
@@ -44,21 +45,20 @@ impl SkeletonFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::parse`] refuses; [`SkeletonFileError::Document`].
+    /// [`SkeletonFileError::Document`] and all errors of [`Self::parse`].
     pub fn read(path: &Path) -> Result<Self, SkeletonFileError> {
         Self::parse(&KIND.text(path)?)
     }
 
-    /// Reads a text.
+    /// Parses a document.
     ///
     /// # Errors
-    /// [`SkeletonFileError`]: not JSON of this shape, another format or version, joints that are no skeleton, a curve that names
-    /// nodes it does not have.
+    /// [`SkeletonFileError`]: not this format or version, invalid joints, a curve with node indices out of range.
     pub fn parse(text: &str) -> Result<Self, SkeletonFileError> {
         KIND.parse::<Document>(text)?.into_skeleton()
     }
 
-    /// As text, which [`Self::parse`] reads back to the same bits.
+    /// The document as text; [`Self::parse`] restores it bit for bit.
     pub fn to_json(&self) -> String {
         Document::of(self).to_json()
     }

@@ -10,7 +10,7 @@ const LEG: &str = r#"{"format": "plumbline.skeleton", "version": 1, "joints": [
     "curve": {"nodes": [[0, 1, 0], [1, 2, 3]], "edges": [[0, 1]], "radius": [0.1, 0.2], "node_of_vertex": [1, 1, 0]}}"#;
 
 #[test]
-fn joints_stand_where_the_file_says_though_a_child_comes_first() {
+fn joint_frames_are_as_in_the_file_even_if_a_child_comes_first() {
     let file = SkeletonFile::parse(LEG).expect("valid");
     assert_eq!(file.skeleton.find("knee"), Some(0));
     assert_eq!(file.skeleton.joints()[0].parent, Some(1));
@@ -26,7 +26,7 @@ fn joints_stand_where_the_file_says_though_a_child_comes_first() {
 }
 
 #[test]
-fn what_is_written_is_read_back_to_the_bit() {
+fn a_round_trip_is_bit_exact() {
     let mut file = SkeletonFile::parse(LEG).expect("valid");
     let mut joints = file.skeleton.joints().to_vec();
     joints[1].rest.rotation = UnitQuaternion::from_euler_angles(0.1, 0.7, -2.0);
@@ -37,7 +37,7 @@ fn what_is_written_is_read_back_to_the_bit() {
 }
 
 #[test]
-fn refusals_name_what_is_wrong() {
+fn errors_name_the_field_and_the_value() {
     let cases = [
         ("\"plumbline.skeleton\"", "\"plumbline.pose\"", "not a file of a skeleton (expected \"plumbline.skeleton\")"),
         ("\"version\": 1", "\"version\": 7", "version 7"),

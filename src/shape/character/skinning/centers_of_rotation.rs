@@ -8,17 +8,17 @@
 //!       Σ_t s(wᵢ, w_t) A_t                                                    σ²
 //! ```
 //!
-//! `cᵢ` is the middle of the part of the surface whose weights are like those of vertex `i` (triangles `t` with area `A`, middle
-//! `b` and mean weights `w_t`): rotating about it neither collapses nor bulges. It does not depend on the pose. A vertex that
-//! follows one joint alone has no like, and needs none: its center is itself.
+//! `cᵢ` is the centroid of the surface weighted by similarity `s` to the weights of vertex `i` (triangles `t` with area `A`, centroid `b`,
+//! mean weights `w_t`): rotation about it neither collapses nor bulges. It is independent of the pose. A vertex with a single influence
+//! is its own center.
 //!
-//! A term of `s` depends on two weights alone. Triangles are therefore sorted, for each pair of joints, into square bins of
-//! these two weights; a bin counts as one triangle with the mean weights of its own, which is exact to second order in the bin's
-//! width, `σ/16`. The sum over all triangles becomes one over the bins that are occupied.
+//! A term of `s` depends on two weights only. For each pair of joints the triangles are therefore binned by these two weights; a bin acts
+//! as one triangle with the mean weights of its members, exact to second order in the bin width `σ/16`. The sum over triangles becomes a
+//! sum over occupied bins.
 //!
 //! # Reference
-//! B. H. Le, J. K. Hodgins, *Real-time skeletal skinning with optimized centers of rotation*, ACM TOG 35 (2016). Departure: bins
-//! in place of the paper's search among clusters of vertices; scales in a phase of their own, as with dual quaternions.
+//! B. H. Le, J. K. Hodgins, *Real-time skeletal skinning with optimized centers of rotation*, ACM TOG 35 (2016). Departures: bins
+//! instead of the paper's search in vertex clusters; a separate scale phase, as with dual quaternions.
 
 use std::collections::BTreeMap;
 
@@ -31,14 +31,14 @@ use super::{Jet, PosedMethod, Posing};
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 
-/// Width of the likeness of weights, from the paper.
+/// Bandwidth of the similarity, as in the paper.
 const SIGMA: f64 = 0.1;
-/// Bins per unit of weight.
+/// Bins per unit of weight: a bin is `σ/16` wide, so that its second-order error is far below the bandwidth.
 const BINS: f64 = 160.0;
-/// Exponents beyond this are left out: e⁻³⁰ of a term.
+/// Exponents beyond this are skipped: e⁻³⁰ is below 1e-13 of a term.
 const MAX_EXPONENT: f64 = 30.0;
 
-/// Triangles whose weights for two joints are alike: sums of area, and of area times weights and middle.
+/// Triangles with similar weights for two joints: sums of area, and of area times weights and centroid.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bin {
     area: f64,
@@ -46,16 +46,16 @@ struct Bin {
     middle: Vector3<f64>,
 }
 
-/// The center of each vertex, in the space at rest.
+/// The center of rotation of each vertex, in the bind pose.
 ///
 /// # Errors
 /// [`Stopped`].
 ///
 /// # Panics
-/// Where the weights are for another number of vertices.
+/// If the number of rows of weights differs from the number of vertices.
 pub fn centers_of_rotation(mesh: &TriMesh, weights: &SkinWeights, run: &Run) -> Result<Vec<Point3<f64>>, Stopped> {
     assert_eq!(mesh.vertex_count(), weights.vertex_count(), "one row of weights per vertex");
-    // About the middle of the model, so that sums of places keep their digits.
+    // Relative to the center of the model, so that sums of positions keep their digits.
     let middle = mesh.bounding_box().map_or(Vector3::zeros(), |(low, high)| nalgebra::center(&low, &high).coords);
     let bins = binned(mesh, weights, &middle);
     let center = |(v, p): (usize, &Point3<f64>)| {
@@ -80,7 +80,7 @@ fn likeness(a: [f64; 2], b: [f64; 2]) -> f64 {
     if across * across > MAX_EXPONENT { 0.0 } else { a[0] * a[1] * b[0] * b[1] * (-across * across).exp() }
 }
 
-/// Pairs of joints of a row, the lower number first, and their weights.
+/// Pairs of joints of a row, the lower index first, and their weights.
 fn pairs(row: &[Influence]) -> impl Iterator<Item = (u32, u32, [f64; 2])> + '_ {
     row.iter().enumerate().flat_map(move |(n, a)| {
         row[n + 1..].iter().map(move |b| {
@@ -90,7 +90,7 @@ fn pairs(row: &[Influence]) -> impl Iterator<Item = (u32, u32, [f64; 2])> + '_ {
     })
 }
 
-/// Occupied bins of each pair of joints, as means.
+/// Means of the occupied bins for each pair of joints.
 fn binned(mesh: &TriMesh, weights: &SkinWeights, middle: &Vector3<f64>) -> BTreeMap<(u32, u32), Vec<Bin>> {
     let mut bins: BTreeMap<(u32, u32), BTreeMap<[u16; 2], Bin>> = BTreeMap::new();
     for (t, corners) in mesh.triangles().iter().enumerate() {
@@ -114,7 +114,7 @@ fn binned(mesh: &TriMesh, weights: &SkinWeights, middle: &Vector3<f64>) -> BTree
     bins.into_iter().map(|(pair, bins)| (pair, occupied(bins))).collect()
 }
 
-/// Mean of the weights of a triangle's corners.
+/// Mean weights of a triangle's corners.
 fn mean_weights(weights: &SkinWeights, corners: &[u32; 3]) -> Vec<Influence> {
     let mut mean: Vec<Influence> = Vec::with_capacity(12);
     for influence in corners.iter().flat_map(|&c| weights.row(c as usize)) {
@@ -127,13 +127,13 @@ fn mean_weights(weights: &SkinWeights, corners: &[u32; 3]) -> Vec<Influence> {
     mean
 }
 
-/// One pose.
+/// The method in one pose.
 pub(super) struct CentersPose<'a> {
     posing: Posing<'a>,
     centers: &'a [Point3<f64>],
     slopes: &'a [[Vector3<f64>; 2]],
     motions: Motions,
-    /// The same motions as matrices.
+    /// The rigid motions as matrices.
     matrices: Vec<Affine>,
 }
 
@@ -144,7 +144,7 @@ impl<'a> CentersPose<'a> {
         Self { posing, centers, slopes, motions, matrices }
     }
 
-    /// A point after the scales.
+    /// A point after the scale phase.
     fn scaled(&self, row: &[Influence], p: &Point3<f64>) -> Point3<f64> {
         self.motions.scales.as_ref().map_or(*p, |s| Affine::blend(s, row).apply(p))
     }
@@ -163,7 +163,7 @@ fn as_matrix(q: &Parts) -> Affine {
     Affine(std::array::from_fn(|k| if k < 9 { columns[k / 3][k % 3] } else { origin[k - 9] }))
 }
 
-/// The rotation alone.
+/// The rotation part.
 fn rotation(mut q: Parts) -> Parts {
     q[4..].fill(0.0);
     q
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn centers_are_those_of_the_paper_and_lie_in_the_middle_of_a_limb() {
+    fn centers_agree_with_the_paper_and_lie_on_the_axis_of_a_limb() {
         let (mesh, _, skin) = tube(3, 24, 60);
         let centers = centers_of_rotation(&mesh, skin.weights(), &Run::default()).expect("a run that never stops");
         for v in (0..mesh.vertex_count()).step_by(37) {

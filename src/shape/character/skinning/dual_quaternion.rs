@@ -1,27 +1,27 @@
-//! Dual quaternion skinning, with scale and shear in a phase of their own.
+//! Dual quaternion skinning with a separate scale phase.
 //!
-//! Each joint's map is split by polar decomposition about the joint's place at rest `c`,
+//! Each joint's map is split by polar decomposition about the joint position `c` in the bind pose,
 //!
 //! ```text
 //! Mⱼ x = Rⱼ (Sⱼ (x − c) + c) + tⱼ        Rⱼ a rotation, Sⱼ symmetric
 //!
-//! first    y  = Σ wⱼ (Sⱼ (x − cⱼ) + cⱼ)                     scales, linearly, in the space at rest
-//! then     q̂  = Σ ±wⱼ q̂ⱼ,   x' = q̂ y q̂* / |q̂|²              motions; each sign turned toward that of the largest weight
+//! first    y  = Σ wⱼ (Sⱼ (x − cⱼ) + cⱼ)                     scale and shear, blended linearly in rest space
+//! then     q̂  = Σ ±wⱼ q̂ⱼ,   x' = q̂ y q̂* / |q̂|²              rigid motions; signs aligned with the largest weight
 //! ```
 //!
-//! The pivot, unlike signs turned toward the running sum, makes the result independent of the order of the joints. With
-//! `q̂ = (a + u) + ε (e + f)`:
+//! Signs are aligned with the strongest joint, not with the running sum, so that the result is independent of the order of the joints.
+//! With `q̂ = (a + u) + ε (e + f)`:
 //!
 //! ```text
 //! x' = y + 2 (u × (u × y + a y + f) + a f − e u) / (a² + |u|²)
 //! ```
 //!
-//! A map that mirrors leaves its mirror in `S`.
+//! The reflection of an orientation-reversing map stays in `S`.
 //!
 //! # Reference
 //! L. Kavan, S. Collins, J. Žára, C. O'Sullivan, *Geometric skinning with approximate dual quaternion blending*, ACM TOG 27
-//! (2008), sections 3 and 4. Departure: scales are about the joint, not the origin, so that results do not depend on where the
-//! model stands.
+//! (2008), sections 3 and 4. Departure: scales are about the joint instead of the origin, so that results do not depend on the position
+//! of the model.
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
@@ -30,14 +30,14 @@ use super::linear_blend::Affine;
 use super::{Jet, PosedMethod, Posing};
 use plumbline_num::math::{DualQuaternion, polar};
 
-/// A scale that differs by less than this from none is none: what a chain of twenty turns and a matrix that were stored in single
-/// precision, sixteen of its last digits together, leave. Rigid motions are rigid then, whatever file they are from.
+/// Deviation of a scale from 1 that counts as rounding: a chain of twenty rotations and a matrix, stored in single precision, err by
+/// sixteen units in the last place together. Rigid motions from files thus skip the scale phase and stay exactly rigid.
 const NO_SCALE: f64 = 2e-6;
 
 /// `[x y z w]` of the real, then of the dual part.
 pub(super) type Parts = [f64; 8];
 
-/// The motions of a pose, and its scales where there are any.
+/// Rigid motions of a pose, and the scales if any differs from the identity.
 #[derive(Debug)]
 pub(super) struct Motions {
     pub(super) rigid: Vec<Parts>,
@@ -45,7 +45,7 @@ pub(super) struct Motions {
 }
 
 impl Motions {
-    /// Splits the maps of the joints, each about its place at rest.
+    /// Splits the joints' maps, each about its joint position in the bind pose.
     pub(super) fn new(matrices: &[Matrix4<f64>], pivots: &[Point3<f64>]) -> Self {
         let split: Vec<_> = matrices.iter().zip(pivots).map(|(m, c)| split(m, c)).collect();
         let scaled = split.iter().any(|(_, s)| (s - Matrix3::identity()).amax() > NO_SCALE);
@@ -59,12 +59,12 @@ impl Motions {
     }
 }
 
-/// The map without its translation.
+/// Linear part of an affine map.
 pub(super) fn linear(m: &Matrix4<f64>) -> Matrix3<f64> {
     m.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
-/// The motion and the scale about `c`.
+/// Rigid motion, and scale about `c`.
 fn split(m: &Matrix4<f64>, c: &Point3<f64>) -> (DualQuaternion, Matrix3<f64>) {
     let (rotation, scale) = polar(&linear(m));
     let translation = m.transform_point(c) - rotation * c;
@@ -76,14 +76,14 @@ fn parts(q: &DualQuaternion) -> Parts {
     [x, y, z, w, i, j, k, l]
 }
 
-/// 1 or −1: how a motion counts beside the pivot.
+/// Sign of the contribution of a motion relative to the pivot.
 #[inline]
 pub(super) fn sign(pivot: &Parts, q: &Parts) -> f64 {
     let dot = pivot[0] * q[0] + pivot[1] * q[1] + pivot[2] * q[2] + pivot[3] * q[3];
     if dot < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// `Σ ±wⱼ q̂ⱼ`; the strongest joint comes first in a row and is the pivot.
+/// `Σ ±wⱼ q̂ⱼ`; the first (strongest) influence of the row is the pivot.
 #[inline]
 pub(super) fn blend(rigid: &[Parts], row: &[Influence]) -> Parts {
     let pivot = &rigid[row[0].joint as usize];
@@ -98,7 +98,7 @@ pub(super) fn blend(rigid: &[Parts], row: &[Influence]) -> Parts {
     sum
 }
 
-/// `q̂ y q̂* / |q̂|²`; `y` itself where the motions cancel.
+/// `q̂ y q̂* / |q̂|²`; `y` itself if the motions cancel.
 #[inline]
 pub(super) fn moved(q: &Parts, y: &Point3<f64>) -> Point3<f64> {
     let [ux, uy, uz, a, fx, fy, fz, e] = *q;
@@ -108,7 +108,7 @@ pub(super) fn moved(q: &Parts, y: &Point3<f64>) -> Point3<f64> {
     y + (u.cross(&(u.cross(&y.coords) + a * y.coords + f)) + a * f - e * u) * inverse
 }
 
-/// Derivative of [`moved`] as `q̂` moves by `dq` and `y` by `dy`; `x` is where `y` goes.
+/// Derivative of [`moved`] for the variations `dq` of `q̂` and `dy` of `y`; `x` is the image of `y`.
 pub(super) fn moved_along(
     q: &Parts,
     dq: &Parts,
@@ -130,7 +130,7 @@ pub(super) fn moved_along(
     dy + (2.0 * dn - (x - y) * (2.0 * (u.dot(&du) + a * da))) / length
 }
 
-/// One pose.
+/// The method in one pose.
 pub(super) struct DualQuaternionPose<'a> {
     posing: Posing<'a>,
     motions: Motions,

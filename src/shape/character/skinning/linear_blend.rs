@@ -4,8 +4,8 @@
 //! x' = Σⱼ wⱼ Mⱼ x
 //! ```
 //!
-//! A sum of rotations is no rotation: halfway between two that differ by `θ` about the axis of a limb, its radius is
-//! `|cos(θ/2)|` of what it was.
+//! A convex combination of rotations is not a rotation: midway between two that differ by `θ` about the axis of a limb, the radius
+//! shrinks to `|cos(θ/2)|`.
 //!
 //! # Reference
 //! N. Magnenat-Thalmann, R. Laperrière, D. Thalmann, *Joint-dependent local deformations for hand animation and object
@@ -16,7 +16,7 @@ use nalgebra::{Matrix4, Point3, Vector3};
 use super::super::Influence;
 use super::{Jet, PosedMethod, Posing};
 
-/// The first three rows of an affine map, by columns.
+/// The first three rows of an affine matrix, column-major.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Affine(pub(super) [f64; 12]);
 
@@ -42,12 +42,12 @@ impl Affine {
 
     #[inline]
     pub(super) fn apply(&self, p: &Point3<f64>) -> Point3<f64> {
-        Point3::from(self.turn(&p.coords) + Vector3::new(self.0[9], self.0[10], self.0[11]))
+        Point3::from(self.apply_linear(&p.coords) + Vector3::new(self.0[9], self.0[10], self.0[11]))
     }
 
-    /// Its linear part.
+    /// Applies the linear part.
     #[inline]
-    pub(super) fn turn(&self, v: &Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn apply_linear(&self, v: &Vector3<f64>) -> Vector3<f64> {
         let a = &self.0;
         Vector3::new(
             a[0] * v.x + a[3] * v.y + a[6] * v.z,
@@ -56,7 +56,7 @@ impl Affine {
         )
     }
 
-    /// Position and derivatives under a blend of maps, at `p` that moves by `along` as the weights move by `slopes`.
+    /// Position and derivatives under a blend of maps, for the variations `along` of `p` and `slopes` of the weights.
     pub(super) fn jet(
         matrices: &[Self],
         row: &[Influence],
@@ -66,9 +66,9 @@ impl Affine {
     ) -> Jet {
         let blend = Self::blend(matrices, row);
         let position = blend.apply(p);
-        let mut along = along.map(|t| blend.turn(&t));
+        let mut along = along.map(|t| blend.apply_linear(&t));
         for (influence, slope) in row.iter().zip(slopes) {
-            // From where the blend is, so that digits are kept far from the origin: the slopes sum to zero.
+            // Relative to the blended position, which keeps digits far from the origin: the slopes sum to zero.
             let there = matrices[influence.joint as usize].apply(p) - position;
             for (a, s) in along.iter_mut().zip(slope) {
                 *a += there * *s;
@@ -78,7 +78,7 @@ impl Affine {
     }
 }
 
-/// One pose.
+/// The method in one pose.
 pub(super) struct LinearPose<'a> {
     posing: Posing<'a>,
     matrices: Vec<Affine>,

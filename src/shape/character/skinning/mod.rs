@@ -1,22 +1,22 @@
-//! Skinning: the surface that goes with the joints' matrices.
+//! Skinning: deforms the surface by the joints' matrices.
 //!
-//! | method | `x' =` | keeps |
+//! | method | `x' =` | preserves |
 //! | --- | --- | --- |
-//! | [`SkinningMethod::LinearBlend`] | `Σ wⱼ Mⱼ x` | nothing: collapses where bones twist by 180° |
-//! | [`SkinningMethod::DualQuaternion`] | the blend of the motions, after that of the scales | radius under twist; bulges at bends |
-//! | [`SkinningMethod::CentersOfRotation`] | blended rotation about a center that lies fixed in the material | both, mostly |
-//! | [`SkinningMethod::TwistSwing`] | between the first two | as linear where a joint swings, as dual quaternions where it twists |
+//! | [`SkinningMethod::LinearBlend`] | `Σ wⱼ Mⱼ x` | nothing: collapses at twists toward 180° |
+//! | [`SkinningMethod::DualQuaternion`] | blended rigid motions, after blended scales | radius under twist; bulges at bends |
+//! | [`SkinningMethod::CentersOfRotation`] | blended rotation about a precomputed center | both, mostly |
+//! | [`SkinningMethod::TwistSwing`] | mix of the first two | as linear for swings, as dual quaternions for twists |
 //!
-//! A [`Skinner`] is bound once; then it takes the matrices of one pose after the other ([`super::Skin::joint_matrices`]).
+//! A [`Skinner`] is bound once and then evaluated for the skin matrices of any number of poses ([`super::Skin::joint_matrices`]).
 //!
-//! Normals come from the derivative of the map along the surface, slopes of the weights included:
+//! Normals are computed from the derivative of the deformation along the surface, including the slopes of the weights:
 //!
 //! ```text
-//! n' ∝ ∂x'/∂s × ∂x'/∂t      s, t across the normal at rest
+//! n' ∝ ∂x'/∂s × ∂x'/∂t      s, t tangents at rest
 //! ```
 //!
-//! which for one bone is the inverse transpose of its matrix, and for a blend is what the deformed surface has, not the blend of
-//! the normals.
+//! For one bone this is the inverse transpose of its matrix; for a blend it is the normal of the deformed surface, which blended normals
+//! are not.
 
 mod centers_of_rotation;
 mod dual_quaternion;
@@ -51,34 +51,34 @@ use plumbline_num::math::polar;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SkinningMethod {
-    /// Linear blend: as every viewer does; collapses under twist
+    /// Linear blend: fastest, supported everywhere; collapses under twist
     #[serde(rename = "lbs")]
     LinearBlend,
     /// Dual quaternions: keep the radius under twist, bulge at bends
     ///
-    /// Rigid motions are blended as dual quaternions, scale and shear linearly before them.
+    /// Rigid motions are blended as dual quaternions, after a linear blend of scale and shear.
     #[default]
     #[serde(rename = "dqs")]
     DualQuaternion,
-    /// Optimized centers of rotation: neither
+    /// Optimized centers of rotation: neither; centers are precomputed at binding
     #[serde(rename = "cor")]
     CentersOfRotation,
-    /// Dual quaternions where joints twist, linear where they swing
+    /// Dual quaternions for twists, linear blend for swings
     #[serde(rename = "mixed")]
     TwistSwing,
 }
 
-/// A surface bound to joints by a method.
+/// A surface bound to a skeleton, prepared for one skinning method.
 #[derive(Clone, Debug)]
 pub struct Skinner {
     rest: RestSurface,
     weights: SkinWeights,
-    /// Where each joint was when the surface was bound.
+    /// Joint positions in the bind pose.
     pivots: Vec<Point3<f64>>,
     bound: Bound,
 }
 
-/// What a method prepares.
+/// Precomputed data of the method.
 #[derive(Clone, Debug)]
 enum Bound {
     LinearBlend,
@@ -87,20 +87,20 @@ enum Bound {
     TwistSwing(Twisting),
 }
 
-/// A surface in a pose.
+/// A skinned surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skinned {
-    /// Where the vertices are.
+    /// Vertex positions.
     pub positions: Vec<Point3<f64>>,
     /// Unit normals.
     pub normals: Vec<Vector3<f64>>,
 }
 
-/// One pose, as a method sees it.
+/// A skinning method in one pose.
 trait PosedMethod {
-    /// Where a vertex goes.
+    /// Posed position of a vertex.
     fn position(&self, vertex: usize) -> Point3<f64>;
-    /// Where a vertex goes, and how fast along the two tangents at rest.
+    /// Posed position of a vertex and its derivatives along the two tangents at rest.
     fn jet(&self, vertex: usize) -> Jet;
 }
 
@@ -111,7 +111,7 @@ struct Jet {
     along: [Vector3<f64>; 2],
 }
 
-/// What every method blends: the surface, its weights and the matrices of a pose.
+/// Input of every method: surface, weights and matrices of a pose.
 #[derive(Clone, Copy)]
 struct Posing<'a> {
     rest: &'a RestSurface,
@@ -120,8 +120,8 @@ struct Posing<'a> {
     matrices: &'a [Matrix4<f64>],
 }
 
-/// A surface in a pose of its skeleton: weights by bone heat, the surface bound to the skeleton at rest, and posed by dual
-/// quaternions. For one pose after the other make a [`Skinner`].
+/// Skins a mesh in one call: weights by bone heat, bound in the rest pose of the skeleton, posed by dual quaternions. For many poses
+/// use a [`Skinner`].
 ///
 /// ```
 /// use plumbline_shape::character::{extraction::skeleton, skinning::skin};
@@ -148,11 +148,11 @@ pub fn skin(mesh: &TriMesh, skeleton: &Skeleton, pose: &Pose) -> Result<Vec<Poin
 }
 
 impl Skinner {
-    /// Binds a method. `normals` are those at rest, one per vertex; `None`: those of the triangles.
+    /// Binds a surface. `normals` are per vertex in the bind pose; `None`: area-weighted from the triangles.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for weights or normals of another mesh, [`CharacterError::Matrices`] for another skeleton,
-    /// [`CharacterError::FlatJoint`] where a bind matrix has no inverse.
+    /// [`CharacterError::FlatJoint`] if a bind matrix is singular.
     pub fn new(
         mesh: &TriMesh,
         normals: Option<&[Vector3<f64>]>,
@@ -161,10 +161,7 @@ impl Skinner {
         method: SkinningMethod,
         run: &Run,
     ) -> Result<Self, CharacterError> {
-        let (joints, matrices) = (skeleton.joint_count(), skin.inverse_bind().len());
-        if joints != matrices {
-            return Err(CharacterError::Matrices { joints, matrices });
-        }
+        CharacterError::check_matrices(skeleton.joint_count(), skin.inverse_bind().len())?;
         let flat = |j: usize| CharacterError::FlatJoint { joint: skeleton.joints()[j].name.clone() };
         let frame = |(j, b): (usize, &Matrix4<f64>)| b.try_inverse().ok_or_else(|| flat(j));
         let frames: Vec<Matrix4<f64>> = skin.inverse_bind().iter().enumerate().map(frame).collect::<Result<_, _>>()?;
@@ -189,17 +186,17 @@ impl Skinner {
         self.weights.vertex_count()
     }
 
-    /// Where the vertices are when space moves with each joint as its matrix says.
+    /// Vertex positions for the skin matrices of a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
     pub fn positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         let mut positions = Vec::with_capacity(self.vertex_count());
         self.positions_into(matrices, &mut positions)?;
         Ok(positions)
     }
 
-    /// As [`Self::positions`], in place of what `positions` held.
+    /// Like [`Self::positions`], reusing a buffer.
     ///
     /// # Errors
     /// As [`Self::positions`].
@@ -219,7 +216,7 @@ impl Skinner {
         self.posed(matrices, Positions(positions))
     }
 
-    /// The surface with its normals.
+    /// Positions and normals.
     ///
     /// # Errors
     /// As [`Self::positions`].
@@ -230,7 +227,7 @@ impl Skinner {
             fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output {
                 let vertex = |v: usize| {
                     let Jet { position, along: [s, t] } = method.jet(v);
-                    // A surface that collapsed to a line has no normal: any will do.
+                    // A surface collapsed to a line has no normal: keep the one at rest.
                     let normal = s.cross(&t).try_normalize(0.0).unwrap_or_else(|| self.0.normal(v));
                     (position, normal)
                 };
@@ -242,9 +239,7 @@ impl Skinner {
     }
 
     fn posed<V: Visit>(&self, matrices: &[Matrix4<f64>], visit: V) -> Result<V::Output, CharacterError> {
-        if matrices.len() != self.weights.joint_count() {
-            return Err(CharacterError::Matrices { joints: self.weights.joint_count(), matrices: matrices.len() });
-        }
+        CharacterError::check_matrices(self.weights.joint_count(), matrices.len())?;
         check_affine(matrices)?;
         let posing = Posing { rest: &self.rest, weights: &self.weights, pivots: &self.pivots, matrices };
         let vertices = self.vertex_count();
@@ -259,12 +254,12 @@ impl Skinner {
     }
 }
 
-/// Rotations of the joints' maps, scale and shear taken out.
+/// Rotations of the joints' maps by polar decomposition.
 pub(super) fn joint_rotations(matrices: &[Matrix4<f64>]) -> Vec<UnitQuaternion<f64>> {
     matrices.iter().map(|m| polar(&dual_quaternion::linear(m)).0).collect()
 }
 
-/// What is done with a posed method, whichever it is, so that each has loops of its own.
+/// An operation on a posed method, generic so that every method gets its own inner loop.
 trait Visit {
     type Output;
     fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output;

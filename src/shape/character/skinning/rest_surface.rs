@@ -1,11 +1,11 @@
-//! The surface at rest: positions, a tangent frame at each vertex, and how weights change along it.
+//! The surface in the bind pose: positions, tangent frames, and derivatives of the weights along them.
 //!
 //! ```text
 //! ∂w_ij/∂s = Σ_{t∋i} A_t ∇w_j|_t · s / Σ_{t∋i} A_t
 //! ```
 //!
-//! Slopes are kept for the joints of a vertex alone and made to sum to zero, as those of weights that sum to one do: else normals
-//! would depend on where the surface stands. Copies of a vertex (seams of texture) share their triangles.
+//! Slopes are stored for the influences of a vertex only and corrected to sum to zero, as the derivatives of a partition of unity must;
+//! otherwise normals would depend on the position of the surface. Duplicates of a vertex (texture seams) share their triangles.
 
 use std::collections::HashMap;
 
@@ -15,13 +15,13 @@ use super::super::{CharacterError, SkinWeights};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Gradient;
 
-/// Positions, tangents, slopes of weights.
+/// Positions, tangents, and slopes of weights.
 #[derive(Clone, Debug)]
 pub(super) struct RestSurface {
     positions: Vec<Point3<f64>>,
     /// Two unit tangents whose cross product is the normal.
     tangents: Vec<[Vector3<f64>; 2]>,
-    /// Derivative of each influence's weight along both tangents, in the order of the rows.
+    /// Derivatives of each influence's weight along both tangents, in row order.
     slopes: Vec<[f64; 2]>,
     starts: Vec<u32>,
 }
@@ -33,11 +33,8 @@ impl RestSurface {
         weights: &SkinWeights,
     ) -> Result<Self, CharacterError> {
         let vertices = mesh.vertex_count();
-        let fits = |what, given| {
-            if given == vertices { Ok(()) } else { Err(CharacterError::PerVertex { what, given, vertices }) }
-        };
-        fits("rows of weights", weights.vertex_count())?;
-        fits("normals", normals.map_or(vertices, <[_]>::len))?;
+        CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
+        CharacterError::check_per_vertex("normals", normals.map_or(vertices, <[_]>::len), vertices)?;
         let tangents = match normals {
             Some(normals) => normals.iter().map(tangents).collect(),
             None => mesh.vertex_normals().iter().map(tangents).collect::<Vec<_>>(),
@@ -67,13 +64,13 @@ impl RestSurface {
         s.cross(&t)
     }
 
-    /// Slopes of the weights of a vertex, in the order of its row.
+    /// Slopes of the weights of a vertex, in the order of its influences.
     #[inline]
     pub(super) fn slopes(&self, vertex: usize) -> &[[f64; 2]] {
         &self.slopes[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
 
-    /// Derivatives along the tangents of a field of points, from triangles all of whose corners it is known at.
+    /// Derivatives of a point field along the tangents, from triangles whose corners are all `known`.
     pub(super) fn slopes_of_points(
         &self,
         mesh: &TriMesh,
@@ -123,13 +120,13 @@ impl RestSurface {
         slopes
     }
 
-    /// Divides by the areas, lets slopes sum to zero, and hands them to the copies.
+    /// Divides by the areas, removes the mean so that slopes sum to zero, and copies them to duplicates.
     fn balance(&self, weights: &SkinWeights, first: &[u32], totals: &[f64], slopes: &mut [[f64; 2]]) {
         for v in 0..first.len() {
             let (start, row) = (self.starts[v] as usize, weights.row(v));
             let origin = first[v] as usize;
             if origin != v {
-                // Copies may have other tangents: their normals can differ at a crease.
+                // Duplicates may have other tangents if their normals differ at a crease.
                 let from = self.starts[origin] as usize;
                 for k in 0..row.len() {
                     let [a, b] = slopes[from + k];

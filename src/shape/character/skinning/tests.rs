@@ -15,10 +15,10 @@ pub(super) const METHODS: [SkinningMethod; 4] = [
     SkinningMethod::TwistSwing,
 ];
 
-/// Length of each bone of a tube.
+/// Length of each bone of the tube.
 const BONE: f64 = 3.0;
 
-/// An open tube of radius 1 along x with joints at 0, 3, 6 …, and weights that go over smoothly from bone to bone.
+/// An open tube of radius 1 along x with joints at 0, 3, 6 …, and weights that blend smoothly between bones.
 pub(in super::super) fn tube(joints: usize, around: usize, along: usize) -> (TriMesh, Skeleton, Skin) {
     let length = BONE * joints as f64;
     let mut positions = Vec::new();
@@ -45,7 +45,7 @@ pub(in super::super) fn tube(joints: usize, around: usize, along: usize) -> (Tri
     };
     let skeleton = Skeleton::new((0..joints).map(joint).collect()).expect("a chain");
     let row = |p: &Point3<f64>| -> Vec<(u32, f64)> {
-        // A smooth step of two units about each joint.
+        // A smoothstep over two units around each joint.
         let step = |j: usize| {
             let t = (0.5 * (p.x - BONE * j as f64 + 1.0)).clamp(0.0, 1.0);
             if j == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) }
@@ -73,7 +73,7 @@ fn skinner(tube: &(TriMesh, Skeleton, Skin), method: SkinningMethod) -> Skinner 
 }
 
 #[test]
-fn at_rest_nothing_moves_and_normals_stay() {
+fn at_rest_nothing_moves_and_normals_are_unchanged() {
     let tube = tube(3, 12, 24);
     for method in METHODS {
         let skinned = skinner(&tube, method).skin(&matrices(&tube.1, &tube.2, |_| ())).expect("fits");
@@ -85,7 +85,7 @@ fn at_rest_nothing_moves_and_normals_stay() {
 }
 
 #[test]
-fn a_rigid_motion_of_all_joints_is_one_of_the_surface_wherever_it_stands() {
+fn a_rigid_motion_of_all_joints_moves_the_surface_rigidly_at_any_position() {
     let tube = tube(3, 12, 24);
     let (rotation, shift) = (turn([1.0, -2.0, 0.5], 2.9), Vector3::new(1e3, -20.0, 3.0));
     for method in METHODS {
@@ -126,7 +126,7 @@ fn one_bone_moves_scales_and_shears_its_surface_exactly_and_normals_by_the_inver
     }
 }
 
-/// Radius of the ring halfway between the bones, for a joint that twists by `angle`.
+/// Radius of the ring midway between the bones, for a joint twisted by `angle`.
 fn waist(method: SkinningMethod, angle: f64) -> f64 {
     let tube = tube(2, 16, 60);
     let m = matrices(&tube.1, &tube.2, |p| p.locals[1].rotation = turn([1.0, 0.0, 0.0], angle));
@@ -136,7 +136,7 @@ fn waist(method: SkinningMethod, angle: f64) -> f64 {
 }
 
 #[test]
-fn a_twist_narrows_linear_blends_by_the_cosine_of_its_half_and_the_others_not_at_all() {
+fn a_twist_narrows_linear_blends_by_the_cosine_of_half_its_angle_and_the_others_not_at_all() {
     for angle in [0.5, FRAC_PI_2, 2.5, PI - 1e-9, PI] {
         assert!((waist(SkinningMethod::LinearBlend, angle) - (angle / 2.0).cos().abs()).abs() < 1e-12);
         for method in [SkinningMethod::DualQuaternion, SkinningMethod::TwistSwing, SkinningMethod::CentersOfRotation] {
@@ -146,7 +146,7 @@ fn a_twist_narrows_linear_blends_by_the_cosine_of_its_half_and_the_others_not_at
 }
 
 #[test]
-fn a_swing_is_linear_and_a_twist_dual_where_both_are_split() {
+fn twist_swing_is_linear_for_a_swing_and_dual_for_a_twist() {
     use SkinningMethod::{DualQuaternion, LinearBlend, TwistSwing};
     let tube = tube(2, 16, 30);
     let positions = |method, rotation| {
@@ -162,11 +162,11 @@ fn a_swing_is_linear_and_a_twist_dual_where_both_are_split() {
 }
 
 #[test]
-fn normals_are_those_of_the_surface_that_comes_out() {
-    // Weights whose second derivative jumps: normals from triangles err by their size, and so may the distance, no more.
+fn normals_are_those_of_the_deformed_surface() {
+    // The second derivative of the weights jumps: normals from triangles err by the triangle size, and the difference may, too.
     let change = |p: &mut Pose| {
         p.locals[0].scale = Vector3::new(1.2, 1.0, 0.8);
-        // Not so far that the inside of a bend folds, where there is no normal.
+        // Below the angle at which the inside of a bend folds, where no normal exists.
         p.locals[1].rotation = turn([0.8, 0.4, 0.4], 0.9);
         p.locals[2].rotation = turn([1.0, 0.2, 0.3], 1.1);
         p.locals[2].scale = Vector3::new(1.3, 0.9, 1.0);
@@ -176,7 +176,7 @@ fn normals_are_those_of_the_surface_that_comes_out() {
             let tube = tube(3, around, along);
             let skinned = skinner(&tube, method).skin(&matrices(&tube.1, &tube.2, change)).expect("fits");
             let bent = tube.0.with_positions(skinned.positions).expect("finite").vertex_normals();
-            // Away from the open ends, where triangles lie to one side only.
+            // Away from the open ends, where triangles lie on one side only.
             let inner = (2 * around)..(bent.len() - 2 * around);
             inner.map(|v| (bent[v] - skinned.normals[v]).norm()).fold(0.0, f64::max)
         });
@@ -186,8 +186,8 @@ fn normals_are_those_of_the_surface_that_comes_out() {
 }
 
 #[test]
-fn signs_of_quaternions_do_not_show() {
-    // A turn by θ and one by θ − 2π are the same matrix, but the path of their quaternions is not.
+fn signs_of_quaternions_do_not_matter() {
+    // Rotations by θ and by θ − 2π are the same matrix, but their quaternion paths differ.
     let tube = tube(3, 12, 24);
     for method in METHODS {
         let posed = |angle: f64| {
@@ -204,7 +204,7 @@ fn signs_of_quaternions_do_not_show() {
 }
 
 #[test]
-fn scales_lie_about_the_joint_so_that_the_model_may_stand_anywhere() {
+fn scales_are_about_the_joint_so_that_the_position_of_the_model_does_not_matter() {
     let (mesh, skeleton, skin) = tube(2, 12, 24);
     let at = Vector3::new(100.0, -50.0, 30.0);
     let mut joints = skeleton.joints().to_vec();
@@ -229,10 +229,10 @@ fn scales_lie_about_the_joint_so_that_the_model_may_stand_anywhere() {
 }
 
 #[test]
-fn what_single_precision_takes_from_a_motion_does_not_scale_the_surface() {
+fn single_precision_rounding_of_a_motion_does_not_scale_the_surface() {
     let tube = tube(1, 12, 8);
     let motion = Trs::rigid(turn([0.3, -1.0, 0.7], 2.1), Vector3::new(3.0, 0.1, -0.7)).matrix();
-    // As a chain of joints leaves it.
+    // The rounding of a chain of joints.
     let stored = motion.map(|x| f64::from(x as f32)) * Matrix4::new_scaling(1.0 + 1e-6);
     let x = skinner(&tube, SkinningMethod::DualQuaternion).positions(&[stored]).expect("fits");
     for (p, q) in x.iter().zip(tube.0.positions()) {
@@ -245,7 +245,7 @@ fn what_single_precision_takes_from_a_motion_does_not_scale_the_surface() {
 fn a_bend_bulges_with_dual_quaternions_and_less_so_about_centers() {
     let tube = tube(2, 32, 60);
     let m = matrices(&tube.1, &tube.2, |p| p.locals[1].rotation = turn([0.0, 0.0, 1.0], FRAC_PI_2));
-    // Inner and outer of the elbow: distance from the joint on the outside, 1 at rest.
+    // Inside and outside of the elbow: distance from the joint, 1 at rest.
     let outer = |method| {
         let x = skinner(&tube, method).positions(&m).expect("fits");
         let elbow = x.iter().map(|p| (p - Point3::new(BONE, 0.0, 0.0)).norm());
@@ -260,7 +260,7 @@ fn a_bend_bulges_with_dual_quaternions_and_less_so_about_centers() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_by_name() {
+fn mismatched_inputs_are_rejected_by_name() {
     let (mesh, skeleton, skin) = tube(2, 6, 4);
     let message = |e: CharacterError| e.to_string();
     let posed = Skinner::new(&mesh, None, &skeleton, &skin, SkinningMethod::default(), &Run::default()).expect("fits");
@@ -280,7 +280,7 @@ fn what_does_not_fit_is_refused_by_name() {
 }
 
 #[test]
-fn a_mirrored_joint_keeps_its_surface_right_side_out() {
+fn a_mirrored_joint_keeps_the_orientation_of_its_surface() {
     let tube = tube(1, 12, 8);
     let mirror = Rotation3::new(Vector3::new(0.1, 0.2, 0.3)).to_homogeneous()
         * Matrix4::new_nonuniform_scaling(&Vector3::new(-1.0, 1.0, 1.0));

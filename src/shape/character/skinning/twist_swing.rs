@@ -1,4 +1,4 @@
-//! Between linear blending and dual quaternions, by how much joints twist:
+//! A mix of linear blend and dual quaternion skinning by the amount of twist:
 //!
 //! ```text
 //! x' = (1 − β) x'_linear + β x'_dual
@@ -6,13 +6,12 @@
 //! β = Σ_{j<k} wⱼ wₖ κⱼₖ / Σ_{j<k} wⱼ wₖ        κⱼₖ = (a · n)²
 //! ```
 //!
-//! `n` is the axis of the rotation between joints `j` and `k`, `a` that of the bone they share: the child's where one is the
-//! other's parent, else the mean over both. A pure twist (`n` along the bone) is done by dual quaternions, which keep the radius;
-//! a pure swing linearly, which does not bulge. Where the joints do not turn against each other `κ` has no meaning, and both
-//! methods agree.
+//! `n` is the axis of the relative rotation of joints `j` and `k`, `a` the axis of their common bone: that of the child if one is the other's
+//! parent, else the mean over both. A pure twist (`n` along the bone) uses dual quaternions, which preserve the radius; a pure swing uses
+//! the linear blend, which does not bulge. Without relative rotation `κ` is undefined, but both methods agree.
 //!
 //! # Reference
-//! The split of twist and swing: L. Kavan, O. Sorkine, *Elasticity-inspired deformers for character articulation*, ACM TOG 31
+//! The split into twist and swing: L. Kavan, O. Sorkine, *Elasticity-inspired deformers for character articulation*, ACM TOG 31
 //! (2012), section 4.
 
 use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
@@ -23,23 +22,23 @@ use super::linear_blend::LinearPose;
 use super::{Jet, PosedMethod, Posing};
 use plumbline_num::math::polar;
 
-/// Parents of joints and axes of their bones.
+/// Parents and bone axes of joints.
 #[derive(Clone, Debug)]
 pub struct Twisting {
     parents: Vec<Option<u32>>,
-    /// Direction of the bone that moves with each joint, at rest, world; zero where there is none.
+    /// Direction of the bone that moves with each joint, at rest, world; zero if it has none.
     axes: Vec<Vector3<f64>>,
 }
 
 impl Twisting {
-    /// Axes of a skeleton whose joints had these frames when the surface was bound.
+    /// Bone axes of a skeleton with these joint frames in the bind pose.
     pub(super) fn new(skeleton: &Skeleton, frames: &[Matrix4<f64>]) -> Self {
         let at = |j: u32| Vector3::new(frames[j as usize].m14, frames[j as usize].m24, frames[j as usize].m34);
         let axis = |j: u32| {
             let children = skeleton.children(j);
             let ahead: Vector3<f64> = children.iter().map(|&c| at(c) - at(j)).sum();
             let behind = skeleton.joints()[j as usize].parent.map_or_else(Vector3::zeros, |p| at(j) - at(p));
-            // At the end of a chain, the bone that ends there.
+            // A leaf joint takes the direction of the bone that ends there.
             ahead.try_normalize(0.0).or_else(|| behind.try_normalize(0.0)).unwrap_or_else(Vector3::zeros)
         };
         Self {
@@ -48,10 +47,10 @@ impl Twisting {
         }
     }
 
-    /// `κ` of two joints in a pose: 0 for a swing, 1 for a twist.
+    /// `κ` of two joints in a pose: 0 for a pure swing, 1 for a pure twist.
     fn twist(&self, rotations: &[UnitQuaternion<f64>], j: u32, k: u32) -> f64 {
         let turn = rotations[j as usize].rotation_to(&rotations[k as usize]);
-        // In the space at rest: R_k = R_j turn', turn' = R_jᵀ R_k.
+        // Expressed in rest space: R_k = R_j R', R' = R_jᵀ R_k.
         let turn = rotations[j as usize].inverse() * turn * rotations[j as usize];
         let Some(axis) = turn.imag().try_normalize(1e-12) else { return 0.0 };
         let along = |of: u32| axis.dot(&self.axes[of as usize]).powi(2);
@@ -63,7 +62,7 @@ impl Twisting {
     }
 }
 
-/// One pose.
+/// The method in one pose.
 pub(super) struct TwistSwingPose<'a> {
     linear: LinearPose<'a>,
     dual: DualQuaternionPose<'a>,
@@ -79,7 +78,7 @@ impl<'a> TwistSwingPose<'a> {
         Self { linear, dual, posing, twisting, rotations }
     }
 
-    /// `β` and its derivatives, for weights that move by `slopes`.
+    /// `β` and its derivatives for weights with these slopes.
     fn blend(&self, row: &[Influence], slopes: &[[f64; 2]]) -> (f64, [f64; 2]) {
         let (mut twist, mut all) = ([0.0; 3], [0.0; 3]);
         for (n, (a, da)) in row.iter().zip(slopes).enumerate() {

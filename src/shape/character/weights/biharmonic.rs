@@ -4,21 +4,22 @@
 //! min  Σⱼ ½ wⱼᵀ Q wⱼ      s.t.  w ≥ 0,  Σⱼ wⱼ = 1,  wⱼ(a) = p_j(a) at the anchors a        Q = L M⁻¹ L
 //! ```
 //!
-//! Anchors are the vertices whose nearest visible bone is met near its middle: there the surface goes rigidly with it. Between
-//! them weights are as smooth as the bounds allow. The paper solves in the volume and for one joint after the other, and divides
-//! by the sums; on the surface no volume is needed (open surfaces do), and all joints are solved at once with their sum held.
+//! Anchors are the vertices whose nearest visible bone point is near the middle of the bone; there the surface moves rigidly with the
+//! joint. Between anchors the weights are as smooth as the bounds allow. Departures: the paper solves in the volume, joint by joint, and
+//! normalizes afterwards; on the surface no tetrahedral mesh is needed (open surfaces work), and all joints are solved together under the
+//! partition-of-unity constraint.
 //!
-//! The alternating direction method of multipliers splits the smooth from the bounded copy, `w = z`:
+//! The alternating direction method of multipliers (ADMM) splits the smooth copy from the bounded copy, `w = z`:
 //!
 //! ```text
-//! wⱼ ← (Q + ρ M)⁻¹ (ρ M (zⱼ − uⱼ))         one factor for all joints and rounds; anchors eliminated
-//! z  ← the nearest point of the simplex to w + u      vertex by vertex
+//! wⱼ ← (Q + ρ M)⁻¹ (ρ M (zⱼ − uⱼ))         one factorization for all joints and iterations; anchors eliminated
+//! z  ← projection of w + u onto the simplex   vertex by vertex
 //! u  ← u + w − z
 //! ```
 //!
-//! with `w` over-relaxed. `ρ` is in units of the fourth power of an inverse length; what is smoother than that length is slow to
-//! leave the start, what is rougher slow to agree. Which one matters is told by the residuals, and `ρ` follows them: a factor costs
-//! as much as a few rounds. The start is bone heat.
+//! with over-relaxed `w`. `ρ` has the unit of an inverse length to the fourth power: modes smoother than that length are slow to leave
+//! the initial guess, rougher ones slow to reach consensus. `ρ` is adapted by the ratio of the residuals; a factorization costs as much as
+//! a few iterations. The initial guess is bone heat.
 //!
 //! # Reference
 //! A. Jacobson, I. Baran, J. Popović, O. Sorkine, *Bounded biharmonic weights for real-time deformation*, ACM TOG 30 (2011);
@@ -35,28 +36,28 @@ use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, SparseMatrix};
 
-/// The part of a bone about its middle that holds the surface.
+/// Range of the bone parameter whose vertices are anchors: the middle fifth of each bone.
 const ANCHOR: std::ops::RangeInclusive<f64> = 0.4..=0.6;
-/// Rounds at most: five joints converge in 300, sixty with fingers in 1100.
+/// Largest number of iterations: five joints converge in 300, sixty with fingers in 1100.
 const ROUNDS: usize = 2000;
-/// Both copies agree to this: below what is pruned.
+/// Largest difference of the two copies at convergence: below the weights that are pruned (1e-3).
 const TOLERANCE: f64 = 1e-4;
-/// Over-relaxation, as Boyd et al. advise.
+/// Over-relaxation factor; Boyd et al. recommend 1.5 to 1.8.
 const RELAXATION: f64 = 1.6;
-/// Length of the first `ρ^(−1/4)`, in diagonals.
+/// Length whose inverse fourth power is the initial `ρ`, in bounding-box diagonals; adapted from there.
 const LENGTH: f64 = 0.03;
-/// Rounds between two looks at `ρ`.
+/// Iterations between updates of `ρ`: an update costs a factorization, as much as a few iterations.
 const LOOK: usize = 10;
-/// `ρ` is changed where it is off by more than this factor.
+/// `ρ` is updated if its target differs by more than this factor.
 const OFF: f64 = 2.0;
-/// Weights below this are left out of rows.
-const COLD: f64 = 1e-6;
-/// Half cotangents at most: squared, they make 10⁶ beside 1.
+/// Weights below this are dropped from rows: far below [`TOLERANCE`].
+const MIN_KEPT_WEIGHT: f64 = 1e-6;
+/// Upper bound of half cotangents: squared in `Q`, they reach 10⁶ beside 1.
 const MAX_COTANGENT: f64 = 1e3;
-/// Vertex areas at least, in parts of the mean.
+/// Lower bound of vertex areas, as a fraction of the mean: `Q` divides by them.
 const MIN_AREA: f64 = 1e-4;
 
-/// A row for each welded vertex; empty where its piece has no anchor.
+/// One row per welded vertex; empty if its component has no anchor.
 pub(super) fn rows(
     welded: &Welded,
     bones: &[Bone],
@@ -75,7 +76,7 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// The joint that each vertex is held by, if any.
+/// The joint of each anchor vertex.
 fn anchors(welded: &Welded, bones: &[Bone], sources: &[Source]) -> Vec<Option<u32>> {
     let anchor = |(p, source): (&nalgebra::Point3<f64>, &Source)| {
         let [bone] = source.bones[..] else { return None };
@@ -85,22 +86,22 @@ fn anchors(welded: &Welded, bones: &[Bone], sources: &[Source]) -> Vec<Option<u3
     welded.positions().iter().zip(sources).map(anchor).collect()
 }
 
-/// `Q + ρ M` over the free vertices of pieces that are anchored.
+/// The system `Q + ρ M` over the free vertices of components with anchors.
 struct System {
     free: Vec<usize>,
-    /// `(unknown, joint, −Q_ua)` of free vertices beside anchors.
+    /// `(unknown, joint, −Q_ua)` of free vertices adjacent to anchors.
     pull: Vec<(u32, u32, f64)>,
     anchored: Vec<(usize, u32)>,
     smoothness: SparseMatrix,
     mass: Vec<f64>,
-    /// In powers of an inverse length.
+    /// In units of an inverse length to the fourth power.
     rho: f64,
     cholesky: Cholesky,
     factor: CompactFactor,
 }
 
 impl System {
-    /// `None` where nothing is free.
+    /// `None` if no vertex is free.
     fn new(welded: &Welded, anchors: &[Option<u32>], run: &Run) -> Result<Option<Self>, SparseError> {
         let mesh = welded.mesh();
         let free = free_vertices(welded, anchors);
@@ -109,6 +110,7 @@ impl System {
         }
         run.check()?;
         let cotangents = Cotangents::new(mesh, CotangentRule::IntrinsicDelaunay).limited(MAX_COTANGENT);
+        // Q = L M⁻¹ L over the free vertices; columns of anchors move to the right-hand side.
         let areas = barycentric_areas(mesh);
         let mean = areas.iter().sum::<f64>() / areas.len() as f64;
         let areas: Vec<f64> = areas.iter().map(|a| a.max(MIN_AREA * mean)).collect();
@@ -135,7 +137,7 @@ impl System {
         Ok(())
     }
 
-    /// Solves for the joints `used`, from `rows` on.
+    /// Runs ADMM for the joints `used`, with `rows` as the initial guess.
     fn solve(
         mut self,
         used: &[u32],
@@ -169,7 +171,7 @@ impl System {
             }
         }
         for (u, &v) in self.free.iter().enumerate() {
-            rows[v] = (0..used.len()).map(|c| (used[c], copies.bounded[c * n + u])).filter(|r| r.1 > COLD).collect();
+            rows[v] = (0..used.len()).map(|c| (used[c], copies.bounded[c * n + u])).filter(|r| r.1 > MIN_KEPT_WEIGHT).collect();
         }
         for &(v, joint) in &self.anchored {
             rows[v] = vec![(joint, 1.0)];
@@ -178,7 +180,7 @@ impl System {
     }
 }
 
-/// Vertices without an anchor, of pieces with one.
+/// Vertices that are not anchors, of components with anchors.
 fn free_vertices(welded: &Welded, anchors: &[Option<u32>]) -> Vec<usize> {
     let mut held = vec![false; anchors.len() + 1];
     for (v, _) in anchors.iter().enumerate().filter(|(_, a)| a.is_some()) {
@@ -193,13 +195,13 @@ fn regularized(smoothness: &SparseMatrix, mass: &[f64], rho: f64) -> SparseMatri
     let mut matrix = smoothness.clone();
     let starts = matrix.pattern().clone();
     for (j, m) in mass.iter().enumerate() {
-        // Columns begin with the diagonal.
+        // The diagonal entry is the first of its column.
         matrix.values_mut()[starts.column(j).start] += rho * m;
     }
     matrix
 }
 
-/// Weights joint by joint, so that each is one right-hand side.
+/// The variables of ADMM, joint by joint, so that each joint is one right-hand side.
 struct Copies {
     unknowns: usize,
     /// `w`
@@ -210,19 +212,19 @@ struct Copies {
     dual: Vec<f64>,
 }
 
-/// What a round did.
+/// Residuals of an iteration.
 #[derive(Default)]
 struct Step {
     /// `max |w − z|`
     apart: f64,
     /// `max |Δz|`
     moved: f64,
-    /// `‖w − z‖²`, `‖z‖²`, `‖Δz‖²`, `‖u‖²`, by area.
+    /// `‖w − z‖²`, `‖z‖²`, `‖Δz‖²`, `‖u‖²`, weighted by area.
     squares: [f64; 4],
 }
 
 impl Step {
-    /// The factor for `ρ` that would level the relative residuals.
+    /// The factor for `ρ` that would balance the relative primal and dual residuals.
     fn change_of_rho(&self) -> f64 {
         let [apart, bounded, moved, dual] = self.squares;
         let ratio = (apart * dual) / (bounded * moved);
@@ -236,7 +238,7 @@ impl Copies {
         Self { unknowns, smooth: zeros.clone(), bounded: zeros.clone(), dual: zeros }
     }
 
-    /// `z` and the multipliers from `w`.
+    /// Updates `z` by projection, and the multipliers `u`.
     fn project(&mut self, mass: &[f64]) -> Step {
         let n = self.unknowns;
         let mut step = Step::default();
@@ -261,7 +263,7 @@ impl Copies {
     }
 }
 
-/// The level to subtract so that what stays above 0 sums to 1.
+/// The threshold to subtract so that the positive parts sum to 1: projection onto the probability simplex.
 ///
 /// J. Duchi, S. Shalev-Shwartz, Y. Singer, T. Chandra, *Efficient projections onto the ℓ1-ball*, ICML 2008.
 pub(super) fn onto_simplex(point: &[f64]) -> f64 {

@@ -1,10 +1,10 @@
-//! Nearest points of bones.
+//! Closest points on bones.
 
 use nalgebra::Point3;
 
 use super::super::Bone;
 
-/// The point of a bone nearest to `p`, its squared distance, and how far along the bone it is, 0 at the joint.
+/// The point of a bone closest to `p`, its squared distance, and its parameter along the bone, 0 at the joint.
 pub(super) fn nearest(bone: &Bone, p: &Point3<f64>) -> (Point3<f64>, f64, f64) {
     let along = bone.to - bone.from;
     let length = along.norm_squared();

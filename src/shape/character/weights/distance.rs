@@ -1,10 +1,10 @@
-//! Weights by distance alone:
+//! Weights by Euclidean distance:
 //!
 //! ```text
-//! wⱼ ∝ dⱼ⁻⁴       dⱼ the distance to the nearest bone of joint j, of the nearest four joints
+//! wⱼ ∝ dⱼ⁻⁴       dⱼ the distance to the nearest bone of joint j, for the four nearest joints
 //! ```
 //!
-//! The fourth power makes a vertex that is twice as near follow sixteen times as much.
+//! With the fourth power half the distance means sixteen times the weight.
 
 use nalgebra::Point3;
 
@@ -13,16 +13,16 @@ use super::Row;
 use super::bone_distance::nearest;
 use plumbline_num::run::{Run, Stopped};
 
-/// Joints of a row.
+/// Influences per row: as many as most engines read.
 const MAX_JOINTS: usize = 4;
 
-/// A row for each vertex.
+/// One row per vertex.
 pub(super) fn rows(positions: &[Point3<f64>], bones: &[Bone], run: &Run) -> Result<Vec<Row>, Stopped> {
     positions.iter().map(|p| run.check().map(|()| row(p, bones))).collect()
 }
 
 fn row(p: &Point3<f64>, bones: &[Bone]) -> Row {
-    // Squared distance of each joint; bones of a joint follow each other.
+    // Squared distance to each joint; bones of one joint are adjacent in the list.
     let mut joints: Vec<(u32, f64)> = Vec::with_capacity(bones.len());
     for bone in bones {
         let (_, d2, _) = nearest(bone, p);

@@ -3,13 +3,12 @@
 //! ```text
 //! (L + M H) w_j = M H p_j        H_ii = 1/d(i)²,  p_j(i) = 1 where joint j has the nearest visible bone
 //! ```
+//! `wⱼ` is the equilibrium temperature of the surface if the bones of joint `j` are at 1 and all others at 0: each vertex receives heat from
+//! its nearest visible bones at the rate `1/d²`, and heat diffuses along the surface. Equally near bones share `p` evenly, so that symmetric
+//! models get symmetric weights. Since `Σⱼ pⱼ = 1`, the weights sum to one; since the intrinsic Delaunay Laplacian has non-negative edge
+//! weights, they stay within 0 … 1 (maximum principle).
 //!
-//! The temperature of the surface where the bones of joint `j` are at 1 and all others at 0: heat comes to each vertex from its
-//! nearest visible bone, faster the nearer it is (`d`), and spreads along the surface. Among bones that are equally near `p` is
-//! split evenly, so that symmetric models get symmetric weights. Since `Σⱼ pⱼ = 1`, the weights sum to one; since the Laplacian is
-//! that of the intrinsic Delaunay triangulation, whose weights are not negative, none leaves 0 … 1.
-//!
-//! One factor serves all joints. A piece without a vertex that sees a bone has no source of heat: it is left out, and its rows
+//! One factorization serves all joints. A component without a vertex that sees a bone has no heat source: it is excluded, and its rows
 //! stay empty.
 //!
 //! # Reference
@@ -28,34 +27,34 @@ use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::{Ordering, SparseError};
 
-/// Bones whose distances differ by less than this fraction are equally near.
+/// Relative difference of distances below which bones count as equally near: above the rounding of symmetric models in single precision.
 const EQUALLY_NEAR: f64 = 1e-4;
-/// Distances below this fraction of the diagonal are taken as this: a vertex on a bone is as hot as the bone.
+/// Lower bound of distances, as a fraction of the diagonal: a vertex on a bone takes the bone's temperature.
 const MIN_DISTANCE: f64 = 1e-4;
-/// Temperatures below this are rounding and far away.
-const COLD: f64 = 1e-6;
-/// Half cotangents at most: beyond, needles would let the factor lose the heat of others.
+/// Temperatures below this are dropped: rounding, or far away.
+const MIN_TEMPERATURE: f64 = 1e-6;
+/// Upper bound of half cotangents: with larger ones slivers would cost the factorization the digits of the heat term.
 const MAX_COTANGENT: f64 = 1e3;
 
 /// The nearest visible bones of a vertex.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Source {
-    /// Squared distance.
+    /// Squared distance to them.
     pub(super) d2: f64,
-    /// Numbers of the bones, all equally near; empty where none is visible.
+    /// Indices of the bones, all equally near; empty if none is visible.
     pub(super) bones: Vec<u32>,
 }
 
-/// A row for each welded vertex; empty where its piece sees no bone.
+/// One row per welded vertex; empty if its component sees no bone.
 pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) -> Result<Vec<Row>, CharacterError> {
     let sources = sources(welded, bones, run)?;
     let mut warm = vec![false; welded.positions().len() + 1];
     for (v, source) in sources.iter().enumerate() {
-        // A vertex without triangles has no area that heat could pass.
+        // An isolated vertex has no area to receive heat.
         let piece = welded.piece_of(v) as usize;
         warm[piece] |= !source.bones.is_empty() && piece < welded.piece_count();
     }
-    // Unknowns: vertices of pieces that see a bone.
+    // Unknowns: vertices of components that see a bone.
     let is_warm = |v: usize| warm[welded.piece_of(v) as usize];
     let unknown: Vec<usize> = (0..sources.len()).filter(|&v| is_warm(v)).collect();
     let mut rows = vec![Row::new(); sources.len()];
@@ -77,7 +76,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
         }
         factor.solve_scalar(&mut temperature);
         for (&v, &w) in unknown.iter().zip(&temperature) {
-            if w > COLD {
+            if w > MIN_TEMPERATURE {
                 rows[v].push((joint as u32, w));
             }
         }
@@ -85,7 +84,7 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
     Ok(rows)
 }
 
-/// The factor of `L + M H` over the unknowns, and `M H`.
+/// The factorization of `L + M H` over the unknowns, and the diagonal of `M H`.
 fn factored(
     welded: &Welded,
     sources: &[Source],
@@ -101,12 +100,12 @@ fn factored(
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
     let least = (MIN_DISTANCE * mesh.diagonal()).powi(2);
     let flow = unknown.iter().map(|&v| {
-        // Corners of slivers have hardly an area, but must not lose the heat of their neighbors.
+        // 1e-6 of the mean: vertices of slivers have hardly an area but must conduct their neighbors' heat.
         let area = areas[v].max(1e-6 * mean);
         if sources[v].bones.is_empty() { 0.0 } else { area / sources[v].d2.max(least) }
     });
     let flow: Vec<f64> = flow.collect();
-    // A piece must hold together even where all cotangents along an edge vanish.
+    // 1e-9: keeps a component connected even if all cotangents along a cut vanish.
     let edges = edges.iter().map(|(i, j, w)| (i, j, w.max(1e-9)));
     let terms = unknown.iter().zip(&flow).map(|(&v, &f)| (v, v, f)).chain(edges);
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |v| !is_warm(v))?;
@@ -114,7 +113,7 @@ fn factored(
     Ok((laplacian.factor(&Ordering::Amd, run)?, flow))
 }
 
-/// The nearest visible bones of every welded vertex.
+/// The nearest visible bones of every welded vertex: bones are tested in order of distance until one is visible.
 pub(super) fn sources(welded: &Welded, bones: &[Bone], run: &Run) -> Result<Vec<Source>, Stopped> {
     let occluders = Occluders::new(welded.mesh());
     let mut by_distance: Vec<(f64, u32, Point3<f64>)> = Vec::with_capacity(bones.len());

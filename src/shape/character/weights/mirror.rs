@@ -1,47 +1,46 @@
-//! Weights of one half carried over to the other.
+//! Mirrored weights.
 
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Unit, Vector3};
 
+use super::super::edit::other_side;
 use super::super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
 use plumbline_num::spatial::KdTree;
 
-/// A plane, and which joint is whose image in it.
+/// A mirror plane and the correspondence of joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirroring {
-    /// A point of the plane.
+    /// A point on the plane.
     pub point: Point3<f64>,
-    /// Its normal: it points to the half that is kept.
+    /// Its normal, toward the half that is kept.
     pub normal: Unit<Vector3<f64>>,
-    /// The image of each joint; its own for those in the plane.
+    /// Mirror image of each joint; joints in the plane are their own image.
     pub joints: Vec<u32>,
 }
 
-/// What mirroring found.
+/// Statistics of mirroring.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MirrorReport {
-    /// Vertices that took the weights of their image.
+    /// Vertices that took the weights of their mirror image.
     pub changed: usize,
-    /// Vertices in the plane, whose weights were made even.
+    /// Vertices in the plane, whose weights were made symmetric.
     pub evened: usize,
-    /// The farthest that any vertex is from the place of its image, units of the model.
+    /// Largest distance of a mirrored vertex from the vertex whose weights it took, units of the model.
     pub farthest: f64,
 }
 
 impl SkinWeights {
-    /// Vertices behind the plane take the weights of the nearest vertex to their image; those in it, the mean of their own and
-    /// their own mirrored.
+    /// Vertices behind the plane take the mirrored weights of the vertex nearest to their image; vertices in the plane take the mean of
+    /// their own and their mirrored weights.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for another mesh, [`CharacterError::Pose`] where `joints` has another number, and
+    /// [`CharacterError::PerVertex`] for another mesh, [`CharacterError::Pose`] if `joints` has the wrong length,
     /// [`CharacterError::NoSuchJoint`].
     pub fn mirrored(&self, mesh: &TriMesh, mirroring: &Mirroring) -> Result<(Self, MirrorReport), CharacterError> {
         let (given, vertices) = (self.vertex_count(), mesh.vertex_count());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
-        }
+        CharacterError::check_per_vertex("rows of weights", given, vertices)?;
         if mirroring.joints.len() != self.joint_count() {
             return Err(CharacterError::Pose { given: mirroring.joints.len(), joints: self.joint_count() });
         }
@@ -73,10 +72,10 @@ impl SkinWeights {
     }
 }
 
-/// The image of each joint by its name: `l_` for `r_`, `Left` for `Right`, `.L` for `.R` and so on; its own where it has no side.
+/// The mirror image of each joint by its name (see [`other_side`]); joints without a side are their own image.
 ///
 /// # Errors
-/// [`CharacterError::UnknownJoint`] where a joint has a side and no counterpart.
+/// [`CharacterError::UnknownJoint`] if a joint has a side but no counterpart.
 pub fn mirror_joints_by_name(skeleton: &Skeleton) -> Result<Vec<u32>, CharacterError> {
     let number: HashMap<&str, u32> = skeleton.joints().iter().map(|j| j.name.as_str()).zip(0..).collect();
     let image = |(j, joint): (usize, &super::super::Joint)| match other_side(&joint.name) {
@@ -87,30 +86,4 @@ pub fn mirror_joints_by_name(skeleton: &Skeleton) -> Result<Vec<u32>, CharacterE
         },
     };
     skeleton.joints().iter().enumerate().map(image).collect()
-}
-
-/// Words that name a side, as they stand at the start or the end of a name.
-const SIDES: [(&str, &str); 12] = [
-    ("left", "right"),
-    ("Left", "Right"),
-    ("LEFT", "RIGHT"),
-    ("l_", "r_"),
-    ("L_", "R_"),
-    ("l.", "r."),
-    ("_l", "_r"),
-    ("_L", "_R"),
-    (".l", ".r"),
-    (".L", ".R"),
-    ("-l", "-r"),
-    ("-L", "-R"),
-];
-
-/// The name of the counterpart; `None` for a name without a side.
-fn other_side(name: &str) -> Option<String> {
-    let swapped = |a: &str, b: &str| {
-        let start = name.strip_prefix(a).filter(|_| !a.starts_with(['_', '.', '-']));
-        let end = name.strip_suffix(a).filter(|_| !a.ends_with(['_', '.']));
-        start.map(|rest| format!("{b}{rest}")).or_else(|| end.map(|rest| format!("{rest}{b}")))
-    };
-    SIDES.iter().find_map(|(l, r)| swapped(l, r).or_else(|| swapped(r, l)))
 }

@@ -1,14 +1,14 @@
-//! Weights found from a surface and a skeleton at rest.
+//! Automatic skin weights from a surface and a skeleton at rest.
 //!
-//! | method | of each joint |
+//! | method | weight of a joint |
 //! | --- | --- |
-//! | [`WeightMethod::Heat`] | the temperature where its bones are hot and all others cold |
-//! | [`WeightMethod::BoundedBiharmonic`] | the smoothest function that is 1 about the middle of its bones, and never leaves 0 … 1 |
-//! | [`WeightMethod::Distance`] | a power of the distance to its bones |
+//! | [`WeightMethod::Heat`] | equilibrium temperature with its bones at 1 and all others at 0 |
+//! | [`WeightMethod::BoundedBiharmonic`] | the smoothest function that is 1 around the middle of its bones, bounded by 0 … 1 |
+//! | [`WeightMethod::Distance`] | inverse fourth power of the distance to its bones |
 //!
-//! Copies of a vertex (seams, soups) are taken as one, so that weights do not tear along seams. Pieces of the surface that see no
-//! bone (specks, buttons, the inside of a mouth) take the weights of the nearest vertex of a piece that does, and spoil nothing;
-//! where no piece does, all are weighted by distance.
+//! Duplicates of a vertex (texture seams, triangle soups) are welded, so that weights do not tear along seams. Connected components that
+//! see no bone (specks, buttons, the inside of a mouth) copy the weights of the nearest vertex of a component that does. If no component
+//! does, all vertices are weighted by distance.
 
 mod biharmonic;
 mod bone_distance;
@@ -32,41 +32,41 @@ use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::KdTree;
 use welded::Welded;
 
-/// How weights are found.
+/// How skin weights are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum WeightMethod {
-    /// As heat that comes from the nearest bones in sight and spreads along the surface.
+    /// Bone heat: diffusion along the surface from the nearest visible bones.
     ///
-    /// Bone heat (Baran & Popović 2007).
+    /// Baran & Popović 2007. Robust default; about one sparse factorization.
     #[default]
     Heat,
-    /// As smoothly as bounds of 0 and 1 allow, rigid about the middles of bones.
+    /// Bounded biharmonic weights: the smoothest weights within 0 … 1, rigid around the middles of bones.
     ///
-    /// Bounded biharmonic weights (Jacobson et al. 2011), on the surface.
+    /// Jacobson et al. 2011, on the surface. Smoother than heat at joints, and several times slower.
     #[serde(rename = "biharmonic", alias = "bbw")]
     BoundedBiharmonic,
-    /// By distance to the bones alone, through the surface.
+    /// Inverse distance to the bones, ignoring the surface.
     ///
-    /// It needs no surface, and leaks between limbs that are close.
+    /// For triangle soups without connectivity; influences leak between limbs that are close.
     Distance,
 }
 
-/// What weights are like.
+/// Options of automatic skin weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct WeightOptions {
-    /// How weights are found.
+    /// How skin weights are computed.
     pub method: WeightMethod,
-    /// Joints per vertex at most: 4 for most programs, 8 where two sets are read.
+    /// Largest number of joints per vertex. Use 4 for most engines, 8 for those that read two weight sets.
     #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 64)))]
     pub influences: usize,
-    /// Weights below this are left out, 0 or more and below 1.
+    /// Weights below this are dropped, 0 or more and below 1.
     #[serde(skip)]
     pub least: f64,
-    /// Rounds of smoothing over neighbors.
+    /// Laplacian smoothing iterations after the weights are found. Raise it if bends show creases.
     #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1000)))]
     pub smooth: usize,
 }
@@ -77,26 +77,26 @@ impl Default for WeightOptions {
     }
 }
 
-/// What was found.
+/// Statistics of automatic weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightReport {
-    /// Pieces of the surface, lone vertices not counted.
+    /// Connected components of the surface, isolated vertices not counted.
     pub components: usize,
-    /// Pieces that see no bone and took the weights of others, lone vertices among them.
+    /// Components that see no bone and copied weights, including isolated vertices.
     pub borrowed_components: usize,
-    /// Vertices of these.
+    /// Vertices of these components.
     pub borrowed_vertices: usize,
-    /// Whether no piece saw a bone, so that all are weighted by distance.
+    /// Whether no component saw a bone, so that all vertices are weighted by distance.
     pub by_distance: bool,
-    /// Joints that have bones but that no vertex follows, by number.
+    /// Joints with bones that influence no vertex.
     pub idle_joints: Vec<u32>,
-    /// Rounds of the solver, for weights that are found by rounds.
+    /// Solver iterations; 0 for direct methods.
     pub iterations: usize,
-    /// What was left when it stopped: how far its two copies of the weights are apart, 0 to 1.
+    /// Residual of the iterative solver: largest difference of its two copies of the weights, 0 to 1.
     pub residual: f64,
 }
 
-/// Weights of every joint that has bones, for every vertex.
+/// Skin weights of a mesh for all joints that have bones.
 ///
 /// # Errors
 /// [`CharacterError::Option`] for options out of range, [`CharacterError::Solve`], [`CharacterError::Interrupted`].
@@ -122,16 +122,16 @@ pub fn bone_weights(
     let (of_welded, _) = SkinWeights::normalized(joints, rows, None)?;
     let weights = of_welded.gathered(welded.vertex_of());
     let smoothed = if options.smooth > 0 { weights.smoothed(mesh, options.smooth, run)? } else { weights };
-    // What is pruned after the limit is small; what is limited after pruning need not be.
+    // Dropped weights after the limit are small, so the limit still holds; the reverse order could exceed it.
     let weights = smoothed.limited(options.influences)?.pruned(options.least)?;
     report.idle_joints = idle(&weights, bones.iter().map(|b| b.joint));
     Ok((weights, report))
 }
 
-/// Weights of one vertex: joints in any order.
+/// Weights of one vertex, unsorted.
 type Row = Vec<(u32, f64)>;
 
-/// Fills the rows that are empty from the nearest that are not.
+/// Fills empty rows with the row of the nearest vertex that has one.
 fn borrow(
     welded: &Welded,
     bones: &[super::Bone],
@@ -167,7 +167,7 @@ fn borrow(
     Ok(())
 }
 
-/// Joints of bones that no vertex follows.
+/// Joints with bones that influence no vertex.
 fn idle(weights: &SkinWeights, joints: impl Iterator<Item = u32>) -> Vec<u32> {
     let mut followed = vec![false; weights.joint_count()];
     weights.rows().flatten().for_each(|i| followed[i.joint as usize] = true);

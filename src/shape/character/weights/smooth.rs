@@ -1,4 +1,4 @@
-//! Weights smoothed over the surface.
+//! Laplacian smoothing of weights.
 
 use std::collections::BTreeMap;
 
@@ -8,15 +8,14 @@ use crate::mesh::operators::EdgeWeights;
 use plumbline_num::run::Run;
 
 impl SkinWeights {
-    /// Each round moves the weights of every vertex halfway to the mean of its neighbors. Rows grow by the neighbors' joints.
+    /// Each iteration replaces the weights of every vertex by the average of its own and the mean of its neighbors. Rows gain the
+    /// neighbors' joints.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another mesh.
     pub fn smoothed(&self, mesh: &TriMesh, rounds: usize, run: &Run) -> Result<Self, CharacterError> {
         let (given, vertices) = (self.vertex_count(), mesh.vertex_count());
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
-        }
+        CharacterError::check_per_vertex("rows of weights", given, vertices)?;
         let mut neighbors = vec![Vec::new(); vertices];
         for &[i, j] in EdgeWeights::uniform(mesh).edges() {
             neighbors[i as usize].push(j as usize);

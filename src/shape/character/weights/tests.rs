@@ -43,7 +43,7 @@ fn weights_are_a_partition_that_follows_the_bones() {
         assert!(weights.rows().flatten().all(|i| i.weight > 0.0 && i.weight <= 1.0 + 1e-12));
         assert_eq!((report.borrowed_vertices, report.by_distance), (0, false));
         for (v, p) in mesh.positions().iter().enumerate() {
-            // The vertex nearest to the middle of a bone goes with it; the end joint has no bone.
+            // The vertex nearest to the middle of a bone follows it; a leaf joint has no bone.
             let bone = (p.x / 3.0).min(2.9).floor() as u32;
             if (p.x - 3.0 * f64::from(bone) - 1.5).abs() < 0.2 {
                 assert!(weights.weight(v, bone) > 0.9, "{method:?} at {}: {:?}", p.x, weights.row(v));
@@ -75,7 +75,7 @@ fn a_symmetric_rig_gives_symmetric_weights() {
 }
 
 #[test]
-fn bones_behind_the_surface_do_not_heat_it() {
+fn occluded_bones_do_not_heat_the_surface() {
     // Two tubes side by side, closer to each other's bones at their walls than to their own.
     let (one, _, _) = tube(1, 24, 30);
     let mut positions = one.positions().to_vec();
@@ -108,13 +108,13 @@ fn bones_behind_the_surface_do_not_heat_it() {
 }
 
 #[test]
-fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
+fn components_that_see_no_bone_copy_weights_and_change_nothing_else() {
     let (mesh, skeleton) = limb();
     for method in [WeightMethod::Heat, WeightMethod::BoundedBiharmonic] {
         let (alone, _) = bone_weights(&mesh, &skeleton, &options(method), &Run::default()).expect("found");
         let mut positions = mesh.positions().to_vec();
         let n = positions.len() as u32;
-        // A closed speck outside, and a vertex without triangles; both in the box of the tube, whose size rounds depend on.
+        // A closed speck outside, and an isolated vertex; both within the bounding box of the tube, whose size rounding depends on.
         let speck = [[4.0, 0.42, 0.42], [4.05, 0.42, 0.42], [4.0, 0.47, 0.42], [4.0, 0.42, 0.47], [8.5, 0.4, 0.4]];
         positions.extend(speck.map(Point3::from));
         let mut triangles = mesh.triangles().to_vec();
@@ -132,7 +132,7 @@ fn specks_that_see_no_bone_borrow_and_change_nothing_else() {
 }
 
 #[test]
-fn copies_of_a_vertex_have_the_weights_of_one() {
+fn duplicates_of_a_vertex_share_its_weights() {
     let (mesh, skeleton) = limb();
     let (whole, _) = bone_weights(&mesh, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     let positions = mesh.triangles().iter().flatten().map(|&v| mesh.positions()[v as usize]).collect();
@@ -149,7 +149,7 @@ fn copies_of_a_vertex_have_the_weights_of_one() {
 }
 
 #[test]
-fn where_nothing_sees_a_bone_distance_decides_and_idle_joints_are_told() {
+fn without_visibility_distance_decides_and_idle_joints_are_reported() {
     let (mesh, _) = limb();
     // A second, tight tube about the bones hides them from the first.
     let inner = mesh.positions().iter().map(|p| Point3::new(p.x, 0.0, 0.0) + Vector3::new(0.0, p.y, p.z) * 0.1);
@@ -263,7 +263,7 @@ fn the_simplex_projection_is_the_nearest_point() {
 }
 
 #[test]
-fn options_out_of_range_are_refused() {
+fn options_out_of_range_are_rejected() {
     let (mesh, skeleton) = limb();
     let refused =
         |o: WeightOptions| bone_weights(&mesh, &skeleton, &o, &Run::default()).expect_err("refused").to_string();

@@ -1,4 +1,4 @@
-//! A surface whose copies of a vertex are one, and its pieces.
+//! The surface with duplicate vertices welded, and its connected components.
 
 use std::collections::HashMap;
 
@@ -7,13 +7,13 @@ use nalgebra::Point3;
 use crate::mesh::TriMesh;
 use plumbline_num::spatial::components;
 
-/// The surface with every place once.
+/// The welded surface.
 #[derive(Debug)]
 pub(super) struct Welded {
     mesh: TriMesh,
     /// Welded vertex of each vertex.
     vertex_of: Vec<u32>,
-    /// Piece of each welded vertex; lone vertices come last.
+    /// Component of each welded vertex; isolated vertices come last.
     piece: Vec<u32>,
     pieces: usize,
 }
@@ -23,7 +23,7 @@ impl Welded {
         let mut seen: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.vertex_count());
         let mut positions = Vec::with_capacity(mesh.vertex_count());
         let place = |p: &Point3<f64>| {
-            // Adding 0 makes −0 the 0 it equals.
+            // Adding 0 turns −0 into 0, which it equals.
             *seen.entry([p.x + 0.0, p.y + 0.0, p.z + 0.0].map(f64::to_bits)).or_insert_with(|| {
                 positions.push(*p);
                 positions.len() as u32 - 1
@@ -50,18 +50,18 @@ impl Welded {
         &self.vertex_of
     }
 
-    /// Piece of a welded vertex.
+    /// Component of a welded vertex.
     pub(super) fn piece_of(&self, vertex: usize) -> u32 {
         self.piece[vertex]
     }
 
-    /// Number of pieces that have triangles.
+    /// Number of components with triangles.
     pub(super) fn piece_count(&self) -> usize {
         self.pieces
     }
 }
 
-/// Piece of each vertex, numbered by lowest vertex, lone vertices last; number of pieces with triangles.
+/// Component of each vertex, numbered by lowest vertex, isolated vertices last; number of components with triangles.
 fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     let root = components(vertices, triangles);
     let mut used = vec![false; vertices];

@@ -38,14 +38,14 @@ pub struct Node {
     /// The node it hangs on.
     pub parent: Option<u32>,
     /// Where it stands in its parent.
-    pub place: Place,
+    pub transform: NodeTransform,
     /// What its file says besides, carried along.
     pub extras: Option<Value>,
 }
 
 /// `parent_from_node`.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Place {
+pub enum NodeTransform {
     /// x → t + R (s ∘ x).
     Trs {
         /// t.
@@ -59,13 +59,13 @@ pub enum Place {
     Matrix(Matrix4<f64>),
 }
 
-impl Default for Place {
+impl Default for NodeTransform {
     fn default() -> Self {
         Self::Trs { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0], scale: [1.0; 3] }
     }
 }
 
-impl Place {
+impl NodeTransform {
     /// The map as a matrix.
     pub fn matrix(&self) -> Matrix4<f64> {
         match self {
@@ -181,7 +181,7 @@ pub struct Channel {
     /// What of it.
     pub property: Property,
     /// How values between keys are found.
-    pub interpolation: Interpolation,
+    pub interpolation: ChannelInterpolation,
     /// Times of the keys in seconds: finite, each later than the one before, at least one.
     pub times: Vec<f64>,
     /// Values at the keys, all numbers of one after the other; for each key of a cubic spline the tangent in, the value and the
@@ -204,7 +204,7 @@ pub enum Property {
 
 /// How values between keys are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Interpolation {
+pub enum ChannelInterpolation {
     /// The last key's.
     Step,
     /// On the straight line; on the great circle for rotations.
@@ -214,7 +214,7 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-impl Interpolation {
+impl ChannelInterpolation {
     /// Values per key.
     pub fn per_key(self) -> usize {
         if self == Self::CubicSpline { 3 } else { 1 }
@@ -232,7 +232,7 @@ impl Articulation {
             }
             for node in way.into_iter().rev() {
                 let parent = self.nodes[node].parent.and_then(|p| world[p as usize]);
-                world[node] = Some(parent.unwrap_or_else(Matrix4::identity) * self.nodes[node].place.matrix());
+                world[node] = Some(parent.unwrap_or_else(Matrix4::identity) * self.nodes[node].transform.matrix());
             }
         }
         world.into_iter().map(|m| m.unwrap_or_else(Matrix4::identity)).collect()
@@ -377,7 +377,11 @@ mod tests {
     fn places_follow_their_parents_in_any_order_of_nodes() {
         let at = |x: f64, parent| Node {
             parent,
-            place: Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], scale: [2.0; 3] },
+            transform: NodeTransform::Trs {
+                translation: [x, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+                scale: [2.0; 3],
+            },
             ..Node::default()
         };
         let tree =

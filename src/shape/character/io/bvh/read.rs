@@ -1,36 +1,36 @@
-//! The reading of BVH.
+//! BVH reader.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::text::Words;
 use super::super::{Rig, RigFileError};
 use super::{END, FORMAT};
-use crate::character::clip::{Between, Curve, Keys, Track, rotations};
+use crate::character::clip::{Curve, Interpolation, Keys, Track, rotations};
 use crate::character::{Clip, Joint, Skeleton};
 use plumbline_num::math::Trs;
 
-/// Most frames of a movement.
+/// Largest number of frames: nineteen hours at 60 per second.
 const MAX_FRAMES: usize = 1 << 22;
-/// Most joints one below the other.
+/// Largest depth of the hierarchy.
 const MAX_DEPTH: usize = 1 << 12;
 
-/// What a number of a frame moves.
+/// What a channel moves: translation along or rotation about an axis.
 #[derive(Clone, Copy)]
 enum Move {
     Along(usize),
     About(usize),
 }
 
-/// The numbers of a joint.
+/// Channels of a joint.
 struct Channels {
     joint: usize,
     moves: Vec<Move>,
 }
 
-/// Reads a skeleton and its movement, called `motion`.
+/// Parses a skeleton and its animation, named `motion`.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and what the joints are refused for.
+/// [`RigFileError::Malformed`], and errors of the joints.
 pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
     let mut words = Words::new(FORMAT, text);
     words.expect("HIERARCHY")?;
@@ -47,7 +47,7 @@ pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
     Ok(Rig { skeleton: Skeleton::new(joints)?, clips: clip.into_iter().collect(), warnings: Vec::new() })
 }
 
-/// A root with everything below it.
+/// A root and its descendants.
 fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Channels>) -> Result<(), RigFileError> {
     let mut open: Vec<u32> = vec![begin(words, None, joints)?];
     while let Some(&joint) = open.last() {
@@ -116,7 +116,7 @@ fn moves(words: &mut Words<'_>) -> Result<Vec<Move>, RigFileError> {
     Ok(moves)
 }
 
-/// Names that come twice get a number.
+/// Makes duplicate names unique by a number.
 fn unique(joints: &mut [Joint]) {
     let mut taken = std::collections::HashSet::new();
     for joint in joints {
@@ -163,11 +163,11 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
     for (k, of_joint) in channels.iter().enumerate().filter(|_| frames > 0) {
         let joint = of_joint.joint as u32;
         if of_joint.moves.iter().any(|m| matches!(m, Move::Along(_))) {
-            let keys = Keys::new(times.clone(), std::mem::take(&mut places[k]), Between::Linear)?;
+            let keys = Keys::new(times.clone(), std::mem::take(&mut places[k]), Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Translation(keys) });
         }
         if of_joint.moves.iter().any(|m| matches!(m, Move::About(_))) {
-            let keys = rotations(times.clone(), &turns[k], Between::Linear)?;
+            let keys = rotations(times.clone(), &turns[k], Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Rotation(keys) });
         }
     }

@@ -1,4 +1,4 @@
-//! The writing of BVH.
+//! BVH writer.
 
 use std::fmt::Write as _;
 
@@ -6,21 +6,21 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::super::RigFileError;
 use super::{END, FORMAT};
-use crate::character::clip::Outside;
+use crate::character::clip::Extrapolation;
 use crate::character::{Clip, Pose, Skeleton};
 
-/// Frames per second where the movement's keys are not evenly spaced.
+/// Frames per second if the clip's keys are not evenly spaced: the common rate of BVH files.
 const RATE: f64 = 30.0;
-/// Keys this close to an even grid, of its step, stand on it.
-const EVEN: f64 = 1e-4;
-/// Most frames.
+/// Largest deviation of evenly spaced keys from their grid, in intervals: the rounding of stored times.
+const EVEN_TOLERANCE: f64 = 1e-4;
+/// Largest number of frames: nine hours at 30 per second.
 const MAX_FRAMES: f64 = 1e6;
 
-/// A skeleton, and a movement (at rest without one), with one frame per key where keys are evenly spaced and 30 per second
-/// otherwise. Names keep single spaces. Second, what is lost, in words.
+/// Writes a skeleton and a clip (the rest pose without one): one frame per key if keys are evenly spaced, else 30 per second. Names keep
+/// single spaces. Second result: what the format cannot represent.
 ///
 /// # Errors
-/// [`RigFileError::Unwritable`] for several roots or a movement too long, [`RigFileError::Clip`] for one of another skeleton.
+/// [`RigFileError::Unwritable`] for several roots or too many frames, [`RigFileError::Clip`] for a clip of another skeleton.
 pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec<&'static str>), RigFileError> {
     let mut roots = skeleton.roots();
     let (root, others) = (roots.next(), roots.count());
@@ -32,7 +32,7 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
     let mut poses = Vec::with_capacity(frames.count);
     for k in 0..frames.count {
         poses.push(match clip {
-            Some(clip) => clip.pose(skeleton, frames.start + k as f64 * frames.step, Outside::Hold)?,
+            Some(clip) => clip.pose(skeleton, frames.start + k as f64 * frames.step, Extrapolation::Constant)?,
             None => skeleton.rest_pose(),
         });
     }
@@ -51,7 +51,7 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
     Ok((text, lost.into_iter().filter(|(lost, _)| *lost).map(|(_, what)| what).collect()))
 }
 
-/// When frames stand.
+/// Sample times of the frames.
 struct Frames {
     start: f64,
     step: f64,
@@ -69,21 +69,21 @@ impl Frames {
         let times = longest.unwrap_or(&[]);
         let steps = times.len().saturating_sub(1) as f64;
         let step = (last - first) / steps;
-        let even = |(k, t): (usize, &f64)| (t - first - k as f64 * step).abs() <= EVEN * step;
+        let even = |(k, t): (usize, &f64)| (t - first - k as f64 * step).abs() <= EVEN_TOLERANCE * step;
         let even = steps >= 1.0 && times.iter().enumerate().all(even);
         let step = if even { step } else { 1.0 / RATE };
-        let count = ((last - first) / step + EVEN).floor() + 1.0;
+        let count = ((last - first) / step + EVEN_TOLERANCE).floor() + 1.0;
         (count <= MAX_FRAMES).then_some(Self { start: first, step, count: count as usize })
     }
 }
 
 struct File<'a> {
     skeleton: &'a Skeleton,
-    /// Joints in the order of the file.
+    /// Joints in file order.
     order: Vec<u32>,
-    /// Joints with position channels.
+    /// Whether each joint has position channels.
     moved: Vec<bool>,
-    /// Turn of each joint in the world at rest.
+    /// World rotation of each joint at rest.
     rest: Vec<UnitQuaternion<f64>>,
 }
 
@@ -101,7 +101,7 @@ impl<'a> File<'a> {
         file
     }
 
-    /// Joints that stand as `End Site`.
+    /// Whether a joint is written as an `End Site`.
     fn is_end(&self, joint: u32) -> bool {
         let joints = self.skeleton.joints();
         let parent = joints[joint as usize].parent.map(|p| &joints[p as usize].name);
@@ -117,7 +117,7 @@ impl<'a> File<'a> {
     }
 
     fn joint(&self, text: &mut String, joint: u32, depth: usize) {
-        // Depth first without recursion: a chain of joints may be long.
+        // Depth first with an explicit stack: a chain of joints may be long.
         let mut open = vec![(joint, depth, false)];
         while let Some((joint, depth, done)) = open.pop() {
             let pad = "\t".repeat(depth);
@@ -166,7 +166,7 @@ impl<'a> File<'a> {
     }
 }
 
-/// Turn of each joint in the world.
+/// World rotation of each joint.
 fn turns(skeleton: &Skeleton, pose: &Pose) -> Vec<UnitQuaternion<f64>> {
     let mut turns = vec![UnitQuaternion::identity(); skeleton.joint_count()];
     for &j in skeleton.parents_first() {

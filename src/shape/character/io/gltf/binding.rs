@@ -1,4 +1,4 @@
-//! One binding for all skins of a file.
+//! A common binding for all skins of a file.
 
 use nalgebra::Matrix4;
 
@@ -7,13 +7,13 @@ use super::joints::Joints;
 use crate::character::CharacterError;
 use crate::mesh::model::articulation::Articulation;
 
-/// Bindings of two skins are one where they differ by a map to this share of its largest number: files store 32 bits.
-const ALIKE: f64 = 1e-4;
+/// Largest difference of consistent bind matrices, relative to the largest entry: products of single-precision matrices.
+const BIND_TOLERANCE: f64 = 1e-4;
 
-/// One inverse bind matrix per joint, and what they ask of the vertices.
+/// One inverse bind matrix per joint, and the maps that make all instances consistent with them.
 pub(super) struct Bound {
     pub(super) inverse_bind: Vec<Matrix4<f64>>,
-    /// How the vertices of each instance move to where these matrices bind them.
+    /// Map of the vertices of each instance to the pose in which these matrices bind them.
     pub(super) world_from_instance: Vec<Matrix4<f64>>,
 }
 
@@ -35,7 +35,7 @@ pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound
             let name = || joints.skeleton.joints()[joint].name.clone();
             let flat = || CharacterError::FlatJoint { joint: name() };
             let back = world[instance.node as usize].try_inverse().ok_or_else(flat)?;
-            // Vertices lie where the node stands at rest; B⁻¹ W⁻¹ takes them to where B binds them.
+            // The vertices are in the rest pose of the node; B⁻¹ W⁻¹ maps them to the bind pose of B.
             let bind = *inverse_bind[joint].get_or_insert(back);
             if bind == back { Matrix4::identity() } else { bind.try_inverse().ok_or_else(flat)? * back }
         };
@@ -46,7 +46,7 @@ pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound
     Ok(Bound { inverse_bind, world_from_instance })
 }
 
-/// The map M of a skin with B' = B M, and the binding of joints that no skin before it bound.
+/// The map M of a skin with B' = B M; registers the bind matrices of joints that no earlier skin bound.
 fn skin_map(
     articulation: &Articulation,
     joints: &Joints,
@@ -66,7 +66,7 @@ fn skin_map(
     let back = map.try_inverse();
     for (k, bind) in skin.inverse_binds.iter().enumerate() {
         match inverse_bind[joint(k)] {
-            Some(first) if (first * map - bind).amax() > ALIKE * bind.amax() => return Err(refused(k)),
+            Some(first) if (first * map - bind).amax() > BIND_TOLERANCE * bind.amax() => return Err(refused(k)),
             Some(_) => {}
             None => inverse_bind[joint(k)] = Some(bind * back.ok_or_else(|| refused(k))?),
         }

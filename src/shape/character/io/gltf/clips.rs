@@ -1,12 +1,12 @@
-//! Movements of nodes as movements of joints.
+//! Node animations as clips.
 
 use super::RigFileError;
 use super::joints::Joints;
-use crate::character::{Between, Clip, ClipError, Curve, Keys, MorphTrack, RotationKeys, Track};
+use crate::character::{Clip, ClipError, Curve, Interpolation, Keys, MorphTrack, RotationKeys, Track};
 use crate::mesh::NO_VALUE;
-use crate::mesh::model::articulation::{Articulation, Channel, Interpolation, Property};
+use crate::mesh::model::articulation::{Articulation, Channel, ChannelInterpolation, Property};
 
-/// The movements; those of nodes that move nothing are left out.
+/// The clips; channels of nodes that are not joints are dropped with a warning.
 pub(super) fn read(
     articulation: &Articulation,
     joints: &Joints,
@@ -59,17 +59,17 @@ fn morph_tracks(channel: &Channel, first: u32) -> Result<Vec<MorphTrack>, ClipEr
     (0..width).map(track).collect()
 }
 
-/// `N` numbers from number `from` on, of `width` per value.
+/// `N` components from component `from` of rows of `width`.
 fn keys<const N: usize>(channel: &Channel, width: usize, from: usize) -> Result<Keys<N>, ClipError> {
     let rows: Vec<[f64; N]> =
         channel.values.chunks_exact(width).map(|row| std::array::from_fn(|k| row[from + k])).collect();
-    let (values, between) = match channel.interpolation {
-        Interpolation::Step => (rows, Between::Step),
-        Interpolation::Linear => (rows, Between::Linear),
-        Interpolation::CubicSpline => {
+    let (values, interpolation) = match channel.interpolation {
+        ChannelInterpolation::Step => (rows, Interpolation::Step),
+        ChannelInterpolation::Linear => (rows, Interpolation::Linear),
+        ChannelInterpolation::CubicSpline => {
             let part = |p: usize| rows.iter().skip(p).step_by(3).copied().collect::<Vec<_>>();
-            (part(1), Between::Cubic { arriving: part(0), leaving: part(2) })
+            (part(1), Interpolation::Cubic { arriving: part(0), leaving: part(2) })
         }
     };
-    Keys::new(channel.times.clone(), values, between)
+    Keys::new(channel.times.clone(), values, interpolation)
 }

@@ -1,4 +1,4 @@
-//! Which nodes are joints.
+//! Selection of the nodes that become joints.
 
 use std::collections::HashSet;
 
@@ -7,23 +7,23 @@ use nalgebra::Matrix4;
 use super::RigFileError;
 use crate::character::{Joint, Skeleton};
 use crate::mesh::NO_VALUE;
-use crate::mesh::model::articulation::{Articulation, Place};
+use crate::mesh::model::articulation::{Articulation, NodeTransform};
 use plumbline_num::math::Trs;
 
-/// How much of a matrix may be lost as shear, of its largest number.
-const SHEAR: f64 = 1e-5;
+/// Largest error of a translation–rotation–scale frame, relative to the largest entry: single-precision matrices pass.
+const SHEAR_TOLERANCE: f64 = 1e-5;
 
 /// The nodes that move the surface.
 pub(super) struct Joints {
     pub(super) skeleton: Skeleton,
-    /// The joint of each node; [`NO_VALUE`] for those that move nothing.
+    /// Joint of each node; [`NO_VALUE`] for others.
     pub(super) of_node: Vec<u32>,
-    /// The node of each joint.
+    /// Node of each joint.
     pub(super) nodes: Vec<u32>,
 }
 
 impl Joints {
-    /// Joints of skins first, in their order, then the nodes of meshes without a skin, then what they hang on.
+    /// Joints of skins first, in their order, then nodes of unskinned meshes, then the ancestors of all these.
     pub(super) fn of(articulation: &Articulation, warnings: &mut Vec<String>) -> Result<Self, RigFileError> {
         let used = |skin: usize| articulation.instances.iter().any(|i| i.skin == Some(skin as u32));
         let skins = articulation.skins.iter().enumerate().filter(|(s, _)| used(*s)).flat_map(|(_, s)| &s.joints);
@@ -54,7 +54,7 @@ impl Joints {
         let mut joints = Vec::with_capacity(nodes.len());
         for (&node, name) in nodes.iter().zip(names) {
             let described = &articulation.nodes[node as usize];
-            let rest = frame(&described.place).ok_or_else(|| RigFileError::Shear { node: name.clone() })?;
+            let rest = frame(&described.transform).ok_or_else(|| RigFileError::Shear { node: name.clone() })?;
             let parent = described.parent.map(|p| of_node[p as usize]).filter(|&p| p != NO_VALUE);
             let limits = super::limits::read(described.extras.as_ref(), &name)?;
             joints.push(Joint { name, parent, rest, limits });
@@ -63,7 +63,7 @@ impl Joints {
     }
 }
 
-/// A name for each node, no two alike.
+/// A unique name for each node.
 fn names(articulation: &Articulation, nodes: &[u32], warnings: &mut Vec<String>) -> Vec<String> {
     let mut taken = HashSet::new();
     let mut renamed = 0;
@@ -84,18 +84,18 @@ fn names(articulation: &Articulation, nodes: &[u32], warnings: &mut Vec<String>)
     names
 }
 
-fn frame(place: &Place) -> Option<Trs> {
-    match place {
-        Place::Trs { translation, scale, rotation: [x, y, z, w] } => {
+fn frame(transform: &NodeTransform) -> Option<Trs> {
+    match transform {
+        NodeTransform::Trs { translation, scale, rotation: [x, y, z, w] } => {
             let quaternion = nalgebra::Quaternion::new(*w, *x, *y, *z);
             let rotation = nalgebra::UnitQuaternion::try_new(quaternion, 0.0).unwrap_or_default();
             Some(Trs { translation: (*translation).into(), rotation, scale: (*scale).into() })
         }
-        Place::Matrix(matrix) => {
+        NodeTransform::Matrix(matrix) => {
             let trs = Trs::from_matrix(matrix);
             let lost: Matrix4<f64> = trs.matrix() - matrix;
             let linear = matrix.fixed_view::<3, 3>(0, 0).amax();
-            (trs.is_finite() && lost.amax() <= SHEAR * linear).then_some(trs)
+            (trs.is_finite() && lost.amax() <= SHEAR_TOLERANCE * linear).then_some(trs)
         }
     }
 }

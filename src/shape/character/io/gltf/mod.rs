@@ -1,16 +1,16 @@
-//! Characters of models that move, and models of characters.
+//! Conversion between glTF models and characters.
 //!
-//! A glTF file places its meshes by nodes; each skin names some of them as joints. A character has one skeleton and one skin for
-//! all of its surface, so that
+//! A glTF file places its meshes by nodes; each skin names some nodes as joints. A character has one skeleton and one skin for its whole
+//! surface:
 //!
 //! ```text
-//! joints       every joint of a skin, every node that a mesh without a skin stands at, and all nodes above those
-//! binding      Bⱼ of the first skin that has joint j; where a later skin has B'ⱼ = Bⱼ M for all its joints, M is applied to
+//! joints       all joints of skins, all nodes of unskinned meshes, and the ancestors of both
+//! binding      Bⱼ of the first skin with joint j; if a later skin has B'ⱼ = Bⱼ M for all its joints, M is applied to
 //!              its vertices instead
-//! rigid parts  a mesh without a skin follows its node alone
+//! rigid parts  an unskinned mesh follows its node rigidly
 //! ```
 //!
-//! Every pose of the nodes then gives the surface that the file means.
+//! Every pose of the nodes thus gives the surface that the file describes.
 
 mod binding;
 mod clips;
@@ -28,10 +28,10 @@ use crate::mesh::Model;
 use crate::mesh::model::articulation::Articulation;
 use joints::Joints;
 
-/// The character that a model is.
+/// Converts a model to a character.
 ///
 /// # Errors
-/// [`RigFileError`]: `NoSkin`, `Shear`, `Bindings`, and what its joints, weights and movements are refused for.
+/// [`RigFileError`]: `NoSkin`, `Shear`, `Bindings`, and errors of its joints, weights and clips.
 pub fn character_of(model: &Model) -> Result<Character, RigFileError> {
     let articulation = model.articulation().ok_or(RigFileError::NoSkin)?;
     let mut warnings = model.warnings().to_vec();
@@ -50,7 +50,7 @@ pub fn character_of(model: &Model) -> Result<Character, RigFileError> {
     Ok(Character { targets, clips, warnings, ..Character::new(still, joints.skeleton, skin)? })
 }
 
-/// Positions where every instance is bound to the same frames; none where nothing moves.
+/// Positions with all instances bound to common frames; `None` if unchanged.
 fn moved(model: &Model, articulation: &Articulation, maps: &[Matrix4<f64>]) -> Option<Vec<Point3<f64>>> {
     if maps.iter().all(|m| *m == Matrix4::identity()) {
         return None;

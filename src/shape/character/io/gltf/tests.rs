@@ -1,15 +1,15 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
-use crate::character::clip::{Between, rotations};
-use crate::character::{Clip, Curve, Joint, Keys, Limits, MorphTrack, Outside, Pose, Skeleton, Track};
+use crate::character::clip::{Interpolation, rotations};
+use crate::character::{Clip, Curve, Extrapolation, Joint, Keys, Limits, MorphTrack, Pose, Skeleton, Track};
 use crate::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
-use crate::mesh::model::articulation::{Influences, Instance, Node, NodeSkin, Place};
+use crate::mesh::model::articulation::{Influences, Instance, Node, NodeSkin, NodeTransform};
 use crate::mesh::shapes::bar;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// A bar along y on a chain of three joints, with a clip of every kind of curve and two morph targets.
+/// A bar along y on a chain of three joints, with a clip of each interpolation and two morph targets.
 fn character() -> Character {
     let mesh = bar([1, 4, 1], [0.2, 1.0, 0.2]);
     let rest = |k: u32| {
@@ -33,13 +33,16 @@ fn character() -> Character {
     let times = vec![0.0, 0.4, 1.0];
     let turns: Vec<_> = times.iter().map(|&t| UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.7, t))).collect();
     let values = vec![[0.0, 0.3, 0.0], [0.1, 0.3, 0.0], [0.0, 0.2, 0.1]];
-    let cubic = Between::Cubic { arriving: values.clone(), leaving: values.clone() };
+    let cubic = Interpolation::Cubic { arriving: values.clone(), leaving: values.clone() };
     let keys = |between| Keys::new(times.clone(), values.clone(), between).expect("valid");
-    let weights = Keys::new(times.clone(), vec![[0.0], [1.0], [0.5]], Between::Linear).expect("valid");
+    let weights = Keys::new(times.clone(), vec![[0.0], [1.0], [0.5]], Interpolation::Linear).expect("valid");
     let tracks = vec![
-        Track { joint: 1, curve: Curve::Rotation(rotations(times.clone(), &turns, Between::Linear).expect("valid")) },
+        Track {
+            joint: 1,
+            curve: Curve::Rotation(rotations(times.clone(), &turns, Interpolation::Linear).expect("valid")),
+        },
         Track { joint: 1, curve: Curve::Translation(keys(cubic)) },
-        Track { joint: 2, curve: Curve::Scale(keys(Between::Step)) },
+        Track { joint: 2, curve: Curve::Scale(keys(Interpolation::Step)) },
     ];
     let clip = Clip::new("wave", tracks, vec![MorphTrack { target: 1, keys: weights }]).expect("valid");
     let plain = Character::new(Model::of_mesh(mesh), skeleton, skin).expect("valid");
@@ -67,7 +70,7 @@ fn posed(character: &Character, pose: &Pose, weights: &[f64]) -> Vec<Point3<f64>
 }
 
 #[test]
-fn a_character_comes_back_from_its_file() {
+fn a_character_survives_a_round_trip() {
     let character = character();
     for format in [MeshFormat::Gltf, MeshFormat::Glb] {
         let again = through_a_file(&character, format);
@@ -80,11 +83,11 @@ fn a_character_comes_back_from_its_file() {
             [("a", 0.25), ("b", 0.25)]
         );
         assert_eq!((again.clips.len(), again.clips[0].name(), again.clips[0].tracks().len()), (1, "wave", 3));
-        // At a key of a step the 32-bit time of the file may lie on either side.
+        // At a step key the 32-bit time of the file may be on either side.
         for t in [0.0, 0.2, 0.41, 0.77, 1.1] {
             let at = |c: &Character| {
-                let pose = c.clips[0].pose(&c.skeleton, t, Outside::Hold).expect("valid");
-                posed(c, &pose, &c.clips[0].weights(&c.rest_weights(), t, Outside::Hold).expect("valid"))
+                let pose = c.clips[0].pose(&c.skeleton, t, Extrapolation::Constant).expect("valid");
+                posed(c, &pose, &c.clips[0].weights(&c.rest_weights(), t, Extrapolation::Constant).expect("valid"))
             };
             for (p, q) in at(&again).iter().zip(at(&character)) {
                 assert!((p - q).norm() < 2e-6, "{t}: {p} {q}");
@@ -96,9 +99,9 @@ fn a_character_comes_back_from_its_file() {
 }
 
 #[test]
-fn nodes_stand_in_the_pose_that_is_written() {
+fn nodes_are_written_in_the_given_pose() {
     let character = character();
-    let pose = character.clips[0].pose(&character.skeleton, 0.4, Outside::Hold).expect("valid");
+    let pose = character.clips[0].pose(&character.skeleton, 0.4, Extrapolation::Constant).expect("valid");
     let model = character.to_model(Some(&pose)).expect("valid");
     let again = character_of(&model).expect("valid");
     let near = |(a, b): (&Trs, &Trs)| (a.matrix() - b.matrix()).amax() < 1e-12;
@@ -107,31 +110,35 @@ fn nodes_stand_in_the_pose_that_is_written() {
 }
 
 #[test]
-fn smooth_curves_are_written_as_many_keys() {
+fn smooth_curves_are_sampled() {
     let mut character = character();
-    let smooth = Keys::new(vec![0.0, 1.0, 1.5], vec![[1.0; 3], [2.0; 3], [1.0; 3]], Between::Smooth).expect("valid");
+    let smooth =
+        Keys::new(vec![0.0, 1.0, 1.5], vec![[1.0; 3], [2.0; 3], [1.0; 3]], Interpolation::Smooth).expect("valid");
     let track = Track { joint: 0, curve: Curve::Scale(smooth.clone()) };
     character.clips = vec![Clip::new("grow", vec![track], vec![]).expect("valid")];
     let again = through_a_file(&character, MeshFormat::Glb);
     for t in (0..150).map(|k| f64::from(k) * 0.01) {
-        let scale = again.clips[0].pose(&again.skeleton, t, Outside::Hold).expect("valid").locals[0].scale;
+        let scale = again.clips[0].pose(&again.skeleton, t, Extrapolation::Constant).expect("valid").locals[0].scale;
         assert!((scale.x - smooth.at(t)[0]).abs() < 1e-3, "{t}");
     }
 }
 
-/// Two triangles at two nodes of a chain: the first follows its node, the second a skin of both nodes.
+/// Two triangles at two nodes of a chain: the first unskinned, the second with a skin of both nodes.
 fn assembled(second_bind: Matrix4<f64>) -> Model {
-    let place =
-        |x: f64| Place::Trs { translation: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.6, 0.8], scale: [1.0, 1.0, 1.0] };
-    let node = |name: &str, parent, place| Node { name: Some(name.into()), parent, place, extras: None };
+    let transform = |x: f64| NodeTransform::Trs {
+        translation: [x, 0.0, 0.0],
+        rotation: [0.0, 0.0, 0.6, 0.8],
+        scale: [1.0, 1.0, 1.0],
+    };
+    let node = |name: &str, parent, transform| Node { name: Some(name.into()), parent, transform, extras: None };
     let corners = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]].map(Point3::from);
     let mesh =
         crate::mesh::TriMesh::new([corners(0.0), corners(1.0)].concat(), vec![[0, 1, 2], [3, 4, 5]]).expect("valid");
     let nodes = vec![
-        node("", None, place(0.5)),
-        node("arm", Some(0), place(1.0)),
-        node("arm", Some(1), Place::Matrix(Matrix4::new_translation(&Vector3::z()))),
-        node("skinned", None, Place::default()),
+        node("", None, transform(0.5)),
+        node("arm", Some(0), transform(1.0)),
+        node("arm", Some(1), NodeTransform::Matrix(Matrix4::new_translation(&Vector3::z()))),
+        node("skinned", None, NodeTransform::default()),
     ];
     let articulation = Articulation { nodes, ..Articulation::default() };
     let world = articulation.world_from_nodes();
@@ -157,7 +164,7 @@ fn assembled(second_bind: Matrix4<f64>) -> Model {
 }
 
 #[test]
-fn parts_without_a_skin_follow_their_node_and_all_are_bound_alike() {
+fn unskinned_parts_follow_their_node_and_all_parts_share_one_binding() {
     let shifted = Matrix4::new_translation(&Vector3::new(0.3, -1.0, 2.0));
     let model = assembled(shifted);
     let character = character_of(&model).expect("valid");
@@ -180,7 +187,7 @@ fn parts_without_a_skin_follow_their_node_and_all_are_bound_alike() {
 }
 
 #[test]
-fn skins_that_bind_a_joint_in_two_ways_are_refused_by_name() {
+fn inconsistent_bind_matrices_are_rejected_by_name() {
     let model = assembled(Matrix4::identity());
     let mut articulation = model.articulation().expect("some").clone();
     let mut other = articulation.skins[0].clone();
@@ -198,14 +205,14 @@ fn skins_that_bind_a_joint_in_two_ways_are_refused_by_name() {
 }
 
 #[test]
-fn nodes_that_shear_and_models_that_stand_still_are_refused() {
+fn nodes_with_shear_and_static_models_are_rejected() {
     let model = assembled(Matrix4::identity());
     let mut articulation = model.articulation().expect("some").clone();
     let mut matrix = Matrix4::identity();
     matrix[(0, 1)] = 0.5;
-    articulation.nodes[2].place = Place::Matrix(matrix);
+    articulation.nodes[2].transform = NodeTransform::Matrix(matrix);
     let refused = character_of(&model.clone().with_articulation(Some(articulation)).expect("valid"));
-    assert!(refused.expect_err("to be refused").to_string().starts_with("the matrix of node \"arm (2)\" shears"));
+    assert!(refused.expect_err("to be refused").to_string().starts_with("the matrix of node \"arm (2)\" has shear"));
     let still = character_of(&model.with_articulation(None).expect("valid"));
     assert!(still.expect_err("to be refused").to_string().starts_with("the model has no skin"));
 }

@@ -1,18 +1,19 @@
-//! The model of a character, as files hold it.
+//! Conversion of characters to glTF models.
 
-use crate::character::{Between, Character, Clip, Curve, Keys, RotationKeys};
+use crate::character::{Character, Clip, Curve, Interpolation, Keys, RotationKeys};
 use crate::mesh::model::articulation::{
-    Animation, Articulation, Channel, Influences, Instance, Interpolation, MorphTarget, Node, NodeSkin, Place, Property,
+    Animation, Articulation, Channel, ChannelInterpolation, Influences, Instance, MorphTarget, Node, NodeSkin,
+    NodeTransform, Property,
 };
 use crate::mesh::{MeshError, Model};
 use plumbline_num::math::Trs;
 
-/// Keys per second of a smooth curve, which the format does not know.
+/// Samples per second of smooth curves, which glTF lacks: a frame of common displays.
 const SMOOTH_RATE: f64 = 60.0;
 
 impl Character {
-    /// The model with its skeleton, skin, morph targets and movements as a file holds them. The nodes stand as in `pose`, at
-    /// rest without one. Smooth curves are written with sixty keys per second.
+    /// The model with skeleton, skin, morph targets and clips as glTF stores them. Nodes are in `pose`, or at rest without one. Smooth
+    /// curves are sampled at 60 keys per second.
     ///
     /// # Errors
     /// [`MeshError::Articulation`] for a pose of another skeleton.
@@ -26,7 +27,7 @@ impl Character {
         let node = |(joint, local): (&crate::character::Joint, &Trs)| Node {
             name: Some(joint.name.clone()),
             parent: joint.parent,
-            place: Place::Trs {
+            transform: NodeTransform::Trs {
                 translation: local.translation.into(),
                 rotation: local.rotation.coords.into(),
                 scale: local.scale.into(),
@@ -66,7 +67,7 @@ impl Character {
     }
 }
 
-/// The name, or with a number behind it where a node has it already.
+/// The name, numbered if a node has it already.
 fn free_name(nodes: &[Node], name: &str) -> String {
     let taken = |name: &str| nodes.iter().any(|n| n.name.as_deref() == Some(name));
     let numbered = (1..).map(|k| if k == 1 { name.to_owned() } else { format!("{name} {k}") });
@@ -87,36 +88,36 @@ fn animation(clip: &Clip, mesh_node: u32, rest: &[f64]) -> Animation {
     Animation { name: Some(clip.name().to_owned()), channels }
 }
 
-/// Times, values and how they are joined.
-type Numbers = (Vec<f64>, Vec<f64>, Interpolation);
+/// Times, values and interpolation.
+type Numbers = (Vec<f64>, Vec<f64>, ChannelInterpolation);
 
 fn numbers<const N: usize>(keys: &Keys<N>) -> Numbers {
-    match keys.between() {
-        Between::Step => (keys.times().to_vec(), keys.values().concat(), Interpolation::Step),
-        Between::Linear => (keys.times().to_vec(), keys.values().concat(), Interpolation::Linear),
-        Between::Smooth => {
+    match keys.interpolation() {
+        Interpolation::Step => (keys.times().to_vec(), keys.values().concat(), ChannelInterpolation::Step),
+        Interpolation::Linear => (keys.times().to_vec(), keys.values().concat(), ChannelInterpolation::Linear),
+        Interpolation::Smooth => {
             let times = fine(keys.times());
             let values = times.iter().flat_map(|&t| keys.at(t)).collect();
-            (times, values, Interpolation::Linear)
+            (times, values, ChannelInterpolation::Linear)
         }
-        Between::Cubic { arriving, leaving } => {
+        Interpolation::Cubic { arriving, leaving } => {
             let rows = arriving.iter().zip(keys.values()).zip(leaving);
             let values = rows.flat_map(|((a, v), l)| [*a, *v, *l].concat()).collect();
-            (keys.times().to_vec(), values, Interpolation::CubicSpline)
+            (keys.times().to_vec(), values, ChannelInterpolation::CubicSpline)
         }
     }
 }
 
 fn turns(keys: &RotationKeys) -> Numbers {
-    if *keys.keys().between() != Between::Smooth {
+    if *keys.keys().interpolation() != Interpolation::Smooth {
         return numbers(keys.keys());
     }
     let times = fine(keys.keys().times());
     let values = times.iter().flat_map(|&t| <[f64; 4]>::from(keys.at(t).coords)).collect();
-    (times, values, Interpolation::Linear)
+    (times, values, ChannelInterpolation::Linear)
 }
 
-/// The keys, and times between them.
+/// The keys and sample times between them.
 fn fine(keys: &[f64]) -> Vec<f64> {
     let mut times = vec![keys[0]];
     for pair in keys.windows(2) {
@@ -127,17 +128,18 @@ fn fine(keys: &[f64]) -> Vec<f64> {
     times
 }
 
-/// One channel for all morph targets: with their own keys where all have the same, sampled at every key otherwise.
+/// One channel for all morph targets: with their own keys if all have the same times, else sampled at every key.
 fn weights(clip: &Clip, node: u32, rest: &[f64]) -> Option<Channel> {
     let first = clip.morphs().first().filter(|_| !rest.is_empty())?;
-    let plain = |b: &Between<1>| matches!(b, Between::Step | Between::Linear);
-    let same = |keys: &Keys<1>| keys.times() == first.keys.times() && keys.between() == first.keys.between();
-    let all_same = plain(first.keys.between()) && clip.morphs().iter().all(|m| same(&m.keys));
-    let step = *first.keys.between() == Between::Step;
+    let plain = |b: &Interpolation<1>| matches!(b, Interpolation::Step | Interpolation::Linear);
+    let same =
+        |keys: &Keys<1>| keys.times() == first.keys.times() && keys.interpolation() == first.keys.interpolation();
+    let all_same = plain(first.keys.interpolation()) && clip.morphs().iter().all(|m| same(&m.keys));
+    let step = *first.keys.interpolation() == Interpolation::Step;
     let mut times: Vec<f64> = clip
         .morphs()
         .iter()
-        .flat_map(|m| if plain(m.keys.between()) { m.keys.times().to_vec() } else { fine(m.keys.times()) })
+        .flat_map(|m| if plain(m.keys.interpolation()) { m.keys.times().to_vec() } else { fine(m.keys.times()) })
         .collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
@@ -146,6 +148,6 @@ fn weights(clip: &Clip, node: u32, rest: &[f64]) -> Option<Channel> {
         track.map_or(rest[target], |m| m.keys.at(t)[0])
     };
     let values = times.iter().flat_map(|&t| (0..rest.len()).map(move |k| (k, t))).map(|(k, t)| value(k, t)).collect();
-    let interpolation = if all_same && step { Interpolation::Step } else { Interpolation::Linear };
+    let interpolation = if all_same && step { ChannelInterpolation::Step } else { ChannelInterpolation::Linear };
     Some(Channel { node, property: Property::Weights, interpolation, times, values })
 }

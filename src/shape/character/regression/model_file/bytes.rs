@@ -1,10 +1,10 @@
-//! Numbers as bytes, little-endian. Nothing is allocated for what the rest of the file cannot hold.
+//! Little-endian binary input and output. Counts are checked against the remaining bytes before allocation.
 
 use nalgebra::SMatrix;
 
 use super::ModelFileError;
 
-/// What is left of a file.
+/// The remaining bytes of a file.
 pub(super) struct Reader<'a> {
     left: &'a [u8],
 }
@@ -34,14 +34,14 @@ impl<'a> Reader<'a> {
         Ok(u64::from_le_bytes(self.array(place)?))
     }
 
-    /// A number of things of `each` bytes at least, all of which the rest of the file can hold.
+    /// A count of items of at least `each` bytes; the remaining bytes must hold them.
     pub(super) fn count(&mut self, each: usize, place: &dyn Fn() -> String) -> Result<usize, ModelFileError> {
         let count = self.u64(place)?;
         self.fits(count, each, place)?;
         Ok(count as usize)
     }
 
-    /// Refuses a number of things that the rest of the file cannot hold.
+    /// Rejects counts that the remaining bytes cannot hold.
     pub(super) fn fits(&self, count: u64, each: usize, place: &dyn Fn() -> String) -> Result<(), ModelFileError> {
         let (wanted, left) = (count.saturating_mul(each as u64), self.left.len() as u64);
         if wanted > left {
@@ -60,7 +60,7 @@ impl<'a> Reader<'a> {
         Err(ModelFileError::Value { place: place(), value: value.to_string(), expected })
     }
 
-    /// A finite number.
+    /// A finite double.
     pub(super) fn f64(&mut self, place: &dyn Fn() -> String) -> Result<f64, ModelFileError> {
         let value = f64::from_le_bytes(self.array(place)?);
         if value.is_finite() {
@@ -69,7 +69,7 @@ impl<'a> Reader<'a> {
         Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
     }
 
-    /// A finite number of single precision.
+    /// A finite single.
     pub(super) fn f32(&mut self, place: &dyn Fn() -> String) -> Result<f32, ModelFileError> {
         let value = f32::from_le_bytes(self.array(place)?);
         if value.is_finite() {
@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
     }
 
-    /// A matrix of finite numbers, column by column.
+    /// A matrix of finite doubles, column-major.
     pub(super) fn matrix<const R: usize, const C: usize>(
         &mut self,
         place: &dyn Fn() -> String,
@@ -90,7 +90,7 @@ impl<'a> Reader<'a> {
         Ok(matrix)
     }
 
-    /// Refuses what follows the end.
+    /// Rejects trailing bytes.
     pub(super) fn end(self) -> Result<(), ModelFileError> {
         match self.left.len() {
             0 => Ok(()),
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A file in the making.
+/// A file being written.
 #[derive(Default)]
 pub(super) struct Writer {
     pub(super) bytes: Vec<u8>,

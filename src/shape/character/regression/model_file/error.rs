@@ -1,75 +1,75 @@
-//! What a model file can be refused for.
+//! Errors of trained skin files.
 
 use super::super::super::CharacterError;
 use plumbline_num::document::DocumentError;
 use plumbline_num::run::Stopped;
 
-/// A trained model that cannot be used.
+/// Why a trained skin was rejected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelFileError {
-    /// Input: larger than any model. Environment: reading failed.
+    /// Input: above the size limit. Environment: reading failed.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// Input: other bytes.
+    /// Input: wrong magic bytes.
     #[error("not a trained skin (expected a file that `plumbline skin train` wrote)")]
     Foreign,
-    /// Input: made by a program of another version.
-    #[error("version {found} of a trained skin is not supported (expected 2): train it anew")]
+    /// Input: another version.
+    #[error("version {found} of a trained skin is not supported (expected 2): train it again")]
     Version {
-        /// What the file says.
+        /// Version of the file.
         found: u32,
     },
-    /// Input: the file ends before what it announces.
-    #[error("the file ends within {place}: {needed} bytes are missing or more; was it copied whole?")]
+    /// Input: truncated.
+    #[error("the file ends within {place}: at least {needed} bytes are missing; was it copied completely?")]
     Truncated {
-        /// Where.
+        /// The incomplete item.
         place: String,
-        /// Bytes that are missing at least.
+        /// Least number of missing bytes.
         needed: u64,
     },
-    /// Input: the file goes on after its end.
+    /// Input: trailing bytes.
     #[error("{bytes} bytes follow the end of the model; is this the right file?")]
     Trailing {
-        /// How many.
+        /// Their number.
         bytes: usize,
     },
-    /// Input: a number that is none, or of something that is not there.
+    /// Input: an invalid number.
     #[error("{place} is {value} (expected {expected})")]
     Value {
-        /// Which number.
+        /// Its meaning.
         place: String,
         /// Its value.
         value: String,
-        /// What it may be.
+        /// Allowed values.
         expected: String,
     },
-    /// Input: weights or joints that are none.
+    /// Input: invalid weights or joints.
     #[error(transparent)]
     Character(CharacterError),
-    /// Input: another mesh than the model was trained on.
+    /// Input: a mesh with other counts than the training mesh.
     #[error(
-        "the model is of {expected_vertices} vertices and {expected_triangles} triangles, the mesh has {vertices} and {triangles}; \
-         give the mesh at rest that it was trained on"
+        "the model has {expected_vertices} vertices and {expected_triangles} triangles, the mesh has {vertices} and {triangles}; \
+        give the rest mesh that it was trained on"
     )]
     Mesh {
-        /// Vertices that it was trained on.
+        /// Vertices of the training mesh.
         expected_vertices: usize,
-        /// Triangles that it was trained on.
+        /// Triangles of the training mesh.
         expected_triangles: usize,
         /// Vertices of the mesh.
         vertices: usize,
         /// Triangles of the mesh.
         triangles: usize,
     },
-    /// Input: a mesh of as many, differently joined.
+    /// Input: a mesh with other triangles than the training mesh.
     #[error(
-        "the triangles of the mesh are not those that the model was trained on; give the mesh at rest that it was trained on"
+        "the triangles of the mesh differ from those of the training mesh; give the rest mesh that the model was trained on"
     )]
     Connectivity,
-    /// Input: joints that hang together in another way.
+    /// Input: another joint hierarchy.
     #[error(
-        "joint {joint:?} hangs on {expected} in the model, on {found} in the skeleton; give the skeleton that it was trained with"
+        "the parent of joint {joint:?} is {expected} in the model and {found} in the skeleton; give the skeleton that it was trained with"
     )]
     Parent {
         /// The joint.
@@ -79,7 +79,7 @@ pub enum ModelFileError {
         /// Its parent in the skeleton.
         found: String,
     },
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted or exceeded its time budget.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
 }

@@ -1,18 +1,17 @@
-//! Files of trained skins, little-endian:
+//! Trained skin files, little-endian:
 //!
 //! ```text
 //! "plumbline.skin\r\n"  version u32 = 2  form u32: 0 full, 1 reduced
 //! vertices u64  triangles u64  fingerprint u64 of the triangles  hold f64
 //! joints u64    each: length u32, name in UTF-8, parent u32 (all ones: none)
 //! weights       per vertex: count u32, each: joint u32, weight f64
-//! full          per triangle: joint it goes with u32, joint that explains it u32, [A a; C c] 36 f64 by columns
-//! reduced       sheets u64  each: joint it goes with u32, joint that explains it u32, keys u32 ≤ 8, shapes u32 ≤ 9 keys,
-//!                           keys: 36 f64 by columns; reading: shapes × 9 keys f64 by columns
-//!               per triangle: sheet u32, then E(0) and a map per shape of the sheet, 9 f32 each by columns
+//! full          per triangle: own joint u32, predictor joint u32, [A a; C c] 36 f64 column-major
+//! reduced       groups u64  each: own joint u32, predictor joint u32, keys u32 ≤ 8, shapes u32 ≤ 9 keys,
+//!                           keys: 36 f64 column-major; predictor: shapes × 9 keys f64 column-major
+//!               per triangle: group u32, then E(0) and a map per shape of the group, 9 f32 each column-major
 //! ```
 //!
-//! It is neither a mesh nor a skeleton: it belongs to the mesh at rest and the skeleton that it was trained with, and is refused
-//! beside others. Joints are matched by name.
+//! A model belongs to its rest mesh and skeleton and is rejected with others. Joints are matched by name.
 
 mod bytes;
 mod error;
@@ -30,7 +29,7 @@ use super::super::{CharacterError, Skeleton, SkinWeights, WeightsFile};
 use super::reduced::{Parts, Reduced};
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::Regressor;
-use super::{Places, RegressionModel};
+use super::{BlendedPositions, RegressionModel};
 use crate::mesh::TriMesh;
 use bytes::{Reader, Writer};
 use parts::{
@@ -39,16 +38,16 @@ use parts::{
 use plumbline_num::document::Kind;
 use plumbline_num::run::Run;
 
-/// The first bytes. A transfer that changes line ends changes them.
+/// Magic bytes. The line ending detects transfers in text mode.
 const MAGIC: &[u8; 16] = b"plumbline.skin\r\n";
-/// The version that is read and written.
+/// The supported version.
 const VERSION: u32 = 2;
-/// At most as large as the full model of seven million triangles.
+/// Size limit: the full model of seven million triangles.
 const KIND: Kind = Kind { name: "a trained skin", format: "plumbline.skin", max_bytes: 1 << 31 };
-/// Where a number is that may be missing.
+/// Missing joint index.
 const NONE: u32 = u32::MAX;
 
-/// A trained model as a file holds it.
+/// A trained model as stored in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkinModel {
     joints: Vec<String>,
@@ -63,16 +62,16 @@ pub struct SkinModel {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Form {
-    /// A regressor for every triangle.
+    /// One regressor per triangle.
     Full(Vec<Regressor>),
-    /// Few shapes.
+    /// A few shapes per joint.
     Reduced(Reducing),
 }
 
-/// A model bound to the mesh and the skeleton that it was trained with.
+/// A model bound to its mesh and skeleton.
 #[derive(Clone, Debug)]
 pub struct TrainedSkin {
-    /// Number in the skeleton of each joint of the model.
+    /// Index in the skeleton of each joint of the model.
     joints: Vec<u32>,
     model: Bound,
 }
@@ -84,7 +83,7 @@ enum Bound {
 }
 
 impl SkinModel {
-    /// The model for a file, with what it was trained on.
+    /// A full model with its mesh and skeleton, for a file.
     ///
     /// # Errors
     /// [`CharacterError::Matrices`] for another skeleton, [`CharacterError::PerVertex`] for another mesh.
@@ -93,13 +92,13 @@ impl SkinModel {
         Self::new(mesh, skeleton, &model.places.weights, model.hold, form)
     }
 
-    /// The reduced model for a file, with what it was trained on.
+    /// A reduced model with its mesh and skeleton, for a file.
     ///
     /// # Errors
     /// As [`Self::of`].
     pub fn of_reduced(mesh: &TriMesh, skeleton: &Skeleton, model: &Reduced) -> Result<Self, CharacterError> {
         let parts = &model.parts;
-        let form = Form::Reduced((parts.sheets.clone(), parts.sheet_of.clone(), parts.maps.clone()));
+        let form = Form::Reduced((parts.groups.clone(), parts.group_of.clone(), parts.maps.clone()));
         Self::new(mesh, skeleton, &parts.weights, parts.hold, form)
     }
 
@@ -111,13 +110,8 @@ impl SkinModel {
         form: Form,
     ) -> Result<Self, CharacterError> {
         let (joints, vertices) = (skeleton.joint_count(), mesh.vertex_count());
-        if weights.joint_count() != joints {
-            return Err(CharacterError::Matrices { joints: weights.joint_count(), matrices: joints });
-        }
-        let given = weights.vertex_count();
-        if given != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given, vertices });
-        }
+        CharacterError::check_matrices(weights.joint_count(), joints)?;
+        CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
         Ok(Self {
             joints: skeleton.joints().iter().map(|j| j.name.clone()).collect(),
             parents: super::parents_of(skeleton),
@@ -130,7 +124,7 @@ impl SkinModel {
         })
     }
 
-    /// Whether it is of few shapes.
+    /// Whether it is a reduced model.
     pub fn is_reduced(&self) -> bool {
         matches!(self.form, Form::Reduced(_))
     }
@@ -153,11 +147,10 @@ impl SkinModel {
         Self::from_bytes(&KIND.bytes(path)?)
     }
 
-    /// Reads the content of a file.
+    /// Parses the content of a file.
     ///
     /// # Errors
-    /// [`ModelFileError`]: other bytes, another version, an end too early or too late, numbers that are none or name what is not
-    /// there, weights that do not sum to one.
+    /// [`ModelFileError`]: wrong magic bytes or version, truncated or trailing data, invalid numbers, weights that do not sum to one.
     pub fn from_bytes(content: &[u8]) -> Result<Self, ModelFileError> {
         let Some(rest) = content.strip_prefix(MAGIC) else { return Err(ModelFileError::Foreign) };
         let mut r = Reader::new(rest);
@@ -167,7 +160,7 @@ impl SkinModel {
             return Err(ModelFileError::Version { found: version });
         }
         let form = r.index(2, &|| "the form".to_owned())?;
-        // A vertex has a count of weights at least, a triangle two numbers.
+        // Least sizes: a vertex has a weight count, a triangle two indices.
         let vertices = r.count(4, &|| "the weights".to_owned())?;
         let triangles = r.count(8, &|| "the triangles".to_owned())?;
         let fingerprint = r.u64(head)?;
@@ -187,7 +180,7 @@ impl SkinModel {
         Ok(Self { joints, parents, vertices, triangles, fingerprint, hold, weights, form })
     }
 
-    /// As the content of a file, which [`Self::from_bytes`] reads back to the same bits.
+    /// The content of a file; [`Self::from_bytes`] restores it bit for bit.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut w = Writer { bytes: MAGIC.to_vec() };
         w.u32(VERSION);
@@ -210,10 +203,10 @@ impl SkinModel {
         w.bytes
     }
 
-    /// The model, ready for poses of a skeleton, whose joints may come in another order and be more.
+    /// Binds the model to a mesh and a skeleton, which may have more joints in another order.
     ///
     /// # Errors
-    /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than it was trained on;
+    /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than the training mesh;
     /// [`CharacterError::UnknownJoint`], [`ModelFileError::Parent`] for another skeleton; [`CharacterError::Solve`].
     pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton, run: &Run) -> Result<TrainedSkin, ModelFileError> {
         let joints = self.check(mesh, skeleton)?;
@@ -222,20 +215,20 @@ impl SkinModel {
             Form::Full(regressors) => Bound::Full(Box::new(RegressionModel {
                 regressors: regressors.clone(),
                 surface: SurfaceOfGradients::new(mesh, hold, run)?,
-                places: Places { rest: mesh.positions().to_vec(), weights },
+                places: BlendedPositions { rest: mesh.positions().to_vec(), weights },
                 parents,
                 hold,
             })),
             Form::Reduced(reducing) => {
-                let (sheets, sheet_of, maps) = reducing.clone();
-                let parts = Parts { sheets, sheet_of, maps, weights, parents, hold };
+                let (groups, group_of, maps) = reducing.clone();
+                let parts = Parts { groups, group_of, maps, weights, parents, hold };
                 Bound::Reduced(Box::new(Reduced::of_parts(mesh, parts, run)?))
             }
         };
         Ok(TrainedSkin { joints, model })
     }
 
-    /// Refuses other meshes and skeletons than those it was trained with; the numbers of its joints in the skeleton.
+    /// Checks the mesh and the skeleton against those of the training; returns the skeleton indices of the model's joints.
     ///
     /// # Errors
     /// As [`Self::bound`].
@@ -273,8 +266,8 @@ impl SkinModel {
 }
 
 impl TrainedSkin {
-    /// Moves the surface at rest, as morph targets do: its triangles turn and stretch as they have learnt, from where they are now.
-    /// All shapes of a reduced model are solved for anew.
+    /// Replaces the rest surface, as morph targets do; the learned rotations and stretches apply to its triangles. A reduced model solves for
+    /// all its shapes again.
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another number of vertices.
@@ -285,7 +278,7 @@ impl TrainedSkin {
         }
     }
 
-    /// The surface in a pose of the skeleton: how space moves with each of its joints.
+    /// The surface for the skin matrices of a pose of the skeleton.
     ///
     /// # Errors
     /// [`CharacterError::Matrices`] for fewer matrices than the skeleton has joints, [`CharacterError::Matrix`].
@@ -300,7 +293,7 @@ impl TrainedSkin {
     }
 }
 
-/// FNV-1a of the triangles, 64 bit: tells a mesh of other faces from that of a model, against accidents only.
+/// FNV-1a hash of the triangles, 64 bit: detects another mesh by accident, not by intent.
 fn fingerprint(mesh: &TriMesh) -> u64 {
     let bytes = mesh.triangles().iter().flatten().flat_map(|v| v.to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))

@@ -1,19 +1,19 @@
-//! What a file of a trained skin is made of.
+//! Sections of a trained skin file.
 
 use nalgebra::DMatrix;
 
 use super::super::super::SkinWeights;
-use super::super::reduced::{MAX_KEYS, Map, Sheet};
+use super::super::reduced::{Group, MAX_KEYS, Map};
 use super::super::training::Regressor;
 use super::bytes::{Reader, Writer};
 use super::{ModelFileError, NONE};
 
-/// Bytes of a regressor's numbers.
+/// Bytes of a regressor's matrix.
 const MAP: usize = 36 * 8;
-/// Most joints, as in skeletons.
+/// Largest number of joints, as in skeletons.
 const MAX_JOINTS: usize = 1 << 16;
 
-/// Names of joints, and the joints they hang on.
+/// Joint names and parents.
 pub(super) fn read_joints(r: &mut Reader<'_>) -> Result<(Vec<String>, Vec<Option<u32>>), ModelFileError> {
     let count = r.count(8, &|| "the joints".to_owned())?;
     if count == 0 || count > MAX_JOINTS {
@@ -49,7 +49,7 @@ fn read_parent(r: &mut Reader<'_>, joint: usize, count: usize) -> Result<Option<
     }
 }
 
-/// Weights of the blended places.
+/// Weights of the blended positions.
 pub(super) fn read_weights(r: &mut Reader<'_>, vertices: usize, joints: usize) -> Result<SkinWeights, ModelFileError> {
     let mut rows = Vec::with_capacity(vertices);
     for v in 0..vertices {
@@ -75,7 +75,7 @@ pub(super) fn write_weights(w: &mut Writer, weights: &SkinWeights) {
     }
 }
 
-/// A regressor for every triangle.
+/// One regressor per triangle.
 pub(super) fn read_regressors(
     r: &mut Reader<'_>,
     triangles: usize,
@@ -97,18 +97,18 @@ pub(super) fn write_regressors(w: &mut Writer, regressors: &[Regressor]) {
     }
 }
 
-/// Sheets, the sheet of each triangle, and the maps of all.
-pub(super) type Reducing = (Vec<Sheet>, Vec<u32>, Vec<Map>);
+/// Groups, the group of each triangle, and all maps.
+pub(super) type Reducing = (Vec<Group>, Vec<u32>, Vec<Map>);
 
 pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) -> Result<Reducing, ModelFileError> {
-    let count = r.count(16, &|| "the sheets".to_owned())?;
-    let sheets: Vec<Sheet> = (0..count).map(|s| read_sheet(r, s, joints)).collect::<Result<_, _>>()?;
-    let (mut sheet_of, mut maps) = (Vec::with_capacity(triangles), Vec::new());
+    let count = r.count(16, &|| "the groups".to_owned())?;
+    let groups: Vec<Group> = (0..count).map(|s| read_group(r, s, joints)).collect::<Result<_, _>>()?;
+    let (mut group_of, mut maps) = (Vec::with_capacity(triangles), Vec::new());
     for t in 0..triangles {
         let place = &|| format!("the maps of triangle {t}");
         let sheet = r.index(count, place)?;
-        sheet_of.push(sheet);
-        let each = 1 + sheets[sheet as usize].shape_count();
+        group_of.push(sheet);
+        let each = 1 + groups[sheet as usize].shape_count();
         r.fits(each as u64, 4 * 9, place)?;
         for _ in 0..each {
             let mut map = [0.0; 9];
@@ -118,26 +118,26 @@ pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) 
             maps.push(map);
         }
     }
-    Ok((sheets, sheet_of, maps))
+    Ok((groups, group_of, maps))
 }
 
-fn read_sheet(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Sheet, ModelFileError> {
-    let place = &|| format!("sheet {sheet}");
+fn read_group(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Group, ModelFileError> {
+    let place = &|| format!("group {sheet}");
     let (bone, joint) = (r.index(joints, place)?, r.index(joints, place)?);
-    let keys = r.index(MAX_KEYS + 1, &|| format!("the number of key triangles of sheet {sheet}"))? as usize;
-    let shapes = r.index(9 * keys + 1, &|| format!("the number of shapes of sheet {sheet}"))? as usize;
+    let keys = r.index(MAX_KEYS + 1, &|| format!("the number of key triangles of group {sheet}"))? as usize;
+    let shapes = r.index(9 * keys + 1, &|| format!("the number of shapes of group {sheet}"))? as usize;
     let keys = (0..keys).map(|_| r.matrix(place)).collect::<Result<Vec<_>, _>>()?;
     r.fits((shapes * 9 * keys.len()) as u64, 8, place)?;
     let mut reading = DMatrix::zeros(shapes, 9 * keys.len());
     for x in reading.iter_mut() {
         *x = r.f64(place)?;
     }
-    Ok(Sheet { bone, joint, keys, reading })
+    Ok(Group { bone, joint, keys, reading })
 }
 
-pub(super) fn write_reduced(w: &mut Writer, (sheets, sheet_of, maps): &Reducing) {
-    w.u64(sheets.len() as u64);
-    for sheet in sheets {
+pub(super) fn write_reduced(w: &mut Writer, (groups, group_of, maps): &Reducing) {
+    w.u64(groups.len() as u64);
+    for sheet in groups {
         w.u32(sheet.bone);
         w.u32(sheet.joint);
         w.u32(sheet.keys.len() as u32);
@@ -146,9 +146,9 @@ pub(super) fn write_reduced(w: &mut Writer, (sheets, sheet_of, maps): &Reducing)
         sheet.reading.iter().for_each(|x| w.f64(*x));
     }
     let mut maps = maps.iter();
-    for &sheet in sheet_of {
+    for &sheet in group_of {
         w.u32(sheet);
-        for map in maps.by_ref().take(1 + sheets[sheet as usize].shape_count()) {
+        for map in maps.by_ref().take(1 + groups[sheet as usize].shape_count()) {
             for x in map {
                 w.f32(*x);
             }

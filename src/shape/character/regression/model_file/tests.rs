@@ -4,7 +4,7 @@ use super::*;
 use crate::character::Joint;
 use plumbline_num::run::Run;
 
-/// A model of each form, and what it belongs to.
+/// A model of each form, with its mesh and skeleton.
 fn trained() -> (TriMesh, Skeleton, Vec<Example>, RegressionModel, Reduced) {
     let (mesh, skeleton, skin, example) = arm(8, 12);
     let train: Vec<Example> = (0..5).map(|k| example(0.3 * f64::from(k), 0.2 * f64::from((3 * k) % 5))).collect();
@@ -24,7 +24,7 @@ fn files() -> (TriMesh, Skeleton, [SkinModel; 2]) {
 }
 
 #[test]
-fn what_is_written_is_read_back_to_the_bit_and_poses_as_the_model_did() {
+fn a_round_trip_is_bit_exact_and_poses_as_the_model() {
     let (mesh, skeleton, examples, mut model, reduced) = trained();
     let full = SkinModel::of(&mesh, &skeleton, &model).expect("its own");
     let few = SkinModel::of_reduced(&mesh, &skeleton, &reduced).expect("its own");
@@ -42,7 +42,7 @@ fn what_is_written_is_read_back_to_the_bit_and_poses_as_the_model_did() {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_refused_and_says_where() {
+fn a_truncated_file_is_rejected_with_the_position() {
     let (.., files) = files();
     for file in &files {
         let bytes = file.to_bytes();
@@ -58,7 +58,7 @@ fn a_file_cut_anywhere_is_refused_and_says_where() {
     }
 }
 
-/// Where the numbers of the head are.
+/// Offsets of the numbers in the header.
 const VERSION: usize = 16;
 const FORM: usize = 20;
 const VERTICES: usize = 24;
@@ -68,7 +68,7 @@ const JOINTS: usize = 56;
 const FIRST_NAME: usize = 64;
 
 #[test]
-fn hostile_numbers_are_refused_by_place_before_anything_is_allocated_for_them() {
+fn hostile_numbers_are_rejected_before_allocation() {
     let (.., [full, few]) = files();
     let (name, weights) = (full.joints[0].len(), FIRST_NAME + full.joints.iter().map(|n| n.len() + 8).sum::<usize>());
     let after = weights + full.weights.rows().map(|r| 4 + 12 * r.len()).sum::<usize>();
@@ -93,11 +93,11 @@ fn hostile_numbers_are_refused_by_place_before_anything_is_allocated_for_them() 
         (&full, weights + 8, &0.25_f64.to_le_bytes(), "the weights of vertex 0 sum to"),
         (&full, after, &[3], "the regressor of triangle 0 is 3 (expected 0 to 1)"),
         (&full, after + 8, &nan, "the regressor of triangle 0 is NaN"),
-        (&few, after, &most, "ends within the sheets"),
-        (&few, after + 8, &[4], "sheet 0 is 4 (expected 0 to 1)"),
-        (&few, after + 16, &[9], "the number of key triangles of sheet 0 is 9 (expected 0 to 8)"),
-        (&few, after + 20, &many, "the number of shapes of sheet 0 is 4294967295"),
-        (&few, after + 24, &nan, "sheet 0 is NaN"),
+        (&few, after, &most, "ends within the groups"),
+        (&few, after + 8, &[4], "group 0 is 4 (expected 0 to 1)"),
+        (&few, after + 16, &[9], "the number of key triangles of group 0 is 9 (expected 0 to 8)"),
+        (&few, after + 20, &many, "the number of shapes of group 0 is 4294967295"),
+        (&few, after + 24, &nan, "group 0 is NaN"),
         (&few, few.to_bytes().len() - 4, &f32::NAN.to_le_bytes(), "the maps of triangle"),
     ];
     for (file, at, patch, expected) in cases {
@@ -109,7 +109,7 @@ fn hostile_numbers_are_refused_by_place_before_anything_is_allocated_for_them() 
 }
 
 #[test]
-fn a_model_is_refused_beside_another_mesh_or_skeleton_and_finds_its_joints_by_name() {
+fn a_model_is_rejected_for_another_mesh_or_skeleton_and_matches_joints_by_name() {
     let (mesh, skeleton, [full, _]) = files();
     let told = |mesh: &TriMesh, skeleton: &Skeleton| {
         full.bound(mesh, skeleton, &Run::default()).expect_err("refused").to_string()
@@ -119,7 +119,7 @@ fn a_model_is_refused_beside_another_mesh_or_skeleton_and_finds_its_joints_by_na
     let mut triangles = mesh.triangles().to_vec();
     triangles[0].rotate_left(1);
     let turned = TriMesh::new(mesh.positions().to_vec(), triangles).expect("the same vertices");
-    assert!(told(&turned, &skeleton).contains("not those that the model was trained on"));
+    assert!(told(&turned, &skeleton).contains("differ from those of the training mesh"));
     let joints = |change: &dyn Fn(&mut Vec<Joint>)| {
         let mut joints = skeleton.joints().to_vec();
         change(&mut joints);
@@ -128,7 +128,7 @@ fn a_model_is_refused_beside_another_mesh_or_skeleton_and_finds_its_joints_by_na
     let name = skeleton.joints()[1].name.clone();
     assert!(told(&mesh, &joints(&|j| j[1].name = format!("{name}x"))).contains(&format!("no joint {name:?}")));
     assert!(told(&mesh, &joints(&|j| j[1].parent = None)).contains("on none in the skeleton"));
-    // The other way round: the same pose.
+    // In reverse order: the same pose.
     let swapped = joints(&|j| {
         j.swap(0, 1);
         j[0].parent = Some(1);

@@ -1,19 +1,16 @@
-//! The model by a few shapes of each joint, so that a pose costs no solve, and what it evaluates of regressors does not grow with the
-//! surface:
-//!
+//! Reduced model: a few shapes per joint instead of a solve per pose; the regressors to evaluate do not grow with the surface:
 //! ```text
 //! E_t(q) ≈ E_t(0) + Σ_k z_k(q) B_tk          E_t = exp(A q + a) (C q + c), triangles of one joint b explained by one joint j
 //! x_i    = Σ_b R_b (g_ib + Σ_k z_k u_ik) + M_b h_ib
 //! ```
 //!
-//! What a triangle says depends on one turn `q` alone, so the maps of all triangles that share `b` and `j` move on a curved sheet of
-//! three dimensions at most. The directions `B_k` in which it reaches furthest, by area, are those of the largest singular values
-//! over samples of `q` ([`modes`]): no other basis of as many comes closer to the samples. How far the sheet goes along each,
-//! `z_k(q)`, is read off a few key triangles. Positions are linear in the maps and in the joints' matrices, so the solves are done beforehand: `g_ib` is what maps at
-//! rest do to vertex `i`, `u_ik` what `B_k` does, `h_ib` (four numbers) what the blended places of the joint do. They are near zero
-//! but about the joint; [`table`] keeps the others.
+//! `E_t` depends on a single rotation `q`, so the maps of all triangles with the same `b` and `j` lie on a manifold of at most three
+//! dimensions. Its principal directions `B_k`, by area, are the leading singular vectors over samples of `q` ([`modes`]), the optimal basis
+//! of this size. The coefficients `z_k(q)` are predicted from a few key triangles. Positions are linear in the maps and in the joint
+//! matrices, so all solves are precomputed: `g_ib` is the response of vertex `i` to the maps at rest, `u_ik` to `B_k`, `h_ib` (four numbers)
+//! to the blended positions of the joint. The responses decay away from the joint; [`table`] stores the significant ones.
 //!
-//! A pose then evaluates key triangles ([`Reduced::coordinates`]: independent of the surface) and sums ([`Reduced::positions`]).
+//! A pose then evaluates key triangles ([`Reduced::coordinates`], independent of the surface) and sums ([`Reduced::positions`]).
 
 mod modes;
 mod table;
@@ -23,38 +20,38 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Point3, SMatrix};
 use super::super::{CharacterError, SkinWeights};
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::{OUTPUTS, Regressor};
-use super::{JointTurns, RegressionModel, check_pose};
+use super::{JointRotations, RegressionModel, check_pose};
 use crate::mesh::TriMesh;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 use table::Table;
 
-/// Shapes for each joint at most: each costs three numbers for the vertices about it, and with more of them the solve is cheaper.
+/// Largest number of shapes per joint: each costs three numbers per affected vertex; with more the solve of the full model is faster.
 pub(super) const MAX_SHAPES: usize = 32;
-/// Key triangles of a sheet at most: nine numbers each tell more than a turn of three can mean.
+/// Largest number of key triangles per group: nine outputs each exceed the three degrees of freedom of a rotation many times.
 pub(super) const MAX_KEYS: usize = 8;
 
-/// What triangles that go with one joint and are explained by one do.
+/// Triangles with the same own and predictor joints.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sheet {
-    /// The joint that they go with.
+pub(super) struct Group {
+    /// The joint that they follow.
     pub(super) bone: u32,
-    /// The joint whose turn explains them.
+    /// The joint whose rotation is the predictor.
     pub(super) joint: u32,
     /// `[A a; C c]` of the key triangles.
     pub(super) keys: Vec<SMatrix<f64, OUTPUTS, 4>>,
-    /// `z` from what the keys say less what they say at rest, one after the other: a row per shape, nine columns per key.
+    /// Linear predictor of `z` from the keys' maps minus those at rest: a row per shape, nine columns per key.
     pub(super) reading: DMatrix<f64>,
 }
 
-impl Sheet {
+impl Group {
     /// Number of shapes.
     pub(super) fn shape_count(&self) -> usize {
         self.reading.nrows()
     }
 
     /// `z(q)`.
-    fn coordinates(&self, turns: &JointTurns) -> DVector<f64> {
+    fn coordinates(&self, turns: &JointRotations) -> DVector<f64> {
         let (bone, joint) = (self.bone, self.joint);
         let q = turns.relative[joint as usize];
         let said = self.keys.iter().flat_map(|&map| {
@@ -65,24 +62,24 @@ impl Sheet {
     }
 }
 
-/// A map of a triangle, by columns.
+/// A map of a triangle, column-major.
 pub(super) type Map = [f32; 9];
 
-/// What a reduced model was made from.
+/// The definition of a reduced model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Parts {
-    pub(super) sheets: Vec<Sheet>,
-    /// Sheet of each triangle.
-    pub(super) sheet_of: Vec<u32>,
-    /// `E_t(0)`, then `B_tk` for each shape of the triangle's sheet; triangle by triangle.
+    pub(super) groups: Vec<Group>,
+    /// Group of each triangle.
+    pub(super) group_of: Vec<u32>,
+    /// `E_t(0)`, then `B_tk` for each shape of the triangle's group; triangle by triangle.
     pub(super) maps: Vec<Map>,
-    /// Of the blended places.
+    /// Weights of the blended positions.
     pub(super) weights: SkinWeights,
     pub(super) parents: Vec<Option<u32>>,
     pub(super) hold: f64,
 }
 
-/// A model of few shapes.
+/// A reduced model.
 #[derive(Clone, Debug)]
 pub struct Reduced {
     pub(super) parts: Parts,
@@ -90,37 +87,35 @@ pub struct Reduced {
     table: Table,
 }
 
-/// What a pose means, whatever the surface.
+/// Shape coefficients of a pose, independent of the surface.
 #[derive(Clone, Debug)]
 pub struct Coordinates {
-    /// Turn of each joint.
+    /// Rotation of each joint.
     turns: Vec<Matrix3<f64>>,
-    /// `z` of all sheets, one after the other.
+    /// `z` of all groups, concatenated.
     shapes: Vec<f64>,
 }
 
 impl RegressionModel {
-    /// Reduces the model for the poses of `samples` (those it was trained on, mostly), to `most` shapes for each joint in the mean:
-    /// those that move most of the surface furthest.
+    /// Reduces the model for the poses of `samples` (usually the training poses), to `most` shapes per joint on average: those with the
+    /// largest effect, weighted by area.
     ///
     /// # Errors
     /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
     pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize, run: &Run) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
         OptionError::check(most <= MAX_SHAPES, "prototypes", most as f64, "0 to 32")?;
-        if let Some(sample) = samples.iter().find(|s| s.len() != joints) {
-            return Err(CharacterError::Matrices { joints, matrices: sample.len() });
-        }
-        let turns: Vec<JointTurns> = samples.iter().map(|m| JointTurns::new(m, &self.parents)).collect();
-        let (sheets, sheet_of, maps) = modes::sheets(&self.regressors, &self.surface.areas(), &turns, most, run)?;
+        samples.iter().try_for_each(|s| CharacterError::check_matrices(joints, s.len()))?;
+        let turns: Vec<JointRotations> = samples.iter().map(|m| JointRotations::new(m, &self.parents)).collect();
+        let (groups, group_of, maps) = modes::groups(&self.regressors, &self.surface.areas(), &turns, most, run)?;
         let (weights, parents, hold) = (self.places.weights.clone(), self.parents.clone(), self.hold);
-        let parts = Parts { sheets, sheet_of, maps, weights, parents, hold };
+        let parts = Parts { groups, group_of, maps, weights, parents, hold };
         Ok(Reduced::new(self.surface.clone(), parts, run)?)
     }
 }
 
 impl Reduced {
-    /// The model for the surface at rest.
+    /// The model for a rest surface.
     pub(super) fn of_parts(mesh: &TriMesh, parts: Parts, run: &Run) -> Result<Self, CharacterError> {
         Ok(Self::new(SurfaceOfGradients::new(mesh, parts.hold, run)?, parts, run)?)
     }
@@ -129,7 +124,7 @@ impl Reduced {
         Ok(Self { table: Table::new(&mut surface, &parts, run)?, surface, parts })
     }
 
-    /// Moves the surface at rest, as morph targets do: all shapes are solved for anew.
+    /// Replaces the rest surface, as morph targets do: solves for all shapes again.
     pub(super) fn set_rest(&mut self, rest: &[Point3<f64>], run: &Run) -> Result<(), CharacterError> {
         let mut surface = self.surface.clone();
         surface.set_rest(rest)?;
@@ -138,24 +133,23 @@ impl Reduced {
         Ok(())
     }
 
-    /// Number of shapes beside the rigid one of each joint.
+    /// Number of shapes in addition to the rigid one of each joint.
     pub fn shape_count(&self) -> usize {
-        self.parts.sheets.iter().map(Sheet::shape_count).sum()
+        self.parts.groups.iter().map(Group::shape_count).sum()
     }
 
-    /// What a pose means to the shapes.
+    /// Shape coefficients of a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
     pub fn coordinates(&self, matrices: &[Matrix4<f64>]) -> Result<Coordinates, CharacterError> {
         check_pose(&self.parts.parents, matrices)?;
-        let turns = JointTurns::new(matrices, &self.parts.parents);
-        let shapes = self.parts.sheets.iter().flat_map(|s| s.coordinates(&turns).data.as_vec().clone()).collect();
+        let turns = JointRotations::new(matrices, &self.parts.parents);
+        let shapes = self.parts.groups.iter().flat_map(|s| s.coordinates(&turns).data.as_vec().clone()).collect();
         Ok(Coordinates { turns: turns.global.iter().map(|t| t.to_rotation_matrix().into_inner()).collect(), shapes })
     }
 
-    /// The surface in a pose, in single precision, less what is left out (at most 4·10⁻⁴ of the diagonal; a tenth of that is the
-    /// rule).
+    /// The surface in a pose, in single precision. Truncation moves vertices by at most 4·10⁻⁴ of the diagonal, typically a tenth of that.
     ///
     /// # Errors
     /// As [`Self::coordinates`].
@@ -165,7 +159,7 @@ impl Reduced {
     }
 }
 
-/// By columns.
+/// Column-major array.
 fn array(m: &Matrix3<f64>) -> [f64; 9] {
     m.as_slice().try_into().expect("three times three")
 }

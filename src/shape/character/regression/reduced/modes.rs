@@ -1,59 +1,59 @@
-//! The shapes that say most about the maps of a model's triangles:
+//! Principal shapes of the triangles' maps:
 //!
 //! ```text
 //! min Σ_s ω_s² Σ_t area_t |E_t(q_s) − E_t(0) − Σ_k z_k(q_s) B_tk|²
 //! ```
 //!
-//! by the singular value decomposition of each sheet's samples; of all sheets together the largest singular values are kept. `z_k(q)`
-//! between and beyond samples comes from key triangles: greedily the one that what is chosen explains least, until they tell all `z`.
+//! by the singular value decomposition of each group's samples; the largest singular values over all groups are kept. `z_k(q)` for other
+//! rotations is predicted from key triangles, chosen greedily by the largest unexplained part, until they explain all `z`.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
-use super::super::JointTurns;
+use super::super::JointRotations;
 use super::super::training::Regressor;
-use super::{MAX_KEYS, Map, Sheet, array};
+use super::{Group, MAX_KEYS, Map, array};
 use plumbline_num::run::{Run, Stopped};
 
-/// Samples of a turn at most: what is learnt from is thinned beyond.
+/// Largest number of samples per joint; the training rotations are thinned beyond. Bounds the eigenproblem.
 const MAX_SAMPLES: usize = 96;
-/// Parts of the turns learnt from that are sampled too: between rest and a pose, and a little beyond it.
+/// Multiples of the training rotations that are sampled: between rest and a pose, and slightly beyond it.
 const PARTS: [f64; 4] = [0.35, 0.7, 1.0, 1.2];
-/// What samples off the turns learnt from count beside those.
-const ASIDE: f64 = 0.3;
-/// What of the coordinates keys may leave unexplained, of their size.
+/// Weight of samples that are not training rotations.
+const INTERPOLATED_WEIGHT: f64 = 0.3;
+/// Unexplained fraction of the coefficients below which no more keys are added.
 const UNEXPLAINED: f64 = 1e-3;
-/// Singular values of what keys say that count, of the largest.
+/// Singular values of the key outputs below this fraction of the largest are cut off in the pseudoinverse.
 const MIN_SINGULAR_RATIO: f64 = 1e-5;
-/// Shapes below this share of the largest are rounding.
+/// Shapes with a singular value below this fraction of the largest are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// A turn to sample, and what it counts.
+/// A rotation vector to sample, and its weight.
 type Sample = (Vector3<f64>, f64);
 
-/// Triangles that share both joints, and what they say.
+/// Triangles of a group, and their sampled maps.
 struct Sampled {
     bone: u32,
     joint: u32,
     triangles: Vec<usize>,
-    /// What each sample counts.
+    /// Weight of each sample.
     counts: Vec<f64>,
-    /// `E_t(q_s) − E_t(0)` times what the sample counts: a row per sample, nine columns per triangle.
+    /// `E_t(q_s) − E_t(0)` times the weight of the sample: a row per sample, nine columns per triangle.
     said: DMatrix<f64>,
-    /// Largest first: singular value and left singular vector, by area.
+    /// Singular values and left singular vectors, weighted by area, in descending order.
     modes: Vec<(f64, DVector<f64>)>,
 }
 
-/// Sheets, the sheet of each triangle, and maps of all triangles.
-type Sheets = (Vec<Sheet>, Vec<u32>, Vec<Map>);
+/// Groups, the group of each triangle, and maps of all triangles.
+type Groups = (Vec<Group>, Vec<u32>, Vec<Map>);
 
-/// Finds them.
-pub(super) fn sheets(
+/// Computes the groups and their shapes.
+pub(super) fn groups(
     regressors: &[Regressor],
     areas: &[f64],
-    turns: &[JointTurns],
+    turns: &[JointRotations],
     most: usize,
     run: &Run,
-) -> Result<Sheets, Stopped> {
+) -> Result<Groups, Stopped> {
     let mut groups: std::collections::BTreeMap<(u32, u32), Vec<usize>> = std::collections::BTreeMap::new();
     for (t, r) in regressors.iter().enumerate() {
         groups.entry((r.bone, r.joint)).or_default().push(t);
@@ -67,24 +67,24 @@ pub(super) fn sheets(
         .collect::<Result<_, Stopped>>()?;
     let bones: std::collections::BTreeSet<u32> = sampled.iter().map(|s| s.bone).collect();
     let least = least_kept(&sampled, most * bones.len());
-    let mut sheet_of = vec![0; regressors.len()];
+    let mut group_of = vec![0; regressors.len()];
     let mut maps: Vec<Vec<Map>> = vec![Vec::new(); regressors.len()];
-    let mut sheets = Vec::with_capacity(sampled.len());
+    let mut groups = Vec::with_capacity(sampled.len());
     for group in &sampled {
         run.check()?;
         let kept = group.modes.iter().take_while(|m| m.0 > least).count();
         let (sheet, shapes) = group.sheet(kept, regressors, areas);
         for (c, &t) in group.triangles.iter().enumerate() {
-            sheet_of[t] = sheets.len() as u32;
+            group_of[t] = groups.len() as u32;
             maps[t].push(array(&regressors[t].at_rest()).map(|x| x as f32));
             maps[t].extend(shapes.iter().map(|b| std::array::from_fn(|k| b[9 * c + k] as f32)));
         }
-        sheets.push(sheet);
+        groups.push(sheet);
     }
-    Ok((sheets, sheet_of, maps.concat()))
+    Ok((groups, group_of, maps.concat()))
 }
 
-/// Singular values above this are kept.
+/// Cutoff of singular values.
 fn least_kept(sampled: &[Sampled], budget: usize) -> f64 {
     let mut all: Vec<f64> = sampled.iter().flat_map(|s| s.modes.iter().map(|m| m.0)).collect();
     all.sort_by(|a, b| b.total_cmp(a));
@@ -99,7 +99,7 @@ impl Sampled {
         triangles: Vec<usize>,
         regressors: &[Regressor],
         areas: &[f64],
-        turns: &[JointTurns],
+        turns: &[JointRotations],
     ) -> Self {
         let samples = samples(turns, joint);
         let mut said = DMatrix::zeros(samples.len(), 9 * triangles.len());
@@ -124,24 +124,24 @@ impl Sampled {
         Self { bone, joint, triangles, counts: samples.iter().map(|s| s.1).collect(), said, modes }
     }
 
-    /// The sheet by its first shapes, and the shapes themselves.
-    fn sheet(&self, kept: usize, regressors: &[Regressor], areas: &[f64]) -> (Sheet, Vec<DVector<f64>>) {
-        // `z` reaches 1 on the samples, so that shapes tell how far they move.
+    /// The group with its first shapes, and the shapes.
+    fn sheet(&self, kept: usize, regressors: &[Regressor], areas: &[f64]) -> (Group, Vec<DVector<f64>>) {
+        // `z` reaches 1 on the samples, so that the norm of a shape is its largest displacement.
         let reach =
             |u: &DVector<f64>| u.iter().zip(&self.counts).map(|(u, w)| (u / w).abs()).fold(f64::MIN_POSITIVE, f64::max);
         let kept = &self.modes[..kept];
         if kept.is_empty() {
             let (keys, reading) = (Vec::new(), DMatrix::zeros(0, 0));
-            return (Sheet { bone: self.bone, joint: self.joint, keys, reading }, Vec::new());
+            return (Group { bone: self.bone, joint: self.joint, keys, reading }, Vec::new());
         }
         let shapes = kept.iter().map(|(_, u)| self.said.tr_mul(u) * reach(u)).collect();
         let wanted = DMatrix::from_columns(&kept.iter().map(|(_, u)| u / reach(u)).collect::<Vec<_>>());
         let (keys, reading) = self.read(&wanted, areas);
         let keys = keys.into_iter().map(|c| regressors[self.triangles[c]].map).collect();
-        (Sheet { bone: self.bone, joint: self.joint, keys, reading }, shapes)
+        (Group { bone: self.bone, joint: self.joint, keys, reading }, shapes)
     }
 
-    /// Key triangles, and how what they say becomes what is wanted.
+    /// Key triangles, and the linear predictor from their outputs.
     fn read(&self, wanted: &DMatrix<f64>, areas: &[f64]) -> (Vec<usize>, DMatrix<f64>) {
         let mut left = self.said.clone();
         let mut keys = Vec::new();
@@ -167,17 +167,19 @@ impl Sampled {
     }
 }
 
-/// Turns of a joint to sample.
-fn samples(turns: &[JointTurns], joint: u32) -> Vec<Sample> {
+/// Rotations of a joint to sample.
+fn samples(turns: &[JointRotations], joint: u32) -> Vec<Sample> {
     let seen: Vec<Vector3<f64>> = turns.iter().map(|t| t.relative[joint as usize]).collect();
     let furthest = seen.iter().map(Vector3::norm).fold(0.0, f64::max);
-    let parts =
-        PARTS.iter().flat_map(|&part| seen.iter().map(move |q| (q * part, if part == 1.0 { 1.0 } else { ASIDE })));
+    let parts = PARTS
+        .iter()
+        .flat_map(|&part| seen.iter().map(move |q| (q * part, if part == 1.0 { 1.0 } else { INTERPOLATED_WEIGHT })));
     let between = (0..seen.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
-    let between = between.map(|(a, b)| (nalgebra::center(&seen[a].into(), &seen[b].into()).coords, ASIDE));
+    let between =
+        between.map(|(a, b)| (nalgebra::center(&seen[a].into(), &seen[b].into()).coords, INTERPOLATED_WEIGHT));
     let all: Vec<Sample> = parts.chain(between).collect();
     let step = all.len().div_ceil(MAX_SAMPLES).max(1);
-    // No turn at all says nothing: an axis, so that there is a sample.
-    let none = (Vector3::x() * furthest.max(f64::MIN_POSITIVE), ASIDE);
+    // Joints that never rotate in the examples need a sample too: any axis.
+    let none = (Vector3::x() * furthest.max(f64::MIN_POSITIVE), INTERPOLATED_WEIGHT);
     all.into_iter().step_by(step).chain([none]).collect()
 }

@@ -1,10 +1,10 @@
-//! What shapes and joints do to vertices, and its product with the coordinates of a pose.
+//! Sparse table of the responses of vertices to shapes and joints, and its product with the coefficients of a pose.
 //!
-//! A shape is near zero away from its joint. Per vertex what moves it least is left out, until what is left out together could move it
-//! by [`LEFT_OUT`] of the diagonal: shapes as far as in poses like those learnt from, joints by a radian and half the diagonal. What a
-//! joint that is left out would hold is held by the nearest above it that is kept, or by the joint that the vertex follows most: rigid
-//! motions stay exact, and poses hardly part a joint from the one it hangs on. Vertices of the same joints stand side by side, eight at a time, so
-//! that a product reads each number once, in order. Numbers are of single precision about the middle of the mesh.
+//! Responses decay away from the joint. Per vertex the smallest ones are dropped as long as their sum stays below [`MAX_TRUNCATION`] of the
+//! diagonal: shapes at their largest coefficient in the training poses, joints for a rotation of one radian and a translation of half the
+//! diagonal. A dropped joint's response is added to the nearest kept ancestor, or else to the vertex's strongest joint: rigid motions stay
+//! exact, and poses hardly separate a joint from its parent. Vertices with the same joints are grouped by eight, so that a product reads
+//! each number once, in order. Numbers are in single precision relative to the center of the mesh.
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 use rayon::prelude::*;
@@ -13,52 +13,52 @@ use super::super::surface_of_gradients::SurfaceOfGradients;
 use super::{Coordinates, Parts};
 use plumbline_num::run::{Run, Stopped};
 
-/// What may be left out, of the diagonal.
-const LEFT_OUT: f64 = 4e-4;
-/// Vertices side by side.
+/// Largest truncation per vertex, relative to the diagonal.
+const MAX_TRUNCATION: f64 = 4e-4;
+/// Vertices per row: the width of a 256-bit register.
 const LANES: usize = 8;
-/// What single precision takes from a turn is no stretch.
-const NO_STRETCH: f64 = 1e-6;
-/// Rows that a thread takes at once.
-const AT_ONCE: usize = 64;
+/// Stretches below this are the rounding of a single-precision rotation.
+const STRETCH_TOLERANCE: f64 = 1e-6;
+/// Rows per parallel task.
+const CHUNK_ROWS: usize = 64;
 
-/// A number for each of a row of vertices.
+/// A number for each vertex of a row.
 type Lane = [f32; LANES];
-/// Three.
+/// Three coordinates.
 type Lanes = [Lane; 3];
 
-/// What one joint does to a row of vertices.
+/// The responses of a row of vertices to one joint.
 #[derive(Clone, Debug)]
 struct Block {
     bone: u32,
-    /// Where its shapes end in the list of shapes; they begin where those of the block before end.
+    /// End of its shapes in the list of shapes; they start at the end of the block before.
     shapes_end: u32,
 }
 
-/// The product, row by row.
+/// The table, row by row.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
     middle: Point3<f64>,
-    /// Vertices in the order of the rows; the last row is filled with the last vertex.
+    /// Vertices in row order; the last row is padded with the last vertex.
     order: Vec<u32>,
     vertices: usize,
-    /// Where the blocks of each row begin, the shapes and the numbers; and the ends.
+    /// Start of each row in blocks, shapes and numbers; one more entry for the ends.
     rows: Vec<[u32; 3]>,
     blocks: Vec<Block>,
-    /// Shapes of the blocks.
+    /// Shape indices of the blocks.
     shapes: Vec<u32>,
-    /// Of each block `g + h` and its weight, then its shapes.
+    /// Per block `g + h` and its weight, then its shapes.
     numbers: Vec<Lane>,
     /// `h` of each block, for joints that stretch.
     held: Vec<Lanes>,
 }
 
-/// What one joint does to a vertex: `g`, `h` and its weight.
+/// Response of a vertex to a joint: `g`, `h` and its weight.
 type Held = (u32, [f32; 7]);
-/// What one shape does to a vertex.
+/// Response of a vertex to a shape.
 type Moved = (u32, [f32; 3]);
 
-/// What moves a vertex.
+/// Responses of a vertex.
 #[derive(Clone, Debug, Default)]
 struct Sparse {
     joints: Vec<Held>,
@@ -71,9 +71,9 @@ impl Table {
         let rest = surface.rest().to_vec();
         let (low, high) = bounds(&rest);
         let (middle, diagonal) = (nalgebra::center(&low, &high), (high - low).norm());
-        let budget = (LEFT_OUT * diagonal) as f32;
+        let budget = (MAX_TRUNCATION * diagonal) as f32;
         let mut found = solved(surface, parts, &middle, budget, run)?;
-        let bones: Vec<u32> = parts.sheets.iter().flat_map(|s| std::iter::repeat_n(s.bone, s.shape_count())).collect();
+        let bones: Vec<u32> = parts.groups.iter().flat_map(|s| std::iter::repeat_n(s.bone, s.shape_count())).collect();
         let rest: Vec<Vector3<f32>> = rest.iter().map(|p| (p - middle).cast::<f32>()).collect();
         let tree = Tree { bones: &bones, parents: &parts.parents };
         let each = found.par_iter_mut().zip(&rest);
@@ -98,7 +98,7 @@ impl Table {
         Ok(table)
     }
 
-    /// Appends a row: what moves any of its vertices.
+    /// Appends a row with the union of its vertices' responses.
     fn push_row(&mut self, row: usize, found: &[Sparse], bones: &[u32]) {
         let lane = |l: usize| &found[self.order[(row * LANES + l).min(self.vertices - 1)] as usize];
         let vertices: [&Sparse; LANES] = std::array::from_fn(lane);
@@ -129,17 +129,17 @@ impl Table {
     /// The surface in a pose.
     pub(super) fn positions(&self, coordinates: &Coordinates, matrices: &[Matrix4<f64>]) -> Vec<Point3<f64>> {
         let there: Vec<Point3<f64>> = matrices.iter().map(|m| m.transform_point(&self.middle)).collect();
-        // From where the joints are in the mean, so that single precision does far from the origin.
+        // Relative to the mean joint position, so that single precision suffices far from the origin.
         let from = Point3::from(there.iter().map(|p| p.coords).sum::<Vector3<f64>>() / there.len().max(1) as f64);
         let joints: Vec<JointMotion> = (matrices.iter().zip(&there).zip(&coordinates.turns))
             .map(|((m, there), turn)| JointMotion::new(turn, m, &(there - from)))
             .collect();
         let shapes: Vec<f32> = coordinates.shapes.iter().map(|z| *z as f32).collect();
         let mut rows = vec![[[0.0; LANES]; 3]; self.rows.len() - 1];
-        let chunks = rows.par_chunks_mut(AT_ONCE).enumerate();
+        let chunks = rows.par_chunks_mut(CHUNK_ROWS).enumerate();
         chunks.for_each(|(c, rows)| {
             for (r, x) in rows.iter_mut().enumerate() {
-                *x = self.row(c * AT_ONCE + r, &joints, &shapes);
+                *x = self.row(c * CHUNK_ROWS + r, &joints, &shapes);
             }
         });
         let mut positions = vec![from; self.vertices];
@@ -187,12 +187,12 @@ fn add(sum: &mut Lane, factor: f32, lane: &Lane) {
     }
 }
 
-/// A joint in a pose, by rows.
+/// A joint in a pose, row-major.
 struct JointMotion {
     turn: [[f32; 3]; 3],
-    /// Where it takes the middle.
+    /// Posed center of the mesh under this joint.
     there: [f32; 3],
-    /// What its map is beside its turn, where that is anything.
+    /// The map minus its rotation, if significant.
     stretch: Option<[[f32; 3]; 3]>,
 }
 
@@ -203,21 +203,21 @@ impl JointMotion {
         Self {
             turn: rows(turn),
             there: std::array::from_fn(|c| there[c] as f32),
-            stretch: (stretch.amax() > NO_STRETCH).then(|| rows(&stretch)),
+            stretch: (stretch.amax() > STRETCH_TOLERANCE).then(|| rows(&stretch)),
         }
     }
 }
 
 impl Sparse {
-    /// Leaves out what moves the vertex at `p` least, half the budget of shapes and half of joints. Joints that stay are in the order
-    /// of their weights.
+    /// Drops the smallest responses of the vertex at `p`: half the budget for shapes, half for joints. Kept joints are in descending order of
+    /// weight.
     fn leave_out(&mut self, tree: &Tree<'_>, p: &Vector3<f32>, budget: f32, diagonal: f32) {
         let size = |s: &Moved| Vector3::from(s.1).norm();
         self.shapes.sort_by(|a, b| size(a).total_cmp(&size(b)));
         let mut left = 0.5 * budget;
         let dropped = self.shapes.iter().take_while(|s| spend(&mut left, size(s))).count();
         self.shapes.drain(..dropped);
-        // What moves with the joint is the vertex, by its weight, and what turns about it.
+        // A joint displaces the vertex by its weight times the translation, and by the rotation about it.
         let cost = |h: &[f32; 7]| {
             let about = Vector3::new(h[0] + h[3], h[1] + h[4], h[2] + h[5]) - p * h[6];
             about.norm() + h[6].abs() * 0.5 * diagonal
@@ -241,14 +241,14 @@ impl Sparse {
     }
 }
 
-/// Joints that shapes and joints hang on.
+/// The hierarchy of shapes and joints.
 struct Tree<'a> {
     /// Joint of each shape.
     bones: &'a [u32],
     parents: &'a [Option<u32>],
 }
 
-/// Whether there is that much left.
+/// Deducts a cost; whether the budget sufficed.
 fn spend(left: &mut f32, cost: f32) -> bool {
     *left -= cost;
     *left >= 0.0
@@ -259,7 +259,7 @@ fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
     points.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)))
 }
 
-/// What moves each vertex, less what is far below the budget.
+/// Responses of each vertex, without those far below the budget.
 fn solved(
     surface: &mut SurfaceOfGradients,
     parts: &Parts,
@@ -269,8 +269,8 @@ fn solved(
 ) -> Result<Vec<Sparse>, Stopped> {
     let rest: Vec<Vector3<f64>> = surface.rest().iter().map(|p| p - middle).collect();
     let mut found = vec![Sparse::default(); rest.len()];
-    let sheet = |t: usize| &parts.sheets[parts.sheet_of[t] as usize];
-    let starts: Vec<usize> = (0..parts.sheet_of.len())
+    let sheet = |t: usize| &parts.groups[parts.group_of[t] as usize];
+    let starts: Vec<usize> = (0..parts.group_of.len())
         .scan(0, |at, t| Some(std::mem::replace(at, *at + 1 + sheet(t).shape_count())))
         .collect();
     let map = |at: usize| Matrix3::from_column_slice(&parts.maps[at]).cast::<f64>();
@@ -289,14 +289,14 @@ fn solved(
             }
         }
     }
-    // More than as many of this size are never left out.
+    // Fewer than 1024 responses of this size fit the budget, so smaller ones are dropped at once.
     let speck = budget / 1024.0;
     let mut number = 0;
-    for (s, one) in parts.sheets.iter().enumerate() {
+    for (s, one) in parts.groups.iter().enumerate() {
         for k in 0..one.shape_count() {
             run.check()?;
             let own =
-                |t: usize| if parts.sheet_of[t] as usize == s { map(starts[t] + 1 + k) } else { Matrix3::zeros() };
+                |t: usize| if parts.group_of[t] as usize == s { map(starts[t] + 1 + k) } else { Matrix3::zeros() };
             for (vertex, u) in found.iter_mut().zip(surface.solve(own, |_| Vector3::zeros())) {
                 let u: [f32; 3] = u.coords.cast::<f32>().into();
                 if Vector3::from(u).norm() > speck {
@@ -314,7 +314,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_joint_leaves_is_held_by_the_one_above_it_that_is_kept() {
+    fn the_response_of_a_dropped_joint_goes_to_its_nearest_kept_ancestor() {
         // A chain of four; the vertex follows the first most, the third a little and the fourth hardly.
         let parents = [None, Some(0), Some(1), Some(2)];
         let tree = Tree { bones: &[], parents: &parents };
@@ -323,7 +323,7 @@ mod tests {
             Sparse { joints: vec![(0, held(0.7)), (2, held(0.3 - 1e-5)), (3, held(1e-5))], shapes: Vec::new() };
         vertex.leave_out(&tree, &Vector3::x(), 1e-3, 10.0);
         assert_eq!(vertex.joints, [(0, held(0.7)), (2, held(0.3))]);
-        // What shapes turn with is kept, whatever it weighs.
+        // Joints of kept shapes are kept, whatever their weight.
         let mut vertex = Sparse { joints: vec![(0, held(1.0)), (3, held(0.0))], shapes: vec![(0, [1.0, 0.0, 0.0])] };
         vertex.leave_out(&Tree { bones: &[3], parents: &parents }, &Vector3::x(), 1e-3, 10.0);
         assert_eq!((vertex.joints.len(), vertex.shapes.len()), (2, 1));

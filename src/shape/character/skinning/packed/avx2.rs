@@ -1,8 +1,8 @@
-//! The kernels for processors with AVX2 and FMA: a whole map, or a whole motion, per pair of registers.
+//! Kernels for processors with AVX2 and FMA.
 //!
-//! A map is two registers of two columns each; four of them are weighted and summed, then `[x x x x y y y y]` and
-//! `[z z z z 1 1 1 1]` multiply them and the halves are added. A motion is one register, real part in the lower half; cross
-//! products rotate lanes: `a × b = rot(a · rot(b) − rot(a) · b)` with `rot` taking `[x y z w]` to `[y z x w]`.
+//! An affine map is two registers of two columns each. Four maps are weighted and summed, multiplied by `[x x x x y y y y]` and
+//! `[z z z z 1 1 1 1]`, and the halves are added. A dual quaternion is one register with the real part in the lower half; cross products
+//! rotate lanes: `a × b = rot(a · rot(b) − rot(a) · b)`, where `rot` maps `[x y z w]` to `[y z x w]`.
 #![allow(unsafe_code)] // SIMD loads and stores through raw pointers; each proves its bounds.
 #![allow(clippy::wildcard_imports)] // twenty intrinsics under their own names
 
@@ -10,12 +10,12 @@ use std::arch::x86_64::*;
 
 use super::{Columns, Motion, PackedVertex};
 
-/// Whether the processor has what the kernels need.
+/// Whether the processor supports the kernels.
 pub(super) fn available() -> bool {
     is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
 }
 
-/// Refuses joints beyond the table. They are below its length since the skin was packed; one comparison per vertex says so.
+/// Bounds check of the joint indices. Packing guarantees them; one comparison per vertex verifies it before unchecked loads.
 #[inline]
 fn check(vertex: &PackedVertex, joints: usize) {
     let last = vertex.joints.iter().fold(0, |m, &j| m.max(j));
@@ -74,8 +74,8 @@ fn dual_quaternion_kernel<const SCALED: bool>(
 #[inline]
 fn store(out: &mut [[f32; 3]], i: usize, x: __m128) {
     if i + 1 < out.len() {
-        // SAFETY: 16 bytes from the start of result `i`, of which 24 up to the end of `i + 1` lie in `out`. What is written
-        // over the start of the next result is written again with that.
+        // SAFETY: 16 bytes from the start of result `i`; 24 bytes up to the end of `i + 1` are in `out`. The overwritten start of
+        // the next result is written again by the next iteration.
         unsafe { _mm_storeu_ps(out.as_mut_ptr().add(i).cast(), x) };
     } else {
         let mut last = [0.0_f32; 4];
@@ -85,7 +85,7 @@ fn store(out: &mut [[f32; 3]], i: usize, x: __m128) {
     }
 }
 
-/// `Σ wⱼ Mⱼ x`; the joints are in the table.
+/// `Σ wⱼ Mⱼ x`; the joint indices are in range.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 fn blended(vertex: &PackedVertex, maps: &[Columns]) -> __m128 {
@@ -119,7 +119,7 @@ fn cross(a: __m128, b: __m128) -> __m128 {
     rotated(_mm_fmsub_ps(a, rotated(b), _mm_mul_ps(rotated(a), b)))
 }
 
-/// The motion of a vertex at `y`, as in the plain kernel.
+/// Rigid motion of a vertex from `y`, as in the scalar kernel.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 fn moved(vertex: &PackedVertex, motions: &[Motion], y: __m128) -> __m128 {
@@ -137,7 +137,7 @@ fn moved(vertex: &PackedVertex, motions: &[Motion], y: __m128) -> __m128 {
     }
     let (u, f) = (_mm256_castps256_ps128(sum), _mm256_extractf128_ps::<1>(sum));
     let length = _mm_dp_ps::<0xFF>(u, u);
-    // Where the motions cancel nothing moves: 2/0 would be infinite.
+    // Where the motions cancel, the vertex stays: avoids 2/0.
     let some = _mm_cmpgt_ps(length, _mm_setzero_ps());
     let inverse = _mm_and_ps(some, _mm_div_ps(_mm_set1_ps(2.0), length));
     let (a, e) = (_mm_shuffle_ps::<0xFF>(u, u), _mm_shuffle_ps::<0xFF>(f, f));

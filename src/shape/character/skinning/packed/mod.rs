@@ -1,10 +1,10 @@
-//! Skinning of many vertices in single precision: four joints per vertex, 36 bytes each.
+//! Single-precision skinning of many vertices: four joints per vertex, 36 bytes each.
 //!
-//! Places are kept from the middle of the model at rest, and results are from a point that moves with it, so that neither where
-//! a model stands nor where it walks costs digits. The arithmetic is that of the exact methods; processors with AVX2 and FMA take
-//! kernels of their own, whose results differ from the plain ones by roundings.
+//! Positions are stored relative to the center of the model at rest, and results relative to its posed center, so that neither the position
+//! of the model nor root motion costs digits. The arithmetic is that of the double-precision methods; the AVX2 kernels differ from the
+//! scalar ones by rounding.
 
-/// The wide kernel where the processor has it, else the plain one.
+/// Calls the AVX2 kernel if the processor supports it, else the scalar one.
 macro_rules! match_kernel {
     ($kernel:ident($($argument:expr),*)) => {{
         #[cfg(target_arch = "x86_64")]
@@ -32,10 +32,10 @@ use super::dual_quaternion::Motions;
 use super::linear_blend::Affine;
 use crate::mesh::TriMesh;
 
-/// Joints per vertex.
+/// Influences per vertex.
 const INFLUENCES: usize = 4;
 
-/// A vertex: where it is from the middle, how much it follows which joints, the strongest first. Unused weights are 0.
+/// A vertex: position relative to the center, weights in descending order, joints. Unused weights are 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 struct PackedVertex {
@@ -44,19 +44,19 @@ struct PackedVertex {
     joints: [u16; INFLUENCES],
 }
 
-/// An affine map by columns; the fourth row is 0 0 0 1.
+/// An affine map, column-major; the fourth row is 0 0 0 1.
 type Columns = [f32; 16];
-/// `[x y z w]` of the real, then of the dual part of a motion.
+/// A dual quaternion: `[x y z w]` of the real, then of the dual part.
 type Motion = [f32; 8];
 
-/// A surface bound to joints, for speed.
+/// A surface bound to joints, packed for speed.
 #[derive(Clone, Debug)]
 pub struct PackedSkin {
-    /// Every number in `joints` is below the length of `pivots`.
+    /// Invariant: every joint index is below the length of `pivots`.
     vertices: Vec<PackedVertex>,
     middle: Point3<f64>,
     pivots: Vec<Point3<f64>>,
-    /// How much of the surface follows each joint; sums to 1.
+    /// Fraction of the total weight of each joint; sums to 1.
     shares: Vec<f64>,
 }
 
@@ -64,13 +64,11 @@ impl PackedSkin {
     /// Packs a skin.
     ///
     /// # Errors
-    /// [`CharacterError::TooManyInfluences`] where a vertex follows more than four joints, [`CharacterError::PerVertex`] for
-    /// weights of another mesh, [`CharacterError::Matrix`] where a bind matrix has no inverse.
+    /// [`CharacterError::TooManyInfluences`] if a vertex has more than four influences, [`CharacterError::PerVertex`] for weights of
+    /// another mesh, [`CharacterError::Matrix`] if a bind matrix is singular.
     pub fn new(mesh: &TriMesh, skin: &Skin) -> Result<Self, CharacterError> {
         let (weights, vertices) = (skin.weights(), mesh.vertex_count());
-        if weights.vertex_count() != vertices {
-            return Err(CharacterError::PerVertex { what: "rows of weights", given: weights.vertex_count(), vertices });
-        }
+        CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
         if let Some(vertex) = weights.rows().position(|r| r.len() > INFLUENCES) {
             let found = weights.row(vertex).len();
             return Err(CharacterError::TooManyInfluences { vertex, found, most: INFLUENCES });
@@ -101,11 +99,11 @@ impl PackedSkin {
         self.vertices.len()
     }
 
-    /// Linear blend skinning. Returns the point that the results are from.
+    /// Linear blend skinning. Returns the origin of the results.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another number of joints, [`CharacterError::Matrix`], [`CharacterError::PerVertex`] for
-    /// another number of results.
+    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`], [`CharacterError::PerVertex`] for a wrong
+    /// number of results.
     pub fn linear_blend(&self, matrices: &[Matrix4<f64>], out: &mut [[f32; 3]]) -> Result<Point3<f64>, CharacterError> {
         self.check(matrices, out)?;
         let (middle, moved) = self.recentered(matrices);
@@ -114,7 +112,7 @@ impl PackedSkin {
         Ok(middle)
     }
 
-    /// Dual quaternion skinning, scales included. Returns the point that the results are from.
+    /// Dual quaternion skinning, including scales. Returns the origin of the results.
     ///
     /// # Errors
     /// As [`Self::linear_blend`].
@@ -129,7 +127,7 @@ impl PackedSkin {
         let motions = Motions::new(&moved, &pivots);
         let rigid: Vec<Motion> = motions.rigid.iter().map(|q| q.map(|c| c as f32)).collect();
         match &motions.scales {
-            // In single precision a scale of 1 + 1e-7 is none.
+            // A deviation of 1e-7 is below single precision.
             Some(scales) if scales.iter().any(|s| farthest_from_identity(s) > 1e-7) => {
                 let scales: Vec<Columns> = scales.iter().map(affine_columns).collect();
                 match_kernel!(scaled_dual_quaternion(&self.vertices, &scales, &rigid, out));
@@ -140,17 +138,13 @@ impl PackedSkin {
     }
 
     fn check(&self, matrices: &[Matrix4<f64>], out: &[[f32; 3]]) -> Result<(), CharacterError> {
-        if matrices.len() != self.pivots.len() {
-            return Err(CharacterError::Matrices { joints: self.pivots.len(), matrices: matrices.len() });
-        }
-        if out.len() != self.vertices.len() {
-            let (given, vertices) = (out.len(), self.vertices.len());
-            return Err(CharacterError::PerVertex { what: "places for results", given, vertices });
-        }
+        CharacterError::check_matrices(self.pivots.len(), matrices.len())?;
+        let (given, vertices) = (out.len(), self.vertices.len());
+        CharacterError::check_per_vertex("slots for results", given, vertices)?;
         check_affine(matrices)
     }
 
-    /// Where the middle of the surface goes, and the maps between places from the middle at rest and from there.
+    /// The posed center of the surface, and the maps between positions relative to the center at rest and to the posed one.
     fn recentered(&self, matrices: &[Matrix4<f64>]) -> (Point3<f64>, Vec<Matrix4<f64>>) {
         let goes = |m: &Matrix4<f64>| m.transform_point(&self.middle).coords;
         let middle: Vector3<f64> = matrices.iter().zip(&self.shares).map(|(m, s)| goes(m) * *s).sum();

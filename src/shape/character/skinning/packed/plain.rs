@@ -1,4 +1,4 @@
-//! The kernels in plain code.
+//! Scalar kernels.
 
 use super::{Columns, Motion, PackedVertex};
 

@@ -5,7 +5,7 @@ use super::super::{Skinner, SkinningMethod};
 use super::*;
 use plumbline_num::run::Run;
 
-/// Farthest of the packed results from the exact ones, over the diagonal, for a model that stands and walks far away.
+/// Largest distance of packed from exact results, relative to the diagonal, for a model that stands and moves far from the origin.
 fn farthest(method: SkinningMethod, scaled: bool, at: Vector3<f64>) -> f64 {
     let (mesh, skeleton, skin) = tube(5, 24, 100);
     let m = matrices(&skeleton, &skin, |p| {
@@ -34,7 +34,7 @@ fn farthest(method: SkinningMethod, scaled: bool, at: Vector3<f64>) -> f64 {
 }
 
 #[test]
-fn single_precision_is_within_two_millionths_of_the_diagonal_wherever_the_model_walks() {
+fn single_precision_is_within_two_millionths_of_the_diagonal_at_any_position() {
     for method in [SkinningMethod::LinearBlend, SkinningMethod::DualQuaternion] {
         for scaled in [false, true] {
             for at in [Vector3::zeros(), Vector3::new(1e5, -3e5, 2e5)] {
@@ -47,7 +47,7 @@ fn single_precision_is_within_two_millionths_of_the_diagonal_wherever_the_model_
 
 #[cfg(target_arch = "x86_64")]
 #[test]
-fn the_wide_kernels_agree_with_the_plain_ones_to_the_last_vertex() {
+fn the_avx2_kernels_agree_with_the_scalar_ones_to_the_last_vertex() {
     if !avx2::available() {
         eprintln!("skipped: this processor has no AVX2 or no FMA");
         return;
@@ -84,7 +84,7 @@ fn the_wide_kernels_agree_with_the_plain_ones_to_the_last_vertex() {
 }
 
 #[test]
-fn motions_that_cancel_leave_their_vertex_where_it_is() {
+fn motions_that_cancel_leave_their_vertex_unmoved() {
     let vertex = PackedVertex { position: [1.0, 2.0, 3.0], weights: [0.0; 4], joints: [0; 4] };
     let motion = [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
     let mut out = [[0.0; 3]];
@@ -93,17 +93,17 @@ fn motions_that_cancel_leave_their_vertex_where_it_is() {
 }
 
 #[test]
-fn five_joints_and_other_numbers_are_refused() {
+fn five_influences_and_mismatched_sizes_are_rejected() {
     let (mesh, _, skin) = tube(2, 6, 4);
     let packed = PackedSkin::new(&mesh, &skin).expect("four at most");
     let m = [Matrix4::identity(); 2];
     assert!(packed.linear_blend(&m[..1], &mut vec![[0.0; 3]; 30]).is_err());
     let message = packed.dual_quaternion(&m, &mut [[0.0; 3]; 7]).expect_err("seven").to_string();
-    assert!(message.contains("7 places for results do not fit a mesh of 30"), "{message}");
+    assert!(message.contains("7 slots for results do not fit a mesh of 30"), "{message}");
     let row = (0..5).map(|j| (j, 0.2)).collect::<Vec<_>>();
     let weights = super::super::super::SkinWeights::new(5, [row]).expect("sums to 1");
     let skin = Skin::new(weights, vec![Matrix4::identity(); 5]).expect("fits");
     let point = TriMesh::new(vec![Point3::origin()], vec![]).expect("valid");
     let message = PackedSkin::new(&point, &skin).expect_err("five").to_string();
-    assert!(message.contains("vertex 0 follows 5 joints (at most 4)"), "{message}");
+    assert!(message.contains("vertex 0 has 5 influences (at most 4)"), "{message}");
 }

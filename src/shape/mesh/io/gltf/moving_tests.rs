@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 use crate::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model, losses};
-use crate::mesh::model::articulation::{Interpolation, Property};
+use crate::mesh::model::articulation::{ChannelInterpolation, Property};
 use crate::mesh::{MeshError, Model, RepairOptions, repair};
 use plumbline_num::run::Run;
 
@@ -108,11 +108,11 @@ fn skins_targets_and_animations_are_read_as_they_stand() {
     let [turn, weight] = &moving.animations[0].channels[..] else { panic!("two channels") };
     assert_eq!(
         (turn.property, turn.interpolation, &turn.times),
-        (Property::Rotation, Interpolation::Linear, &vec![0.0, 0.5, 2.0])
+        (Property::Rotation, ChannelInterpolation::Linear, &vec![0.0, 0.5, 2.0])
     );
     assert_eq!(
         (weight.property, weight.interpolation, &weight.values),
-        (Property::Weights, Interpolation::Step, &vec![0.0, 1.0, 0.5])
+        (Property::Weights, ChannelInterpolation::Step, &vec![0.0, 1.0, 0.5])
     );
 }
 

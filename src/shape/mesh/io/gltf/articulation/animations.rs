@@ -4,7 +4,7 @@ use super::super::accessor::Values;
 use super::super::document::{self, Channel as Described, Sampler};
 use super::super::{fault, input::Input};
 use crate::mesh::MeshError;
-use crate::mesh::model::articulation::{Animation, Articulation, Channel, Interpolation, Property};
+use crate::mesh::model::articulation::{Animation, Articulation, Channel, ChannelInterpolation, Property};
 
 /// All animations, and how many channels were left out: those of properties that are not read, and of nothing.
 pub(in super::super) fn read(input: &Input<'_>, tree: &Articulation) -> Result<(Vec<Animation>, usize), MeshError> {
@@ -73,11 +73,11 @@ fn channel_of(
     Ok(Some(Channel { node, property, interpolation, times, values: values.numbers }))
 }
 
-fn interpolation(sampler: &Sampler, at: &str) -> Result<Interpolation, MeshError> {
+fn interpolation(sampler: &Sampler, at: &str) -> Result<ChannelInterpolation, MeshError> {
     Ok(match sampler.interpolation.as_deref() {
-        None | Some("LINEAR") => Interpolation::Linear,
-        Some("STEP") => Interpolation::Step,
-        Some("CUBICSPLINE") => Interpolation::CubicSpline,
+        None | Some("LINEAR") => ChannelInterpolation::Linear,
+        Some("STEP") => ChannelInterpolation::Step,
+        Some("CUBICSPLINE") => ChannelInterpolation::CubicSpline,
         Some(other) => {
             let told = format!("{other:?} is no interpolation (LINEAR, STEP, CUBICSPLINE)");
             return Err(fault(format!("{at}/interpolation"), told));

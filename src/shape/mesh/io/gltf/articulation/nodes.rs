@@ -5,14 +5,14 @@ use nalgebra::Matrix4;
 use super::super::document::{self, Document};
 use super::super::fault;
 use crate::mesh::MeshError;
-use crate::mesh::model::articulation::{Node, Place};
+use crate::mesh::model::articulation::{Node, NodeTransform};
 
 /// All nodes of the document.
 pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError> {
     let mut nodes = Vec::with_capacity(document.nodes.len());
     for (k, node) in document.nodes.iter().enumerate() {
-        let place = place(node, &format!("/nodes/{k}"))?;
-        nodes.push(Node { name: node.name.clone(), parent: None, place, extras: node.extras.clone() });
+        let transform = transform(node, &format!("/nodes/{k}"))?;
+        nodes.push(Node { name: node.name.clone(), parent: None, transform, extras: node.extras.clone() });
     }
     for (k, node) in document.nodes.iter().enumerate() {
         for &child in &node.children {
@@ -47,17 +47,17 @@ fn ends(nodes: &[Node]) -> Result<(), MeshError> {
     Ok(())
 }
 
-fn place(node: &document::Node, at: &str) -> Result<Place, MeshError> {
-    let place = match &node.matrix {
-        Some(columns) => Place::Matrix(Matrix4::from_column_slice(columns)),
-        None => Place::Trs {
+fn transform(node: &document::Node, at: &str) -> Result<NodeTransform, MeshError> {
+    let transform = match &node.matrix {
+        Some(columns) => NodeTransform::Matrix(Matrix4::from_column_slice(columns)),
+        None => NodeTransform::Trs {
             translation: node.translation.unwrap_or([0.0; 3]),
             rotation: node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]),
             scale: node.scale.unwrap_or([1.0; 3]),
         },
     };
-    if place.matrix().iter().all(|x| x.is_finite()) {
-        Ok(place)
+    if transform.matrix().iter().all(|x| x.is_finite()) {
+        Ok(transform)
     } else {
         Err(fault(at, "its transformation is not finite"))
     }

@@ -5,7 +5,9 @@ use serde_json::{Map, Value, json};
 
 use super::parts::Part;
 use super::{File, Key};
-use crate::mesh::model::articulation::{Articulation, Channel, Instance, Interpolation, MorphTarget, Place, Property};
+use crate::mesh::model::articulation::{
+    Articulation, Channel, ChannelInterpolation, Instance, MorphTarget, NodeTransform, Property,
+};
 use plumbline_num::document::gltf::ARRAY_BUFFER;
 
 /// Influences of a vertex that are written: two sets of four.
@@ -69,7 +71,7 @@ impl File<'_> {
     /// The nodes with their children, the meshes standing at them, the skins and the animations. `mesh_of_instance` are the
     /// numbers of the meshes that were written.
     pub(super) fn articulation(&mut self, articulation: &Articulation, mesh_of_instance: &[Option<usize>]) {
-        self.nodes = articulation.nodes.iter().map(|node| place(&node.place)).collect();
+        self.nodes = articulation.nodes.iter().map(|node| transform(&node.transform)).collect();
         for (k, node) in articulation.nodes.iter().enumerate() {
             if let Some(name) = node.name.as_ref().filter(|name| !name.is_empty()) {
                 self.nodes[k]["name"] = json!(name);
@@ -155,7 +157,7 @@ impl File<'_> {
         let rows = |width: usize| channel.values.chunks_exact(width);
         match channel.property {
             Property::Rotation => {
-                let unit = channel.interpolation != Interpolation::CubicSpline;
+                let unit = channel.interpolation != ChannelInterpolation::CubicSpline;
                 let row = |q: &[f64]| -> [f32; 4] {
                     let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
                     let by = if unit && norm > 0.0 { norm } else { 1.0 };
@@ -194,12 +196,12 @@ fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
     row
 }
 
-fn place(place: &Place) -> Value {
+fn transform(transform: &NodeTransform) -> Value {
     let mut node = json!({});
-    match place {
-        Place::Matrix(matrix) if *matrix != Matrix4::identity() => node["matrix"] = json!(matrix.as_slice()),
-        Place::Matrix(_) => {}
-        Place::Trs { translation, rotation, scale } => {
+    match transform {
+        NodeTransform::Matrix(matrix) if *matrix != Matrix4::identity() => node["matrix"] = json!(matrix.as_slice()),
+        NodeTransform::Matrix(_) => {}
+        NodeTransform::Trs { translation, rotation, scale } => {
             let norm = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
             if *translation != [0.0; 3] {
                 node["translation"] = json!(translation);
@@ -235,9 +237,9 @@ fn names(channel: &Channel) -> (&'static str, &'static str) {
         Property::Weights => "weights",
     };
     let interpolation = match channel.interpolation {
-        Interpolation::Step => "STEP",
-        Interpolation::Linear => "LINEAR",
-        Interpolation::CubicSpline => "CUBICSPLINE",
+        ChannelInterpolation::Step => "STEP",
+        ChannelInterpolation::Linear => "LINEAR",
+        ChannelInterpolation::CubicSpline => "CUBICSPLINE",
     };
     (property, interpolation)
 }

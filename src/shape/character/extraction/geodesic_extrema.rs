@@ -1,16 +1,16 @@
-//! Tips of a surface: where the way along it from its middle is longest, and stands out.
+//! Tips of a surface: prominent maxima of the geodesic distance from its center.
 //!
-//! The middle is the vertex of the least sum of distances to a few vertices far from each other. Over the vertices in falling order of
-//! their distance `d` from the middle, every one without a higher neighbor begins a hill; where two hills meet in a saddle at `d`, the
-//! lower one, with its top at `d'`, ends, and stands out by `d' − d`. Tops of hills that stand out far enough are tips: what is no more
-//! than a bump never counts, however many bumps there are.
+//! The center is the vertex with the least sum of distances to a few mutually far vertices. Vertices are visited in descending order of the
+//! distance `d` from the center (superlevel-set filtration): a vertex without a higher neighbor starts a component; when two components
+//! meet at a saddle at `d`, the one with the lower maximum `d'` ends, with persistence `d' − d`. Maxima of sufficient persistence are
+//! tips: bumps do not count, however many there are.
 //!
-//! Lengths may count in units of their own at each vertex. In units of the radius of the shape there, slim limbs are long, and stand out
-//! though they turn aside or back: fingers of an armadillo by 2.4 and more, ears and horns by 2.2, lips and bumps by less than 2.2.
+//! Lengths may be scaled per vertex. In units of the local radius of the shape slim limbs are long and persistent even if they turn aside or
+//! back: fingers of an armadillo have 2.4 and more, ears and horns 2.2, lips and bumps less than 2.2.
 //!
 //! # Reference
 //! H. Edelsbrunner, D. Letscher, A. Zomorodian, *Topological persistence and simplification*, Discrete Comput. Geom. 28 (2002); distances
-//! are those along edges (E. W. Dijkstra 1959).
+//! are along edges (E. W. Dijkstra 1959).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -18,27 +18,27 @@ use std::collections::BinaryHeap;
 use super::complex::Complex;
 use super::order::Cost;
 
-/// Vertices by which the middle is found.
-const FAR_APART: usize = 8;
+/// Number of far vertices that determine the center.
+const FAR_VERTICES: usize = 8;
 
-/// Vertices next to each.
+/// Adjacent vertices of each vertex.
 type Around = Vec<Vec<u32>>;
 
-/// The top of a hill.
-pub(super) struct Top {
+/// A local maximum of the distance.
+pub(super) struct Maximum {
     pub(super) vertex: u32,
-    /// How far above the saddle it is where its hill ends; infinity for the highest.
-    pub(super) stands_out: f64,
+    /// Persistence: height above the saddle at which its component ends; infinite for the global maximum.
+    pub(super) persistence: f64,
 }
 
-/// A surface seen from its middle.
-pub(super) struct Heights<'a> {
+/// A surface with its geodesic center.
+pub(super) struct GeodesicExtrema<'a> {
     complex: &'a Complex,
     around: Around,
     middle: Option<u32>,
 }
 
-impl<'a> Heights<'a> {
+impl<'a> GeodesicExtrema<'a> {
     pub(super) fn new(complex: &'a Complex) -> Self {
         let mut around = vec![Vec::new(); complex.positions.len()];
         complex.vertices().for_each(|v| complex.neighbors(v, &mut around[v as usize]));
@@ -46,20 +46,20 @@ impl<'a> Heights<'a> {
         Self { complex, around, middle }
     }
 
-    /// Tops of the hills on which no vertex is `known`, with lengths in the `unit` at each vertex.
-    pub(super) fn tops(&self, unit: &dyn Fn(u32) -> f64, known: &[u32]) -> Vec<Top> {
+    /// Maxima of the components without a `known` vertex, with lengths in the `unit` at each vertex.
+    pub(super) fn maxima(&self, unit: &dyn Fn(u32) -> f64, known: &[u32]) -> Vec<Maximum> {
         let Some(middle) = self.middle else { return Vec::new() };
         let height = distances(self.complex, &self.around, middle, unit);
-        tops(self.complex, &self.around, &height, known)
+        maxima(self.complex, &self.around, &height, known)
     }
 }
 
-/// The vertex of the least sum of distances to a few far apart.
+/// The vertex with the least sum of distances to a few mutually far vertices.
 fn middle(complex: &Complex, around: &Around, first: u32) -> u32 {
     let distances = |from: u32| distances(complex, around, from, &|_| 1.0);
     let mut sum = vec![0.0; complex.positions.len()];
     let mut nearest = distances(first);
-    for _ in 0..FAR_APART {
+    for _ in 0..FAR_VERTICES {
         let from = distances(farthest(complex, &nearest));
         for v in complex.vertices().map(|v| v as usize) {
             sum[v] += from[v];
@@ -74,7 +74,7 @@ fn farthest(complex: &Complex, distance: &[f64]) -> u32 {
     complex.vertices().max_by_key(by).expect("there is a first vertex")
 }
 
-/// Lengths of shortest ways along edges, each in the mean of the units at its ends.
+/// Lengths of shortest paths along edges; edge lengths are divided by the mean unit of their ends.
 fn distances(complex: &Complex, around: &Around, from: u32, unit: &dyn Fn(u32) -> f64) -> Vec<f64> {
     let mut distance = vec![f64::INFINITY; complex.positions.len()];
     distance[from as usize] = 0.0;
@@ -96,7 +96,7 @@ fn distances(complex: &Complex, around: &Around, from: u32, unit: &dyn Fn(u32) -
     distance
 }
 
-/// The top into whose hill that of `v` has gone.
+/// The maximum of the component that contains `v` (union–find without compression).
 fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
     let mut hill = top[v as usize];
     while into[hill as usize] != hill {
@@ -105,7 +105,7 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
     hill
 }
 
-fn tops(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Vec<Top> {
+fn maxima(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Vec<Maximum> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
@@ -114,9 +114,9 @@ fn tops(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Ve
     for v in known {
         is_known[*v as usize] = true;
     }
-    let mut tops = Vec::new();
+    let mut maxima = Vec::new();
     if let Some(highest) = order.first().filter(|_| known.is_empty()) {
-        tops.push(Top { vertex: *highest, stands_out: f64::INFINITY });
+        maxima.push(Maximum { vertex: *highest, persistence: f64::INFINITY });
     }
     for &v in &order {
         let mut hills: Vec<u32> = around[v as usize]
@@ -134,11 +134,11 @@ fn tops(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Ve
         is_known[highest as usize] |= is_known[v as usize];
         for &lower in &hills[1..] {
             if !is_known[lower as usize] {
-                tops.push(Top { vertex: lower, stands_out: height[lower as usize] - height[v as usize] });
+                maxima.push(Maximum { vertex: lower, persistence: height[lower as usize] - height[v as usize] });
             }
             is_known[highest as usize] |= is_known[lower as usize];
             into[lower as usize] = highest;
         }
     }
-    tops
+    maxima
 }

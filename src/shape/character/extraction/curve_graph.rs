@@ -1,12 +1,12 @@
-//! A curve while it is worked on: nodes that merge, edges, and the node that each vertex of the surface belongs to.
+//! An editable curve skeleton: nodes that merge, edges, and the node of each surface vertex.
 
 use nalgebra::Point3;
 
 use super::complex::NONE;
 
-/// Nodes joined by edges.
+/// Nodes connected by edges.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Web {
+pub(super) struct CurveGraph {
     pub(super) nodes: Vec<Point3<f64>>,
     pub(super) pinned: Vec<bool>,
     neighbors: Vec<Vec<u32>>,
@@ -14,10 +14,10 @@ pub(super) struct Web {
     node_of_vertex: Vec<u32>,
 }
 
-/// Nodes in a row between two that are no inner nodes of a branch; a loop begins and ends with the same one.
+/// A chain of nodes between two ends or junctions; a loop starts and ends with the same node.
 pub(super) type Branch = Vec<u32>;
 
-impl Web {
+impl CurveGraph {
     pub(super) fn new(nodes: Vec<Point3<f64>>, edges: &[[u32; 2]], node_of_vertex: Vec<u32>) -> Self {
         let mut neighbors = vec![Vec::new(); nodes.len()];
         for &[a, b] in edges {
@@ -48,7 +48,7 @@ impl Web {
         nalgebra::distance(&self.nodes[a as usize], &self.nodes[b as usize])
     }
 
-    /// The node that a vertex of the surface belongs to.
+    /// Node of a surface vertex.
     pub(super) fn node_of(&self, vertex: usize) -> u32 {
         let mut v = self.node_of_vertex[vertex];
         while v != NONE && self.into[v as usize] != v {
@@ -57,7 +57,7 @@ impl Web {
         v
     }
 
-    /// Merges `i` into its neighbor `j`. An edge that both have to a third node becomes one.
+    /// Merges `i` into its neighbor `j`. Parallel edges merge.
     pub(super) fn merge(&mut self, i: u32, j: u32) {
         for k in std::mem::take(&mut self.neighbors[i as usize]) {
             let of_k = &mut self.neighbors[k as usize];
@@ -73,7 +73,7 @@ impl Web {
         self.pinned[j as usize] |= self.pinned[i as usize];
     }
 
-    /// A new node behind the end of a branch.
+    /// Appends a node to the end of a branch.
     pub(super) fn append(&mut self, end: u32, place: Point3<f64>) -> u32 {
         let new = self.nodes.len() as u32;
         self.nodes.push(place);
@@ -84,7 +84,7 @@ impl Web {
         new
     }
 
-    /// A new node between two that are joined.
+    /// Splits an edge by a new node.
     pub(super) fn split(&mut self, a: u32, b: u32, place: Point3<f64>) -> u32 {
         let new = self.nodes.len() as u32;
         self.nodes.push(place);
@@ -99,7 +99,7 @@ impl Web {
         new
     }
 
-    /// Branches between ends and junctions; loops without either begin at their first node. Each once.
+    /// All branches between ends and junctions, each once; loops without either start at their first node.
     pub(super) fn branches(&self) -> Vec<Branch> {
         let mut seen = vec![false; self.nodes.len()];
         let mut branches = Vec::new();
@@ -133,7 +133,7 @@ impl Web {
         branches
     }
 
-    /// Nodes from one toward its neighbor `to`, until one is `reach` away or the branch ends.
+    /// The chain from a node toward its neighbor `to`, until a node is at distance `reach` or the branch ends.
     pub(super) fn row(&self, from: u32, to: u32, reach: f64) -> Branch {
         let mut row = vec![from, to];
         let (mut before, mut at) = (from, to);
@@ -145,7 +145,7 @@ impl Web {
         row
     }
 
-    /// Nodes of a branch from its end until one is `reach` away or the branch ends; only the end where it has been cut off.
+    /// The chain of a branch from its end, until a node is at distance `reach` or the branch ends; only the end itself if isolated.
     pub(super) fn row_back(&self, end: u32, reach: f64) -> Branch {
         self.neighbors(end).first().map_or_else(|| vec![end], |to| self.row(end, *to, reach))
     }
@@ -155,7 +155,7 @@ impl Web {
         self.alive().filter(|v| self.degree(*v) == 1 && !self.pinned[*v as usize]).collect()
     }
 
-    /// Branches from a junction to an end that is not pinned.
+    /// Branches from a junction to an unpinned end.
     pub(super) fn limbs(&self) -> impl Iterator<Item = Branch> {
         let from_junction = |mut branch: Branch| {
             if self.degree(branch[0]) == 1 {
@@ -169,8 +169,8 @@ impl Web {
         })
     }
 
-    /// Merges a row of nodes into its first.
-    pub(super) fn take_away(&mut self, row: &[u32]) {
+    /// Merges a chain of nodes into its first.
+    pub(super) fn remove_branch(&mut self, row: &[u32]) {
         for pair in row.windows(2).rev() {
             self.merge(pair[1], pair[0]);
         }
