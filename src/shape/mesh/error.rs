@@ -1,4 +1,4 @@
-//! What a mesh can be refused for.
+//! Errors of meshes and mesh files.
 
 use std::fmt;
 
@@ -37,7 +37,7 @@ pub enum MeshError {
         /// Number of vertices.
         vertices: usize,
     },
-    /// Input: three or more triangles share an edge, or two run along it the same way.
+    /// Input: three or more triangles share an edge, or two traverse it in the same direction.
     #[error(
         "vertices {from} and {to} are joined by {triangles} triangles of which {along} run from the first to the second; an \
          oriented manifold has at most one each way: repair the mesh first (`mesh::repair`, `plumbline mesh repair`)"
@@ -106,13 +106,13 @@ pub enum MeshError {
     /// Environment: the file cannot be read.
     #[error("cannot be read: {reason}")]
     Unreadable {
-        /// What the system says.
+        /// System error.
         reason: String,
     },
     /// Environment: the file cannot be written.
     #[error("cannot be written: {reason}")]
     Unwritable {
-        /// What the system says.
+        /// System error.
         reason: String,
     },
     /// One of the other faults, in this file.
@@ -148,7 +148,7 @@ impl MeshError {
     }
 }
 
-/// A place in a mesh file.
+/// A position in a mesh file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Position {
     /// Line of a text file, counted from 1.

@@ -14,7 +14,7 @@ pub struct HalfEdges {
     /// Vertex from which each half-edge starts.
     origins: Vec<u32>,
     twins: Vec<u32>,
-    /// One half-edge out of each vertex; on the boundary the one that lies on it.
+    /// One outgoing half-edge per vertex; a boundary one for boundary vertices.
     outgoing: Vec<u32>,
     boundary_edges: usize,
 }
@@ -147,7 +147,7 @@ impl HalfEdges {
         h / 3
     }
 
-    /// The half-edge that runs the other way; `None` on the boundary.
+    /// The opposite half-edge; `None` on the boundary.
     #[inline]
     pub fn twin(&self, h: u32) -> Option<u32> {
         Some(self.twins[h as usize]).filter(|&twin| twin != NONE)
@@ -159,7 +159,7 @@ impl HalfEdges {
         Some(self.outgoing[vertex as usize]).filter(|&h| h != NONE)
     }
 
-    /// The vertex lies on the boundary.
+    /// Whether the vertex is on the boundary.
     pub fn is_boundary(&self, vertex: u32) -> bool {
         self.outgoing(vertex).is_some_and(|h| self.twin(h).is_none())
     }

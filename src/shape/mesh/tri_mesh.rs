@@ -71,7 +71,7 @@ impl TriMesh {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    /// Normal of a triangle, as long as twice its area; zero where it is degenerate.
+    /// Normal of a triangle with twice its area as length; zero if degenerate.
     #[inline]
     pub fn area_normal(&self, triangle: usize) -> Vector3<f64> {
         let [a, b, c] = self.corners(triangle);

@@ -12,7 +12,7 @@ pub(super) fn format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError>
     if bytes.is_empty() {
         return Err(MeshError::UnknownFormat { seen: "an empty file".to_owned() });
     }
-    // Binary STL has any header, even "ply" or "solid": its size tells it.
+    // Binary STL has an arbitrary header, even "ply" or "solid": its size identifies it.
     if named == Some(MeshFormat::Stl) && super::stl::is_binary(bytes) {
         return Ok(MeshFormat::Stl);
     }

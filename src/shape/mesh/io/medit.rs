@@ -62,7 +62,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     Ok(builder)
 }
 
-/// Number of items that follow, which the rest of the file must be able to hold.
+/// Item count, checked against the remaining size of the file.
 fn count(words: &mut Words<'_>, values: usize) -> Result<usize, MeshError> {
     let count: usize = words.whole("the number of items")?;
     let left = words.remaining();

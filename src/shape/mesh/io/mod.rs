@@ -77,9 +77,9 @@ impl fmt::Display for MeshFormat {
 /// What a reader may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Most bytes of the file and of what it refers to, together.
+    /// Largest size of the file and the files it refers to, together, bytes.
     pub max_bytes: u64,
-    /// Most vertices, and most corners of faces. A glTF file may repeat one mesh many times over.
+    /// Largest number of vertices, and of face corners. A glTF file may instantiate one mesh many times.
     pub max_elements: u64,
 }
 
@@ -100,7 +100,7 @@ impl ReadLimits {
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`MeshError::InFile`] around what is wrong with it; [`MeshError::Interrupted`].
+/// [`MeshError::InFile`] with the fault; [`MeshError::Interrupted`].
 pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, MeshError> {
     let read = || {
         let bytes = read_file(path, limits.max_bytes)?;
@@ -144,7 +144,7 @@ pub fn decode_model(
     builder.finish()
 }
 
-/// All bytes of a regular file of at most so many.
+/// All bytes of a regular file within the size limit.
 fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, MeshError> {
     let fault = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::NotFound => MeshError::Unreadable { reason: "no such file; check the name".to_owned() },
@@ -170,7 +170,7 @@ fn malformed(format: MeshFormat, at: Position, fault: impl Into<String>) -> Mesh
     MeshError::Malformed { format, at, fault: fault.into() }
 }
 
-/// Position of vertex number `vertex`, refused where it is not finite.
+/// Position of vertex `vertex`, rejected unless finite.
 fn finite(
     format: MeshFormat,
     at: impl FnOnce() -> Position,
@@ -184,7 +184,7 @@ fn finite(
     Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
 }
 
-/// What lies on a surface, normals or texture coordinates, is not worth refusing its shape for.
+/// Replaces non-finite normals or texture coordinates: they do not justify rejecting the shape.
 fn or_zero(value: f64) -> f64 {
     if value.is_finite() { value } else { 0.0 }
 }

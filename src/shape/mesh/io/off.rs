@@ -28,7 +28,7 @@ pub(super) fn is_keyword(text: &[u8]) -> bool {
     keyword(word).is_some()
 }
 
-/// Prefix and what is glued to the keyword.
+/// The keyword prefix, and anything directly appended to it.
 fn keyword(word: &[u8]) -> Option<(&[u8], &[u8])> {
     let at = word.windows(3).position(|w| w == b"OFF")?;
     let (prefix, rest) = (&word[..at], &word[at + 3..]);
@@ -61,7 +61,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut content = Content(Lines::of(bytes));
     let (variant, [vertices, faces]) = header(&mut content)?;
     let (at, left) = (content.0.number(), content.0.remaining());
-    // Each line has at least two bytes; the last may lack its end.
+    // Each line has at least two bytes; the last may lack its line break.
     if vertices.saturating_add(faces) > left as u64 / 2 + 1 {
         let told = format!("{vertices} vertices and {faces} faces are announced, but only {left} bytes follow");
         return Err(fault(at, told));

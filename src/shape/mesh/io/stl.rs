@@ -23,7 +23,7 @@ fn announced(bytes: &[u8]) -> Option<u64> {
     Some(u64::from(u32::from_le_bytes(count)))
 }
 
-/// As long as its header says, which no text is but by chance.
+/// Whether the size matches the binary header, which is practically impossible for text.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
     announced(bytes).is_some_and(|count| HEADER as u64 + FACET as u64 * count == bytes.len() as u64)
 }

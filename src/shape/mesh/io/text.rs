@@ -1,4 +1,4 @@
-//! Lines, words and numbers of text files, with their places.
+//! Lines, words and numbers of text files, with their positions.
 
 use super::{MeshFormat, malformed};
 use crate::mesh::{MeshError, Position};
@@ -62,7 +62,7 @@ pub(super) fn whole<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// At most the first 40 characters, in quotes, for messages.
+/// The first 40 characters, in quotes, for messages.
 pub(super) fn shown(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(160)]);
     let mut short: String = text.chars().take(40).collect();
@@ -83,7 +83,7 @@ pub(super) struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// The words from `at`, which stands in `line`; what follows `comment` on a line is skipped.
+    /// The words from byte `at`, which is in `line`; the rest of a line after `comment` is skipped.
     pub(super) fn new(bytes: &'a [u8], at: usize, line: usize, format: MeshFormat, comment: Option<u8>) -> Self {
         Self { bytes, at, line, format, comment }
     }

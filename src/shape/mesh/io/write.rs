@@ -1,4 +1,4 @@
-//! What all writers share: the choice of format, whole files, numbers and names.
+//! Common parts of the writers: format choice, atomic files, numbers and names.
 
 use std::fmt;
 use std::io::{self, Write as _};
@@ -105,7 +105,7 @@ pub fn encode_model(
     Ok(out.bytes)
 }
 
-/// What of this model the format cannot hold, in words; empty where nothing is lost.
+/// Attributes of this model that the format cannot represent, in words; empty if nothing is lost.
 pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
     use MeshFormat as F;
     let one_each = model.normals().is_none_or(|n| per_vertex(model, n).is_some());
@@ -140,7 +140,7 @@ pub(super) fn per_vertex<const N: usize>(model: &Model, data: &CornerData<N>) ->
     data.per_vertex(model.faces().vertices(), model.mesh().vertex_count())
 }
 
-/// Writes the bytes beside their target and gives them its name last.
+/// Writes the bytes to a temporary file beside the target and renames it.
 fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();

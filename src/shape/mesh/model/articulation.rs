@@ -1,4 +1,4 @@
-//! How a model moves, as its file tells: nodes, skins, morph targets and animations, as plain data.
+//! Nodes, skins, morph targets and animations of a file, as plain data.
 //!
 //! A file that moves places its surface several times over: each *instance* is a mesh at a node. The vertices of a model lie where
 //! the instance stands at rest (in the space of its bind pose where it has a skin), so that whoever reads triangles alone need not
@@ -11,16 +11,16 @@ use super::{Faces, NO_VALUE};
 use crate::mesh::MeshError;
 use plumbline_num::spatial::UnionFind;
 
-/// How the parts of a model hang together and move.
+/// Node hierarchy, skins and animations of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Articulation {
-    /// The nodes; each has at most one parent, and none is its own ancestor.
+    /// The nodes, a forest: each has at most one parent and is not its own ancestor.
     pub nodes: Vec<Node>,
     /// Nodes that the scene begins with.
     pub roots: Vec<u32>,
     /// The skins.
     pub skins: Vec<NodeSkin>,
-    /// Where meshes stand.
+    /// Placements of meshes.
     pub instances: Vec<Instance>,
     /// The instance of each vertex; `#V`.
     pub instance_of_vertex: Vec<u32>,
@@ -30,16 +30,16 @@ pub struct Articulation {
     pub animations: Vec<Animation>,
 }
 
-/// A place that others may hang on.
+/// A node of the transform hierarchy.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Node {
     /// Its name.
     pub name: Option<String>,
-    /// The node it hangs on.
+    /// Its parent.
     pub parent: Option<u32>,
-    /// Where it stands in its parent.
+    /// Local transform.
     pub transform: NodeTransform,
-    /// What its file says besides, carried along.
+    /// Other data of the file, passed through.
     pub extras: Option<Value>,
 }
 
@@ -117,7 +117,7 @@ pub struct MorphTarget {
     pub vertices: Vec<u32>,
     /// How far each of them moves.
     pub offsets: Vec<[f64; 3]>,
-    /// How the normal of each of them changes; empty where that is not told.
+    /// Normal offsets; empty if the file has none.
     pub normals: Vec<[f64; 3]>,
 }
 
@@ -182,7 +182,7 @@ pub struct Channel {
     pub property: Property,
     /// How values between keys are found.
     pub interpolation: ChannelInterpolation,
-    /// Times of the keys in seconds: finite, each later than the one before, at least one.
+    /// Key times, s: finite, strictly increasing, at least one.
     pub times: Vec<f64>,
     /// Values at the keys, all numbers of one after the other; for each key of a cubic spline the tangent in, the value and the
     /// tangent out.
@@ -238,12 +238,12 @@ impl Articulation {
         world.into_iter().map(|m| m.unwrap_or_else(Matrix4::identity)).collect()
     }
 
-    /// The instance whose mesh stands at a node.
+    /// The instance at a node.
     pub fn instance_at(&self, node: u32) -> Option<usize> {
         self.instances.iter().position(|instance| instance.node == node)
     }
 
-    /// Every number names something that exists, and every face lies in one instance.
+    /// Checks that all indices are in range and every face is in one instance.
     pub(super) fn check(&self, vertices: usize, faces: &Faces) -> Result<(), MeshError> {
         let fault = |fault: String| Err(MeshError::Articulation { fault });
         let (nodes, skins, instances) = (self.nodes.len(), self.skins.len(), self.instances.len());
@@ -306,7 +306,7 @@ impl Articulation {
 
     /// A node that is its own ancestor.
     fn cycle(&self) -> Option<usize> {
-        // Up from a node there are at most as many steps as nodes; `done` are those from which the way up is known to end.
+        // A path to the root has at most as many steps as nodes; `done` marks nodes whose path is known to end.
         let mut done = vec![false; self.nodes.len()];
         for start in 0..self.nodes.len() {
             let mut way = Vec::new();

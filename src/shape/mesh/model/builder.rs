@@ -39,7 +39,7 @@ pub struct ModelBuilder {
 }
 
 impl ModelBuilder {
-    /// Number of a group, which is added where it is new.
+    /// Index of a group, added if it is new.
     pub fn group(&mut self, group: Group) -> u32 {
         let all = &mut self.groups.all;
         *self.group_numbers.entry(group.clone()).or_insert_with(|| {
@@ -48,7 +48,7 @@ impl ModelBuilder {
         })
     }
 
-    /// Number of the material of this name, which is added where it is new.
+    /// Index of the material with this name, added if it is new.
     pub fn material(&mut self, name: &str) -> u32 {
         let all = &mut self.materials.all;
         *self.material_numbers.entry(name.to_owned()).or_insert_with(|| {
@@ -57,7 +57,7 @@ impl ModelBuilder {
         })
     }
 
-    /// Adds a polygon with its labels; [`NO_VALUE`] is none.
+    /// Adds a polygon with its labels; [`NO_VALUE`] is no label.
     pub fn face(&mut self, vertices: &[u32], group: u32, material: u32) {
         self.faces.push(vertices);
         self.groups.of_face.push(group);

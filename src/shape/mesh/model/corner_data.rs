@@ -8,7 +8,7 @@ pub const NO_VALUE: u32 = u32::MAX;
 pub struct CornerData<const N: usize> {
     /// The values.
     pub values: Vec<[f64; N]>,
-    /// Which value each corner has; [`NO_VALUE`] where it has none.
+    /// Index of the value of each corner; [`NO_VALUE`] if it has none.
     pub of_corner: Vec<u32>,
 }
 
@@ -19,7 +19,7 @@ impl<const N: usize> CornerData<N> {
         self.values.get(self.of_corner[corner] as usize).copied()
     }
 
-    /// One value per vertex, where no vertex has two; zero where it has none. `vertex_of_corner` says whose corners these are.
+    /// One value per vertex, if no vertex has two; zero for vertices without. `vertex_of_corner` maps corners to vertices.
     pub fn per_vertex(&self, vertex_of_corner: &[u32], vertices: usize) -> Option<Vec<[f64; N]>> {
         let mut of_vertex = vec![None; vertices];
         for (corner, &vertex) in vertex_of_corner.iter().enumerate() {

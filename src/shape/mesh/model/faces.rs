@@ -89,7 +89,7 @@ pub(super) fn newell(outline: &[Point3<f64>]) -> Vector3<f64> {
     outline.iter().zip(next).map(|(p, q)| (p - first).cross(&(q - first))).sum()
 }
 
-/// Triangles of a polygon: a fan where it is convex, else ear by ear, seen along its mean normal.
+/// Triangulates a polygon: a fan if it is convex, else ear clipping in the projection along its mean normal.
 fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     let n = outline.len();
     let flat = flattened(outline);

@@ -1,4 +1,4 @@
-//! What a mesh file holds: polygons, and what lies on them.
+//! Content of a mesh file: polygons and their attributes.
 //!
 //! Positions and triangles stand in a [`TriMesh`]; the polygons that the triangles were cut from, texture coordinates and normals
 //! per corner, colors per vertex, groups and materials per face stand beside it, so that a deformation of the triangles can be
@@ -22,7 +22,7 @@ pub use builder::ModelBuilder;
 pub use corner_data::{CornerData, NO_VALUE};
 pub use faces::Faces;
 
-/// What a mesh file holds.
+/// Content of a mesh file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     mesh: TriMesh,
@@ -45,7 +45,7 @@ pub struct Model {
 pub struct Labels<T> {
     /// The labels, in the order of the file.
     pub all: Vec<T>,
-    /// Which label each face has; [`NO_VALUE`] where it has none. Empty where no face has one.
+    /// Label of each face; [`NO_VALUE`] if it has none. Empty if no face has one.
     pub of_face: Vec<u32>,
 }
 
@@ -65,7 +65,7 @@ impl<T> Labels<T> {
 /// A named part of the surface.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Group {
-    /// The object it belongs to (`o` of OBJ, the node of glTF, the solid of STL); empty without one.
+    /// The object of the group (`o` of OBJ, node of glTF, solid of STL); empty without one.
     pub object: String,
     /// The group in it (`g` of OBJ); empty without one.
     pub name: String,
@@ -162,7 +162,7 @@ impl Model {
         self.assets.as_deref()
     }
 
-    /// How the model moves, where its file tells: nodes, skins, morph targets, animations.
+    /// Nodes, skins, morph targets and animations, if the file has them.
     pub fn articulation(&self) -> Option<&Articulation> {
         self.articulation.as_deref()
     }
@@ -170,7 +170,7 @@ impl Model {
     /// The model with how it moves replaced.
     ///
     /// # Errors
-    /// [`MeshError::Articulation`] where something is named that does not exist, or a face lies in two instances.
+    /// [`MeshError::Articulation`] for an index out of range, or a face in two instances.
     pub fn with_articulation(mut self, articulation: Option<Articulation>) -> Result<Self, MeshError> {
         if let Some(articulation) = &articulation {
             articulation.check(self.mesh.vertex_count(), &self.faces)?;

@@ -22,7 +22,7 @@ pub(super) fn moved(
     let value = |(patch, &source): (usize, &u32)| {
         let old_normal = Vector3::from(old_normals.values[source as usize]);
         let side = if old_normal.dot(&before[patch]) < 0.0 { -1.0 } else { 1.0 };
-        // A patch without area says nothing: its normal stays.
+        // A patch of zero area determines no normal: keep the old one.
         after[patch].try_normalize(0.0).map_or(old_normals.values[source as usize], |n| (n * side).into())
     };
     CornerData { values: patches.source.iter().enumerate().map(value).collect(), of_corner: patches.of_corner }

@@ -13,7 +13,7 @@
 /// An edge is flipped where its weight is below minus this: rounding of cospherical corners must not flip back and forth.
 const NEGATIVE: f64 = 1e-11;
 
-/// Flips at most, per edge of the mesh; in practice a tenth suffices. A guard against rounding, never a result.
+/// Largest number of flips per edge of the mesh; a tenth is typical. A guard against endless flips by rounding.
 const FLIPS_PER_EDGE: usize = 50;
 
 /// No triangle on the other side, or none that may be flipped.

@@ -1,4 +1,4 @@
-//! Lumped mass: the area that each vertex stands for. Both sum to the area of the surface.
+//! Lumped mass: the area associated with each vertex. Both variants sum to the surface area.
 
 use nalgebra::Vector3;
 

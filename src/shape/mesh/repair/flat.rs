@@ -14,7 +14,7 @@ const ROUNDS: usize = 8;
 /// Several triangles at an edge, or too many.
 const CROWDED: u32 = u32::MAX;
 
-/// Removes all triangles whose height is at most `flat` of their longest side.
+/// Removes all triangles whose height is at most the fraction `flat` of their longest side.
 pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport, run: &Run) -> Result<(), Stopped> {
     for _ in 0..ROUNDS {
         let Some(found) = Some(flat_ones(soup, flat)).filter(|found| !found.is_empty()) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Makes any triangles an oriented manifold, and tells what it did.
+//! Repairs triangle soups to oriented manifolds and reports the changes.
 //!
 //! In this order: equal vertices are joined; triangles that name a vertex twice go, and of equal triangles all but the first;
 //! triangles without area are taken out so that no crack stays (short edges collapse, long ones flip); at each edge two triangles
@@ -40,7 +40,7 @@ pub enum Weld {
 pub struct RepairOptions {
     /// Which vertices become one.
     pub weld: Weld,
-    /// A triangle has no area where its height is at most this fraction of its longest side. Cotangents reach its inverse:
+    /// Height of a triangle, relative to its longest side, up to which it counts as degenerate. Cotangents reach its inverse:
     /// larger values take out more needles, below 10⁻⁸ nothing but noise of 32-bit coordinates is left to keep.
     pub flat: f64,
 }
@@ -62,7 +62,7 @@ pub struct Repaired {
     pub source_of_vertex: Vec<u32>,
     /// For each vertex of the input the vertex of the result that it became; `None` where nothing is left of it.
     pub vertex_of_source: Vec<Option<u32>>,
-    /// For each corner of the result the corner of the input, `3t + k`, whose place it takes.
+    /// For each corner of the result the corner of the input, `3t + k`, that it replaces.
     pub source_corners: Vec<[u32; 3]>,
     /// Number of the component of each vertex, as in [`RepairReport::components`].
     pub component_of_vertex: Vec<u32>,
@@ -83,7 +83,7 @@ impl Repaired {
 /// Triangles in the making: corners of the input, whose vertices have been joined.
 struct Soup<'a> {
     mesh: &'a TriMesh,
-    /// The vertex of the input that stands for each vertex of the input: the lowest that was joined with it.
+    /// Representative of each input vertex: the lowest vertex that was welded with it.
     joined: UnionFind,
     /// Three corners `3t + k` of the input per triangle.
     corners: Vec<[u32; 3]>,

@@ -34,7 +34,7 @@ pub struct RepairReport {
     pub caps_flipped: usize,
     /// Triangles without area that could only be left out.
     pub flat_dropped: Vec<u32>,
-    /// Triangles that were turned around.
+    /// Triangles whose orientation was reversed.
     pub flipped: Vec<u32>,
     /// Edges, by their ends, with more than two triangles: sheets are taken apart there.
     pub non_manifold_edges: Vec<[u32; 2]>,
@@ -76,7 +76,7 @@ pub struct Component {
 /// A closed line where the surface ends.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BoundaryLoop {
-    /// Component to which it belongs.
+    /// Component index.
     pub component: u32,
     /// A vertex of the result on it.
     pub first_vertex: u32,

@@ -1,5 +1,4 @@
-//! From a soup of triangles to oriented sheets: which triangles are neighbors, which way round they are, how many vertices each
-//! place needs.
+//! From a triangle soup to oriented manifold sheets: adjacency, orientation, and the number of copies that each vertex needs.
 
 use std::collections::VecDeque;
 
@@ -93,7 +92,7 @@ impl Sheets<'_> {
         }
     }
 
-    /// 0 where two triangles at an edge continue each other, 2 where they lie on each other; less where they meet convexly.
+    /// Badness of a pair at an edge: 0 for coplanar continuation, 2 for overlapping triangles; less for convex than for concave angles.
     fn bend(&self, g: u32, h: u32) -> f64 {
         let place = |h: u32| self.soup.position(self.origin(h));
         let (a, b) = (place(g), place(HalfEdges::next(g)));
@@ -141,7 +140,7 @@ impl Sheets<'_> {
         }
     }
 
-    /// Crosses a half-edge: turns the triangle there as the one here, or cuts where it is turned otherwise.
+    /// Crosses a half-edge: orients the neighbor consistently, or cuts if it is oriented otherwise already.
     fn reach(&mut self, h: u32, seen: &mut [bool], open: &mut Vec<u32>) {
         let other = self.across[h as usize];
         if other == NONE {
@@ -192,7 +191,7 @@ impl Sheets<'_> {
         self.report.flipped = turned.map(|t| self.soup.corners[t][0] / 3).collect();
     }
 
-    /// Parts that hang together by edges, once vertices are split.
+    /// Components connected by edges, after vertices are split.
     fn shells(&self, classes: &UnionFind) -> Vec<Shell> {
         let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
         let mut joined = UnionFind::new(self.flipped.len());
@@ -218,7 +217,7 @@ impl Sheets<'_> {
         shells
     }
 
-    /// The vertices of a triangle as it is turned.
+    /// The vertices of a triangle in its current orientation.
     fn turned(&self, t: usize) -> [u32; 3] {
         let [a, b, c] = self.soup.corners[t];
         if self.flipped[t] { [a, c, b] } else { [a, b, c] }
@@ -318,15 +317,15 @@ impl Sheets<'_> {
     }
 }
 
-/// Triangles that hang together by edges, as they are oriented.
+/// Triangles connected by edges, as oriented.
 #[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 struct Shell {
     members: Vec<u32>,
     closed: bool,
-    /// Some triangle keeps its orientation, some was turned.
+    /// Whether some triangle keeps its orientation, and whether some was reversed.
     kept: bool,
     turned: bool,
-    /// No triangle was turned against another.
+    /// Whether no triangle was reversed relative to another.
     as_given: bool,
     volume: f64,
     first: Point3<f64>,

@@ -1,4 +1,4 @@
-//! What can be said of any triangles before they are repaired.
+//! Statistics of a triangle soup before repair.
 
 use std::fmt;
 
@@ -23,7 +23,7 @@ pub struct MeshFacts {
     pub non_manifold_edges: usize,
     /// Edges with two triangles that are oriented differently.
     pub turned_edges: usize,
-    /// Parts that share no vertex.
+    /// Connected components by shared vertices.
     pub components: usize,
     /// V − E + F, of the vertices that triangles name.
     pub euler: isize,

@@ -1,4 +1,4 @@
-//! Joining of vertices that lie in one place.
+//! Welding of vertices at equal positions.
 
 use std::collections::HashMap;
 
@@ -25,7 +25,7 @@ pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) 
     Ok(joined)
 }
 
-/// Of the box of the vertices that triangles name: others may lie anywhere.
+/// Bounding box of the vertices that triangles use; isolated ones may be anywhere.
 fn diagonal(mesh: &TriMesh, unreferenced: &[u32]) -> f64 {
     let mut named =
         mesh.positions().iter().enumerate().filter(|(v, _)| unreferenced.binary_search(&(*v as u32)).is_err());
@@ -44,7 +44,7 @@ fn join_equal(positions: &[Point3<f64>], joined: &mut UnionFind) {
     }
 }
 
-/// Cubes whose diagonal is the distance: all in one belong together, and none reaches further than two cubes.
+/// Grid cells whose diagonal is the weld distance: all vertices in one are welded, and none reaches farther than two cells.
 fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, run: &Run) -> Result<(), Stopped> {
     let side = distance / 3.0_f64.sqrt();
     let origin = positions.iter().fold(Point3::from([f64::INFINITY; 3]), |low, p| low.inf(p));

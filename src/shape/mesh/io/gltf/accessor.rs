@@ -150,7 +150,7 @@ impl Packed {
     }
 }
 
-/// Puts the values of the sparse part in their places.
+/// Writes the values of the sparse part at their indices.
 fn substitute(
     document: &Document,
     buffers: &Buffers<'_>,

@@ -14,7 +14,7 @@ use crate::mesh::MeshError;
 /// All buffers of a document.
 pub(super) struct Buffers<'a>(Vec<Cow<'a, [u8]>>);
 
-/// The bytes of a buffer view and the step from one of its items to the next, where it tells one.
+/// The bytes of a buffer view, and its stride if it has one.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     pub(super) bytes: &'a [u8],
@@ -85,7 +85,7 @@ fn fetch(uri: &str, folder: Option<&Path>, limit: u64, at: &str) -> Result<Vec<u
     read_file(&path, limit).map_err(|e| fault(at, format!("{uri:?}: {e}")))
 }
 
-/// Where a relative address leads, refused where that is outside the folder.
+/// Resolves a relative URI; rejected if it leads outside the folder.
 fn inside(uri: &str, folder: Option<&Path>, at: &str) -> Result<PathBuf, MeshError> {
     let name = percent_decoded(uri);
     let refused = || fault(at, format!("{uri:?} leads outside the folder of the file; put the buffer beside it"));

@@ -37,7 +37,7 @@ fn fault(at: impl Into<String>, told: impl Into<String>) -> MeshError {
     malformed(MeshFormat::Gltf, Position::Json(at.into()), told)
 }
 
-/// Reads the file. `folder` is where other files may stand.
+/// Reads the file. `folder` contains the files that it refers to.
 pub(super) fn read(
     bytes: &[u8],
     format: MeshFormat,
@@ -99,7 +99,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     Ok((json, binary))
 }
 
-/// What materials refer to; images that stand in buffers with their bytes.
+/// Textures, samplers and images of the materials; images in buffers with their bytes.
 fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAssets>, MeshError> {
     let (mut images, mut image_bytes) = (document.images.clone(), Vec::new());
     for (k, image) in images.iter_mut().enumerate() {

@@ -14,7 +14,7 @@ use plumbline_num::run::Run;
 /// Triangles of one primitive as numbers of its vertices.
 type Triangles = Vec<[u32; 3]>;
 
-/// How a mesh stands.
+/// Placement of a mesh.
 struct Stand {
     matrix: Matrix4<f64>,
     skin: Option<usize>,
@@ -32,7 +32,7 @@ struct Scene<'a> {
     odd_weights: usize,
 }
 
-/// Reads the scene that the file opens with; all meshes where it has no nodes.
+/// Reads the default scene; all meshes if there are no nodes.
 pub(super) fn read(input: &Input<'_>, run: &Run) -> Result<ModelBuilder, MeshError> {
     let document = input.document;
     let mut builder = ModelBuilder::default();
@@ -135,12 +135,12 @@ impl Scene<'_> {
         let object = described.and_then(|n| n.name.as_deref()).or(mesh.name.as_deref()).unwrap_or_default().to_owned();
         let skin = described.and_then(|n| n.skin);
         let mut stand = Stand {
-            // A skinned mesh stands in the space of its bind pose.
+            // A skinned mesh is in its bind pose.
             matrix: node.filter(|_| skin.is_none()).map_or_else(Matrix4::identity, |n| self.world_from_nodes[n]),
             skin,
             targets: targets::of_mesh(mesh, described, &at)?,
         };
-        // Primitives that share their vertices keep sharing them.
+        // Primitives with common vertices keep them common.
         let mut read: Vec<(&Primitive, u32)> = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             run.check()?;

@@ -18,7 +18,7 @@ use plumbline_num::run::Run;
 
 pub(super) use write::write;
 
-/// Statements that say nothing about the surface's shape.
+/// Statements that do not affect the shape.
 const SILENT: [&[u8]; 5] = [b"s", b"lod", b"shadow_obj", b"trace_obj", b"mg"];
 
 struct Reader {
@@ -26,7 +26,7 @@ struct Reader {
     group: Group,
     group_number: u32,
     material: u32,
-    /// Line of each face, for indices that turn out not to exist.
+    /// Line number of each face, for errors about indices that prove to be out of range.
     lines: Vec<usize>,
     /// Some vertex has a color.
     colored: bool,
@@ -77,7 +77,7 @@ fn fault(line: usize, fault: impl Into<String>) -> MeshError {
 
 impl Reader {
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), MeshError> {
-        // A comment stands at the start or after a space: `1.#IND` is a number of some programs.
+        // A comment starts at the line start or after a space: some programs write `1.#IND` for NaN.
         let begins = |k: &usize| text[*k] == b'#' && (*k == 0 || text[k - 1].is_ascii_whitespace());
         let text = &text[..(0..text.len()).find(begins).unwrap_or(text.len())];
         let mut words = words(text);
@@ -221,7 +221,7 @@ fn index(line: usize, text: &[u8], count: usize, part: usize) -> Result<u32, Mes
     }
 }
 
-/// The first `N` numbers, at least `least` of them; the others are zero.
+/// The first `N` numbers, at least `least` of them; missing ones are zero.
 fn numbers<'a, const N: usize>(
     line: usize,
     keyword: &str,
@@ -240,7 +240,7 @@ fn numbers<'a, const N: usize>(
     Ok(values)
 }
 
-/// Words with one space between them; names may hold spaces.
+/// Words joined by single spaces; names may contain spaces.
 fn joined<'a>(words: impl Iterator<Item = &'a [u8]>) -> String {
     words.map(String::from_utf8_lossy).collect::<Vec<_>>().join(" ")
 }

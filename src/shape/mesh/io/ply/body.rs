@@ -20,7 +20,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Where the next value stands.
+    /// Position of the next value.
     pub(super) fn place(&self) -> Position {
         match self {
             Self::Text(words) => words.place(),
@@ -44,7 +44,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Refuses an element of more items than the rest of the file can hold, before memory is taken for them.
+    /// Rejects an element with more items than the rest of the file can contain, before allocation.
     pub(super) fn holds(&self, element: &Element) -> Result<(), MeshError> {
         let least = |property: &Property| match (self, property.shape) {
             // A digit and a space.

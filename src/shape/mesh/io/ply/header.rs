@@ -50,7 +50,7 @@ impl Scalar {
         }
     }
 
-    /// The value that stands for a full color.
+    /// The value of full intensity.
     pub(super) fn full(self) -> f64 {
         match self {
             Self::I8 => 127.0,
@@ -89,7 +89,7 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// First byte after it.
     pub(super) end: usize,
-    /// Line in which that byte stands.
+    /// Line of that byte.
     pub(super) line: usize,
 }
 

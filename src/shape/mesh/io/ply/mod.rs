@@ -37,7 +37,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     Ok(builder)
 }
 
-/// Where a property of a vertex goes.
+/// Destination of a vertex property.
 #[derive(Clone, Copy)]
 enum Slot {
     Position(usize),
@@ -227,7 +227,7 @@ fn read_strips(
 
 fn skip(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> Result<(), MeshError> {
     let mut list = Vec::new();
-    // An element without properties takes no room: nothing to skip, however many it claims to be.
+    // An element without properties has size zero, whatever its count: nothing to skip.
     for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
         for property in &element.properties {
             match property.shape {

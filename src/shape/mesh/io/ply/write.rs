@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use super::super::write::{Number, per_vertex};
 use crate::mesh::{CornerData, Model};
 
-/// What of a model a vertex and a face of the file hold.
+/// Attributes of vertices and faces in the file.
 #[expect(clippy::struct_excessive_bools, reason = "each is a choice of the file's own")]
 struct Layout<'a> {
     model: &'a Model,

@@ -94,7 +94,7 @@ fn keys(input: &Input<'_>, sampler: &Sampler, property: Property) -> Result<Valu
     input.values(sampler.output, &[kind])
 }
 
-/// Finite, ascending, at least one.
+/// Checks that times are finite, strictly increasing, and not empty.
 fn times(input: &Input<'_>, sampler: &Sampler) -> Result<Vec<f64>, MeshError> {
     let times = input.values(sampler.input, &["SCALAR"])?.numbers;
     let at = |k: usize| format!("/accessors/{}, item {k}", sampler.input);

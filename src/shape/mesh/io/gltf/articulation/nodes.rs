@@ -28,7 +28,7 @@ pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError
     Ok(nodes)
 }
 
-/// The way up from every node ends.
+/// Checks that the path to the root ends for every node.
 fn ends(nodes: &[Node]) -> Result<(), MeshError> {
     let mut done = vec![false; nodes.len()];
     for start in 0..nodes.len() {

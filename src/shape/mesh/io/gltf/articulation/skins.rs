@@ -123,7 +123,7 @@ fn add(row: &mut Vec<(u32, f64)>, joint: u32, weight: f64) {
     }
 }
 
-/// Makes the sum one; what it was, where there is any weight.
+/// Normalizes the weights; returns their sum, if positive.
 fn normalize(row: &mut [(u32, f64)]) -> Option<f64> {
     let sum: f64 = row.iter().map(|(_, w)| w).sum();
     if !(sum > 0.0) {

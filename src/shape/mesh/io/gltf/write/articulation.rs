@@ -142,7 +142,7 @@ impl File<'_> {
         }
     }
 
-    /// Times of keys; those that 32 bits cannot tell apart are moved to the next number that can.
+    /// Key times in single precision; equal ones are moved to the next representable number.
     fn times(&mut self, times: &[f64]) -> usize {
         let mut last = f32::NEG_INFINITY;
         let mut apart = |t: &f64| {

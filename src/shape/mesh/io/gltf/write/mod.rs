@@ -85,10 +85,10 @@ impl<'a> File<'a> {
         keys
     }
 
-    /// Writes a part, and its node where it has none of its own; the number of its mesh.
+    /// Writes a part, and its node if it has none; returns the index of its mesh.
     fn part(&mut self, part: &Part) -> Option<usize> {
         let keys = self.vertices(part);
-        // A mesh without primitives is none.
+        // glTF requires at least one primitive per mesh.
         if keys.is_empty() || part.faces.is_empty() {
             return None;
         }

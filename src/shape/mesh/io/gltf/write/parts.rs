@@ -22,12 +22,12 @@ pub(super) struct Part {
     pub(super) loose: Vec<u32>,
     /// Of the articulation.
     pub(super) instance: Option<usize>,
-    /// Where the vertices lie as they are written.
+    /// Vertex positions as written.
     pub(super) from_model: Matrix4<f64>,
 }
 
 impl Part {
-    /// How normals turn with the part.
+    /// Linear map of normals.
     pub(super) fn normal(&self, normal: &[f64; 3]) -> [f64; 3] {
         if self.from_model == Matrix4::identity() {
             return *normal;
@@ -42,7 +42,7 @@ impl Part {
     }
 }
 
-/// One part per instance; without any, one per object where objects share no vertex, one for all otherwise.
+/// One part per instance; without instances one per object if objects have no common vertex, else one for all.
 pub(super) fn parts(model: &Model) -> Vec<Part> {
     match model.articulation() {
         Some(articulation) => of_instances(model, articulation),
@@ -57,7 +57,7 @@ fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
         let from_model = if instance.skin.is_some() { Some(Matrix4::identity()) } else { inverse() };
         let mesh = instance.mesh.clone().unwrap_or_default();
         let name = articulation.nodes[instance.node as usize].name.clone().unwrap_or_else(|| mesh.clone());
-        // What has no volume at rest has lost its shape; it stands flat where it stood.
+        // A part with a singular transform at rest is written flat, as it is.
         let from_model = from_model.unwrap_or_else(Matrix4::identity);
         Part { name, mesh, faces: Vec::new(), loose: Vec::new(), instance: Some(k), from_model }
     };
