@@ -200,7 +200,7 @@ impl Stage for PoseSettings {
     }
 }
 
-/// How far a target may be missed before it is told, of the model's diagonal.
+/// How far a target may be missed before it is reported, as a fraction of the model's diagonal.
 const MISSED: f64 = 1e-4;
 
 /// The surface with its own skin, or bound to the skeleton that is given.

@@ -16,7 +16,7 @@ use super::{IkError, within_limits};
 use crate::character::{Pose, Skeleton};
 use plumbline_num::run::Run;
 
-/// Moves a tip to a position by rotating up to `joints` joints above it, for at most `rounds` iterations or until it is within
+/// Moves a tip to a position by rotating up to `joints` joints above it, for at most `iterations` iterations or until it is within
 /// `tolerance`, units of the model. Returns the pose and the number of iterations.
 ///
 /// # Errors
@@ -37,9 +37,9 @@ use plumbline_num::run::Run;
 /// };
 /// let arm = Skeleton::new((0..4).map(joint).collect())?;
 /// let at = Point3::new(1.0, 1.5, 0.5);
-/// let (pose, rounds) = ccd(&arm, &arm.rest_pose(), (3, 3), &at, (200, 1e-6), &Run::default())?;
+/// let (pose, iterations) = ccd(&arm, &arm.rest_pose(), (3, 3), &at, (200, 1e-6), &Run::default())?;
 /// let tip = arm.globals(&pose)?[3].transform_point(&Point3::origin());
-/// assert!(rounds < 200 && (tip - at).norm() <= 1e-6);
+/// assert!(iterations < 200 && (tip - at).norm() <= 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn ccd(

@@ -35,9 +35,9 @@ use plumbline_num::run::Run;
 /// };
 /// let arm = Skeleton::new((0..4).map(joint).collect())?;
 /// let at = Point3::new(1.0, 1.5, 0.5);
-/// let (pose, rounds) = fabrik(&arm, &arm.rest_pose(), (3, 3), &at, (200, 1e-6), &Run::default())?;
+/// let (pose, iterations) = fabrik(&arm, &arm.rest_pose(), (3, 3), &at, (200, 1e-6), &Run::default())?;
 /// let tip = arm.globals(&pose)?[3].transform_point(&Point3::origin());
-/// assert!(rounds < 200 && (tip - at).norm() <= 2e-6);
+/// assert!(iterations < 200 && (tip - at).norm() <= 2e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn fabrik(
