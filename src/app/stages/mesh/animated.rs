@@ -6,7 +6,7 @@
 use nalgebra::Point3;
 
 use plumbline_shape::mesh::model::articulation::{
-    Animation, Articulation, Channel, Instance, Interpolation, MorphTarget, Node, Property,
+    Animation, Articulation, Channel, ChannelInterpolation, Instance, MorphTarget, Node, Property,
 };
 use plumbline_shape::mesh::{MeshError, Model};
 
@@ -26,7 +26,7 @@ pub(crate) fn animated(
     let channel = Channel {
         node: 0,
         property: Property::Weights,
-        interpolation: Interpolation::Linear,
+        interpolation: ChannelInterpolation::Linear,
         times: (0..poses.len()).map(|k| seconds * k as f64 / steps).collect(),
         values: weights.collect(),
     };

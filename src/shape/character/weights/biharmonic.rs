@@ -171,7 +171,10 @@ impl System {
             }
         }
         for (u, &v) in self.free.iter().enumerate() {
-            rows[v] = (0..used.len()).map(|c| (used[c], copies.bounded[c * n + u])).filter(|r| r.1 > MIN_KEPT_WEIGHT).collect();
+            rows[v] = (0..used.len())
+                .map(|c| (used[c], copies.bounded[c * n + u]))
+                .filter(|r| r.1 > MIN_KEPT_WEIGHT)
+                .collect();
         }
         for &(v, joint) in &self.anchored {
             rows[v] = vec![(joint, 1.0)];
