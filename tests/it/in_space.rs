@@ -119,7 +119,7 @@ fn along_a_linear_path_the_virtual_camera_goes_straight_on_at_even_speed() {
     let clip = clip.to_str().expect("a plain path");
     let args = ["stabilize", clip, "-o", "line.mp4", "--end", END, "--mode", "3d", "--path", "linear"];
     let told = err(&succeed(folder, &[&args[..], &["--min-crop", "0.6", "--report", "line.html"]].concat()));
-    assert!(told.contains("linear path followed all the way"), "{told}");
+    assert!(told.contains("linear path followed fully"), "{told}");
     let page = std::fs::read_to_string(folder.join("line.html")).expect("a report");
     let bend = |values: &[f64]| {
         let (first, last) = (values[0], values[FRAMES - 1]);

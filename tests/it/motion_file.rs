@@ -171,7 +171,7 @@ fn points_that_cannot_be_are_refused_with_frame_and_line() {
             &|t| t["frames"][2]["y"][0] = (-9000).into(),
             "tracks.frames[2]: y[0] is -9000, or -35.15625 px (expected 0 to 360 px)",
         ),
-        (&|t| t["frames"][2]["moving"] = serde_json::json!([901]), "tracks.frames[2]: moving holds 901"),
+        (&|t| t["frames"][2]["moving"] = serde_json::json!([901]), "tracks.frames[2]: moving contains 901"),
         (&|t| t["frames"][2]["x"][0] = "5".into(), "invalid type: string"),
     ];
     for (change, words) in cases {
@@ -192,7 +192,7 @@ fn a_value_that_cannot_be_is_refused_with_its_line() {
 fn a_repeated_block_is_refused() {
     let twice = written(&sample_clip()).replacen("\"readout_s\"", "\"readout_s\": 0.01,\n\"readout_s\"", 1);
     let error = ClipMotion::from_json(twice.as_bytes()).expect_err("which one").to_string();
-    assert!(error.contains("the block \"readout_s\" stands there twice"), "{error}");
+    assert!(error.contains("the block \"readout_s\" occurs twice"), "{error}");
 }
 
 #[test]

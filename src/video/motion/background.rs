@@ -1,47 +1,47 @@
-//! Which tracks belong to the still world: a score per track, kept from frame to frame.
+//! Background tracks: a score per track, updated from frame to frame.
 //!
-//! One pair of frames cannot tell a person who fills the picture from the scene behind. Time and place can. Every track `i`
-//! carries a score `sᵢ ∈ [0,1]`, the running share of frames in which it moved with the background, judged by
+//! One pair of frames does not distinguish a person who fills the picture from the scene behind. Time and position do. Every track
+//! `i` has a score `sᵢ ∈ [0,1]`, the running fraction of frames in which it moved with the background, measured by
 //!
 //! - its residual `rᵢ` against the background motion of this frame, and
 //! - its drift `eᵢ ← δ eᵢ + rᵢ`, a leaky sum that lets noise cancel and makes a slow but steady own motion add up: a constant
 //!   residual `v` settles at `v/(1−δ)`, white noise of deviation `σ` only at `σ/√(1−δ²)`.
 //!
-//! Both are measured in units of the background's own spread (a weighted median), so that parallax, noise and resolution
-//! set the scale. A new track starts from the mean score of its surroundings: what appears on a walking person is likely part
-//! of that person.
+//! Both are relative to the background's own spread (a weighted median), so that parallax, noise and resolution set the scale.
+//! A new track gets the mean score of its surroundings: a point that appears on a walking person is likely part of that person.
 //!
-//! The frame is divided into cells. The weight of a track in the search for the next motion is
+//! The frame is divided into cells. The weight of a track in the estimation of the next motion is
 //!
 //! ```text
 //! ωᵢ = v_c · sᵢ² / m_c,      m_c = Σ_{j∈c} sⱼ²,      v_c = b_c · m_c / (m_c + m₀),
 //! ```
 //!
-//! so that each cell has about one vote however many points it holds (spread counts, not number), cells whose tracks are
-//! not trusted vote little, and cells at the border more than those in the middle (`b_c`), where subjects are.
+//! so that each cell has about the same total weight independent of its number of points, cells of low scores have little weight,
+//! and cells at the border more than those in the center (`b_c`), where subjects are.
 
 use plumbline_num::math::{Point2, Vec2};
 
 use super::frame_motion::TrackPoint;
 
-/// Cells across and down. 16×9 cells are about the size of a face in a half-length portrait; finer ones hold too few
-/// points to be told apart, coarser ones mix a person with what stands beside.
+/// Columns and rows of cells. 16×9 cells are about the size of a face in a half-length portrait; finer ones have too few
+/// points, coarser ones mix a person with the background beside.
 const COLS: usize = 16;
 const ROWS: usize = 9;
 
-/// Leak δ of the drift: memory of about 7 frames. Longer would add up the parallax of a walking camera.
-const DRIFT_KEPT: f64 = 0.85;
-/// Weight of one frame in the running score; a track that turns into a mover is distrusted within 10 frames.
+/// Leak δ of the drift: memory of about 7 frames. A longer one would accumulate the parallax of a walking camera.
+const DRIFT_LEAK: f64 = 0.85;
+/// Weight of one frame in the running score: the score of a track that begins to move falls within 10 frames.
 const LEARNING: f64 = 0.1;
-/// m₀: a cell with this much squared score has half its vote.
-const HALF_VOTE: f64 = 0.5;
-/// Vote of a border cell against one in the middle of the frame.
-const BORDER_VOTE: f64 = 2.0;
-/// Score of a track about whose surroundings nothing is known.
+/// m₀: the sum of squared scores at which a cell has half its weight: two tracks of unknown score.
+const HALF_WEIGHT: f64 = 0.5;
+/// Weight of a border cell relative to one in the center of the frame.
+const BORDER_WEIGHT: f64 = 2.0;
+/// Initial score of a track without neighbors: undecided.
 const UNKNOWN: f64 = 0.5;
-/// No score falls below: were the estimate to lock onto a mover, the still world could not win back without a voice.
+/// Lower bound of the score: if the estimate has locked onto a moving object, the background needs some weight to recover.
 const MIN_SCORE: f64 = 0.03;
-/// Spreads of the background at which residual and drift make a track half a mover.
+/// Spreads of the background at which residual and drift count half: beyond 4 medians (3.4 σ of a two-dimensional Gaussian) lie
+/// less than 0.4 % of the noise.
 const RESIDUAL_SPREADS: f64 = 4.0;
 const DRIFT_SPREADS: f64 = 4.0;
 
@@ -55,7 +55,7 @@ pub(super) struct Track {
     age: u32,
 }
 
-/// The live tracks by id, and what is remembered about each part of the frame.
+/// The live tracks by id, and the mean scores of the cells.
 #[derive(Clone, Debug)]
 pub(super) struct Background {
     width: f64,
@@ -70,7 +70,7 @@ impl Background {
         Self { width: f64::from(width), height: f64::from(height), tracks: Vec::new(), cell_scores }
     }
 
-    /// Forgets everything: a new shot.
+    /// Clears the state at a new shot.
     pub(super) fn clear(&mut self) {
         self.tracks.clear();
         self.cell_scores.fill(UNKNOWN);
@@ -99,13 +99,13 @@ impl Background {
             mass[cell] += score * score;
         }
         out.clear();
-        out.extend(members.iter().map(|&(s, cell)| border_vote(cell) * s * s / (mass[cell] + HALF_VOTE)));
+        out.extend(members.iter().map(|&(s, cell)| border_weight(cell) * s * s / (mass[cell] + HALF_WEIGHT)));
     }
 
     /// Replaces the live tracks by those of this frame. `residual(k)` is the residual vector, px, of the `k`-th old track,
-    /// where it is still seen and a motion was measured; `spread_px` the background's spread of residuals.
+    /// where it is observed and a motion was measured; `spread_px` the background's spread of residuals.
     pub(super) fn advance(&mut self, points: &[TrackPoint], residuals: &[Option<Vec2>], spread_px: f64) {
-        let drift_spread = self.judge(residuals, spread_px);
+        let drift_spread = self.accumulate_drift(residuals, spread_px);
         for (track, residual) in self.tracks.iter_mut().zip(residuals) {
             if let Some(r) = residual {
                 let agrees = agreement(r.norm(), RESIDUAL_SPREADS * spread_px)
@@ -115,24 +115,26 @@ impl Background {
                 track.age = track.age.saturating_add(1);
             }
         }
-        self.remember_cells();
-        self.adopt(points);
+        self.update_cells();
+        self.replace_tracks(points);
     }
 
     /// Adds the residuals to the drifts and returns the background's spread of drift, px.
-    fn judge(&mut self, residuals: &[Option<Vec2>], spread_px: f64) -> f64 {
+    fn accumulate_drift(&mut self, residuals: &[Option<Vec2>], spread_px: f64) -> f64 {
         let mut drifts = Vec::with_capacity(self.tracks.len());
         for (track, residual) in self.tracks.iter_mut().zip(residuals) {
             if let Some(r) = residual {
-                track.drift = track.drift * DRIFT_KEPT + r;
+                track.drift = track.drift * DRIFT_LEAK + r;
                 drifts.push((track.drift.norm(), track.score * track.score));
             }
         }
         weighted_median(&mut drifts).max(2.0 * spread_px)
     }
 
-    /// Lets each cell drift towards the mean score of its tracks.
-    fn remember_cells(&mut self) {
+    /// Moves the score of each cell towards the mean score of its tracks.
+    fn update_cells(&mut self) {
+        // Memory of seven frames, as that of the drift.
+        const RATE: f64 = 0.15;
         let (mut sum, mut count) = ([0.0; COLS * ROWS], [0.0; COLS * ROWS]);
         for track in &self.tracks {
             let cell = self.cell(track.position);
@@ -141,12 +143,12 @@ impl Background {
         }
         for (memory, (sum, count)) in self.cell_scores.iter_mut().zip(sum.iter().zip(count)) {
             let mean = if count > 0.0 { sum / count } else { UNKNOWN };
-            *memory += 0.15 * (mean - *memory);
+            *memory += RATE * (mean - *memory);
         }
     }
 
-    /// Takes over the points of this frame: known ids keep their state, new ones start from their surroundings.
-    fn adopt(&mut self, points: &[TrackPoint]) {
+    /// Replaces the tracks by the points of this frame: known ids keep their state, new ones get the score of their surroundings.
+    fn replace_tracks(&mut self, points: &[TrackPoint]) {
         let mut next: Vec<Track> = points
             .iter()
             .filter(|p| p.x.is_finite() && p.y.is_finite())
@@ -163,7 +165,7 @@ impl Background {
         self.tracks = next;
     }
 
-    /// Mean remembered score of the cell of `p` and its neighbors, drawn towards the unknown.
+    /// Mean score of the cell of `p` and its neighbors, a quarter of the way towards [`UNKNOWN`].
     fn surroundings(&self, p: Point2) -> f64 {
         let cell = self.cell(p);
         let (col, row) = (cell % COLS, cell / COLS);
@@ -178,17 +180,17 @@ impl Background {
     }
 }
 
-/// 1 for a distance of 0, 1/2 at `half`, falling with the fourth power beyond.
+/// 1 at a distance of 0, 1/2 at `half`, decreasing with the fourth power beyond.
 fn agreement(distance: f64, half: f64) -> f64 {
     let q = (distance / half).powi(2);
     1.0 / (1.0 + q * q)
 }
 
-/// From 1 in the middle of the frame to [`BORDER_VOTE`] in the outermost cells.
-fn border_vote(cell: usize) -> f64 {
+/// From 1 in the center of the frame to [`BORDER_WEIGHT`] in the outermost cells.
+fn border_weight(cell: usize) -> f64 {
     let offset = |i: usize, n: usize| ((i as f64 + 0.5) / n as f64 * 2.0 - 1.0).abs();
     let edge = offset(cell % COLS, COLS).max(offset(cell / COLS, ROWS));
-    1.0 + (BORDER_VOTE - 1.0) * edge * edge
+    1.0 + (BORDER_WEIGHT - 1.0) * edge * edge
 }
 
 /// The value below which half the weight lies; 0 for nothing. Sorts `items` by value.
@@ -210,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_crowded_cell_has_no_more_votes_than_a_sparse_one() {
+    fn a_crowded_cell_has_no_more_weight_than_a_sparse_one() {
         let mut members = vec![(1.0, 70); 100];
         members.extend([(1.0, 71); 2]);
         let mut weights = Vec::new();
@@ -220,8 +222,8 @@ mod tests {
     }
 
     #[test]
-    fn border_cells_outvote_the_middle() {
-        assert!(border_vote(0) > 1.7 * border_vote(4 * COLS + 8));
+    fn border_cells_outweigh_the_center() {
+        assert!(border_weight(0) > 1.7 * border_weight(4 * COLS + 8));
     }
 
     #[test]

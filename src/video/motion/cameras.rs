@@ -1,4 +1,4 @@
-//! The cameras of a clip, segment by segment: what structure from motion found, and what it is worth.
+//! The cameras of a clip, segment by segment: the result of structure from motion, and its quality.
 
 use std::ops::Range;
 
@@ -32,20 +32,20 @@ pub struct WorldPoint {
     pub shot: u32,
     /// Identity of its track.
     pub id: u32,
-    /// Where it is, in the coordinates of the segment.
-    pub place: Point3,
+    /// Position, in the coordinates of the segment.
+    pub position: Point3,
 }
 
-/// What was found out about the cameras of a shot, or of the part of one whose cameras share coordinates.
+/// The result for a shot, or for the part of one whose cameras have common coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShotCameras {
     /// Its frames.
     pub frames: Range<usize>,
-    /// What the tracks allow to say.
+    /// Kind of motion that the tracks support.
     pub verdict: SfmVerdict,
-    /// Why, for the user.
+    /// Reason, for the user.
     pub reason: String,
-    /// How good it is.
+    /// Quality figures.
     pub figures: SfmFigures,
 }
 
@@ -56,8 +56,8 @@ impl ClipCameras {
         self.shots.get(segment).is_some_and(|s| s.frames.contains(&frame)).then_some(segment)
     }
 
-    /// Whether the camera of a frame was found to have only turned.
-    pub fn turns(&self, frame: usize) -> bool {
+    /// Whether the camera of a frame only rotated.
+    pub fn is_rotation_only(&self, frame: usize) -> bool {
         self.segment_of(frame).is_some_and(|k| self.shots[k].verdict == SfmVerdict::RotationOnly)
     }
 
@@ -66,7 +66,7 @@ impl ClipCameras {
         let shot = self.shots.len() as u32;
         let Segment { frames, cameras, points, verdict, reason, figures } = segment;
         self.frames.extend(cameras);
-        self.points.extend(points.into_iter().map(|(id, place)| WorldPoint { shot, id, place }));
+        self.points.extend(points.into_iter().map(|(id, position)| WorldPoint { shot, id, position }));
         self.shots.push(ShotCameras { frames, verdict, reason, figures });
     }
 }
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_segment_of_which_nothing_is_known_keeps_its_place() {
+    fn a_segment_without_cameras_keeps_its_index() {
         let mut cameras = ClipCameras::default();
         for frames in [0..3, 3..5] {
             cameras.push(Segment::unknown(frames, SfmVerdict::Failed, "dark".to_owned()));

@@ -9,10 +9,10 @@ use plumbline_num::time::Timebase;
 use super::cameras::ClipCameras;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 
-/// Longest gap that is bridged, frames: a third of a second, about as long as a hand keeps its course.
+/// Longest gap that is bridged, frames: a third of a second, over which the motion of a hand is smooth.
 pub const MAX_BRIDGE: usize = 10;
 
-/// Motion of a clip; what `plumbline.motion` files hold.
+/// Motion of a clip, the content of `plumbline.motion` files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClipMotion {
     /// Width of the coded picture, px: the frame of all coordinates.
@@ -21,7 +21,7 @@ pub struct ClipMotion {
     pub height: u32,
     /// Length of one tick of the time stamps.
     pub timebase: Timebase,
-    /// Clockwise turn at which the picture is shown: 0, 90, 180 or 270 degrees.
+    /// Clockwise rotation at which the picture is shown: 0, 90, 180 or 270 degrees.
     pub rotation: u16,
     /// Width over height of one pixel, as a fraction.
     pub pixel_aspect: (u32, u32),
@@ -32,7 +32,7 @@ pub struct ClipMotion {
     /// Time from the first row's capture to the last row's, s; negative where rows are read upwards; `None` where not
     /// estimated or not supported.
     pub readout_s: Option<f64>,
-    /// The cameras in space, where they were looked for.
+    /// The cameras in space, where they were estimated.
     pub cameras: Option<ClipCameras>,
     /// Blocks of a motion file that this version does not know, kept as they are.
     pub other_blocks: BTreeMap<String, serde_json::Value>,
@@ -63,7 +63,7 @@ impl ClipMotion {
         }
     }
 
-    /// Index of the shot that holds frame `frame`; `None` beyond the end.
+    /// Index of the shot that contains frame `frame`; `None` beyond the end.
     pub fn shot_of(&self, frame: usize) -> Option<usize> {
         let shot = self.shots.partition_point(|s| s.end <= frame);
         (shot < self.shots.len()).then_some(shot)
@@ -85,7 +85,7 @@ impl ClipMotion {
     }
 
     /// Replaces lost motions in runs of at most [`MAX_BRIDGE`] frames by the interpolation between the measured motions
-    /// around them; at a shot's ends the nearest measured motion fades to rest.
+    /// around them; at a shot's ends the nearest measured motion fades to none.
     pub fn bridge_gaps(&mut self) {
         let center = Point2::new(f64::from(self.width) / 2.0, f64::from(self.height) / 2.0);
         for shot in self.shots.clone() {
@@ -128,7 +128,7 @@ fn shots_of(frames: &[FrameMotion]) -> Vec<Range<usize>> {
     starts.windows(2).map(|w| w[0]..w[1]).collect()
 }
 
-/// A similarity as what grows evenly with time: shift of the frame's center, angle, logarithm of the scale.
+/// A similarity by quantities that interpolate linearly: shift of the frame's center, angle, logarithm of the scale.
 #[derive(Clone, Copy, Default)]
 struct Rate {
     shift: [f64; 2],

@@ -1,8 +1,8 @@
-//! Inter-frame motion of the still world, frame by frame, in memory that does not grow.
+//! Inter-frame motion of the background, frame by frame, in bounded memory.
 //!
-//! For each pair of frames: weigh the tracks ([`super::background`]), search the similarity of least energy
-//! ([`super::planar`]), widen it to a homography, refine by iteratively reweighted least squares with the Geman–McClure
-//! weight `1/(1+(r/c)²)²`, `c` lowered to the background's own spread, and keep the homography only where it is supported.
+//! For each pair of frames: weigh the tracks ([`super::background`]), find the similarity of least energy by MSAC
+//! ([`super::planar`]), extend it to a homography, refine by iteratively reweighted least squares with the Geman–McClure weight
+//! `1/(1+(r/c)²)²`, `c` lowered to the background's own spread, and keep the homography only where the data support it.
 //!
 //! **Model selection.** With robust squared residuals `ρ = min(r²/σ², 4)` the geometric robust information criterion prefers
 //! the family of least
@@ -11,8 +11,8 @@
 //! GRIC = Σ ρ + λ₁ d n + λ₂ k,     d = 2,  k = 4 or 8,  λ₂ = ln 4n.
 //! ```
 //!
-//! `n` counts occupied cells, not points: neighbors err together. Homographies are further held to similarities by a Gaussian
-//! prior on their shear, stretch and perspective, which matters only where few points see them.
+//! `n` counts occupied cells, not points: the errors of neighbors are correlated. Homographies are further regularized toward
+//! similarities by a Gaussian prior on shear, stretch and perspective, which matters only where few points determine them.
 //!
 //! # Reference
 //! Torr, *An assessment of information criteria for motion model selection*, CVPR 1997 (GRIC).
@@ -28,27 +28,29 @@ use super::planar_fit::{self, FrameScale, Pair};
 
 /// Frames of this many px across have the thresholds below in px; others in proportion.
 const REFERENCE_WIDTH: f64 = 640.0;
-/// Fewest pairs on which a motion is believed: a similarity is determined by 2, but not checked.
+/// Least number of pairs for a motion: two determine a similarity, eight check it.
 const MIN_PAIRS: usize = 8;
-/// Share of the votes that must agree with a motion: below, more than two motions compete and none can be told the camera's.
+/// Least fraction of the weight that must agree with a motion: below it more than two motions compete, and none can be identified
+/// as the camera's.
 const MIN_SUPPORT: f64 = 0.25;
-/// Spread floor, px at the reference width: the noise of a tracker at its best.
+/// Lower bound of the spread, px at the reference width: the noise of the tracker under the best conditions.
 const MIN_SPREAD: f64 = 0.04;
-/// Deviation of shear, stretch and perspective between frames, frame units: 0.005 is 2 px in the corners at 640×360, what a
-/// fast pan or a rolling shutter gives.
+/// Standard deviation of shear, stretch and perspective between frames, frame units: 0.005 is 2 px in the corners at 640×360, the
+/// effect of a fast pan or a rolling shutter.
 const PRIOR_DEVIATION: f64 = 0.005;
-/// Furthest a homography may move a corner from where the similarity moves it, share of the half diagonal.
-const FURTHEST_FROM_SIMILARITY: f64 = 0.08;
+/// Greatest distance of a corner under the homography from the same under the similarity, fraction of the half diagonal: 16
+/// standard deviations of the prior. A larger one is a wrong fit.
+const MAX_FROM_SIMILARITY: f64 = 0.08;
 
-/// Score from which a track counts as background. New tracks start near it.
+/// Score from which a track counts as background: below that of a new track, which is 0.5 without neighbors.
 const BACKGROUND_SCORE: f64 = 0.4;
 
-/// Settings of [`MotionEstimator`].
+/// Options of [`MotionEstimator`].
 #[derive(Clone, Copy, Debug)]
 pub struct MotionOptions {
     /// Seed of the sampler.
     pub seed: u64,
-    /// Most minimal samples of a search; each costs about 0.5 µs per point.
+    /// Greatest number of minimal samples of MSAC; each costs about 0.5 µs per point.
     pub max_samples: usize,
 }
 
@@ -58,7 +60,7 @@ impl Default for MotionOptions {
     }
 }
 
-/// Estimates the motion of the still world from frame to frame; see the module.
+/// Estimates the motion of the background from frame to frame; see the module.
 #[derive(Debug)]
 pub struct MotionEstimator {
     options: MotionOptions,
@@ -67,7 +69,7 @@ pub struct MotionEstimator {
     world: Background,
     path: RecentPath,
     rng: fastrand::Rng,
-    /// Running spreads of the residuals from similarity and homography, px; they set the next search's thresholds.
+    /// Running spreads of the residuals from similarity and homography, px; they set the thresholds of the next frame.
     spreads: (f64, f64),
     started: bool,
     background: Vec<bool>,
@@ -75,7 +77,7 @@ pub struct MotionEstimator {
     matches: Matches,
 }
 
-/// The points seen in both frames, in the order of their ids.
+/// The points observed in both frames, in the order of their ids.
 #[derive(Debug, Default)]
 struct Matches {
     pairs: Vec<Pair>,
@@ -83,12 +85,12 @@ struct Matches {
     members: Vec<(f64, usize)>,
     /// Index into the old tracks.
     tracks: Vec<usize>,
-    /// Votes, and the votes left to each pair by its residual.
-    votes: Vec<f64>,
-    kept: Vec<f64>,
+    /// Weights of the background model, and the robust weights, which include the residual.
+    prior_weights: Vec<f64>,
+    weights: Vec<f64>,
 }
 
-/// A measured motion with what is needed to judge it.
+/// A measured motion with its spreads.
 struct Fit {
     similarity: Similarity2,
     homography: Homography,
@@ -134,12 +136,12 @@ impl MotionEstimator {
         motion
     }
 
-    /// For each point of the frame last pushed, in its order: does it belong to the still world?
+    /// For each point of the frame last pushed, in its order: whether it belongs to the background.
     pub fn background(&self) -> &[bool] {
         &self.background
     }
 
-    /// The points of the frame last pushed that were also seen in the previous one and moved with the still world.
+    /// The points of the frame last pushed that were also observed in the previous one and moved with the background.
     pub fn background_pairs(&self) -> &[Pair] {
         &self.still_pairs
     }
@@ -168,10 +170,10 @@ impl MotionEstimator {
                 matches.tracks.push(k);
             }
         }
-        Background::weights(&matches.members, &mut matches.votes);
+        Background::weights(&matches.members, &mut matches.prior_weights);
     }
 
-    /// The motion of least energy, refined; `None` where nothing can be trusted.
+    /// The motion of least energy, refined; `None` where no motion has enough support.
     fn measure(&mut self) -> Option<Fit> {
         if self.matches.pairs.len() < MIN_PAIRS {
             return None;
@@ -185,46 +187,53 @@ impl MotionEstimator {
         let unit = self.unit_px;
         let options = |threshold, max_samples| MsacOptions { threshold, min_samples: 24, max_samples, local_steps: 3 };
         let wide = options((4.0 * self.spreads.0).clamp(1.0 * unit, 6.0 * unit), self.options.max_samples);
-        let coarse =
-            ransac::msac(&BySimilarity(&data), &self.matches.votes, &wide, None, &mut self.rng, &Run::default())
-                .expect("a run that never stops")?;
-        let start = coarse.model.to_homography();
+        let coarse = ransac::msac(
+            &BySimilarity(&data),
+            &self.matches.prior_weights,
+            &wide,
+            None,
+            &mut self.rng,
+            &Run::default(),
+        )
+        .expect("a run that never stops")?;
+        let initial = coarse.model.to_homography();
         let narrow = options((5.0 * self.spreads.1).clamp(0.8 * unit, 4.0 * unit), self.options.max_samples / 3);
-        let family = ByHomography { data: &data, start, kappa: self.kappa(self.spreads.1) };
-        let fine = ransac::msac(&family, &self.matches.votes, &narrow, Some(start), &mut self.rng, &Run::default())
-            .expect("a run that never stops")?;
+        let family = ByHomography { data: &data, initial, kappa: self.kappa(self.spreads.1) };
+        let fine =
+            ransac::msac(&family, &self.matches.prior_weights, &narrow, Some(initial), &mut self.rng, &Run::default())
+                .expect("a run that never stops")?;
         if !(coarse.support >= MIN_SUPPORT) {
             return None;
         }
         self.refine(fine.model, narrow.threshold)
     }
 
-    /// Weight of the prior on a homography's departure from a similarity, for votes that sum to 1.
+    /// Weight κ of the prior on a homography's deviation from a similarity, for weights that sum to 1.
     fn kappa(&self, spread_px: f64) -> f64 {
         let deviation = spread_px / self.scale.radius();
         deviation * deviation / (self.matches.occupied_cells().max(1) as f64 * PRIOR_DEVIATION * PRIOR_DEVIATION)
     }
 
-    /// Reweighted least squares with falling scale, then the choice of the family.
-    fn refine(&mut self, start: Homography, threshold: f64) -> Option<Fit> {
+    /// Reweighted least squares with decreasing scale, then model selection.
+    fn refine(&mut self, initial: Homography, threshold: f64) -> Option<Fit> {
         let floor = MIN_SPREAD * self.unit_px;
-        let mut homography = start;
+        let mut homography = initial;
         let mut c = threshold;
         for _ in 0..4 {
             let spread = self.matches.reweigh(|p| homography.apply(p), c);
             let kappa = self.kappa(spread.max(floor));
-            let (pairs, kept) = (&self.matches.pairs, &self.matches.kept);
-            homography = planar_fit::homography(pairs, kept, &homography, kappa, &self.scale, 2)?;
+            let (pairs, weights) = (&self.matches.pairs, &self.matches.weights);
+            homography = planar_fit::homography(pairs, weights, &homography, kappa, &self.scale, 2)?;
             c = (6.0 * spread).max(3.0 * floor).min(c);
         }
         let spread = self.matches.reweigh(|p| homography.apply(p), c);
-        let similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.kept)?;
+        let similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.weights)?;
         self.choose(homography, similarity, spread.max(floor), c)
     }
 
     /// The homography where the points support it, else the similarity.
     fn choose(&mut self, homography: Homography, similarity: Similarity2, spread: f64, c: f64) -> Option<Fit> {
-        let (pairs, kept) = (&self.matches.pairs, &self.matches.kept);
+        let (pairs, weights) = (&self.matches.pairs, &self.matches.weights);
         let distance =
             |k: usize, q: Option<nalgebra::Point2<f64>>| q.map_or(f64::INFINITY, |q| (q - pairs[k].this).norm());
         // The median distance of a two-dimensional Gaussian error of deviation σ is 1.177 σ.
@@ -234,9 +243,9 @@ impl MotionEstimator {
             let by_s = distance(k, Some(similarity.apply(pair.previous)));
             let by_h = distance(k, homography.apply(pair.previous));
             let rho = |r: f64| (r * r / (sigma * sigma)).min(4.0);
-            gain += kept[k] * (rho(by_s) - rho(by_h));
-            total += kept[k];
-            similar.push((by_s, kept[k]));
+            gain += weights[k] * (rho(by_s) - rho(by_h));
+            total += weights[k];
+            similar.push((by_s, weights[k]));
         }
         let n = self.matches.occupied_cells() as f64;
         let supported = gain / total * n > 4.0 * (4.0 * n).ln() && self.stays_near(&homography, &similarity);
@@ -248,11 +257,11 @@ impl MotionEstimator {
         self.only_similarity(similarity, c.max(3.0 * similarity_spread_px))
     }
 
-    fn only_similarity(&mut self, start: Similarity2, c: f64) -> Option<Fit> {
-        let mut similarity = start;
+    fn only_similarity(&mut self, initial: Similarity2, c: f64) -> Option<Fit> {
+        let mut similarity = initial;
         for _ in 0..3 {
             self.matches.reweigh(|p| Some(similarity.apply(p)), c);
-            similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.kept)?;
+            similarity = planar_fit::similarity(&self.matches.pairs, &self.matches.weights)?;
         }
         let spread = self.matches.reweigh(|p| Some(similarity.apply(p)), c).max(MIN_SPREAD * self.unit_px);
         let model = PlanarModel::Similarity;
@@ -260,7 +269,7 @@ impl MotionEstimator {
         Some(Fit { similarity, homography, model, spread_px: spread, similarity_spread_px: spread })
     }
 
-    /// A chain of homographies explodes through single bad ones: none may bend the frame much further than a similarity.
+    /// Whether the homography is near the similarity: a chain of homographies diverges by a single bad one.
     fn stays_near(&self, homography: &Homography, similarity: &Similarity2) -> bool {
         let (h, s) = (self.scale.normalized_map(homography), self.scale.normalized_map(&similarity.to_homography()));
         let corner = |m: &nalgebra::Matrix3<f64>, x: f64, y: f64| {
@@ -268,7 +277,7 @@ impl MotionEstimator {
             Vec2::new(q.x / q.z, q.y / q.z)
         };
         let ends = [(-0.8, -0.6), (0.8, -0.6), (-0.8, 0.6), (0.8, 0.6)];
-        ends.iter().all(|&(x, y)| (corner(&h, x, y) - corner(&s, x, y)).norm() < FURTHEST_FROM_SIMILARITY)
+        ends.iter().all(|&(x, y)| (corner(&h, x, y) - corner(&s, x, y)).norm() < MAX_FROM_SIMILARITY)
     }
 
     fn report(&self, frame: &FrameInput<'_>, fit: Option<&Fit>) -> FrameMotion {
@@ -303,7 +312,7 @@ impl MotionEstimator {
         (4.0 * fit.spread_px).max(0.5 * self.unit_px)
     }
 
-    /// Hands the outcome to the memories and marks the background of this frame.
+    /// Updates the running state and marks the background points of this frame.
     fn finish(&mut self, frame: &FrameInput<'_>, fit: Option<&Fit>) {
         let mut residuals = vec![None; self.world.tracks().len()];
         if let Some(fit) = fit {
@@ -335,9 +344,9 @@ impl MotionEstimator {
         let tracks = self.world.tracks();
         self.background.clear();
         self.background.extend(frame.points.iter().map(|p| {
-            let trusted =
+            let background =
                 tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= BACKGROUND_SCORE);
-            trusted && outlying.binary_search(&p.id).is_err()
+            background && outlying.binary_search(&p.id).is_err()
         }));
     }
 }
@@ -347,25 +356,25 @@ impl Matches {
         self.pairs.clear();
         self.members.clear();
         self.tracks.clear();
-        self.votes.clear();
-        self.kept.clear();
+        self.prior_weights.clear();
+        self.weights.clear();
     }
 
-    /// Sets `kept` to the votes times the Geman–McClure weight of scale `c` under `map`, summing to 1, and returns the
-    /// spread (weighted median distance) of what is kept, px.
+    /// Sets `weights` to the prior weights times the Geman–McClure weight of scale `c` under `map`, normalized to sum 1, and
+    /// returns the spread (weighted median distance) under them, px.
     fn reweigh(&mut self, map: impl Fn(nalgebra::Point2<f64>) -> Option<nalgebra::Point2<f64>>, c: f64) -> f64 {
-        self.kept.clear();
+        self.weights.clear();
         let mut distances = Vec::with_capacity(self.pairs.len());
-        for (pair, vote) in self.pairs.iter().zip(&self.votes) {
+        for (pair, prior) in self.pairs.iter().zip(&self.prior_weights) {
             let r = map(pair.previous).map_or(f64::INFINITY, |q| (q - pair.this).norm());
             let q = (r / c).powi(2);
-            let kept = vote / ((1.0 + q) * (1.0 + q));
-            self.kept.push(kept);
-            distances.push((r, kept));
+            let weight = prior / ((1.0 + q) * (1.0 + q));
+            self.weights.push(weight);
+            distances.push((r, weight));
         }
-        let total: f64 = self.kept.iter().sum();
+        let total: f64 = self.weights.iter().sum();
         if total > 0.0 {
-            self.kept.iter_mut().for_each(|w| *w /= total);
+            self.weights.iter_mut().for_each(|w| *w /= total);
         }
         weighted_median(&mut distances)
     }

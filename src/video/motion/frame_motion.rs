@@ -1,4 +1,4 @@
-//! What goes into the motion estimator and what comes out: matched points of a frame, and the motion that leads to it.
+//! Input and output of the motion estimator: the tracked points of a frame, and the motion from the previous frame.
 
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::time::Timestamp;
@@ -14,15 +14,15 @@ pub struct TrackPoint {
     pub y: f32,
 }
 
-/// What the tracker noticed about a frame as a whole.
+/// Classification of a frame by the tracker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[allow(clippy::struct_excessive_bools, reason = "independent findings, any of which may hold with any other")]
+#[allow(clippy::struct_excessive_bools, reason = "independent findings, in any combination")]
 pub struct FrameFlags {
-    /// Too dark or too flat to see anything.
+    /// Too dark or too uniform for features.
     pub black: bool,
     /// The same picture as the previous frame.
     pub duplicate: bool,
-    /// Smeared far beyond its neighbors.
+    /// Much softer than its neighbors.
     pub blurred: bool,
     /// A new shot starts here.
     pub cut_before: bool,
@@ -39,12 +39,12 @@ pub struct FrameInput<'a> {
     pub points: &'a [TrackPoint],
 }
 
-/// The simplest family that explains the motion to a frame.
+/// The simplest model that explains the motion to a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PlanarModel {
-    /// Nothing moved, or nothing is known.
+    /// No motion, or none known.
     #[default]
     Identity,
     /// Rotation, zoom and shift.
@@ -53,12 +53,12 @@ pub enum PlanarModel {
     Homography,
 }
 
-/// Where a motion comes from.
+/// Origin of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MotionQuality {
-    /// First frame of a shot: there is nothing to have moved from.
+    /// First frame of a shot, without a previous frame.
     #[default]
     ShotStart,
     /// Measured on tracked points.
@@ -82,17 +82,17 @@ pub struct FrameMotion {
     pub homography: Homography,
     /// The family the points support.
     pub model: PlanarModel,
-    /// Points seen in both frames.
+    /// Number of points observed in both frames.
     pub points: u32,
-    /// Those that moved with the background.
+    /// Number of those that moved with the background.
     pub inliers: u32,
-    /// Share of the frame's cells that hold such a point, in [0, 1].
+    /// Fraction of the frame's cells that contain such a point, in [0, 1].
     pub coverage: f64,
     /// Median distance of the background points from the homography's prediction, px.
     pub residual_px: f64,
     /// The same for the similarity, px.
     pub similarity_residual_px: f64,
-    /// Where the motion comes from.
+    /// Origin of the motion.
     pub quality: MotionQuality,
 }
 

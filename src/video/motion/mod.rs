@@ -1,4 +1,4 @@
-//! Motion of the camera's picture, from tracked points: planar motion between frames that follows the still world.
+//! Camera motion from tracked points: planar motion between frames, rolling shutter, structure from motion, files.
 
 mod background;
 mod cameras;

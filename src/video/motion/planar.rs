@@ -1,25 +1,27 @@
-//! Planar motion as a consensus problem: the energy by which competing motions of one frame pair are judged.
+//! Planar motion as a consensus problem: the energy that ranks competing motions of one frame pair.
 //!
 //! ```text
 //! E(M) = Σᵢ ωᵢ min(‖M pᵢ − qᵢ‖²/T², 1) / Σωᵢ  +  λ · min(d(M, M̄)²/(3σ)², 1)
 //! ```
 //!
-//! `ωᵢ` gives every cell of the frame one vote, more to trusted tracks and to the border ([`super::background`]). `d` is the
-//! root mean square distance, over the frame's corners and center, between the motion `M` and the recent mean motion `M̄`,
-//! whose own variation is `σ`: a subject's motion that departs from the camera's recent path pays, up to `λ`.
+//! `ωᵢ` gives every cell of the frame about the same weight, more to tracks of high score and to the border
+//! ([`super::background`]). `d` is the root mean square distance, over the frame's corners and center, between the motion `M` and
+//! the recent mean motion `M̄` of standard deviation `σ`: a subject's motion that deviates from the camera's recent path is
+//! penalized, by up to `λ`.
 
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline_num::optim::ransac::Consensus;
 
 use super::planar_fit::{self, FrameScale, Pair};
 
-/// λ: a competing motion must have this share of the votes more than one that continues the recent path.
+/// λ: the fraction of the weight by which a competing motion must exceed one that continues the recent path; half of
+/// `MIN_SUPPORT`, so that it decides between near ties only.
 const CONSISTENCY: f64 = 0.12;
 
-/// How fast the recent path forgets: 0.25 remembers about four frames.
+/// Learning rate of the recent path: 0.25 is a memory of about four frames.
 const PATH_LEARNING: f64 = 0.25;
 
-/// Displacements of the frame's corners and center under a motion, px: what two motions are compared by.
+/// Displacements of the frame's corners and center under a motion, px, by which two motions are compared.
 pub(super) type Displacements = [Vec2; 5];
 
 /// The recent inter-frame motion: mean and variation.
@@ -59,7 +61,7 @@ impl RecentPath {
         CONSISTENCY * (squared_distance(&now, mean) / (9.0 * (self.variance + self.floor))).min(1.0)
     }
 
-    /// Takes the accepted motion into the mean.
+    /// Updates the mean by the accepted motion.
     pub(super) fn learn(&mut self, motion: &Similarity2) {
         let Some(now) = self.displacements(|p| Some(motion.apply(p))) else { return };
         match &mut self.mean {
@@ -81,7 +83,7 @@ fn squared_distance(a: &Displacements, b: &Displacements) -> f64 {
 /// Matched points of one frame pair with the recent path.
 pub(super) struct PlanarData<'a> {
     pub(super) pairs: &'a [Pair],
-    /// Cell of each pair: the group that a minimal sample takes one member of.
+    /// Score and cell of each pair: a minimal sample takes one member per cell.
     pub(super) cells: &'a [(f64, usize)],
     pub(super) scale: FrameScale,
     pub(super) path: &'a RecentPath,
@@ -103,11 +105,11 @@ impl Consensus for BySimilarity<'_> {
 
     fn fit_minimal(&self, sample: &[usize], models: &mut Vec<Similarity2>) {
         let pairs = [self.0.pairs[sample[0]], self.0.pairs[sample[1]]];
-        // Between frames of one shot nothing zooms by a third.
+        // No camera zooms by a third between two frames.
         models.extend(planar_fit::similarity(&pairs, &[1.0, 1.0]).filter(|s| (0.75..1.34).contains(&s.scale())));
     }
 
-    fn fit_weighted(&self, weights: &[f64], _start: &Similarity2) -> Option<Similarity2> {
+    fn fit_weighted(&self, weights: &[f64], _initial: &Similarity2) -> Option<Similarity2> {
         planar_fit::similarity(self.0.pairs, weights)
     }
 
@@ -128,7 +130,7 @@ impl Consensus for BySimilarity<'_> {
 /// [`PlanarData`] explained by homographies, regularized by `kappa`.
 pub(super) struct ByHomography<'a> {
     pub(super) data: &'a PlanarData<'a>,
-    pub(super) start: Homography,
+    pub(super) initial: Homography,
     pub(super) kappa: f64,
 }
 
@@ -148,8 +150,8 @@ impl Consensus for ByHomography<'_> {
         models.extend(planar_fit::homography_of_four(pairs, &self.data.scale));
     }
 
-    fn fit_weighted(&self, weights: &[f64], _start: &Homography) -> Option<Homography> {
-        planar_fit::homography(self.data.pairs, weights, &self.start, self.kappa, &self.data.scale, 2)
+    fn fit_weighted(&self, weights: &[f64], _initial: &Homography) -> Option<Homography> {
+        planar_fit::homography(self.data.pairs, weights, &self.initial, self.kappa, &self.data.scale, 2)
     }
 
     fn squared_residual(&self, model: &Homography, i: usize) -> f64 {

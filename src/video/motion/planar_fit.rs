@@ -2,7 +2,7 @@
 //!
 //! Similarity: `min Σ wᵢ ‖[a −b; b a] pᵢ + t − qᵢ‖²`, linear in all four parameters, solved in closed form.
 //!
-//! Homography: the direct linear transform gives a start, and Gauss–Newton minimizes
+//! Homography: the direct linear transform gives the initial guess, and Gauss–Newton minimizes
 //!
 //! ```text
 //! Σ wᵢ ‖π(H pᵢ) − qᵢ‖² + κ ‖(h₁₁ − h₂₂, h₁₂ + h₂₁, h₃₁, h₃₂)‖²
@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 
-/// A point of the previous frame and where it is in this one, px.
+/// A point correspondence between the previous frame and this one, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair {
     /// Position in the previous frame, px.
@@ -75,8 +75,7 @@ impl FrameScale {
     }
 }
 
-/// The similarity of least weighted squares from `previous` to `this`; `None` where fewer than two distinct points carry
-/// weight.
+/// The weighted least-squares similarity from `previous` to `this`; `None` for fewer than two distinct points with weight.
 pub fn similarity(pairs: &[Pair], weights: &[f64]) -> Option<Similarity2> {
     let (mut total, mut p_sum, mut q_sum) = (0.0, Vec2::zeros(), Vec2::zeros());
     for (pair, &w) in pairs.iter().zip(weights) {
@@ -104,8 +103,8 @@ pub fn similarity(pairs: &[Pair], weights: &[f64]) -> Option<Similarity2> {
     (linear.a.is_finite() && linear.b.is_finite()).then_some(Similarity2 { t, ..linear })
 }
 
-/// The homography through four pairs, by the direct linear transform in frame units; `None` where three of the points lie
-/// on a line or the map would turn the frame inside out.
+/// The homography through four pairs, by the direct linear transform in frame units; `None` where three of the points are
+/// collinear or the map is degenerate.
 pub fn homography_of_four(pairs: [Pair; 4], scale: &FrameScale) -> Option<Homography> {
     let mut a = SMatrix::<f64, 8, 8>::zeros();
     let mut rhs = SVector::<f64, 8>::zeros();
@@ -125,9 +124,9 @@ pub fn homography_of_four(pairs: [Pair; 4], scale: &FrameScale) -> Option<Homogr
     (is_sane(&m)).then(|| scale.pixel_map(&m))
 }
 
-/// The direct linear transform on all pairs: least weighted *algebraic* squares, normalized by centroid and spread.
+/// The direct linear transform on all pairs: weighted *algebraic* least squares, normalized by centroid and spread.
 ///
-/// Needs four points in general position; the result is the start of [`homography`] and exact for exact data.
+/// Needs four points in general position; the result is an initial guess of [`homography`] and exact for exact data.
 pub fn homography_dlt(pairs: &[Pair], weights: &[f64]) -> Option<Homography> {
     let (src, dst) = (hartley(pairs, weights, |p| p.previous)?, hartley(pairs, weights, |p| p.this)?);
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
@@ -170,20 +169,20 @@ fn hartley(pairs: &[Pair], weights: &[f64], point: impl Fn(&Pair) -> Point2) -> 
     (s.is_finite() && s > 0.0).then(|| Matrix3::new(s, 0.0, -mean.x * s, 0.0, s, -mean.y * s, 0.0, 0.0, 1.0))
 }
 
-/// Gauss–Newton on the weighted transfer error from `start`, with the regularization `kappa` of the module's formula
-/// (squared frame units, in the scale of `weights`).
+/// Gauss–Newton on the weighted transfer error from the initial guess `initial`, with the regularization `kappa` of the module's
+/// formula (squared frame units, in the scale of `weights`).
 ///
-/// `None` where the normal equations are singular (`kappa = 0` and points on a line) or the map turns inside out.
+/// `None` where the normal equations are singular (`kappa = 0` and collinear points) or the map is degenerate.
 pub fn homography(
     pairs: &[Pair],
     weights: &[f64],
-    start: &Homography,
+    initial: &Homography,
     kappa: f64,
     scale: &FrameScale,
-    steps: usize,
+    iterations: usize,
 ) -> Option<Homography> {
-    let mut m = scale.normalized_map(start);
-    for _ in 0..steps {
+    let mut m = scale.normalized_map(initial);
+    for _ in 0..iterations {
         let (normal, gradient) = normal_equations(pairs, weights, &m, kappa, scale);
         let step = normal.cholesky()?.solve(&gradient);
         m -= matrix_of(&step) - Matrix3::from_partial_diagonal(&[0.0, 0.0, 1.0]);

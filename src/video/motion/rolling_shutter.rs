@@ -1,28 +1,29 @@
 //! Rolling shutter: the readout time of a clip from its tracks, and the correction of a point for its own capture time.
 //!
 //! Row `y` of a frame is captured `τ(y) = (y/H − ½) r` after the frame's center row; `r` is the readout, in frame periods.
-//! A point that the frame shows at `p` was, at the time of the center row, at
+//! A point observed at `p` was, at the time of the center row, at
 //!
 //! ```text
 //! p̃ = p − Σⱼ Lⱼ(τ) (Mⱼ p − p),     j = −2, −1, 1, 2,
 //! ```
 //!
-//! with `Mⱼ` the chained motion from this frame to the `j`-th after it and `Lⱼ` the quartic Lagrange weights: near enough to
-//! linear for a pan, and true to a shake of several cycles per second, which linear interpolation flattens.
+//! with `Mⱼ` the chained motion from this frame to the `j`-th after it and `Lⱼ` the quartic Lagrange weights: nearly linear for a
+//! pan, and accurate for a shake of several cycles per second, which linear interpolation attenuates.
 //!
-//! **Estimation.** Constant velocity shifts both frames alike and is invisible; what shows between two frames is the change of
-//! velocity. With the similarity `Sₖ` fitted to the pairs `pᵢ → qᵢ`, the residuals `eᵢ = qᵢ − Sₖ pᵢ` contain
+//! **Estimation.** Constant velocity displaces both frames alike and is not observable; the change of velocity is. With the
+//! similarity `Sₖ` fitted to the pairs `pᵢ → qᵢ`, the residuals `eᵢ = qᵢ − Sₖ pᵢ` contain
 //!
 //! ```text
 //! eᵢ = r bᵢ + …,     bᵢ = (y_q/H − ½) Vₖ(qᵢ) − Lₖ (y_p/H − ½) Vₖ₋₁(pᵢ),
 //! ```
 //!
-//! (`Lₖ`: linear part of `Sₖ`) less what the fit absorbs, so `b` is projected on the complement of the four similarity
-//! directions before each frame pair votes `r̂ = Σ b·e / Σ b·b` with weight `Σ b·b`. Parallax grows with velocity, the basis
-//! with its change; a hand's velocity and its change are uncorrelated, so parallax scatters the votes but does not shift
-//! them. Horizontal motion (which shears) and vertical motion (which stretches) vote apart: a runner's bob couples forward speed
-//! to vertical acceleration and mimics one of them, never both. The votes go into histograms (bounded memory); their weighted median, refined by the mean of the votes around
-//! it, is the readout, if it stands clear of its own uncertainty; else the answer is "none", never a guess.
+//! (`Lₖ`: linear part of `Sₖ`) minus the part that the fit absorbs, so `b` is projected on the complement of the four similarity
+//! directions before each frame pair gives an estimate `r̂ = Σ b·e / Σ b·b` with weight `Σ b·b`. Parallax grows with velocity,
+//! the basis with its change; a hand's velocity and its change are uncorrelated, so parallax adds variance to the estimates but no
+//! bias. Horizontal motion (shear) and vertical motion (stretch) are estimated separately: the vertical oscillation of a runner
+//! couples forward speed to vertical acceleration and biases one of them, never both. The estimates go into histograms (bounded
+//! memory); their weighted median, refined by the mean of the estimates around it, is the readout time, if it is significant
+//! against its standard error; otherwise none is reported.
 //!
 //! # Reference
 //! Karpenko, Jacobs, Baek, Levoy, *Digital video stabilization and rolling shutter correction using gyroscopes*, Stanford
@@ -36,28 +37,30 @@ use super::clip::ClipMotion;
 use super::frame_motion::MotionQuality;
 use super::planar_fit::{self, Pair};
 
-/// Largest readout, frame periods: rows beyond the next frame's first row do not exist; a little slack for its noise.
+/// Largest readout, frame periods: at most one, since the next frame follows; 20 % are tolerance for noise.
 const MAX_READOUT: f64 = 1.2;
-/// The histogram reaches twice as far, so that scattered votes do not pile up at the limits.
-const REACH: f64 = 2.4;
+/// Range of the histogram, twice that, so that scattered estimates do not accumulate at its limits.
+const RANGE: f64 = 2.0 * MAX_READOUT;
+/// Bins of the histogram: steps of 0.01 frame periods, an eighth of [`MIN_READOUT`].
 const BINS: usize = 480;
-/// Standard errors by which a readout must differ from 0. Votes of neighboring frames are not independent: 3 would find
-/// readouts in one global-shutter clip in a dozen.
+/// Standard errors by which a readout must differ from 0. Estimates of neighboring frames are not independent: at 3, one
+/// global-shutter clip in a dozen would get a readout.
 const SIGNIFICANCE: f64 = 5.0;
 /// Least readout reported, frame periods: 0.08 is 3 ms at 30 frames/s, invisible.
 const MIN_READOUT: f64 = 0.08;
-/// Motions that a vote looks at: the pair's own and two on either side.
+/// Motions per estimate: the pair's own and two on either side.
 const WINDOW: usize = 5;
-/// Difference between the readouts from horizontal and vertical motion, frame periods, that is put down to the model.
-const CONTRADICTION: f64 = 0.15;
-/// Fewest votes.
+/// Difference between the readouts from horizontal and vertical motion, frame periods, attributed to model error; a larger one,
+/// plus three standard errors, rejects both.
+const MAX_DISAGREEMENT: f64 = 0.15;
+/// Least number of estimates: with 20 a standard error is known to a sixth.
 const MIN_VOTES: f64 = 20.0;
 
 /// Collects evidence on a clip's readout, frame pair by frame pair, in constant memory.
 #[derive(Clone, Debug)]
 pub struct ReadoutEstimator {
     height: f64,
-    /// The last steps, oldest first: the middle one is judged when the motions on both its sides are known.
+    /// The last steps, oldest first: the middle one is used when the motions on both its sides are known.
     window: VecDeque<Step>,
     /// From horizontal and from vertical motion.
     votes: [Votes; 2],
@@ -105,12 +108,12 @@ impl ReadoutEstimator {
         }
     }
 
-    /// A cut, a gap or a repeated frame: velocities on its two sides do not belong together.
+    /// Interrupts the chain at a cut, a gap or a repeated frame.
     pub fn interrupt(&mut self) {
         self.window.clear();
     }
 
-    /// The readout the evidence supports; `None` for a global shutter, a camera too steady to tell, too few frames, or where
+    /// The readout estimate; `None` for a global shutter, a camera too steady for an estimate, too few frames, or where
     /// horizontal and vertical motion contradict each other.
     pub fn estimate(&self) -> Option<Readout> {
         let found: Vec<Readout> = self.votes.iter().filter_map(Votes::summary).collect();
@@ -120,7 +123,7 @@ impl ReadoutEstimator {
         let error = (1.0 / total).sqrt();
         if let [x, y] = &found[..] {
             let apart = (x.frames - y.frames).abs();
-            if !(apart <= CONTRADICTION + 3.0 * x.error.hypot(y.error)) {
+            if !(apart <= MAX_DISAGREEMENT + 3.0 * x.error.hypot(y.error)) {
                 return None;
             }
         }
@@ -131,7 +134,7 @@ impl ReadoutEstimator {
     fn vote(&mut self) {
         let motions: Vec<Similarity2> = self.window.iter().map(|s| s.motion).collect();
         for (axis, votes) in [Vec2::x(), Vec2::y()].into_iter().zip(&mut self.votes) {
-            if let Some((value, weight)) = judge(&self.window[WINDOW / 2], &motions, self.height, axis) {
+            if let Some((value, weight)) = estimate(&self.window[WINDOW / 2], &motions, self.height, axis) {
                 votes.add(value, weight);
             }
         }
@@ -150,10 +153,10 @@ impl Votes {
     }
 
     fn add(&mut self, value: f64, weight: f64) {
-        if !(value.abs() < REACH && weight > 0.0 && weight.is_finite()) {
+        if !(value.abs() < RANGE && weight > 0.0 && weight.is_finite()) {
             return;
         }
-        let k = (((value + REACH) / (2.0 * REACH) * BINS as f64) as usize).min(BINS - 1);
+        let k = (((value + RANGE) / (2.0 * RANGE) * BINS as f64) as usize).min(BINS - 1);
         let bin = &mut self.bins[k];
         bin.count += 1.0;
         bin.weight += weight;
@@ -164,7 +167,7 @@ impl Votes {
     /// Mean of the votes around their weighted median, with its standard error; `None` for too few.
     fn summary(&self) -> Option<Readout> {
         let center = self.median()?;
-        let scatter = self.moments(center, REACH).1.sqrt().min(0.5);
+        let scatter = self.moments(center, RANGE).1.sqrt().min(0.5);
         let (frames, variance, effective, count) = self.moments(center, (2.0 * scatter).max(0.1));
         let error = (variance / effective).sqrt().max(1e-3);
         (count >= MIN_VOTES && error.is_finite()).then_some(Readout { frames, error })
@@ -195,7 +198,7 @@ impl Votes {
 }
 
 /// `r̂` of one frame pair and its weight, from the motion along `axis`; `motions` are its own and two on either side.
-fn judge(step: &Step, motions: &[Similarity2], height: f64, axis: Vec2) -> Option<(f64, f64)> {
+fn estimate(step: &Step, motions: &[Similarity2], height: f64, axis: Vec2) -> Option<(f64, f64)> {
     let (before, now) = (velocity(&motions[..4]), velocity(&motions[1..]));
     let linear = Similarity2 { t: Vec2::zeros(), ..step.motion };
     let along = |v: Vec2| axis * axis.dot(&v);
@@ -215,13 +218,12 @@ fn judge(step: &Step, motions: &[Similarity2], height: f64, axis: Vec2) -> Optio
         bb += b.norm_squared();
         ee += e.norm_squared();
     }
-    // A vote counts by how much of the residual the basis could explain at all: frames full of parallax shout no louder
-    // than calm ones.
+    // The weight is relative to the residual: frames with much parallax get no more than calm ones.
     (bb > 0.0 && ee > 0.0).then(|| (be / bb, bb / (ee / step.pairs.len() as f64)))
 }
 
 /// Velocity field, px per frame, at the frame between the second and the third of four motions, by the central difference of
-/// fourth order: the plain one loses a third of a 7 Hz shake at 30 frames/s, and the readout would come out too long.
+/// fourth order: that of second order attenuates a 7 Hz shake at 30 frames/s by a third, which would bias the readout upwards.
 fn velocity(motions: &[Similarity2]) -> impl Fn(Point2) -> Vec2 + '_ {
     let back = motions[1].inverse().unwrap_or(Similarity2::IDENTITY);
     move |p| {
@@ -231,7 +233,7 @@ fn velocity(motions: &[Similarity2]) -> impl Fn(Point2) -> Vec2 + '_ {
     }
 }
 
-/// Moves the points of one frame to where they were at the time of its center row.
+/// Maps the points of one frame to their positions at the time of its center row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowMotion {
     /// Maps from this frame to those two before, one before, one after and two after.
@@ -249,7 +251,7 @@ impl RowMotion {
         Some(Self { others_from_this, readout, height: f64::from(height) })
     }
 
-    /// Displacement, px, from where the frame shows a point to where it was at the time of the center row.
+    /// Displacement, px, from the observed position of a point to that at the time of the center row.
     pub fn displacement(&self, p: Point2) -> Vec2 {
         let tau = (p.y / self.height - 0.5) * self.readout;
         let mut moved = Vec2::zeros();
@@ -262,7 +264,7 @@ impl RowMotion {
         -moved
     }
 
-    /// Where the point shown at `p` was at the time of the center row.
+    /// Position at the time of the center row of the point observed at `p`.
     pub fn center_time(&self, p: Point2) -> Point2 {
         p + self.displacement(p)
     }
@@ -275,8 +277,8 @@ fn lagrange(t: f64) -> [f64; 4] {
 }
 
 impl ClipMotion {
-    /// The row motion of frame `frame`; `None` without a readout, outside the clip, or where no motion beside it is known. A
-    /// motion that was not measured is taken to equal the nearest one that was.
+    /// The row motion of frame `frame`; `None` without a readout, outside the clip, or where neither neighboring motion is known.
+    /// Motions that were not measured are replaced by the nearest measured one.
     pub fn row_motion(&self, frame: usize) -> Option<RowMotion> {
         let readout = self.readout_in_frames();
         if readout == 0.0 || frame >= self.frames.len() {
@@ -288,7 +290,7 @@ impl ClipMotion {
         };
         let (arriving, leaving) = (known(frame), known(frame + 1));
         let (arriving, leaving) = (arriving.or(leaving)?, leaving.or(arriving)?);
-        // Beyond an unknown motion lies another shot or a gap.
+        // An unknown motion marks another shot or a gap.
         let earlier = known(frame).and(frame.checked_sub(1)).and_then(known).unwrap_or(arriving);
         let later = known(frame + 1).and(known(frame + 2)).unwrap_or(leaving);
         RowMotion::new([earlier, arriving, leaving, later], readout, self.height)

@@ -1,4 +1,4 @@
-//! Which family of motion a stretch of video supports, and why, in words.
+//! Verdicts: the motion model that the tracks of a segment support, and the reason.
 
 use std::ops::Range;
 
@@ -6,61 +6,63 @@ use super::clip::ClipMotion;
 use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use plumbline_num::math::median;
 
-/// Model of the picture's motion, from the least to the most free.
+/// Model of the picture's motion, from the simplest to the most flexible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MotionModel {
-    /// Nothing reliable: leave the frames as they are.
+    /// No reliable motion: the frames are not warped.
     Untouched,
-    /// Rotation, zoom and shift only.
+    /// Translation, rotation and zoom.
     Similarity,
-    /// One map of the plane per frame.
+    /// One homography per frame.
     Homography,
     /// The homography with local motion on a grid.
     Mesh,
-    /// A camera that turns about its center.
+    /// A camera that rotates about its center.
     Rotation,
-    /// The mesh, drawn by trajectories that share a few modes.
+    /// The mesh, toward trajectories smoothed in their common subspace.
     Subspace,
     /// Cameras and points in space.
     ThreeD,
 }
 
-/// A stretch of one shot with the family it supports.
+/// A segment of one shot with the model that it supports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SegmentVerdict {
     /// Its frames.
     pub frames: Range<usize>,
-    /// The richest family that its tracks support.
+    /// The most flexible model that its tracks support.
     pub model: MotionModel,
-    /// Why, for the user.
+    /// Reason, for the user.
     pub reason: String,
 }
 
-/// Longest stretch judged as one, frames: two to four seconds, so that one bad moment does not decide for a whole shot.
-const MAX_STRETCH: usize = 90;
-/// Points below which local motion, and below which perspective is not believed, per frame (median).
+/// Longest part with one verdict, frames: two to four seconds, so that a short disturbance does not decide for a whole shot.
+const MAX_PART: usize = 90;
+/// Least number of background points per frame (median) for local motion: one per cell of a 12×10 grid.
 const POINTS_FOR_MESH: f64 = 120.0;
+/// The same for perspective: five times the eight parameters of a homography.
 const POINTS_FOR_HOMOGRAPHY: f64 = 40.0;
-/// Coverage of the frame's cells below which the same.
+/// Least fraction of the frame's cells with background points for local motion: a mesh extrapolates into the others.
 const COVERAGE_FOR_MESH: f64 = 0.35;
+/// The same for perspective, which few well-distributed points determine.
 const COVERAGE_FOR_HOMOGRAPHY: f64 = 0.2;
-/// Residual of the homography, px at 640 px across, from which local motion is worth modeling: what tracks at their best
-/// leave on a plane. Residuals of 0.1 px that differ from frame to frame are seen as wobble already: on nus-regular-0 (0.12 px)
-/// the mesh lowers the wobble ratio from 1.11 to 0.95.
+/// Residual of the homography, px at 640 px across, from which local motion is modeled: above the noise of the tracker on a
+/// plane. Residuals of 0.1 px that vary from frame to frame are visible as wobble: on nus-regular-0 (0.12 px) the mesh lowers the
+/// wobble ratio from 1.11 to 0.95.
 const RESIDUAL_FOR_MESH: f64 = 0.06;
-/// Share of frames with a measured motion below which a stretch is left alone.
+/// Least fraction of frames with a measured motion; below it most of the path would be interpolated.
 const MIN_MEASURED_RATIO: f64 = 0.5;
 
-/// Judges a clip, shot by shot, in stretches of at most 90 frames; neighbors with the same model and reason are one segment.
+/// The verdicts on a clip, shot by shot, in parts of at most 90 frames; neighbors with the same model are one segment.
 pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
     let unit = f64::from(clip.width.max(clip.height)) / 640.0;
     let mut segments: Vec<SegmentVerdict> = Vec::new();
     for shot in &clip.shots {
-        let parts = shot.len().div_ceil(MAX_STRETCH).max(1);
+        let parts = shot.len().div_ceil(MAX_PART).max(1);
         for part in 0..parts {
             let frames = shot.start + shot.len() * part / parts..shot.start + shot.len() * (part + 1) / parts;
-            let (model, reason) = judge(&clip.frames[frames.clone()], unit);
+            let (model, reason) = verdict_on(&clip.frames[frames.clone()], unit);
             match segments.last_mut() {
                 Some(last) if last.frames.end > shot.start && last.model == model => last.frames.end = frames.end,
                 _ => segments.push(SegmentVerdict { frames, model, reason }),
@@ -70,15 +72,15 @@ pub fn verdicts(clip: &ClipMotion) -> Vec<SegmentVerdict> {
     segments
 }
 
-fn judge(frames: &[FrameMotion], unit_px: f64) -> (MotionModel, String) {
+fn verdict_on(frames: &[FrameMotion], unit_px: f64) -> (MotionModel, String) {
     let moving =
         || frames.iter().filter(|f| f.quality != MotionQuality::ShotStart && f.quality != MotionQuality::Duplicate);
     let measured: Vec<&FrameMotion> = moving().filter(|f| f.quality == MotionQuality::Measured).collect();
-    let share = measured.len() as f64 / moving().count().max(1) as f64;
-    if !(share >= MIN_MEASURED_RATIO) || measured.is_empty() {
+    let ratio = measured.len() as f64 / moving().count().max(1) as f64;
+    if !(ratio >= MIN_MEASURED_RATIO) || measured.is_empty() {
         return (
             MotionModel::Untouched,
-            format!("motion could be measured in {:.0} % of the frames only", 100.0 * share),
+            format!("motion could be measured in {:.0} % of the frames only", 100.0 * ratio),
         );
     }
     let middle = |f: &dyn Fn(&FrameMotion) -> f64| {

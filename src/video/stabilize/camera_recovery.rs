@@ -1,4 +1,4 @@
-//! What the whole clip says of its camera beyond planar motion: the readout of its sensor, and where it stood in space.
+//! Camera motion beyond the planar: the readout time of the sensor, and the camera's poses in space.
 
 use std::ops::Range;
 
@@ -16,8 +16,8 @@ use plumbline_num::run::Run;
 /// a phone, and a clip stabilized in the camera shows less than the sensor sees.
 const SIGMA_LN_FOCAL: f64 = 0.05;
 
-/// Completes the motion of a clip by what `options` ask for: the readout time of its sensor, and its cameras in space where none
-/// are known. `focal_px`: the focal length by the metadata of the clip.
+/// Adds to the motion of a clip, as `options` request: the readout time of its sensor, and its cameras in space where none are
+/// known. `focal_px`: the focal length by the metadata of the clip.
 ///
 /// # Errors
 /// [`StabilizeError::Store`]: tracks cannot be read; [`StabilizeError::Interrupted`].

@@ -14,13 +14,13 @@ use std::ops::Range;
 use crate::path::lowpass;
 use plumbline_num::math::{Point2, Similarity2};
 
-/// Standard deviation of the mean over time, s: a zoom that takes a second or two is not seen.
+/// Standard deviation of the mean over time, s: a zoom by a percent over one or two seconds is not visible.
 const SIGMA_S: f64 = 0.4;
 /// Half width of that mean, standard deviations: beyond 4 a Gaussian has lost all but 10⁻⁴ of its weight.
 const HALF_WIDTH: f64 = 4.0;
 
 /// Zoom about the output's center for the windows of every frame of a shot, shown every `period_s`: from 1 to `max_zoom`.
-/// What that does not cover is left to the mesh.
+/// The mesh covers the remainder.
 pub(super) fn covering_zoom(windows: &[Similarity2], size: (f64, f64), period_s: f64, max_zoom: f64) -> Vec<f64> {
     let sigma = SIGMA_S / period_s;
     let reach = (HALF_WIDTH * sigma).ceil() as usize + 1;

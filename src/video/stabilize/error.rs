@@ -1,4 +1,4 @@
-//! Why a clip cannot be stabilized, and whose fault it is.
+//! Errors of the stabilizer, and whose fault they are.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use plumbline_image::feature::MaskError;
 use plumbline_image::warp::{FieldError, WarpError};
 use plumbline_num::run::Stopped;
 
-/// Why a clip cannot be stabilized. [`StabilizeError::fault`] says whose fault it is.
+/// Errors of the stabilizer; [`StabilizeError::fault`] returns whose fault one is.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StabilizeError {
@@ -41,14 +41,14 @@ pub enum StabilizeError {
     /// The input is at fault: the source of frames failed.
     #[error("{source}")]
     Frames {
-        /// What the source said.
+        /// Error of the source.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The input is at fault: the source ended before its first frame.
-    #[error("the clip holds no frame that could be decoded")]
+    #[error("the clip has no frame that could be decoded")]
     NoFrames,
     /// The input is at fault: the clip is another than the one analyzed.
-    #[error("the clip holds more frames than its analysis saw")]
+    #[error("the clip has more frames than were analyzed ({analyzed})")]
     TooManyFrames {
         /// Frames that were analyzed.
         analyzed: usize,

@@ -1,9 +1,9 @@
-//! The map of each frame, from the path of the virtual camera and the points that pull the mesh.
+//! The map of each frame, from the path of the virtual camera and the anchors of the mesh.
 //!
-//! The camera's map `S_t` removes the motion common to all points. Anchors ([`TrajectorySmoother`]) say where each point would
-//! go if it moved smoothly, or where a virtual camera in space shows it. The homography model follows the part of that which a
-//! plane can follow, the mesh model warps the frame to it. Where the camera only rotated, the frame needs no points: each vertex
-//! `v` goes where the virtual camera, rotated by `R̄_t`, sees what the real one saw at it, `D_t(π(R̄_t R_tᵀ π⁻¹(v)))`.
+//! The camera's map `S_t` removes the motion common to all points. Anchors ([`TrajectorySmoother`]) are the targets of single
+//! points: their smoothed positions, or their projections into a virtual camera in space. The homography model follows the part
+//! of them that a plane can follow, the mesh model warps the frame to them. Where the camera only rotated, no points are needed:
+//! each vertex `v` moves to `D_t(π(R̄_t R_tᵀ π⁻¹(v)))`, with the rotations `R_t` of the real camera and `R̄_t` of the virtual one.
 
 use super::error::StabilizeError;
 use super::frame_models::FrameModels;
@@ -18,7 +18,7 @@ use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::WarpField;
 use plumbline_num::math::{Homography, Point2, Vec2};
 
-/// What the maps of a clip are computed from.
+/// Inputs of the maps of a clip.
 #[derive(Clone, Copy)]
 pub struct RenderInputs<'a> {
     /// The points of the clip.
@@ -28,9 +28,9 @@ pub struct RenderInputs<'a> {
     /// The motion of the real camera: the readout of its sensor, and its poses in space. Without it no frame is
     /// warped beyond the model that the mode forces.
     pub motion: Option<&'a ClipMotion>,
-    /// How frames are warped.
+    /// Options of the warp.
     pub warp: &'a WarpOptions,
-    /// The source must cover the output whatever the mesh does: borders may not show.
+    /// The source must cover the output under any mesh: borders may not show.
     pub covered: bool,
 }
 
@@ -57,7 +57,7 @@ pub(super) enum ForwardMap {
 }
 
 impl ForwardMap {
-    /// Where a point of the source is shown.
+    /// Maps a point of the source to the output.
     pub(super) fn apply(&self, grid: &Grid, src: Point2) -> Option<Point2> {
         match self {
             Self::Plane(h) => h.apply(src),
@@ -161,7 +161,7 @@ impl<'a> FrameMaps<'a> {
         Ok(ForwardMap::Mesh(mesh))
     }
 
-    /// The anchors of frame `index`, moved to where a virtual camera in space shows them by the strength of that model.
+    /// The anchors of frame `index`, blended toward their projections into the virtual camera by the strength of that model.
     fn anchors_in_space(&mut self, index: usize) -> Result<Vec<Anchor>, StabilizeError> {
         let mut anchors = self.anchors(index)?;
         let in_space = self.models.in_space(index);
@@ -170,7 +170,7 @@ impl<'a> FrameMaps<'a> {
             anchor.dst += anchor.in_subspace.map_or_else(Vec2::zeros, |shared| (shared - anchor.dst) * in_subspace);
             match anchor.in_space {
                 Some(target) => anchor.dst += (target - anchor.dst) * in_space,
-                // Its own trajectory is that of the picture, not of what the camera sees.
+                // Its smoothed trajectory belongs to the path in the picture, not to the camera in space.
                 None => anchor.weight *= 1.0 - in_space,
             }
         }
@@ -225,8 +225,8 @@ impl<'a> FrameMaps<'a> {
         Ok(())
     }
 
-    /// The grid as a virtual camera at the position of the real one shows it; `None` where that is not known, or a part of the
-    /// frame lies behind it.
+    /// The grid in a virtual camera at the position of the real one; `None` where that is unknown, or a part of the frame is
+    /// behind it.
     fn rotated(&self, index: usize) -> Option<GridMesh> {
         let real = self.scene.as_ref()?.camera(index)?;
         let shown = self.inputs.path.cameras.get(index).copied().flatten().filter(|c| c.rotation_only)?;

@@ -1,4 +1,4 @@
-//! The motion model of each frame: from the model asked for and the verdict on its segment, blended over the borders of segments.
+//! The motion model of each frame: from the requested mode and the verdict on its segment, blended across segment borders.
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ pub struct FrameModels {
 }
 
 impl FrameModels {
-    /// The models of a clip by `mode` and the verdicts on it; frames that the path leaves unchanged are not touched at all.
+    /// The models of a clip by `mode` and its verdicts; frames that the path leaves unchanged are not warped.
     pub(super) fn new(mode: ModelChoice, motion: Option<&ClipMotion>, path: &VirtualPath) -> Self {
         let verdicts = motion.map(verdicts).unwrap_or_default();
         let mut segments = Vec::new();
@@ -33,7 +33,7 @@ impl FrameModels {
                 let (frames, reason) = (part.frames.clone(), part.reason.clone());
                 segments.push(SegmentVerdict { frames, model: MotionModel::Untouched, reason });
             } else {
-                segments.extend(parted_in_space(path, motion, forced(mode, &verdicts, part)));
+                segments.extend(split_in_space(path, motion, forced(mode, &verdicts, part)));
             }
         }
         let given =
@@ -51,7 +51,7 @@ impl FrameModels {
         &self.evaluated
     }
 
-    /// How far points in space are to be shown as a given camera sees them, in [0, 1].
+    /// Strength of a given camera in space, in [0, 1]: 0 on frames whose path was not given.
     pub(super) fn given(&self, frame: usize) -> f64 {
         if self.given.iter().any(|frames| frames.contains(&frame)) { self.in_space(frame) } else { 0.0 }
     }
@@ -91,8 +91,8 @@ fn seams(path: &VirtualPath, motion: Option<&ClipMotion>) -> Vec<usize> {
     starts.filter(|start| !motion.shots.iter().any(|s| s.start == *start)).collect()
 }
 
-/// The segments, parted where virtual cameras in space begin and end, with the verdict on the cameras in their reasons.
-fn parted_in_space(
+/// The segments, split where virtual cameras in space begin and end, with the verdict on the cameras in their reasons.
+fn split_in_space(
     path: &VirtualPath,
     motion: Option<&ClipMotion>,
     segments: Vec<SegmentVerdict>,
@@ -132,13 +132,13 @@ fn forced(mode: ModelChoice, verdicts: &[SegmentVerdict], part: &path::Segment) 
     };
     match model {
         Some(model) => {
-            vec![SegmentVerdict { frames: part.frames.clone(), model, reason: format!("as asked; {}", part.reason) }]
+            vec![SegmentVerdict { frames: part.frames.clone(), model, reason: format!("requested; {}", part.reason) }]
         }
         None => verdicts.iter().filter_map(|v| clipped(v, part)).collect(),
     }
 }
 
-/// The part of a verdict that falls into `part`, with both reasons. Frames whose motion cannot be measured still follow the path.
+/// The intersection of a verdict with `part`, with both reasons. Frames whose motion cannot be measured still follow the path.
 fn clipped(verdict: &SegmentVerdict, part: &path::Segment) -> Option<SegmentVerdict> {
     let frames = verdict.frames.start.max(part.frames.start)..verdict.frames.end.min(part.frames.end);
     let reason = format!("{}; {}", verdict.reason, part.reason);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn one_model_passes_into_the_next_without_a_step() {
+    fn models_blend_into_each_other_without_a_step() {
         let models =
             models(&[(0..100, MotionModel::Mesh), (100..200, MotionModel::ThreeD), (200..300, MotionModel::Subspace)]);
         let strength: Vec<f64> = (0..300).map(|f| models.strength(f, |m| m == MotionModel::ThreeD)).collect();
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_left_as_they_are_take_no_part_in_it() {
+    fn unchanged_frames_are_not_blended() {
         let models = models(&[(0..50, MotionModel::Untouched), (50..100, MotionModel::Mesh)]);
         assert_eq!(models.strength(10, |_| true), 0.0);
         assert_eq!(models.strength(50, |m| m == MotionModel::Mesh), 1.0, "a stretch that is not touched ends in a cut");

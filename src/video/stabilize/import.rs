@@ -12,11 +12,11 @@ use crate::motion::exchange::colmap::{ColmapError, ImportedClip, Model};
 use crate::track::{FrameQuality, FrameTracks, TrackStore};
 use plumbline_num::time::Timestamp;
 
-/// Relative difference of the mean rate of a file's frames from the clip's up to which the file is taken to be of the clip without
-/// a look at the frames: headers round the rate, and count a last frame's length or not.
+/// Relative difference of the mean frame rate of a file and the clip up to which the file is accepted without reading the frames:
+/// headers round the rate, and count the duration of the last frame or not.
 const MAX_RATE_DIFFERENCE: f64 = 0.1;
 
-/// Numbered folders that are looked for, at most: a clip has fewer shots.
+/// Limit on the numbered folders that are read: a clip has fewer shots.
 const MAX_MODELS: usize = 10_000;
 
 fn refused(path: &Path, reason: impl std::fmt::Display) -> StabilizeError {
@@ -56,8 +56,8 @@ impl MotionFile {
         Err(refused(&self.path, reason))
     }
 
-    /// Whether number and mean rate of the frames agree with what is known of the clip: then the file can be
-    /// trusted without reading the frames.
+    /// Whether number and mean rate of the frames agree with the header of the clip: then the frames need not be read to accept
+    /// the file.
     pub fn matches(&self, info: &ClipInfo) -> bool {
         let count = info.frames == Some(self.motion.frames.len() as u64);
         let rates = self.motion.frame_period_s().zip(info.frame_rate);
@@ -82,7 +82,7 @@ impl MotionFile {
         let timebase = self.motion.timebase;
         let theirs = from_first(self.motion.frames.iter().map(|f| timebase.seconds(f.pts)).collect());
         let ours = from_first(times.iter().map(|t| info.timebase.seconds(*t)).collect());
-        // Time bases differ between containers: half a frame apart is another frame.
+        // Time bases differ between containers: a difference of half a frame period means another frame.
         let slack = 0.5 * ours.last().copied().unwrap_or(0.0) / (frames.max(2) - 1) as f64;
         let off = theirs.iter().zip(&ours).position(|(a, b)| !((a - b).abs() <= slack));
         off.map_or(Ok(()), |k| {
@@ -93,7 +93,7 @@ impl MotionFile {
         })
     }
 
-    /// Whether the file has tracks: without them frames follow the planned camera, and nothing bends them.
+    /// Whether the file has tracks: without them frames follow the planned camera without a mesh warp.
     pub fn has_tracks(&self) -> bool {
         self.store.is_some()
     }

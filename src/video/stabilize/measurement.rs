@@ -1,4 +1,4 @@
-//! Motion from tracks, frame by frame, whoever followed them: the tracker of this program or another.
+//! Motion from tracks, frame by frame; the tracks come from the tracker or from another program.
 
 use super::error::StabilizeError;
 use super::source::ClipInfo;
@@ -9,9 +9,9 @@ use crate::motion::{
 };
 use crate::track::{FrameTracks, TrackStore};
 
-/// Estimators of motion and readout at work, and the store of the tracks.
+/// Estimators of motion and readout time, and the store of the tracks.
 pub(super) struct MotionMeasurement {
-    /// Size of the pictures in which the tracks lie, px.
+    /// Size of the pictures of the tracks, px.
     size: (usize, usize),
     estimator: MotionEstimator,
     readout: ReadoutEstimator,
@@ -21,7 +21,7 @@ pub(super) struct MotionMeasurement {
 }
 
 impl MotionMeasurement {
-    /// Nothing measured yet of pictures of `size` px.
+    /// An empty measurement of pictures of `size` px.
     pub(super) fn new(size: (usize, usize)) -> Result<Self, StabilizeError> {
         let (width, height) = (size.0 as u32, size.1 as u32);
         let estimator = MotionEstimator::new(width, height, MotionOptions::default());

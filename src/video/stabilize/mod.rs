@@ -1,20 +1,21 @@
-//! Video stabilization: a shaky clip in, a map per frame out, under which the clip looks as if its camera had moved smoothly.
+//! Video stabilization: computes a map per frame of a shaky clip that makes the motion of its camera smooth.
 //!
 //! The method, step by step; each is a call of its own too:
 //!
-//! 1. **Tracking** ([`ClipTracker`]): about a thousand points are followed through the frames (`crate::track`), cuts recognized,
-//!    and the planar motion of the still background measured from frame to frame (`crate::motion`).
-//! 2. **Camera motion** ([`complete_motion`]): the readout time of a rolling shutter, and where asked for the cameras and points
-//!    in space, shot by shot (`crate::motion::sfm`). A motion file or a COLMAP model ([`MotionFile`], [`ImportedModels`]) can
+//! 1. **Tracking** ([`ClipTracker`]): about a thousand points are tracked through the frames (`crate::track`), cuts detected,
+//!    and the planar motion of the still background estimated from frame to frame (`crate::motion`).
+//! 2. **Camera motion** ([`complete_motion`]): the readout time of a rolling shutter and, if requested, cameras and points in
+//!    space, shot by shot (`crate::motion::sfm`). A motion file or a COLMAP model ([`MotionFile`], [`ImportedModels`]) can
 //!    replace both steps.
 //! 3. **Path** ([`plan_path`]): the virtual camera. In the picture it is a quadratic program under the crop budget
 //!    (`crate::path`). In space the cameras are smoothed or follow a target path of a given shape as far as the frames cover it,
-//!    and the planner finds the windows of the film that they would shoot. Where both are possible, the better one is selected
-//!    by what each would make of the tracks.
-//! 4. **Models** ([`select_models`]): per segment the freest motion model that is no worse than the next lower one: points in
-//!    space, trajectories that share a few modes, a mesh, a homography, a similarity, or the frame as it is.
-//! 5. **Maps** ([`FrameMaps`]): anchors say where each point goes; a content-preserving warp pulls the frame there
-//!    (`plumbline_image::warp`). One [`WarpField`](plumbline_image::warp::WarpField) per frame, from output to source pixels; no pixel is touched.
+//!    and the planner finds the windows that show their views. Where both are possible, the better one is selected by evaluating
+//!    each on the tracks.
+//! 4. **Models** ([`select_models`]): per segment the most flexible motion model that is no worse than the next simpler one:
+//!    points in space, trajectories in a common subspace, a mesh, a homography, a similarity, or no motion.
+//! 5. **Maps** ([`FrameMaps`]): anchors are the targets of points; a content-preserving warp moves the frame to them
+//!    (`plumbline_image::warp`). One [`WarpField`](plumbline_image::warp::WarpField) per frame, from output to source pixels; no
+//!    pixel is resampled here.
 //!
 //! [`Stabilizer`] does all of it in three calls. The energies are stated where they are minimized: the path's in
 //! `path/optimal.rs`, the warp's in `warp/content_preserving.rs`, the bundle adjustment's in `motion/sfm/bundle`.

@@ -1,4 +1,4 @@
-//! What a motion model would make of a clip, measured before any frame is rendered: tracks are carried through its maps.
+//! Evaluation of a motion model on a clip before any frame is rendered: the tracks are mapped by its maps.
 //!
 //! With `q_k(t)` where the map of frame `t` shows track `k`, and `d_k = q_k(t+1) − 2 q_k(t) + q_k(t−1)`:
 //!
@@ -29,7 +29,7 @@ const CELLS: (u32, u32) = (32, 18);
 /// Columns and rows of the cells of the picture in which tracks are neighbors, and tracks that a cell needs: a median of three is
 /// the least that a single outlier cannot move.
 const NEIGHBORHOODS: (usize, usize, usize) = (8, 6, 3);
-/// Tracks by which a frame is measured, at least: fewer say more of their own noise than of the picture.
+/// Least number of tracks by which a frame is measured: with fewer their noise dominates.
 const MIN_TRACKS: usize = 20;
 /// Quantile of the anisotropy over the frames: the worst frames count, a single one does not.
 const ANISOTROPY_QUANTILE: f64 = 0.05;
@@ -41,11 +41,11 @@ pub struct EvaluatedModel {
     pub frames: Range<usize>,
     /// The model.
     pub model: MotionModel,
-    /// What it would make of the segment.
+    /// Its figures on the segment.
     pub figures: ModelFigures,
 }
 
-/// The clip as a model would show it.
+/// A clip under a motion model.
 pub(super) struct ModelEvaluation {
     frames: Vec<FrameFigures>,
     deviations: Vec<PathDeviation>,
@@ -67,7 +67,7 @@ impl FrameFigures {
     }
 }
 
-/// Figures of a range of frames as a model would show it.
+/// Figures of a range of frames under a motion model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelFigures {
     /// Mean fraction of the picture's width that is kept.
@@ -76,7 +76,7 @@ pub struct ModelFigures {
     pub shake_px: f64,
     /// RMS acceleration of the picture, px per frame².
     pub acceleration_px: f64,
-    /// RMS acceleration of parts of the picture beside it, px per frame².
+    /// RMS acceleration of parts of the picture relative to it, px per frame².
     pub wobble_px: f64,
     /// 5th percentile over the frames of the ratio of the map's singular values, in [0, 1]; 1 keeps angles.
     pub anisotropy: f64,
@@ -136,7 +136,7 @@ impl ModelEvaluation {
     }
 }
 
-/// Where the map of a frame shows the tracks of the background.
+/// Output positions of the background tracks of a frame.
 fn shown(tracks: &Tracks, frame: usize, map: &ForwardMap, grid: &Grid) -> Result<Vec<(u32, Point2)>, StabilizeError> {
     let seen = tracks.store.read(frame)?.observations;
     let background = seen.iter().filter(|o| o.background);
@@ -206,7 +206,7 @@ fn anisotropy(map: &ForwardMap, grid: &Grid) -> f64 {
     for i in 0..grid.vertex_count() {
         let v = grid.vertex(i);
         let Some(q) = map.apply(grid, v) else { return 0.0 };
-        // On a regular grid the regression over x and y falls apart into two.
+        // On a regular grid the regression over x and y separates into two.
         x += q.coords * ((v.x - center.x) / grid.width.powi(2));
         y += q.coords * ((v.y - center.y) / grid.height.powi(2));
     }
@@ -241,13 +241,13 @@ mod tests {
     }
 
     #[test]
-    fn even_motion_neither_accelerates_nor_wobbles() {
+    fn constant_velocity_has_no_acceleration_and_no_wobble() {
         let (acceleration, wobble) = second(|t, p| Vec2::new(3.0, -1.0) * t + 0.01 * t * p.coords);
         assert!(acceleration < 1e-9 && wobble < 1e-9);
     }
 
     #[test]
-    fn what_all_points_do_is_acceleration_and_what_a_corner_does_is_wobble() {
+    fn common_motion_is_acceleration_and_local_motion_is_wobble() {
         let (acceleration, wobble) = second(|t, _| Vec2::new(0.5 * t * t, 0.0));
         assert!((acceleration - 1.0).abs() < 1e-9 && wobble < 1e-9);
         let corner = |p: Point2| if p.x < 160.0 && p.y < 120.0 { 1.0 } else { 0.0 };

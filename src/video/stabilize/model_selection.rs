@@ -1,8 +1,8 @@
-//! Which motion model is used: each is evaluated on the clip's tracks, carried through the meshes that it would render with.
+//! Model selection: each motion model is evaluated on the clip's tracks, mapped by the meshes with which it would render.
 //!
-//! Two paths are compared shot by shot, the one of cameras in space and the one of the picture; then, under the path of the
-//! picture, the models of a frame's warp are compared segment by segment. A freer model is used unless it is measurably worse
-//! than the next lower one.
+//! Two paths are compared shot by shot, the one of cameras in space and the one in the picture; then, under the path in the
+//! picture, the models of a frame's warp are compared segment by segment. A more flexible model is used unless it is measurably
+//! worse than the next simpler one.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -20,21 +20,22 @@ use crate::motion::{ClipMotion, MotionModel, SegmentVerdict};
 use crate::path::{self, VirtualPath};
 use plumbline_num::run::Run;
 
-/// Motion that cannot be seen, px: figures below it do not decide.
+/// Motion that is not visible, px: added to both sides of a ratio, so that smaller figures do not decide.
 const MIN_VISIBLE_PX: f64 = 0.01;
-/// Shake, acceleration and wobble of a freer model over those of the lower one, geometric mean, that still pass for equal:
-/// parallax under a smooth camera counts as wobble here, though the camera would have seen it.
+/// Shake, acceleration and wobble of the more flexible model over those of the simpler one, geometric mean, up to which they
+/// count as equal: parallax under a smooth camera counts as wobble here, although a steady camera would have seen it.
 const MAX_UNREST_RATIO: f64 = 1.1;
-/// Fraction of the picture's width that a freer model may cost.
+/// Fraction of the picture's width that a more flexible model may cost: two percent of crop are worth six of shake
+/// (`CROP_PRICE` in `path/optimal.rs`), less than [`MAX_UNREST_RATIO`] allows.
 const MAX_CROP_LOSS: f64 = 0.02;
-/// Anisotropy below which shapes are seen to change.
+/// Anisotropy below which a change of shape is visible: a circle becomes an ellipse with axes 4 % apart.
 const MIN_ANISOTROPY: f64 = 0.96;
 
-/// Models under one path, from the freest down.
+/// Models under one path, from the most flexible to the simplest.
 const LADDER: [MotionModel; 3] = [MotionModel::Subspace, MotionModel::Mesh, MotionModel::Homography];
 
-/// The path of cameras in space, and where that comes out worse than the one of the picture, the latter. `covered`: the
-/// source must cover the output.
+/// The path of cameras in space or, on shots where that is worse, the one in the picture. `covered`: the source must cover the
+/// output.
 pub(super) fn select_path(
     motion: &ClipMotion,
     tracks: &Tracks,
@@ -67,8 +68,8 @@ pub(super) fn select_path(
 
 /// The motion models of a clip under the mode of `inputs`.
 ///
-/// Where the mode leaves it open and depth or wobble would have a mesh, models from the freest down are evaluated on every
-/// segment, and each that does worse than the next is given up for it.
+/// In automatic mode, on segments where depth or wobble calls for a mesh, the models of the ladder are evaluated, and each that
+/// is worse than the next simpler one is replaced by it.
 ///
 /// # Errors
 /// [`StabilizeError::Store`], [`StabilizeError::Grid`], [`StabilizeError::Warp`], [`StabilizeError::Interrupted`].
@@ -96,7 +97,7 @@ pub fn select_models(inputs: &RenderInputs<'_>, run: &Run) -> Result<FrameModels
     Ok(models)
 }
 
-/// Index of the freest model that is no worse than the next lower one; of the lowest where there is none.
+/// Index of the most flexible model that is no worse than the next simpler one; of the simplest where there is none.
 fn rung(figures: &[ModelFigures]) -> usize {
     let passes = |pair: &[ModelFigures]| pair[0].is_no_worse_than(&pair[1]);
     figures.windows(2).position(passes).unwrap_or(figures.len() - 1)
@@ -112,8 +113,8 @@ fn append(path: &mut VirtualPath, from: &VirtualPath, shot: &Range<usize>) {
 }
 
 impl ModelFigures {
-    /// Whether the freer model, which has these figures, may replace the one of `other`. Within the accuracy of such figures
-    /// it may: it shows the parallax that a steady camera would have seen.
+    /// Whether the more flexible model, which has these figures, may replace the one of `other`. Within the accuracy of the
+    /// figures it may: it shows the parallax that a steady camera would have seen.
     fn is_no_worse_than(&self, other: &Self) -> bool {
         let ratio = |of: fn(&Self) -> f64| (of(self) + MIN_VISIBLE_PX) / (of(other) + MIN_VISIBLE_PX);
         let unrest = (ratio(|f| f.shake_px) * ratio(|f| f.acceleration_px) * ratio(|f| f.wobble_px)).cbrt();
@@ -145,13 +146,13 @@ mod tests {
         ModelFigures { crop: 0.9, shake_px: 2.0, acceleration_px: 0.2, wobble_px: 0.2, anisotropy: 0.99, folds: 0 };
 
     #[test]
-    fn a_freer_model_passes_where_it_is_as_good_and_where_it_trades_one_for_another() {
+    fn a_more_flexible_model_passes_where_it_is_equal_or_trades_one_figure_for_another() {
         assert!(LOWER.is_no_worse_than(&LOWER));
         assert!(ModelFigures { shake_px: 1.5, wobble_px: 0.25, ..LOWER }.is_no_worse_than(&LOWER));
     }
 
     #[test]
-    fn a_freer_model_is_given_up_where_it_is_worse_in_any_way_that_shows() {
+    fn a_more_flexible_model_is_rejected_where_any_figure_is_visibly_worse() {
         for worse in [
             ModelFigures { folds: 1, ..LOWER },
             ModelFigures { anisotropy: 0.9, ..LOWER },
@@ -166,13 +167,13 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_seen_does_not_decide() {
+    fn invisible_differences_do_not_decide() {
         let still = ModelFigures { shake_px: 1e-6, acceleration_px: 1e-6, wobble_px: 1e-6, ..LOWER };
         assert!(ModelFigures { wobble_px: 1e-4, ..still }.is_no_worse_than(&still));
     }
 
     #[test]
-    fn the_freest_model_that_is_no_worse_than_the_next_lower_one_is_selected() {
+    fn the_most_flexible_model_no_worse_than_the_next_simpler_one_is_selected() {
         let folded = ModelFigures { folds: 3, ..LOWER };
         assert_eq!(rung(&[LOWER, LOWER, LOWER]), 0);
         assert_eq!(rung(&[folded, LOWER, LOWER]), 1);

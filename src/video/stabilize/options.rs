@@ -13,10 +13,10 @@ use super::rolling_shutter::RollingShutter;
 use crate::path::{PathKind, PathOptions, PathShape, Zoom};
 use crate::track::TrackOptions;
 
-/// What [`Stabilizer`](super::Stabilizer) does, step by step.
+/// Options of [`Stabilizer`](super::Stabilizer), step by step.
 ///
 /// By default a clip is stabilized in the picture. With `motion.cameras` the cameras in space are recovered too, which takes
-/// longer than all other steps together, and used shot by shot where that is better.
+/// longer than all other steps together, and used on the shots where that is better.
 ///
 /// ```
 /// use plumbline_video::stabilize::{ModelChoice, StabilizerOptions};
@@ -31,13 +31,13 @@ use crate::track::TrackOptions;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct StabilizerOptions {
-    /// How points are followed through the frames
+    /// Feature tracking
     pub track: TrackingOptions,
-    /// How the camera's motion is estimated from them
+    /// Estimation of the camera's motion
     pub motion: CameraMotionOptions,
-    /// How the virtual camera moves
+    /// Path of the virtual camera
     pub path: SmoothingOptions,
-    /// How each frame is warped
+    /// Warp of each frame
     pub warp: WarpOptions,
 }
 
@@ -65,15 +65,15 @@ fn in_range(option: &'static str, value: f64, (low, high): (f64, f64)) -> Result
     if value >= low && value <= high { Ok(()) } else { Err(StabilizeError::Option { option, value, low, high }) }
 }
 
-/// How points are followed through the frames.
+/// Feature tracking.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackingOptions {
-    /// Points kept alive per frame; more follow finer motion and cost time in proportion
+    /// Tracked points per frame; raise it for scenes with many small moving parts (time grows in proportion)
     #[cfg_attr(feature = "schema", schemars(range(min = 50, max = 20_000)))]
     pub points: u32,
-    /// Picture of the clip's shape: nothing is tracked where it is white (a logo, a dashboard)
+    /// Mask image of the clip's aspect ratio; nothing is tracked where it is white (a logo, a dashboard)
     #[cfg_attr(feature = "schema", schemars(extend("format" = "path")))]
     pub mask: Option<PathBuf>,
 }
@@ -90,36 +90,36 @@ impl TrackingOptions {
     }
 }
 
-/// How the camera's motion is estimated from the points.
+/// Estimation of the camera's motion from the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraMotionOptions {
-    /// Rolling-shutter correction: estimated, off, or the sensor's readout time in seconds
+    /// Rolling-shutter correction: auto (estimated from the clip), off, or the sensor's readout time in seconds
     pub rolling_shutter: RollingShutter,
-    /// Also recover where the camera stood in space, and the points it saw
+    /// Recover camera poses and scene points in space (structure from motion; slower than all other steps together)
     pub cameras: bool,
 }
 
-/// How the virtual camera moves.
+/// Path of the virtual camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum PathMethod {
-    /// The smoothest path that keeps the picture inside the crop budget: rests, even pans and soft turns
+    /// The smoothest path within the crop budget
     #[default]
     Optimal,
-    /// The camera's own path, low-passed
+    /// The camera's path, Gaussian low-passed
     Gaussian,
-    /// On a line at even speed, turning evenly
+    /// Constant velocity: the least-squares line through the path
     Linear,
-    /// Evenly accelerated, on a parabola
+    /// Constant acceleration: the least-squares parabola through the path
     Parabolic,
-    /// The camera stands still
+    /// No motion
     Tripod,
-    /// In space, on a circle about what the camera looks at; without cameras there, as linear
+    /// In space, a circle about the point of interest; without recovered cameras as linear
     Orbit,
-    /// In space, on a line at even speed, looking in one direction; without cameras there, as linear
+    /// In space, a straight line at constant speed and view direction; without recovered cameras as linear
     Dolly,
 }
 
@@ -153,35 +153,35 @@ impl PathMethod {
     }
 }
 
-/// What is made of cameras in space, where they were recovered.
+/// Use of recovered cameras in space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum InSpace {
-    /// Shot by shot, they are smoothed in space where that comes out no worse than in the picture
+    /// Smooth in space on the shots where that is no worse than in the picture
     #[default]
     Auto,
-    /// They are smoothed in space
+    /// Smooth in space
     Always,
-    /// Only their rotation is smoothed, as if everything were far away
+    /// Smooth only the rotations, as if all points were far away
     #[serde(alias = "turn")]
     Rotation,
 }
 
-/// How the path of the virtual camera is planned.
+/// Options of the path of the virtual camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct SmoothingOptions {
-    /// How the virtual camera moves
+    /// Path of the virtual camera
     #[serde(alias = "method")]
     #[cfg_attr(feature = "schema", schemars(extend("aliases" = ["method"])))]
     pub path: PathMethod,
-    /// Keep the horizon level, as far as the crop allows
+    /// Level horizon, as far as the crop allows
     #[serde(alias = "horizon")]
     #[cfg_attr(feature = "schema", schemars(extend("aliases" = ["horizon"])))]
     pub horizon_lock: bool,
-    /// Time over which motion is evened out, seconds
+    /// Time constant of the smoothing, seconds; slower motion is kept, faster removed
     #[cfg_attr(feature = "schema", schemars(range(min = 0.05, max = 30.0)))]
     pub smoothness: f64,
     /// Minimum fraction of the picture's width and height that is kept, such as 0.8 or 80%; smaller values allow a steadier path
@@ -191,14 +191,14 @@ pub struct SmoothingOptions {
         schemars(range(min = 0.3, max = 1.0), extend("format" = "fraction", "aliases" = ["min_crop"]))
     )]
     pub keep: f64,
-    /// How the picture is enlarged to hide the borders
+    /// Enlargement of the picture that hides the borders
     pub zoom: Zoom,
-    /// Room kept between the picture and the border of the source, as a part of the picture's width: the mesh needs it to bend the border
+    /// Margin between the picture and the border of the source, as a fraction of the picture's width; the mesh warp moves the border within it
     #[cfg_attr(feature = "schema", schemars(range(min = 0.0, max = 0.1)))]
     pub reserve: f64,
-    /// What is made of cameras in space, where video.motion recovered them
+    /// Use of cameras in space, where video.motion recovered them
     pub in_space: InSpace,
-    /// Wanted cameras, and the input's to align them by: this file says the path, not the method
+    /// File of target cameras and the input's own to align them by; replaces the method
     #[cfg_attr(feature = "schema", schemars(extend("format" = "path")))]
     pub path_file: Option<PathBuf>,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
@@ -222,7 +222,7 @@ impl Default for SmoothingOptions {
 }
 
 impl SmoothingOptions {
-    /// `zoom = "none"` leaves no room to move the picture while no border may show.
+    /// Whether `zoom = "none"` is combined with borders that may not show, which leaves no room to move the picture.
     pub fn leaves_no_room(&self) -> bool {
         self.zoom == Zoom::None && self.keep_inside
     }
@@ -248,43 +248,43 @@ impl SmoothingOptions {
     }
 }
 
-/// Which motion model a frame may be warped with.
+/// Motion model of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum ModelChoice {
-    /// The freest model that does no worse than the next lower one
+    /// The most flexible model that is no worse than the next simpler one
     #[default]
     Auto,
-    /// What a camera in space would have seen, where the cameras can be recovered; a mesh elsewhere
+    /// A mesh toward the view of the virtual camera in space, where cameras can be recovered; a mesh elsewhere
     #[serde(rename = "3d")]
     ThreeD,
-    /// A mesh drawn by trajectories that share a few modes
+    /// A mesh toward trajectories smoothed in their common subspace
     Subspace,
-    /// What a camera that only turned would have seen
+    /// The view of a camera that only rotates
     Rotation,
     /// A content-preserving mesh
     Mesh,
     /// One homography per frame
     Homography,
-    /// Shift, rotation and scale
+    /// Translation, rotation and scale
     Similarity,
 }
 
-/// How each frame is warped.
+/// Options of the warp of each frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct WarpOptions {
-    /// How freely a frame may be bent
+    /// Motion model of the frames
     pub mode: ModelChoice,
-    /// Cells of the mesh across the picture
+    /// Columns of the mesh
     #[cfg_attr(feature = "schema", schemars(range(min = 2, max = 256)))]
     pub columns: u32,
-    /// Cells of the mesh down the picture
+    /// Rows of the mesh
     #[cfg_attr(feature = "schema", schemars(range(min = 2, max = 256)))]
     pub rows: u32,
-    /// Weight of keeping each cell's shape against following the points, in cell units
+    /// Stiffness: weight of keeping each cell's shape against following the points, in cell units; raise it where straight lines bend
     #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1_000_000.0)))]
     pub alpha: f64,
 }

@@ -27,14 +27,15 @@ use crate::motion::{ClipCameras, FrameCamera};
 use crate::path::smoothed_poses;
 use plumbline_camera::{CameraPose, Vec3, align};
 
-/// Deviation of a rotation from an orthonormal one up to which a pose is accepted: files with four digits pass, a matrix with a
-/// scale in it does not.
+/// Deviation from orthonormality up to which a rotation is accepted: files with four digits pass, a matrix that contains a scale
+/// does not.
 const MAX_DEVIATION: f64 = 1e-3;
 
-/// Standard deviation, s, of the low-pass over the drift: errors of recovered cameras that are faster would be seen as shake.
+/// Standard deviation, s, of the low-pass over the drift: faster errors of recovered cameras would appear as shake. It is that
+/// of point trajectories.
 const DRIFT_S: f64 = 0.25;
 
-/// A path file: where the camera is wanted.
+/// A path file: the target poses of the camera.
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Document {
@@ -50,7 +51,7 @@ struct Document {
 #[derive(Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Entry {
-    /// When the camera is there, s.
+    /// Time of the pose, s.
     #[serde(default)]
     time_s: Option<f64>,
     /// Rotation `[w, x, y, z]`.
@@ -123,7 +124,7 @@ fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result
         return if found == frames { Ok(poses.to_vec()) } else { Err(wrong) };
     };
     if !times.windows(2).all(|w| w[0] < w[1]) {
-        return Err("the times of wanted do not ascend".to_owned());
+        return Err("the times of wanted are not in ascending order".to_owned());
     }
     let start = times_s.first().copied().unwrap_or(0.0);
     let at = |time: &f64| {
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_virtual_camera_relates_to_the_recovered_one_as_the_wanted_one_to_the_input() {
+    fn a_virtual_camera_relates_to_the_recovered_one_as_the_target_to_the_input() {
         let (input, wanted) = (cameras(0.05), cameras(0.0));
         let found: Vec<_> = input.iter().zip(times_s()).map(|(i, s)| Some(*i * drift(s))).collect();
         let mut followed = wanted.clone();
@@ -224,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_without_a_camera_keep_the_wanted_one() {
+    fn frames_without_a_camera_keep_the_target() {
         let (input, wanted) = (cameras(0.0), cameras(0.0));
         let mut followed = wanted.clone();
         follow_drift(&mut followed, &input, &[None; FRAMES], &times_s());

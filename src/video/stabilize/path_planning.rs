@@ -17,11 +17,11 @@ use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Similarity2;
 use plumbline_num::run::Run;
 
-/// Smoothing of virtual cameras in space, as a fraction of the smoothness asked for: the planner evens out the rest.
+/// Smoothing of virtual cameras in space, as a fraction of the requested smoothness: the planner smooths the windows in addition.
 const SMOOTHNESS_IN_SPACE: f64 = 0.7;
 
-/// Successive frames with a camera each that are worth a change of model, at least: it takes fifteen to blend into it, and as many
-/// out.
+/// Least number of successive frames with a camera for which the model changes: fifteen frames blend into it, fifteen out of it,
+/// and as many show it fully.
 const MIN_RUN: usize = 45;
 
 /// Plans the path of the virtual camera for a clip; without its `tracks`, in the picture alone.
@@ -74,8 +74,8 @@ impl<'a> Planner<'a> {
         Ok(path)
     }
 
-    /// The path of virtual cameras in space where there are any, else of the picture; of both the better, unless the options say
-    /// which, or the path is one that only cameras in space can follow.
+    /// The path of virtual cameras in space where there are any, otherwise the path in the picture. Of both the better one, unless
+    /// the options select one, or only cameras in space can follow the path.
     fn in_space(&self, cameras: &ClipCameras, tracks: &Tracks) -> Result<VirtualPath, StabilizeError> {
         let real = self.real(cameras);
         let spans = spans(cameras);
@@ -100,7 +100,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// What the options ask of the cameras `near` the real ones.
+    /// The target of the cameras, by the options; `near`: the real cameras, low-passed.
     fn target(
         &self,
         real: &[Option<TargetPose>],
@@ -123,7 +123,7 @@ impl<'a> Planner<'a> {
         }))
     }
 
-    /// The path towards target cameras, as far as the frames cover what these show.
+    /// The path towards target cameras, as far as the frames cover their views.
     fn toward(
         &self,
         target: &TargetPath,
@@ -147,7 +147,7 @@ impl<'a> Planner<'a> {
         Ok(path)
     }
 
-    /// The path that a planner finds for the film of some views, with its virtual cameras.
+    /// The path that `plan` finds for the motion of the views, with its virtual cameras.
     fn shown(
         &self,
         views: &Views,
@@ -171,7 +171,7 @@ impl<'a> Planner<'a> {
         Ok(path)
     }
 
-    /// Says in the reason of a segment that a path only for cameras in space was replaced by another.
+    /// Reports in the reason of a segment that a path only for cameras in space was replaced by a linear one.
     fn note_missing_cameras(&self, segment: &mut Segment) {
         let method = self.options.path;
         if method.needs_cameras() {
@@ -183,14 +183,14 @@ impl<'a> Planner<'a> {
     fn along(&self, file: &Path, cameras: &ClipCameras, tracks: &Tracks) -> Result<VirtualPath, StabilizeError> {
         let given = path_file::read(file, cameras, &self.times_s)?;
         let target: Vec<_> = (given.poses.iter().enumerate())
-            .map(|(frame, pose)| pose.map(|pose| target_pose(pose, cameras.turns(frame))))
+            .map(|(frame, pose)| pose.map(|pose| target_pose(pose, cameras.is_rotation_only(frame))))
             .collect();
         let ups = self.options.horizon_lock.then(|| target_path::ups(&self.real(cameras), &spans(cameras)));
         let target = TargetPath::new(target, ups, &spans(cameras)).at(&vec![1.0; self.times_s.len()]);
         let scene = ScenePoints::new(cameras, self.motion);
         let views = Views::new(tracks, &scene, &target, &self.times_s, self.run)?;
         if views.known() == 0 {
-            let reason = "the wanted cameras see nothing of what the clip's cameras saw".to_owned();
+            let reason = "the target cameras see none of the points that the clip's cameras saw".to_owned();
             return Err(StabilizeError::PathFile { path: file.to_owned(), reason });
         }
         let mut path =
@@ -232,11 +232,11 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// What is asked of virtual cameras.
+/// Target of the virtual cameras.
 enum Target {
-    /// These, and windows that the planner chooses freely.
+    /// These cameras, with windows chosen by the planner.
     Free(Vec<Option<TargetPose>>),
-    /// A path of their own.
+    /// A given path.
     Path(TargetPath),
 }
 

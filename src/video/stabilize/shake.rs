@@ -1,15 +1,14 @@
-//! How much a clip shakes, before and after.
+//! Shake of a clip before and after stabilization.
 //!
 //! With `F_t` the similarity measured from frame `t − 1` to `t` and `S_t` the virtual camera (`out_from_src`), a viewer sees
 //! `M_t = F_t` before and `M_t = S_t F_t S_{t−1}⁻¹` after. The shift `M_t(c) − c` of the picture's center `c` and the
-//! rotation of `M_t` there are summed up along the shot; shake is how far these sums deviate from their own Gaussian mean:
+//! rotation of `M_t` there are summed along the shot; shake is the deviation of these sums from their Gaussian mean:
 //!
 //! ```text
 //! p_t = Σ M_s(c) − c        shake = rms( p_t − (G_σ ∗ p)_t ),  σ = 0.5 s
 //! ```
 //!
-//! That is the camera as the analysis measured it and the plan shows it; what the mesh straightens within a frame beyond the
-//! camera's own motion is not counted.
+//! It measures the camera before and after; corrections by the mesh within a frame are not included.
 
 use std::fmt;
 use std::ops::Range;
@@ -20,11 +19,11 @@ use crate::motion::ClipMotion;
 use crate::path::lowpass;
 use plumbline_num::math::{Homography, Point2, Vec2};
 
-/// Standard deviation of the mean, s: steps and tremor are faster, pans and rotations slower. At half of it steps count as course,
-/// at double of it pans count as shake.
+/// Standard deviation of the mean, s: steps and tremor are faster, pans and rotations slower. At half of it steps count as
+/// intended motion, at double of it pans count as shake.
 const SIGMA_S: f64 = 0.5;
 
-/// How far the picture deviates from its course, RMS: the sum of its motions against their Gaussian mean over 0.5 s.
+/// RMS deviation of the picture's accumulated motion from its Gaussian mean (σ = 0.5 s).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shake {
     /// Of its center, px of the source.
@@ -48,13 +47,13 @@ pub struct ShakeSummary {
     pub after: Shake,
 }
 
-/// How far every frame deviates from its course, before and after.
+/// Deviation of every frame from its mean path, before and after.
 pub struct PathDeviations {
     before: Vec<PathDeviation>,
     after: Vec<PathDeviation>,
 }
 
-/// How far the picture is from its mean course.
+/// Deviation of the picture from its mean path.
 #[derive(Clone, Copy)]
 pub(super) struct PathDeviation {
     /// Of its center, px.
@@ -79,7 +78,7 @@ impl PathDeviations {
         Some(ShakeSummary { before: shake(self.before.get(frames.clone())?)?, after: shake(self.after.get(frames)?)? })
     }
 
-    /// Distance from the course in every frame, px, before and after.
+    /// Distance from the mean path in every frame, px, before and after.
     pub fn distances_px(&self) -> [Vec<f64>; 2] {
         [&self.before, &self.after].map(|deviations| deviations.iter().map(|s| s.shift.norm()).collect())
     }
@@ -176,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_pan_does_not_shake() {
+    fn a_constant_pan_has_no_shake() {
         let shake = PathDeviations::of(&clip(|t| 4.0 * t, |t| 0.001 * t), &identity()).whole().expect("a clip");
         assert!(shake.before.px < 1e-6 && shake.before.deg < 1e-6, "{shake:?}");
     }

@@ -1,4 +1,4 @@
-//! Where the frames come from: a clip that can be read as often as needed.
+//! The source of frames: a clip that can be read repeatedly.
 
 use plumbline_image::Frame;
 use plumbline_num::time::Timebase;
@@ -10,7 +10,7 @@ pub trait FrameSource {
     /// Why a frame cannot be read.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// What is alike in all frames.
+    /// Properties common to all frames.
     fn info(&self) -> ClipInfo;
 
     /// Opens the clip anew: its frames in order of presentation.
@@ -20,7 +20,7 @@ pub trait FrameSource {
     fn frames(&self) -> Result<impl Iterator<Item = Result<Frame, Self::Error>>, Self::Error>;
 }
 
-/// What is alike in all frames of a clip.
+/// Properties common to all frames of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipInfo {
     /// Width of the coded pictures, px.

@@ -22,7 +22,8 @@ use plumbline_image::warp::WarpField;
 use plumbline_num::run::Run;
 use plumbline_num::time::Timestamp;
 
-/// Fraction of an analysis that its tracking takes where cameras are recovered too: about half of the time on clips of a minute.
+/// Fraction of the progress of an analysis that tracking takes where cameras are recovered too: about half of the time on clips of
+/// a minute.
 const TRACKING: f64 = 0.5;
 
 /// Stabilizes clips: see the [module](super) for the method and an example.
@@ -74,7 +75,7 @@ impl Stabilizer {
         Ok(())
     }
 
-    /// Reads the clip once: follows points through its frames and estimates the camera's motion.
+    /// Reads the clip once: tracks points through its frames and estimates the camera's motion.
     ///
     /// # Errors
     /// [`StabilizeError::Frames`], [`StabilizeError::NoFrames`]: the source; [`StabilizeError::Mask`]: the mask;
@@ -110,7 +111,7 @@ impl Stabilizer {
         self.completed(motion, tracks, &info, run)
     }
 
-    /// The analysis with the camera motion that the options ask for.
+    /// The analysis with the camera motion that the options request.
     fn completed(
         &self,
         mut motion: ClipMotion,
@@ -145,7 +146,7 @@ impl Analysis {
         Self { motion: Arc::new(motion), tracks: Arc::new(tracks) }
     }
 
-    /// The motion of the camera, frame by frame, with its cameras in space where they were asked for.
+    /// The motion of the camera, frame by frame, with its cameras in space where they were requested.
     pub fn motion(&self) -> &ClipMotion {
         &self.motion
     }
@@ -182,8 +183,8 @@ impl Plan {
         FrameMaps::new(&inputs, &self.models)
     }
 
-    /// The map of frame `index` alone, from output pixels to source pixels; `frame` is its picture, which says where a change of
-    /// shape would be seen. For all frames in order take [`Self::maps`], which does not start anew for each.
+    /// The map of frame `index` alone, from output pixels to source pixels; `frame` is its picture, from which the saliency is
+    /// measured. For all frames in order use [`Self::maps`], which reads the tracks once.
     ///
     /// # Errors
     /// [`StabilizeError::TooManyFrames`], [`StabilizeError::Store`], [`StabilizeError::Warp`], [`StabilizeError::Map`].

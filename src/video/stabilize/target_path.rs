@@ -1,14 +1,15 @@
-//! The target path of the virtual camera in space, and how far the frames let it be followed.
+//! The target path of the virtual camera in space, and the fraction to which the frames allow following it.
 //!
-//! A path of a given shape ([`path::shaped_poses`]) may lead where the source shows nothing. From the low-passed cameras `near`,
-//! which stay close to the real ones, it is approached by a fraction per frame that changes slowly ([`path::smoothed_fractions`]),
+//! A path of a given shape ([`path::shaped_poses`]) may leave the region that the source shows. From the low-passed cameras
+//! `near`, which are close to the real ones, it is approached by a fraction per frame that changes slowly
+//! ([`path::smoothed_fractions`]),
 //!
 //! ```text
 //! V_t = level( near_t toward target_t by s_t ),      s_t ≤ max { s : the source covers the smallest window of the view G_t(s) }
 //! ```
 //!
-//! (not from the real cameras: their shake would return with every fraction that is missing). `level` rotates the camera about
-//! its axis where the horizon is locked.
+//! (not from the real cameras: a fraction below one would bring back their shake). `level` rotates the camera about its axis
+//! where the horizon is locked.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -26,7 +27,7 @@ pub(super) struct TargetPath {
     near: Vec<Option<TargetPose>>,
     target: Vec<Option<CameraPose>>,
     ups: Option<Vec<Option<Vec3>>>,
-    /// Shots and the shape that is followed in each, where one was asked for.
+    /// Shots and the shape that is followed in each, where one was requested.
     shots: Vec<(Range<usize>, Option<PathShape>)>,
 }
 
@@ -55,7 +56,7 @@ impl TargetPath {
         Ok(self)
     }
 
-    /// The cameras at given fractions of the way from `near` to the target.
+    /// The cameras interpolated from `near` to the target by `fractions`.
     pub(super) fn at(&self, fractions: &[f64]) -> Vec<Option<TargetPose>> {
         let camera = |t: usize| {
             let (near, target) = self.near[t].zip(self.target[t])?;
@@ -78,7 +79,7 @@ impl TargetPath {
             return Ok(vec![1.0; frames]);
         }
         let from = shown(&self.at(&vec![0.0; frames]))?;
-        // Where the view of the near camera is unknown too, nothing speaks against the target.
+        // Where the view of the near camera is unknown too, coverage cannot be tested and the target is accepted.
         let fits = |fractions: &[f64]| {
             let views = shown(&self.at(fractions))?;
             let fits = |(view, from): (&Option<Similarity2>, &Option<Similarity2>)| {
@@ -99,12 +100,12 @@ impl TargetPath {
         let mut reason = String::new();
         if let Some(found) = found {
             if asked != Some(found) {
-                reason.push_str("nothing to circle about, ");
+                reason.push_str("no point of interest to orbit, ");
             }
             reason.push_str(shape_name(found));
             let (mean, least) = (known.iter().sum::<f64>() / count, known.iter().copied().fold(1.0, f64::min));
-            let part = format!(" followed {:.0} % of the way, {:.0} % at least", 100.0 * mean, 100.0 * least);
-            reason.push_str(if least >= 1.0 { " followed all the way" } else { &part });
+            let part = format!(" followed to {:.0} % on average, {:.0} % at least", 100.0 * mean, 100.0 * least);
+            reason.push_str(if least >= 1.0 { " followed fully" } else { &part });
         }
         let level = self.ups.as_ref().is_some_and(|ups| frames.clone().any(|t| ups[t].is_some()));
         if level {
@@ -133,7 +134,7 @@ pub(super) fn ups(real: &[Option<TargetPose>], shots: &[Range<usize>]) -> Vec<Op
     shots.iter().flat_map(of_shot).collect()
 }
 
-/// The points of a shot, with how long and how near the middle of a picture of `size` they were seen.
+/// The points of a shot with the number of frames that observe them and their mean distance from the center of a picture of `size`.
 pub(super) fn seen_points(
     tracks: &Tracks,
     scene: &ScenePoints<'_>,
@@ -193,14 +194,14 @@ mod tests {
     }
 
     #[test]
-    fn a_target_path_that_fits_is_followed_all_the_way() {
+    fn a_target_path_that_fits_is_followed_fully() {
         let target = linear(None);
         let fractions = target.fractions(shown, |_| true, |_| 1.0 / 30.0).expect("no fault");
         assert!(fractions.iter().all(|s| *s == 1.0));
         let centers: Vec<Vec3> = target.at(&fractions).iter().map(|w| w.expect("known").pose.center().coords).collect();
         assert!(centers.windows(3).all(|p| (p[2] - 2.0 * p[1] + p[0]).norm() < 1e-12), "on a line at even speed");
         let reason = target.reason(&(0..FRAMES), Some(PathShape::Linear), &fractions).expect("cameras");
-        assert_eq!(reason, "linear path followed all the way");
+        assert_eq!(reason, "linear path followed fully");
     }
 
     #[test]
@@ -230,17 +231,17 @@ mod tests {
             assert!(fraction == 1.0 || worst(&free) > 0.01, "fraction {fraction}: {}", worst(&free));
         }
         let reason = target.reason(&(0..FRAMES), Some(PathShape::Linear), &[1.0; FRAMES]).expect("cameras");
-        assert_eq!(reason, "linear path followed all the way, level horizon");
+        assert_eq!(reason, "linear path followed fully, level horizon");
     }
 
     #[test]
-    fn an_orbit_without_a_point_to_circle_about_is_reported_as_a_line() {
+    fn an_orbit_without_a_point_of_interest_is_reported_as_a_line() {
         let times_s: Vec<f64> = (0..FRAMES).map(|t| t as f64 / 30.0).collect();
         let target = TargetPath::new(winding(), None, std::slice::from_ref(&(0..FRAMES)))
             .shaped(PathShape::Orbit, &winding(), &times_s, |_| Ok(Vec::new()))
             .expect("no fault");
         let reason = target.reason(&(0..FRAMES), Some(PathShape::Orbit), &[1.0; FRAMES]).expect("cameras");
-        assert_eq!(reason, "nothing to circle about, linear path followed all the way");
+        assert_eq!(reason, "no point of interest to orbit, linear path followed fully");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The streaming half of the analysis: each frame goes in once, tracks and planar motion come out at the end.
+//! The streaming part of the analysis: takes each frame once, returns tracks and planar motion at the end.
 
 use super::error::StabilizeError;
 use super::measurement::MotionMeasurement;
@@ -10,11 +10,11 @@ use crate::track::{TrackOptions, Tracker};
 use plumbline_image::Frame;
 use plumbline_image::feature::Mask;
 
-/// Radius, px of the analysis picture, by which a mask grows: half a window of the matcher, which must not see the masked
-/// part. A smaller one lets the rim of a logo be followed, a larger one hides what lies beside it.
+/// Dilation radius of the mask, px of the analysis picture: half a window of the matcher, which must not overlap the masked
+/// area. A smaller one lets the rim of a logo be tracked, a larger one excludes usable points beside it.
 const MASK_RADIUS_PX: usize = 10;
 
-/// Follows points through the frames of a clip and measures its motion from them.
+/// Tracks points through the frames of a clip and measures its motion from them.
 pub struct ClipTracker<'a> {
     info: ClipInfo,
     tracker: Tracker,
@@ -42,7 +42,7 @@ impl<'a> ClipTracker<'a> {
         Ok(Self { info: *info, tracker, carrier, measurement })
     }
 
-    /// Follows the points into the next frame; returns whether it begins a new shot.
+    /// Tracks the points into the next frame; returns whether it begins a new shot.
     ///
     /// # Errors
     /// [`StabilizeError::Store`]: the temporary folder is full.

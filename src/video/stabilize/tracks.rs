@@ -1,4 +1,4 @@
-//! The tracks of a clip, and the map that they may be carried through before anything else is computed from them.
+//! The tracks of a clip, and the map applied to them before anything else is computed from them.
 
 use crate::track::{FrameTracks, TrackStore};
 use plumbline_num::math::Point2;
@@ -9,7 +9,7 @@ use plumbline_num::time::Timebase;
 pub struct Tracks {
     /// The points, in a temporary file.
     pub store: TrackStore,
-    /// Width of the pictures in which they lie, px.
+    /// Width of their pictures, px.
     pub width: usize,
     /// Height of these pictures, px.
     pub height: usize,
@@ -17,20 +17,19 @@ pub struct Tracks {
     pub timebase: Timebase,
 }
 
-/// A map of the whole clip that comes before the stabilization: it takes the lens out, say.
+/// A map of the whole clip that precedes the stabilization, such as the undistortion of the lens.
 ///
-/// Points are followed in the clip's own pictures and carried through this map; motion, path and warp then live in the
-/// mapped picture.
+/// Points are tracked in the clip's own pictures and mapped; motion, path and warp are those of the mapped picture.
 #[derive(Clone, Copy)]
 pub struct PointCarrier<'a> {
     /// Size of the mapped picture, px.
     pub size: (usize, usize),
-    /// Where the mapped picture shows a point of the clip's own; `None` where it does not.
+    /// Maps a point of the clip to the mapped picture; `None` where that does not contain it.
     pub out_from_src: &'a dyn Fn(Point2) -> Option<Point2>,
 }
 
 impl PointCarrier<'_> {
-    /// Carries the points of a frame to where the mapped picture shows them; leaves out those that it does not show.
+    /// Maps the points of a frame; drops those outside the mapped picture.
     pub fn carry(&self, tracks: &mut FrameTracks) {
         let (width, height) = (self.size.0 as f64, self.size.1 as f64);
         tracks.observations.retain_mut(|o| {

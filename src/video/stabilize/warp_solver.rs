@@ -1,4 +1,4 @@
-//! The warp of one frame beyond the similarity of its virtual camera: a homography fitted to the anchors, and a mesh pulled by
+//! The warp of one frame beyond the similarity of its virtual camera: a homography fitted to the anchors, and a mesh that follows
 //! them.
 //!
 //! With the camera's map `S`, the homography `H` nearest to the anchors `s_k → q_k` and the strengths `a`, `b` in [0, 1] of
@@ -24,20 +24,21 @@ use plumbline_image::warp::{
 use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Homography;
 
-/// Longest side of the picture on which saliency is measured, px: 10 pixels a cell are plenty for a variance.
+/// Longest side of the picture on which saliency is measured, px: a hundred pixels per cell of the default mesh determine a
+/// variance.
 const SALIENCY_SIDE: usize = 640;
 
-/// Sum of anchor weights from which their homography is followed fully. Below it single points would steer the frame, and the
-/// first and last frames of a shot, where all anchors fade, would jump.
-const TRUSTED_WEIGHT: f64 = 40.0;
+/// Sum of anchor weights from which their homography is applied fully: five times its eight parameters. Below it single points
+/// would dominate, and the first and last frames of a shot, where all anchors fade, would jump.
+const FULL_WEIGHT: f64 = 40.0;
 
 /// Weight of keeping that homography a similarity, per unit of anchor weight: enough to determine its perspective where anchors
 /// crowd in one corner, too little to have an effect where they cover the frame.
 const HOMOGRAPHY_PRIOR: f64 = 0.01;
 
-/// Fraction of the stiffness that is left where points in space are to be shown as a given camera sees them: their targets
-/// carry no noise of single tracks, and parallax at the edge of a near thing changes within a cell. A smoothed path, which
-/// nobody has in mind, is better off stiff: on three of five clips wobble rose by a sixth to two fifths.
+/// Fraction of the stiffness that remains under a given camera in space: its targets have no noise of single tracks, and
+/// parallax at the edge of a near object changes within a cell. A smoothed path, which is not prescribed, needs full
+/// stiffness: on three of five clips wobble rose by a sixth to two fifths.
 const GIVEN_STIFFNESS: f64 = 0.03;
 
 /// Solves for the meshes of frames of one size.
@@ -52,14 +53,14 @@ pub(super) struct WarpSolver {
     covered: bool,
 }
 
-/// How far a frame follows its anchors, each from 0 to 1.
+/// Strengths with which a frame follows its anchors, each from 0 to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strengths {
     /// Towards the homography that fits them.
     pub(super) homography: f64,
     /// From there towards each of them.
     pub(super) mesh: f64,
-    /// To show them as a given camera sees them.
+    /// Of a given camera in space.
     pub(super) given: f64,
 }
 
@@ -78,7 +79,7 @@ impl WarpSolver {
         })
     }
 
-    /// The mesh of a frame, `out_from_src`: its camera's map, pulled towards the anchors. Without the picture all cells have the
+    /// The mesh of a frame, `out_from_src`: its camera's map, warped towards the anchors. Without the picture all cells have the
     /// same saliency.
     pub(super) fn solve(
         &mut self,
@@ -116,7 +117,7 @@ impl WarpSolver {
     fn prewarp(&self, camera: &Homography, anchors: &[Anchor], strength: f64) -> Homography {
         let weights: Vec<f64> = anchors.iter().map(|a| a.weight).collect();
         let total: f64 = weights.iter().sum();
-        let strength = strength * (total / TRUSTED_WEIGHT).min(1.0);
+        let strength = strength * (total / FULL_WEIGHT).min(1.0);
         if !(strength > 0.0) {
             return *camera;
         }

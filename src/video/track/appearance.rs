@@ -1,7 +1,8 @@
-//! Whether a track still shows what it showed first.
+//! Appearance check: drift of a track against its first frame.
 //!
-//! Small errors of each step add up until a track has slid off its corner, with every forward–backward check passed. The
-//! patch of first sight `P` is held against the present one `Q` by normalized correlation, blind to brightness and contrast:
+//! Small errors of each step accumulate until a track has drifted off its corner, though every forward–backward check passed.
+//! The first patch `P` is compared with the current one `Q` by normalized cross-correlation, which is invariant to brightness
+//! and contrast:
 //!
 //! ```text
 //! ncc = Σ (P − P̄)(Q − Q̄) / √(Σ (P − P̄)² Σ (Q − Q̄)²),      11×11 px.
@@ -9,13 +10,13 @@
 
 use plumbline_image::PaddedPlane;
 
-/// Side of the patch, px: large enough to be distinct, small enough that a turn by 20° keeps the correlation above 0.7.
+/// Side of the patch, px: large enough to be distinct, small enough that a rotation by 20° keeps the correlation above 0.7.
 const SIDE: usize = 11;
 
 /// Least correlation. Slipped tracks fall to 0.4 and below; perspective and light on long ones stay above 0.7.
 const MIN_CORRELATION: f32 = 0.55;
 
-/// The patch of first sight, gray levels.
+/// A patch, gray levels.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Appearance {
     samples: [f32; SIDE * SIDE],
@@ -40,7 +41,7 @@ impl Appearance {
         Self { samples }
     }
 
-    /// True where `now` shows the same.
+    /// Whether `now` correlates with this patch.
     pub(super) fn agrees(&self, now: &Self) -> bool {
         self.correlation(now) >= MIN_CORRELATION
     }
@@ -74,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn light_and_a_small_turn_do_not_change_the_appearance_but_a_slip_does() {
+    fn brightness_and_a_small_rotation_keep_the_appearance_but_drift_does_not() {
         let first = Appearance::at(&level(|x, y| texture(x as f32, y as f32) as u8), [30.5, 30.5]);
         let darker = level(|x, y| (0.6 * texture(x as f32, y as f32)) as u8);
         assert!(first.agrees(&Appearance::at(&darker, [30.5, 30.5])));
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn patches_reach_over_the_edge_of_the_picture() {
+    fn patches_at_the_edge_of_the_picture_are_clamped() {
         let picture = level(|x, y| texture(x as f32, y as f32) as u8);
         for p in [[0.0, 0.0], [64.0, 64.0], [64.0, 1.0]] {
             assert!(Appearance::at(&picture, p).agrees(&Appearance::at(&picture, p)));

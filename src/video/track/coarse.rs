@@ -1,4 +1,4 @@
-//! The motion of the whole picture, roughly: where the tracker starts to look.
+//! Coarse global motion: the initial guess of the tracker.
 //!
 //! At a level of at most [`MAX_SIDE_PX`] px the shift `s` that minimizes
 //!
@@ -6,19 +6,19 @@
 //! mean over the overlap of |J(x + s) − I(x)|,      |s| ≤ a quarter of the side
 //! ```
 //!
-//! is found by trying every one. Quick pans move the picture by a tenth of its width per frame and more, which is beyond
-//! the reach of a gradient; that far, half a pixel of a level 80 px wide is near enough to start from.
+//! is found by exhaustive search. Quick pans move the picture by a tenth of its width per frame and more, which is beyond the
+//! convergence basin of gradient methods; half a pixel of a level 80 px wide is accurate enough as an initial guess.
 
 use plumbline_image::simd::multiversion;
 use plumbline_image::{PaddedPlane, Pyramid};
 
-/// Longest side of the level that is searched, px. Larger ones cost the fourth power, smaller ones are too blunt for the
-/// level above to start from.
+/// Longest side of the level that is searched, px. The cost grows with the fourth power; smaller levels are too coarse as the
+/// initial guess of the next finer one.
 const MAX_SIDE_PX: usize = 96;
 
-/// A shift must beat standing still by this factor of the mean difference, so that noise or one large moving object
-/// on a still picture does not send every point astray.
-const GAIN: f32 = 0.85;
+/// Greatest mean difference of a shift relative to that of no motion, so that noise or one large moving object in a still
+/// picture does not give every point a wrong initial guess.
+const MAX_RATIO: f32 = 0.85;
 
 /// Displacement of the picture from `prev` to `next`, px of level 0; zero where no shift is clearly better.
 pub(super) fn shift(prev: &Pyramid, next: &Pyramid) -> [f32; 2] {
@@ -27,7 +27,7 @@ pub(super) fn shift(prev: &Pyramid, next: &Pyramid) -> [f32; 2] {
     let (a, b) = (&prev.levels()[l], &next.levels()[l]);
     let (reach_x, reach_y) = (a.width() as isize / 4, a.height() as isize / 4);
     let still = difference(a, b, 0, 0);
-    let mut best = (GAIN * still, [0, 0]);
+    let mut best = (MAX_RATIO * still, [0, 0]);
     for dy in -reach_y..=reach_y {
         for dx in -reach_x..=reach_x {
             let d = difference(a, b, dx, dy);

@@ -38,9 +38,9 @@ use plumbline_image::{PaddedPlane, Pyramid};
 pub struct KltOptions {
     /// Most Gauss–Newton steps per level.
     pub iterations: usize,
-    /// A level ends where its displacement is known to within this, px of the level.
+    /// Convergence tolerance of the displacement, px of the level.
     pub epsilon_px: f32,
-    /// A match is refused where tracking back misses the start by this or more, px.
+    /// Forward–backward error from which a match is rejected, px.
     pub max_forward_backward_px: f32,
     /// Least smaller eigenvalue of `A` per sample of the window, (gray/px)²; flatter windows cannot be tracked.
     pub min_eigenvalue: f32,
@@ -53,23 +53,23 @@ impl Default for KltOptions {
     }
 }
 
-/// Where a point was found again.
+/// A tracked point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Position in the next picture, px, pixel centers at integer + 0.5.
     pub position: [f32; 2],
-    /// Distance between the start and where tracking back arrived, px.
+    /// Forward–backward error: distance between the point and the result of tracking back, px.
     pub forward_backward_px: f32,
 }
 
-/// How far a window's center may lie outside a level, px: further out, less than a tenth of the window sees the picture,
-/// and vectors would read beyond the border of [`plumbline_image::PADDING`] px.
+/// Distance of a window's center outside a level up to which it is tracked, px: further out, less than a tenth of the window
+/// is inside the picture, and vectors would read beyond the border of [`plumbline_image::PADDING`] px.
 const MARGIN: f32 = 8.0;
 
-/// Finds `points` of `prev` again in `next`, starting at `guesses` (positions in `next`, one per point).
+/// Tracks `points` of `prev` into `next`, from the initial guesses `guesses` (positions in `next`, one per point).
 ///
-/// Points are positions in px with pixel centers at integer + 0.5. `None` stands for points that left the picture, lie on
-/// flat ground or failed the check. The result does not depend on the number of threads.
+/// Points are positions in px with pixel centers at integer + 0.5. `None` for points that left the picture, are in a
+/// textureless area or failed the check. The result does not depend on the number of threads.
 pub fn track(
     prev: &Pyramid,
     next: &Pyramid,
@@ -104,7 +104,7 @@ impl Pair<'_> {
             .then_some(Match { position: q, forward_backward_px: distance })
     }
 
-    /// The position in `to` of the point `p` of `from`, sought from the displacement `d` on.
+    /// The position in `to` of the point `p` of `from`; `d` is the initial guess of the displacement.
     fn follow(
         &self,
         template: &mut Template,
@@ -213,7 +213,7 @@ fn oscillates(step: [f32; 2], last: [f32; 2], epsilon_px: f32) -> bool {
     (step[0] + last[0]).abs() < epsilon_px && (step[1] + last[1]).abs() < epsilon_px
 }
 
-/// What remains to the minimum after step `k`, px, if steps go on shrinking as the last two did.
+/// Predicted distance to the minimum after step `k`, px, if the steps keep shrinking as the last two did.
 fn remaining(step: [f32; 2], last: [f32; 2], k: usize) -> f32 {
     let (now, before) = (step[0].hypot(step[1]), last[0].hypot(last[1]));
     if k == 0 || now >= 0.5 * before {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_flat_ground_or_without_a_place_are_lost() {
+    fn points_in_textureless_areas_or_outside_are_lost() {
         let flat = {
             let mut pyramid = Pyramid::new();
             pyramid.rebuild(Plane::from_fn(100, 80, |_, _| 90).as_ref(), 4);

@@ -1,4 +1,4 @@
-//! Points followed through a clip: pyramidal KLT, the streaming tracker, frame classification and the track store.
+//! Feature tracking through a clip: pyramidal KLT, the streaming tracker, frame classification and the track store.
 #![allow(clippy::cast_possible_wrap)] // indices of pixels are far below 2⁶³
 
 mod appearance;

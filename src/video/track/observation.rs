@@ -1,8 +1,8 @@
-//! What the tracker says of one frame.
+//! Result of the tracker for one frame.
 
 use plumbline_num::time::Timestamp;
 
-/// A tracked point seen in one frame.
+/// A tracked point in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Track, unique in the clip; the same point has the same id in every frame.
@@ -11,16 +11,16 @@ pub struct Observation {
     pub x: f32,
     /// Position, likewise; y down.
     pub y: f32,
-    /// The point is taken to belong to the background. The tracker knows no better and says `true`; motion refines it.
+    /// The point belongs to the background. The tracker sets `true`; motion estimation refines it.
     pub background: bool,
 }
 
-/// What kind of picture a frame is.
+/// Classification of a frame.
 #[allow(clippy::struct_excessive_bools)] // four independent findings, not the states of one machine
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameQuality {
     /// Contrast of the analysis picture at half size relative to that at an eighth, in the direction where it is least,
-    /// dimensionless: what blur takes away first, whatever the scene shows. About 0.05 to 1; lower is softer.
+    /// dimensionless: blur lowers it, largely independent of the scene. About 0.05 to 1; lower is softer.
     pub sharpness: f32,
     /// Nothing to track: black, or of one flat tone.
     pub black: bool,
@@ -42,6 +42,6 @@ pub struct FrameTracks {
     pub pts: Timestamp,
     /// The points, ids ascending.
     pub observations: Vec<Observation>,
-    /// What kind of picture it is.
+    /// Classification.
     pub quality: FrameQuality,
 }

@@ -1,4 +1,4 @@
-//! Statistics of a picture that tell black, blurred and repeated frames and shot cuts apart.
+//! Statistics of a picture that detect black, blurred and repeated frames and shot cuts.
 
 use std::collections::VecDeque;
 
@@ -12,17 +12,17 @@ const BINS: usize = 32;
 /// size, where noise of 3 gray levels spreads over about 7. Larger values call dim scenes black.
 const MIN_SPREAD: usize = 8;
 
-/// Share of the running median under which sharpness counts as blur. Exposure and content move it by a tenth or two; a
-/// smear of 12 px takes half of it, one of 8 px four tenths.
-const BLUR_SHARE: f32 = 0.6;
+/// Fraction of the running median under which sharpness counts as blur. Exposure and content change it by a tenth or two; a
+/// motion blur of 12 px takes half of it, one of 8 px four tenths.
+const BLUR_FRACTION: f32 = 0.6;
 
 /// Frames of the running median: about a second.
 const MEDIAN_FRAMES: usize = 31;
 
-/// Most mean difference of a repeated frame, gray levels: what re-encoding adds to a still picture.
+/// Greatest mean difference of a repeated frame, gray levels: the noise that re-encoding adds to a still picture.
 const REPEAT_MEAN: f32 = 0.25;
 
-/// Most difference of any 32×32 block of a repeated frame, mean gray levels: something small that moves.
+/// Greatest mean difference of any 32×32 block of a repeated frame, gray levels: above it something small moves.
 const REPEAT_BLOCK: f32 = 1.0;
 
 /// Least histogram distance across a shot cut, 0 to 1. Quick pans reach about 0.15.
@@ -35,7 +35,7 @@ pub(super) struct PictureStats {
     pub sharpness: f32,
     /// Nothing to track.
     pub black: bool,
-    /// Shares of gray levels, summing to 1.
+    /// Fractions of gray levels, summing to 1.
     histogram: [f32; BINS],
 }
 
@@ -46,16 +46,16 @@ impl PictureStats {
         let level = |l: usize| &levels[l.min(levels.len() - 1)];
         let counts = histogram(level(1));
         let total = counts.iter().sum::<u32>() as f32;
-        let mut shares = [0.0; BINS];
+        let mut fractions = [0.0; BINS];
         for (v, count) in counts.iter().enumerate() {
-            shares[v * BINS / 256] += *count as f32 / total;
+            fractions[v * BINS / 256] += *count as f32 / total;
         }
         // Half size, since sensor noise would hide blur at full size; an eighth, which shake seldom reaches.
         let sharpness = least_ratio(tensor(level(1)), tensor(level(3)));
-        Self { sharpness, black: spread(&counts) < MIN_SPREAD, histogram: shares }
+        Self { sharpness, black: spread(&counts) < MIN_SPREAD, histogram: fractions }
     }
 
-    /// True where the gray levels changed as much as between two scenes.
+    /// Whether the histograms differ as much as across a cut.
     pub(super) fn differs(&self, other: &Self) -> bool {
         let l1: f32 = self.histogram.iter().zip(&other.histogram).map(|(a, b)| (a - b).abs()).sum();
         0.5 * l1 > CUT_DISTANCE
@@ -105,8 +105,8 @@ fn tensor(level: &PaddedPlane) -> [f64; 3] {
 }
 
 multiversion! {
-    /// `[Σ dx², Σ dx dy, Σ dy²]` over a row; `row` holds one sample more than `below`. Each term is at most 255², so that
-    /// `i32` holds 8192 of them.
+    /// `[Σ dx², Σ dx dy, Σ dy²]` over a row; `row` has one sample more than `below`. Each term is at most 255², so that 8192 of
+    /// them fit in an `i32`.
     fn row_tensor(row: &[u8], below: &[u8]) -> [i64; 3] {
         let mut total = [0; 3];
         for start in (0..below.len()).step_by(8192) {
@@ -122,7 +122,7 @@ multiversion! {
     }
 }
 
-/// True where `b` shows what `a` shows, to within the noise of an encoder.
+/// Whether `b` repeats `a`, up to the noise of an encoder.
 pub(super) fn repeats(a: &PaddedPlane, b: &PaddedPlane) -> bool {
     const SIDE: usize = 32;
     let (w, h) = (a.width(), a.height());
@@ -155,7 +155,7 @@ multiversion! {
     }
 }
 
-/// The sharpness that frames of late had.
+/// Running median of the sharpness.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SharpnessMedian {
     recent: VecDeque<f32>,
@@ -166,7 +166,7 @@ impl SharpnessMedian {
     pub(super) fn push(&mut self, sharpness: f32) -> bool {
         let mut sorted: Vec<f32> = self.recent.iter().copied().collect();
         sorted.sort_unstable_by(f32::total_cmp);
-        let blurred = sorted.get(sorted.len() / 2).is_some_and(|median| sharpness < BLUR_SHARE * median);
+        let blurred = sorted.get(sorted.len() / 2).is_some_and(|median| sharpness < BLUR_FRACTION * median);
         if self.recent.len() == MEDIAN_FRAMES {
             self.recent.pop_front();
         }
@@ -174,7 +174,7 @@ impl SharpnessMedian {
         blurred
     }
 
-    /// Forgets the shot before.
+    /// Clears the history at a cut.
     pub(super) fn clear(&mut self) {
         self.recent.clear();
     }
@@ -212,7 +212,7 @@ mod tests {
             let mean =
                 |x: usize, y: usize| (0..12).map(|k| u32::from(blocks(x + dx * k, y + dy * k))).sum::<u32>() / 12;
             let smeared = PictureStats::of(&built(|x, y| mean(x, y) as u8)).sharpness;
-            assert!(smeared < BLUR_SHARE * sharp, "along ({dx}, {dy}): {smeared} against {sharp}");
+            assert!(smeared < BLUR_FRACTION * sharp, "along ({dx}, {dy}): {smeared} against {sharp}");
         }
     }
 

@@ -1,7 +1,7 @@
-//! The tracks of a whole clip on disk: appended frame by frame, read by frame or window, in memory that does not grow.
+//! The tracks of a whole clip on disk: appended frame by frame, read by frame or window, in bounded memory.
 //!
-//! Two anonymous temporary files, which vanish with the store whatever happens: records of a fixed size, one per frame, and
-//! the observations, 8 bytes each in the common case:
+//! Two anonymous temporary files, which the system removes with the store: records of a fixed size, one per frame, and the
+//! observations, 8 bytes each in the common case:
 //!
 //! ```text
 //! u16  id − id of the observation before, 0x7fff and a u32 behind the eight bytes where that does not fit;
@@ -25,7 +25,7 @@ pub const RESOLUTION_PX: f32 = 1.0 / 256.0;
 /// Positions below this can be stored, px: 24 bits of steps.
 const LIMIT_PX: f32 = 65_535.0;
 
-/// Why tracks cannot be stored or read.
+/// Errors of the track store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
@@ -34,9 +34,9 @@ pub enum StoreError {
         "cannot keep tracks in the temporary folder {folder}: {source}; free space there or set TMPDIR to another folder"
     )]
     Io {
-        /// Where temporary files go.
+        /// Folder of temporary files.
         folder: String,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The caller is at fault: no such frame.
@@ -47,7 +47,7 @@ pub enum StoreError {
         /// Frames stored.
         frames: usize,
     },
-    /// The caller is at fault: a position that has no place in the format.
+    /// The caller is at fault: a position outside the range of the format.
     #[error("track {id} at ({x}, {y}) px cannot be stored (expected 0 to {LIMIT_PX} px)")]
     OutOfRange {
         /// Track.
@@ -154,7 +154,7 @@ impl TrackStore {
     /// Appends the tracks of the next frame; ids must ascend.
     ///
     /// # Errors
-    /// [`StoreError::OutOfRange`] and [`StoreError::Unordered`] for observations that the format does not hold,
+    /// [`StoreError::OutOfRange`] and [`StoreError::Unordered`] for observations that the format cannot represent,
     /// [`StoreError::Io`] for a full disk; the store is then as it was.
     pub fn push(&mut self, tracks: &FrameTracks) -> Result<(), StoreError> {
         let mut bytes = std::mem::take(&mut self.scratch);
@@ -200,7 +200,7 @@ impl TrackStore {
         Ok(records.iter().map(|r| decode(r, &bytes[part(r)])).collect())
     }
 
-    /// What kind of picture frame `frame` is, and its time, without its points.
+    /// Time and classification of frame `frame`, without its points.
     ///
     /// # Errors
     /// As [`Self::read`].
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_format_does_not_hold_is_refused_and_leaves_no_trace() {
+    fn observations_outside_the_format_are_refused_and_change_nothing() {
         let mut store = TrackStore::new().expect("a temporary folder");
         let at = |id, x| Observation { id, x, y: 1.0, background: true };
         let cases = [

@@ -1,17 +1,17 @@
-//! The streaming tracker: a picture goes in, the points seen in it come out.
+//! The streaming tracker: takes one picture after another and returns the tracked points of each.
 //!
-//! Per frame: a small luma picture, its pyramid, the rough motion of the whole, each point by KLT with forward–backward
-//! check, then the checks of a track's life (inside, not masked, still looking as at first, not on top of an older one),
-//! then new corners where buckets lack points.
+//! Per frame: a small luma picture, its pyramid, the coarse global motion, each point by KLT with forward–backward check, then
+//! the checks of a track (inside, not masked, same appearance as in its first frame, not on top of an older one), then new
+//! corners where buckets lack points.
 //!
-//! Frames that cannot be matched are told apart by what follows. The last good picture is *held* with its tracks:
+//! Frames that cannot be matched are classified by the frames that follow. The last good picture is *kept* with its tracks:
 //!
-//! - black or flat frames show nothing; the tracks go on from the held picture when something is seen again;
-//! - a frame where few points survive and the gray levels change begins a new shot (`cut_before`), yet if one of the next
-//!   [`FLASH_FRAMES`] matches the held picture instead, it was a flash: the old tracks go on and say how many frames they
+//! - black or flat frames have no features; the tracks continue from the kept picture after them;
+//! - a frame where few points survive and the gray levels change begins a new shot (`cut_before`), but if one of the next
+//!   [`FLASH_FRAMES`] matches the kept picture instead, it was a flash: the old tracks continue and report how many frames they
 //!   skipped (`bridged`), which voids the cut;
-//! - a repeated frame has the positions of the one before, exactly, and leaves the reference where it is, so that a creep
-//!   too slow to see from one frame to the next still adds up to motion.
+//! - a repeated frame has exactly the positions of the one before and does not replace the reference, so that motion too slow
+//!   to measure from one frame to the next accumulates.
 
 use plumbline_image::feature::{Corner, CornerDetector, CornerOptions, Mask};
 use plumbline_image::{Frame, PaddedPlane, Plane, PlaneRef, Pyramid, analysis_luma, analysis_size};
@@ -22,12 +22,12 @@ use super::klt::{KltOptions, Match, track};
 use super::quality::{PictureStats, SharpnessMedian, repeats};
 use super::{FrameQuality, FrameTracks, Observation, coarse};
 
-/// Settings of the tracker.
+/// Options of the tracker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackOptions {
-    /// Longest side of the analysis picture, px, 64 and up. Larger is finer and slower, about by its square.
+    /// Longest side of the analysis picture, px, 64 and up. Larger is more accurate; the time grows with its square.
     pub analysis_side: usize,
-    /// Points to keep, spread evenly, as far as the picture has them; 16 and up.
+    /// Target number of points, distributed evenly; 16 and up.
     pub points: usize,
     /// Settings of the matcher.
     pub klt: KltOptions,
@@ -48,7 +48,7 @@ impl TrackOptions {
     }
 }
 
-/// Why a tracker cannot be set up.
+/// Errors of [`Tracker::new`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrackError {
@@ -77,14 +77,16 @@ pub enum TrackError {
 /// Levels of the pyramid: the coarsest is 80 px wide at the default size, where a window bridges an eighth of the width.
 const LEVELS: usize = 4;
 
-/// Share of the points that must survive; below it the frame does not continue the one before.
-const SURVIVAL: f32 = 0.2;
+/// Least fraction of the points that must survive; below it the frame does not continue the one before. The fastest pan that
+/// the coarse search covers, a quarter of the side, leaves three quarters of them in view; across a cut only chance matches pass.
+const MIN_SURVIVAL: f32 = 0.2;
 
-/// Share that must survive from the held picture for the frames between to count as a flash.
-const RETURN: f32 = 0.4;
+/// Least fraction that must survive from the kept picture for the frames between to count as a flash: twice that of a
+/// successive frame, since accepting it voids a cut.
+const MIN_RETURN: f32 = 0.4;
 
-/// Fewest points of which a share says something.
-const FEW: usize = 8;
+/// Least number of points from which these fractions are computed: with fewer, one point is more than an eighth.
+const MIN_TRACKS: usize = 8;
 
 /// Longest flash, frames. Longer ones are indistinguishable from cutting away and back, which is two cuts.
 const FLASH_FRAMES: u32 = 4;
@@ -92,16 +94,17 @@ const FLASH_FRAMES: u32 = 4;
 /// Longest black that tracks bridge, frames: beyond, the camera may be anywhere and motion cannot be interpolated.
 const BLACK_FRAMES: u32 = 10;
 
-/// Frames between looks at the appearance of a track; each looks in its own turn.
+/// Frames between appearance checks of a track, staggered by its id: drift accumulates over many frames, so that checking every
+/// frame would cost six times as much for little.
 const APPEARANCE_EVERY: u32 = 6;
 
-/// A point on its way.
+/// A point being tracked.
 #[derive(Clone, Debug)]
 struct Track {
     id: u32,
     /// Position in the reference picture, px of the analysis picture.
     position: [f32; 2],
-    /// Frames since the first sight.
+    /// Frames since the first one.
     age: u32,
     first: Appearance,
 }
@@ -124,14 +127,14 @@ pub struct Tracker {
     options: TrackOptions,
     mask: Option<Mask>,
     detector: CornerDetector,
-    /// The last picture that showed something.
+    /// The last picture with features.
     reference: Option<Reference>,
-    /// The one before a frame that did not continue it.
-    held: Option<Reference>,
+    /// The reference before a frame that did not continue it.
+    kept: Option<Reference>,
     sharpness: SharpnessMedian,
     next_id: u32,
     luma: Plane<u8>,
-    /// A pyramid whose memory is free.
+    /// A pyramid whose memory is reused.
     spare: Pyramid,
 }
 
@@ -158,7 +161,7 @@ impl Tracker {
             mask,
             detector: CornerDetector::new(options.corners),
             reference: None,
-            held: None,
+            kept: None,
             sharpness: SharpnessMedian::default(),
             next_id: 0,
             luma: Plane::new(0, 0),
@@ -192,7 +195,7 @@ impl Tracker {
             quality.bridged = std::mem::take(&mut reference.age);
             quality.duplicate = quality.bridged == 0;
             self.spare = pyramid;
-            self.let_go();
+            self.age_kept();
             return self.report(pts, quality);
         }
         quality.blurred = self.sharpness.push(stats.sharpness);
@@ -201,17 +204,17 @@ impl Tracker {
         self.report(pts, quality)
     }
 
-    /// A frame that shows nothing.
+    /// A frame without features.
     fn nothing(&mut self, pts: Timestamp, sharpness: f32) -> FrameTracks {
-        let grown_old = |r: &mut Reference, limit: u32| {
+        let expired = |r: &mut Reference, limit: u32| {
             r.age += 1;
             r.age > limit
         };
-        if self.reference.as_mut().is_some_and(|r| grown_old(r, BLACK_FRAMES)) {
+        if self.reference.as_mut().is_some_and(|r| expired(r, BLACK_FRAMES)) {
             self.reference = None;
         }
-        if self.held.as_mut().is_some_and(|r| grown_old(r, FLASH_FRAMES)) {
-            self.held = None;
+        if self.kept.as_mut().is_some_and(|r| expired(r, FLASH_FRAMES)) {
+            self.kept = None;
         }
         let quality = FrameQuality { sharpness, black: true, ..FrameQuality::default() };
         FrameTracks { pts, observations: Vec::new(), quality }
@@ -221,11 +224,11 @@ impl Tracker {
     fn advance(&mut self, mut now: Reference, quality: &mut FrameQuality) {
         if let Some(before) = self.reference.take() {
             let followed = self.follow(&before, &now);
-            if continues(&before, &followed, SURVIVAL) {
+            if continues(&before, &followed, MIN_SURVIVAL) {
                 quality.bridged = before.age;
                 now.tracks = self.thinned(followed, &now.pyramid.levels()[0]);
                 self.spare = before.pyramid;
-                self.let_go();
+                self.age_kept();
             } else {
                 self.interrupted(before, followed, &mut now, quality);
             }
@@ -236,10 +239,10 @@ impl Tracker {
 
     /// `now` does not continue `before`: the end of a flash, or the beginning of something else.
     fn interrupted(&mut self, before: Reference, reached: Vec<Track>, now: &mut Reference, quality: &mut FrameQuality) {
-        if let Some(held) = self.held.take() {
-            let followed = self.follow(&held, now);
-            if continues(&held, &followed, RETURN) {
-                quality.bridged = held.age + 1;
+        if let Some(kept) = self.kept.take() {
+            let followed = self.follow(&kept, now);
+            if continues(&kept, &followed, MIN_RETURN) {
+                quality.bridged = kept.age + 1;
                 now.tracks = self.thinned(followed, &now.pyramid.levels()[0]);
                 return;
             }
@@ -248,32 +251,32 @@ impl Tracker {
         if quality.cut_before {
             self.sharpness.clear();
         }
-        if before.tracks.len() >= FEW {
-            self.held = Some(before);
+        if before.tracks.len() >= MIN_TRACKS {
+            self.kept = Some(before);
         } else if !quality.cut_before {
             quality.bridged = before.age;
             now.tracks = self.thinned(reached, &now.pyramid.levels()[0]);
         }
     }
 
-    /// The held picture grows older by a frame that continues its successor.
-    fn let_go(&mut self) {
-        if self.held.as_mut().is_some_and(|held| {
-            held.age += 1;
-            held.age >= FLASH_FRAMES
+    /// Ages the kept picture by a frame that continues its successor; drops it once no flash is that long.
+    fn age_kept(&mut self) {
+        if self.kept.as_mut().is_some_and(|kept| {
+            kept.age += 1;
+            kept.age >= FLASH_FRAMES
         }) {
-            self.held = None;
+            self.kept = None;
         }
     }
 
-    /// The tracks of `before` that are seen in `now`.
+    /// The tracks of `before` that are found in `now`.
     fn follow(&self, before: &Reference, now: &Reference) -> Vec<Track> {
         let points: Vec<[f32; 2]> = before.tracks.iter().map(|t| t.position).collect();
         let shift = coarse::shift(&before.pyramid, &now.pyramid);
         let mut matches = self.matched(before, now, &points, shift);
         let lost = matches.iter().filter(|m| m.is_none()).count();
         if shift != [0.0; 2] && 2 * lost > points.len() {
-            // The rough motion was that of something else: let the lost ones look around where they were.
+            // The coarse motion was that of a moving object: the lost ones are tried again from no motion.
             let again = self.matched(before, now, &points, [0.0; 2]);
             matches.iter_mut().zip(again).for_each(|(m, again)| *m = m.or(again));
         }
@@ -286,18 +289,18 @@ impl Tracker {
         track(&before.pyramid, &now.pyramid, points, &guesses, &self.options.klt)
     }
 
-    /// The track at its new position, unless it left the picture, entered the mask or changed its looks.
+    /// The track at its new position, unless it left the picture, entered the mask or changed its appearance.
     fn continued(&self, track: &Track, position: [f32; 2], now: &Reference) -> Option<Track> {
         let level = &now.pyramid.levels()[0];
         let (w, h) = (level.width() as f32, level.height() as f32);
         let inside = (0.0..w).contains(&position[0]) && (0.0..h).contains(&position[1]);
         let masked = self.mask.as_ref().is_some_and(|m| m.covers(position[0], position[1]));
-        let looked_at = (track.age + track.id).is_multiple_of(APPEARANCE_EVERY);
-        let slipped = || looked_at && !track.first.agrees(&Appearance::at(level, position));
-        (inside && !masked && !slipped()).then(|| Track { position, age: track.age + 1, ..track.clone() })
+        let checked = (track.age + track.id).is_multiple_of(APPEARANCE_EVERY);
+        let drifted = || checked && !track.first.agrees(&Appearance::at(level, position));
+        (inside && !masked && !drifted()).then(|| Track { position, age: track.age + 1, ..track.clone() })
     }
 
-    /// Drops tracks that came upon an older one, and the youngest of buckets that hold twice their share.
+    /// Drops tracks that ran into an older one, and the youngest of buckets with twice their number of points.
     fn thinned(&self, tracks: Vec<Track>, picture: &PaddedPlane) -> Vec<Track> {
         const CELL: f32 = 4.0; // half of the least distance of new corners
         let (w, h) = (picture.width(), picture.height());
@@ -320,7 +323,7 @@ impl Tracker {
         tracks
     }
 
-    /// Points that a bucket should hold.
+    /// Target number of points per bucket.
     fn per_bucket(&self, picture: &PaddedPlane) -> usize {
         let (cols, rows) = self.detector.grid(picture.width(), picture.height());
         self.options.points.div_ceil(cols * rows).max(1)
@@ -340,7 +343,7 @@ impl Tracker {
         }
     }
 
-    /// What is said of a frame whose points stand in the reference.
+    /// The result for a frame whose points are those of the reference.
     fn report(&self, pts: Timestamp, quality: FrameQuality) -> FrameTracks {
         let tracks = self.reference.as_ref().map_or(&[][..], |r| &r.tracks);
         let (w, h) = self.options.analysis_size(self.width, self.height);
@@ -355,7 +358,7 @@ impl Tracker {
     }
 }
 
-/// True where enough points of `before` survived; too few to tell do not count.
-fn continues(before: &Reference, followed: &[Track], share: f32) -> bool {
-    before.tracks.len() >= FEW && followed.len() as f32 >= share * before.tracks.len() as f32
+/// Whether at least the fraction `survival` of `before`'s points was followed; false where there are too few to decide.
+fn continues(before: &Reference, followed: &[Track], survival: f32) -> bool {
+    before.tracks.len() >= MIN_TRACKS && followed.len() as f32 >= survival * before.tracks.len() as f32
 }

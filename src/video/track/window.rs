@@ -15,7 +15,7 @@
 //! ```
 //!
 //! Products of two such numbers stay below 2²⁵, 42 of them below 2³¹, so that lanes of 32 bits never overflow and every
-//! sum is exact: all instruction sets give the same bits. [`super::window_x86`] holds the twins.
+//! sum is exact: all instruction sets give the same bits. [`super::window_x86`] has the vector versions.
 
 /// Side of the window, px. Fixed, since the kernels unroll it; 21 is OpenCV's default and bridges 10 px per level.
 pub(super) const SIDE: usize = 21;
@@ -68,8 +68,8 @@ pub(super) struct Patch<'a> {
 }
 
 impl Patch<'_> {
-    /// True where `rows` rows of [`READ`] samples lie in the slice.
-    pub(super) fn holds(&self, rows: usize) -> bool {
+    /// Whether the slice contains `rows` rows of [`READ`] samples.
+    pub(super) fn has_rows(&self, rows: usize) -> bool {
         self.samples.len() >= (rows - 1) * self.stride + READ
     }
 }

@@ -1,7 +1,7 @@
 //! The window sums of [`super::window`] for AVX2 and AVX-512, bit for bit the same.
 //!
 //! One source for both: a row of the window is two vectors of 16 lanes or one of 32. The lanes behind the window carry
-//! whatever the picture holds there; the template's gradient is zero in them, so they add nothing.
+//! the samples of the picture there; the template's gradient is zero in them, so they add nothing.
 #![allow(unsafe_code)] // SIMD loads and stores by pointer
 #![allow(clippy::cast_ptr_alignment)] // all of them are of the unaligned kind
 
@@ -46,9 +46,9 @@ macro_rules! window_kernels {
         };
 
         pub(in super::super) fn extract(patch: &Patch<'_>, template: &mut Template) {
-            assert!(patch.holds(SIDE + 3), "the patch ends inside the window");
-            // SAFETY: `super::kernels` hands this function out only where the features were detected; the assertion is
-            // what `ring` asks for.
+            assert!(patch.has_rows(SIDE + 3), "the patch ends inside the window");
+            // SAFETY: `super::kernels` returns this function only where the features were detected; the assertion is
+            // the contract of `ring`.
             unsafe {
                 ring(patch, &mut template.ring);
                 gradient(template);
@@ -56,13 +56,13 @@ macro_rules! window_kernels {
         }
 
         pub(in super::super) fn normal_matrix(template: &Template) -> [i64; 3] {
-            // SAFETY: handed out only where the features were detected.
+            // SAFETY: returned only where the features were detected.
             unsafe { normal_sums(&template.gx, &template.gy) }
         }
 
         pub(in super::super) fn mismatch(template: &Template, patch: &Patch<'_>) -> [i64; 2] {
-            assert!(patch.holds(SIDE + 1), "the patch ends inside the window");
-            // SAFETY: handed out only where the features were detected; the assertion is what the sums ask for.
+            assert!(patch.has_rows(SIDE + 1), "the patch ends inside the window");
+            // SAFETY: returned only where the features were detected; the assertion is the contract of the sums.
             unsafe { mismatch_sums(template, patch) }
         }
 
@@ -82,13 +82,13 @@ macro_rules! window_kernels {
         /// The interpolated window with its ring.
         ///
         /// # Safety
-        /// `patch.holds(SIDE + 3)`.
+        /// `patch.has_rows(SIDE + 3)`.
         #[target_feature(enable = $features)]
         unsafe fn ring(patch: &Patch<'_>, out: &mut RingRows) {
             let (a, b) = ($set1(patch.a), $set1(patch.b));
             for part in 0..PARTS {
                 let start = patch.samples.as_ptr().wrapping_add(part * $lanes);
-                // SAFETY: row 0 to `SIDE + 2` of the patch hold `LANES + 1` samples each; a row of `out` more than `LANES`.
+                // SAFETY: rows 0 to `SIDE + 2` of the patch have `LANES + 1` samples each; a row of `out` more than `LANES`.
                 unsafe {
                     let mut top = blended(start, a);
                     for (y, row) in out.iter_mut().enumerate() {
@@ -123,7 +123,7 @@ macro_rules! window_kernels {
                 for y in 0..SIDE {
                     let below = dx(y + 2);
                     let dy = |k: usize| $sub16(at(y + 2, k), at(y, k));
-                    // SAFETY: rows of the template hold `LANES` samples.
+                    // SAFETY: rows of the template have `LANES` samples.
                     unsafe {
                         $store(value[y].as_mut_ptr().add(x).cast(), at(y + 1, 1));
                         $store(gx[y].as_mut_ptr().add(x).cast(), $and(smooth(above, middle, below), inside));
@@ -140,7 +140,7 @@ macro_rules! window_kernels {
             for part in 0..PARTS {
                 let (mut xx, mut xy, mut yy) = ($zero(), $zero(), $zero());
                 for (gx, gy) in gx.iter().zip(gy) {
-                    // SAFETY: rows of the template hold `LANES` samples.
+                    // SAFETY: rows of the template have `LANES` samples.
                     let [gx, gy] = [gx, gy].map(|g| unsafe { $load(g.as_ptr().add(part * $lanes).cast()) });
                     xx = $add32(xx, $mul_add(gx, gx));
                     xy = $add32(xy, $mul_add(gx, gy));
@@ -152,7 +152,7 @@ macro_rules! window_kernels {
         }
 
         /// # Safety
-        /// `patch.holds(SIDE + 1)`.
+        /// `patch.has_rows(SIDE + 1)`.
         #[target_feature(enable = $features)]
         unsafe fn mismatch_sums(template: &Template, patch: &Patch<'_>) -> [i64; 2] {
             let (a, b) = ($set1(patch.a), $set1(patch.b));
@@ -161,7 +161,7 @@ macro_rules! window_kernels {
                 let x = part * $lanes;
                 let start = patch.samples.as_ptr().wrapping_add(x);
                 let (mut sum_x, mut sum_y) = ($zero(), $zero());
-                // SAFETY: rows 0 to `SIDE` of the patch hold `LANES + 1` samples each, rows of the template `LANES`.
+                // SAFETY: rows 0 to `SIDE` of the patch have `LANES + 1` samples each, rows of the template `LANES`.
                 unsafe {
                     let mut top = blended(start, a);
                     for y in 0..SIDE {

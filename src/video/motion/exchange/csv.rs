@@ -4,8 +4,8 @@
 //! frame,pts,time_s,shot,tier,verdict,cameras,qw,qx,qy,qz,tx,ty,tz,center_x,center_y,center_z,focal,k1
 //! ```
 //!
-//! `tier` and `verdict` are those of the motion in the picture, `cameras` what the shot's cameras in space are worth, in the words of
-//! the motion file. `q` and `t` are world to camera; `center` is where the camera stands, in the coordinates of its shot.
+//! `tier` and `verdict` are those of the motion in the picture, `cameras` the verdict on the shot's cameras in space, as in the
+//! motion file. `q` and `t` are world to camera; `center` is the camera center, in the coordinates of its shot.
 
 use std::io::{self, Write};
 
@@ -28,9 +28,9 @@ pub fn write_csv(motion: &ClipMotion, mut out: impl Write) -> io::Result<()> {
         let (pts, time_s) = (frame.pts.0, motion.timebase.seconds(frame.pts));
         let shot = motion.shot_of(k).unwrap_or(0);
         let cameras = motion.cameras.as_ref();
-        let worth = cameras.and_then(|c| c.shots.iter().find(|s| s.frames.contains(&k)));
-        let worth = worth.map_or_else(String::new, |s| word(&s.verdict));
-        write!(out, "{k},{pts},{time_s:.6},{shot},{},{},{worth}", word(&frame.model), word(&frame.quality))?;
+        let verdict = cameras.and_then(|c| c.shots.iter().find(|s| s.frames.contains(&k)));
+        let verdict = verdict.map_or_else(String::new, |s| word(&s.verdict));
+        write!(out, "{k},{pts},{time_s:.6},{shot},{},{},{verdict}", word(&frame.model), word(&frame.quality))?;
         match cameras.and_then(|c| c.frames.get(k)).copied().flatten() {
             Some(camera) => row(&camera).iter().try_for_each(|v| write!(out, ",{v}"))?,
             None => write!(out, "{}", ",".repeat(CAMERA_COLUMNS))?,

@@ -7,9 +7,9 @@
 //! translation = D c,      rotation = D R_wc D.
 //! ```
 //!
-//! The projection is symmetric: `yfov = 2 atan(H / 2f)`, of the shot's first camera; the radial term has no place in it. Shots
-//! lie under nodes of their own, in coordinates that have nothing to do with each other; the animation moves each camera during
-//! its shot, at the times of the frames, counted from the first frame of the clip.
+//! The projection is symmetric: `yfov = 2 atan(H / 2f)`, of the shot's first camera; glTF has no radial distortion. Each shot has
+//! a node and unrelated coordinates of its own; the animation moves each camera during its shot, at the times of the frames
+//! relative to the first frame of the clip.
 //!
 //! # Reference
 //! Khronos Group, *glTF 2.0 specification*, sections 3.6 (binary data), 3.10 (cameras), 3.11 (animations).
@@ -43,7 +43,7 @@ impl Container {
 
 /// Mode of a primitive that is a cloud of points.
 const POINTS: u32 = 0;
-/// Distance of the near plane, as a share of the distance of the nearest point or camera step: only for viewers.
+/// Distance of the near plane, in the unit of the shot; only viewers use it.
 const Z_NEAR: f64 = 0.01;
 
 /// Writes the scene of a clip; shots without cameras, or whose cameras failed, are not in it.
@@ -53,14 +53,14 @@ const Z_NEAR: f64 = 0.01;
 pub fn write_gltf(motion: &ClipMotion, container: Container, mut out: impl Write) -> io::Result<()> {
     let mut scene = Scene::default();
     if let Some(cameras) = &motion.cameras {
-        let held = |shot: &usize| cameras.shots[*shot].verdict != SfmVerdict::Failed;
-        (0..cameras.shots.len()).filter(held).for_each(|shot| scene.push_shot(motion, cameras, shot));
+        let has_cameras = |shot: &usize| cameras.shots[*shot].verdict != SfmVerdict::Failed;
+        (0..cameras.shots.len()).filter(has_cameras).for_each(|shot| scene.push_shot(motion, cameras, shot));
     }
     scene.write(container == Container::Binary, &mut out)?;
     out.flush()
 }
 
-/// The parts of a document in the making.
+/// The parts of a document being built.
 #[derive(Default)]
 struct Scene {
     buffer: GltfBuffer,
@@ -84,7 +84,7 @@ impl Scene {
         let mut children = vec![self.push_camera(motion, shot, first)];
         self.animate(children[0], &keys);
         let points: Vec<[f32; 3]> =
-            cameras.points.iter().filter(|p| p.shot as usize == shot).map(|p| turned(&p.place)).collect();
+            cameras.points.iter().filter(|p| p.shot as usize == shot).map(|p| flipped(&p.position)).collect();
         if !points.is_empty() {
             children.push(self.push_points(shot, &points));
         }
@@ -92,13 +92,13 @@ impl Scene {
         self.nodes.push(json!({ "name": format!("shot {shot}"), "children": children }));
     }
 
-    /// The node of a camera, as it stands at first.
+    /// The node of a camera with its first pose.
     fn push_camera(&mut self, motion: &ClipMotion, shot: usize, first: &FrameCamera) -> usize {
         let (width, height) = (f64::from(motion.width), f64::from(motion.height));
         let yfov = 2.0 * (0.5 * height / first.intrinsics.focal).atan();
         let perspective = json!({ "yfov": yfov, "aspectRatio": width / height, "znear": Z_NEAR });
         self.cameras.push(json!({ "type": "perspective", "perspective": perspective }));
-        let (translation, rotation) = placed(&first.pose);
+        let (translation, rotation) = node_pose(&first.pose);
         self.nodes.push(json!({
             "name": format!("camera {shot}"),
             "camera": self.cameras.len() - 1,
@@ -116,17 +116,16 @@ impl Scene {
         self.nodes.len() - 1
     }
 
-    /// Moves a node through the poses of `keys`.
+    /// Animates a node with the poses of `keys`.
     fn animate(&mut self, node: usize, keys: &[(f32, FrameCamera)]) {
         let times: Vec<[f32; 1]> = keys.iter().map(|(time, _)| [*time]).collect();
-        let (mut places, mut turns): (Vec<[f32; 3]>, Vec<[f32; 4]>) =
-            keys.iter().map(|(_, camera)| placed(&camera.pose)).unzip();
-        keep_sides(&mut turns);
-        places.shrink_to_fit();
+        let (translations, mut rotations): (Vec<[f32; 3]>, Vec<[f32; 4]>) =
+            keys.iter().map(|(_, camera)| node_pose(&camera.pose)).unzip();
+        unify_signs(&mut rotations);
         let input = self.buffer.bounded(&times, "SCALAR", None);
         for (path, output) in [
-            ("translation", self.buffer.floats(&places, "VEC3", None)),
-            ("rotation", self.buffer.floats(&turns, "VEC4", None)),
+            ("translation", self.buffer.floats(&translations, "VEC3", None)),
+            ("rotation", self.buffer.floats(&rotations, "VEC4", None)),
         ] {
             self.samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
             let target = json!({ "node": node, "path": path });
@@ -156,23 +155,23 @@ impl Scene {
 }
 
 /// `D x`.
-fn turned(x: &Point3) -> [f32; 3] {
+fn flipped(x: &Point3) -> [f32; 3] {
     [x.x as f32, -x.y as f32, -x.z as f32]
 }
 
-/// Place and rotation `[x, y, z, w]` of a camera's node.
-fn placed(pose: &CameraPose) -> ([f32; 3], [f32; 4]) {
-    // D is the half turn about x, which as a quaternion is i; i q i⁻¹ turns the signs of y and z.
+/// Translation and rotation `[x, y, z, w]` of a camera's node.
+fn node_pose(pose: &CameraPose) -> ([f32; 3], [f32; 4]) {
+    // D is the rotation by π about x, the quaternion i; i q i⁻¹ negates y and z.
     let q: UnitQuaternion<f64> = pose.rotation.inverse();
-    (turned(&pose.center()), [q.i as f32, -q.j as f32, -q.k as f32, q.w as f32])
+    (flipped(&pose.center()), [q.i as f32, -q.j as f32, -q.k as f32, q.w as f32])
 }
 
-/// Chooses between `q` and `−q`, which are the same rotation, so that neighbors lie on one side.
-fn keep_sides(turns: &mut [[f32; 4]]) {
-    for k in 1..turns.len() {
-        let dot: f32 = (0..4).map(|i| turns[k - 1][i] * turns[k][i]).sum();
+/// Chooses between `q` and `−q`, which are the same rotation, so that neighbors are in one hemisphere.
+fn unify_signs(rotations: &mut [[f32; 4]]) {
+    for k in 1..rotations.len() {
+        let dot: f32 = (0..4).map(|i| rotations[k - 1][i] * rotations[k][i]).sum();
         if dot < 0.0 {
-            turns[k] = turns[k].map(|v| -v);
+            rotations[k] = rotations[k].map(|v| -v);
         }
     }
 }
@@ -213,22 +212,22 @@ mod tests {
             &document["animations"][0]["samplers"][channel["sampler"].as_u64().expect("a sampler") as usize]
         };
         let output = |path| floats(&document, &buffer, sampler(path)["output"].as_u64().expect("output") as usize);
-        let (places, turns) = (output("translation"), output("rotation"));
+        let (translations, rotations) = (output("translation"), output("rotation"));
         let position = document["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64().expect("points");
         let points = floats(&document, &buffer, position as usize);
         let cameras = motion.cameras.as_ref().expect("cameras");
         let known: Vec<_> = cameras.frames.iter().flatten().collect();
         assert_eq!(
-            (places.len(), turns.len(), points.len()),
+            (translations.len(), rotations.len(), points.len()),
             (3 * known.len(), 4 * known.len(), 3 * cameras.points.len())
         );
         for (k, camera) in known.iter().enumerate() {
-            let q = Quaternion::new(turns[4 * k + 3], turns[4 * k], turns[4 * k + 1], turns[4 * k + 2]);
+            let q = Quaternion::new(rotations[4 * k + 3], rotations[4 * k], rotations[4 * k + 1], rotations[4 * k + 2]);
             let node = UnitQuaternion::new_normalize(q);
-            let at = Vector3::new(places[3 * k], places[3 * k + 1], places[3 * k + 2]);
+            let at = Vector3::new(translations[3 * k], translations[3 * k + 1], translations[3 * k + 2]);
             for (i, point) in cameras.points.iter().enumerate() {
                 let theirs = node.inverse() * (Vector3::new(points[3 * i], points[3 * i + 1], points[3 * i + 2]) - at);
-                let ours = camera.pose.apply(&point.place);
+                let ours = camera.pose.apply(&point.position);
                 let expected = Vector3::new(ours.x as f32, -ours.y as f32, -ours.z as f32);
                 assert!((theirs - expected).norm() < 1e-4, "camera {k}, point {i}");
             }
@@ -236,10 +235,11 @@ mod tests {
     }
 
     #[test]
-    fn neighboring_rotations_lie_on_one_side() {
-        let mut turns = [[0.1, 0.0, 0.0, 0.9], [-0.1, 0.0, 0.0, -0.9], [-0.2, 0.0, 0.0, -0.8], [0.3, 0.0, 0.0, 0.7]];
-        keep_sides(&mut turns);
-        assert_eq!(turns, [[0.1, 0.0, 0.0, 0.9], [0.1, 0.0, 0.0, 0.9], [0.2, 0.0, 0.0, 0.8], [0.3, 0.0, 0.0, 0.7]]);
+    fn neighboring_quaternions_are_in_one_hemisphere() {
+        let mut rotations =
+            [[0.1, 0.0, 0.0, 0.9], [-0.1, 0.0, 0.0, -0.9], [-0.2, 0.0, 0.0, -0.8], [0.3, 0.0, 0.0, 0.7]];
+        unify_signs(&mut rotations);
+        assert_eq!(rotations, [[0.1, 0.0, 0.0, 0.9], [0.1, 0.0, 0.0, 0.9], [0.2, 0.0, 0.0, 0.8], [0.3, 0.0, 0.0, 0.7]]);
     }
 
     #[test]
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_binary_container_holds_the_same_in_whole_words() {
+    fn the_binary_container_has_the_same_content_aligned_to_words() {
         let mut bytes = Vec::new();
         write_gltf(&walk().0, Container::Binary, &mut bytes).expect("memory");
         let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize;
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_without_cameras_to_trust_is_an_empty_scene() {
+    fn a_clip_without_cameras_is_an_empty_scene() {
         let (known, _) = walk();
         let mut failed = known.clone();
         failed.cameras.as_mut().expect("cameras").shots[0].verdict = SfmVerdict::Failed;

@@ -22,22 +22,22 @@ mod tests {
     /// Six frames, 25 to the second, that look at a few points; the fifth has no camera. Each point is seen 0.1 px off.
     pub(in crate::motion::exchange) fn walk() -> (ClipMotion, TrackStore) {
         let mut random = fastrand::Rng::with_seed(3);
-        let mut place = |k: u32| {
+        let mut point = |k: u32| {
             let (x, y) = (4.0 * random.f64() - 2.0, 2.0 * random.f64() - 1.0);
-            WorldPoint { shot: 0, id: 3 * k + 1, place: Point3::new(x, y, 4.0 + 3.0 * random.f64()) }
+            WorldPoint { shot: 0, id: 3 * k + 1, position: Point3::new(x, y, 4.0 + 3.0 * random.f64()) }
         };
-        let points: Vec<WorldPoint> = (0..40).map(&mut place).collect();
+        let points: Vec<WorldPoint> = (0..40).map(&mut point).collect();
         let mut intrinsics = Intrinsics::centered(576.0, SIZE.0, SIZE.1);
         intrinsics.k1 = -0.05;
         let pose = |k: usize| {
-            let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.01, 0.03, -0.02) * k as f64);
-            CameraPose::looking_from(Point3::new(0.1 * k as f64, 0.02, -0.05 * k as f64), turn)
+            let rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.01, 0.03, -0.02) * k as f64);
+            CameraPose::looking_from(Point3::new(0.1 * k as f64, 0.02, -0.05 * k as f64), rotation)
         };
         let camera = |k: usize| (k != 4).then(|| FrameCamera { pose: pose(k), intrinsics });
         let mut store = TrackStore::new().expect("a temporary folder");
         for (k, ticks) in (0..6).zip(0..) {
             let seen = |p: &WorldPoint| {
-                let at = intrinsics.project(&pose(k).apply(&p.place)).expect("in front");
+                let at = intrinsics.project(&pose(k).apply(&p.position)).expect("in front");
                 let inside = (0.0..640.0).contains(&at.x) && (0.0..360.0).contains(&at.y);
                 inside.then_some(Observation { id: p.id, x: at.x as f32 + 0.1, y: at.y as f32, background: true })
             };

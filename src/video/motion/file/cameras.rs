@@ -1,4 +1,4 @@
-//! The blocks of a motion file that hold cameras in space.
+//! The blocks of a motion file with cameras in space.
 //!
 //! ```json
 //! "cameras": [ { "q": [1,0,0,0], "t": [0,0,0], "focal": 576, "center": [320,180], "k1": 0 }, …, null ],
@@ -20,8 +20,8 @@ use crate::motion::sfm::{SfmFigures, SfmVerdict};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::Point2;
 
-/// How far the length of a quaternion may be off 1.
-const QUATERNION_SLACK: f64 = 1e-3;
+/// Greatest deviation of the norm of a quaternion from 1: files with four digits pass.
+const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// The blocks, as far as a file has them.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +33,7 @@ pub(super) struct InSpace {
     /// Still points.
     #[cfg_attr(feature = "schema", schemars(default))]
     pub(super) points: Option<Vec<PointEntry>>,
-    /// Per shot what the cameras are worth.
+    /// Per shot the verdict on its cameras.
     #[cfg_attr(feature = "schema", schemars(default))]
     pub(super) reconstruction: Option<Vec<ShotEntry>>,
 }
@@ -63,7 +63,7 @@ pub(super) struct PointEntry {
     shot: u32,
     /// Its track.
     id: u32,
-    /// Its place in the coordinates of the shot.
+    /// Position in the coordinates of the shot.
     at: [f64; 3],
 }
 
@@ -73,11 +73,11 @@ pub(super) struct PointEntry {
 pub(super) struct ShotEntry {
     /// First frame, and the one after the last.
     frames: [usize; 2],
-    /// What the tracks allow to say.
+    /// Kind of motion that the tracks support.
     verdict: SfmVerdict,
-    /// Why.
+    /// Reason.
     reason: String,
-    /// How good it is.
+    /// Quality figures.
     figures: SfmFigures,
 }
 
@@ -87,7 +87,7 @@ pub(super) fn write(out: &mut impl Write, cameras: &ClipCameras) -> Result<(), M
     write_block(
         out,
         "points",
-        cameras.points.iter().map(|p| PointEntry { shot: p.shot, id: p.id, at: p.place.into() }),
+        cameras.points.iter().map(|p| PointEntry { shot: p.shot, id: p.id, at: p.position.into() }),
     )?;
     write_block(
         out,
@@ -102,7 +102,7 @@ pub(super) fn write(out: &mut impl Write, cameras: &ClipCameras) -> Result<(), M
 }
 
 impl InSpace {
-    /// Refuses what no camera is.
+    /// Refuses invalid cameras.
     pub(super) fn check(&self, frames: usize) -> Result<(), MotionFileError> {
         if let Some(found) = self.cameras.as_ref().map(Vec::len).filter(|n| *n != frames) {
             return Err(MotionFileError::Length { block: "cameras", found, frames });
@@ -127,7 +127,7 @@ impl InSpace {
         Ok(())
     }
 
-    /// What the blocks say; coordinates in the picture are moved by `shift` px.
+    /// The cameras of the blocks; image coordinates are shifted by `shift` px.
     pub(super) fn into_cameras(self, shift: f64) -> Option<ClipCameras> {
         let frames = self.cameras?;
         let shot = |s: ShotEntry| ShotCameras {
@@ -136,7 +136,7 @@ impl InSpace {
             reason: s.reason,
             figures: s.figures,
         };
-        let point = |p: PointEntry| WorldPoint { shot: p.shot, id: p.id, place: Point3::from(p.at) };
+        let point = |p: PointEntry| WorldPoint { shot: p.shot, id: p.id, position: Point3::from(p.at) };
         Some(ClipCameras {
             frames: frames.into_iter().map(|c| c.map(|c| c.camera(shift))).collect(),
             points: self.points.into_iter().flatten().map(point).collect(),
@@ -161,7 +161,7 @@ impl From<FrameCamera> for CameraEntry {
 impl CameraEntry {
     fn check(&self, k: usize) -> Result<(), MotionFileError> {
         let length = self.q.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !((length - 1.0).abs() <= QUATERNION_SLACK) {
+        if !((length - 1.0).abs() <= QUATERNION_TOLERANCE) {
             return Err(value(format!("cameras[{k}].q"), format!("{:?}", self.q), "a quaternion of length 1"));
         }
         if !(self.focal > 0.0 && self.focal.is_finite()) {

@@ -1,4 +1,4 @@
-//! What stands in a motion file, and what may not.
+//! Content of a motion file, and its checks.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -43,7 +43,7 @@ pub(super) struct Source {
     /// Height as shown, px.
     #[serde(default)]
     pub(super) shown_height: Option<u32>,
-    /// Clockwise turn at which the picture is shown, degrees: 0, 90, 180 or 270.
+    /// Clockwise rotation at which the picture is shown, degrees: 0, 90, 180 or 270.
     #[serde(default)]
     pub(super) rotation: u16,
     /// Width and height of one pixel, as a fraction.
@@ -65,19 +65,19 @@ pub(super) struct FrameEntry {
     pub(super) pts: i64,
     /// Index of the shot, from 0.
     pub(super) shot: u32,
-    /// The family of motion the points support.
+    /// The motion model that the points support.
     #[serde(default)]
     pub(super) tier: PlanarModel,
-    /// Where the motion to this frame comes from.
+    /// Origin of the motion to this frame.
     #[serde(default = "measured")]
     pub(super) verdict: MotionQuality,
-    /// Points seen in this frame and the previous one.
+    /// Points observed in this frame and the previous one.
     #[serde(default)]
     pub(super) points: u32,
     /// Those that moved with the background.
     #[serde(default)]
     pub(super) inliers: u32,
-    /// Share of the frame's cells that hold one, in [0, 1].
+    /// Fraction of the frame's cells that contain one, in [0, 1].
     #[serde(default)]
     pub(super) coverage: f64,
     /// Median distance from the homography's prediction, px.
@@ -100,7 +100,7 @@ pub(super) struct Document {
     format: String,
     /// Always 1.
     version: u32,
-    /// Where the center of the first pixel lies: 0.5, or 0.
+    /// Coordinate of the center of the first pixel: 0.5, or 0.
     pub(super) pixel_centre: f64,
     /// The video measured.
     pub(super) source: Source,
@@ -127,8 +127,8 @@ pub(super) struct Document {
     other_blocks: BTreeMap<String, serde_json::Value>,
 }
 
-/// Read block by block: a derived reader would hold every number of the file in a form of 32 bytes first, to find out which
-/// blocks it knows, and could not say in which line a value is wrong.
+/// Read block by block: a derived reader would first store every number of the file in 32 bytes, to find out which blocks it
+/// knows, and could not report the line of an invalid value.
 impl<'de> Deserialize<'de> for Document {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(Blocks)
@@ -148,7 +148,7 @@ impl<'de> Visitor<'de> for Blocks {
         let (mut document, mut seen) = (Document::default(), Vec::new());
         while let Some(key) = map.next_key::<String>()? {
             if seen.contains(&key) {
-                return Err(A::Error::custom(format!("the block {key:?} stands there twice")));
+                return Err(A::Error::custom(format!("the block {key:?} occurs twice")));
             }
             match key.as_str() {
                 "format" => document.format = map.next_value()?,
@@ -163,7 +163,7 @@ impl<'de> Visitor<'de> for Blocks {
                 "points" => document.in_space.points = map.next_value()?,
                 "reconstruction" => document.in_space.reconstruction = map.next_value()?,
                 "tracks" => {
-                    require(&seen, &["pixel_centre", "source", "frames"], "must stand before the tracks")?;
+                    require(&seen, &["pixel_centre", "source", "frames"], "must come before the tracks")?;
                     let times = document.frames.iter().map(|f| Timestamp(f.pts)).collect();
                     let size = (document.source.width, document.source.height);
                     document.tracks = map.next_value_seed(TracksSeed::new(times, size, 0.5 - document.pixel_centre))?;
@@ -177,13 +177,13 @@ impl<'de> Visitor<'de> for Blocks {
     }
 }
 
-fn require<E: Error>(seen: &[String], blocks: &[&str], else_say: &str) -> Result<(), E> {
+fn require<E: Error>(seen: &[String], blocks: &[&str], message: &str) -> Result<(), E> {
     let missing = blocks.iter().find(|b| !seen.iter().any(|s| s == *b));
-    missing.map_or(Ok(()), |b| Err(E::custom(format!("the block {b:?} {else_say}"))))
+    missing.map_or(Ok(()), |b| Err(E::custom(format!("the block {b:?} {message}"))))
 }
 
 impl Document {
-    /// Refuses what no clip has.
+    /// Refuses invalid values.
     pub(super) fn check(&self) -> Result<(), MotionFileError> {
         self.source.check()?;
         if pixel_center_shift(self.pixel_centre).is_none() {

@@ -1,7 +1,7 @@
-//! Where in a JSON text a value stands.
+//! The line of a value in a JSON text.
 
 /// The line, from 1, in which the value at `path` begins, such as `frames[3].pts`; `None` where there is none. `text` must be
-/// valid JSON, or the answer is worth nothing.
+/// valid JSON; otherwise the result is meaningless.
 pub(super) fn line_of(text: &[u8], path: &str) -> Option<usize> {
     let mut cursor = Cursor { text, at: 0 };
     for step in path.split(['.', '[']) {

@@ -1,7 +1,7 @@
 //! The motion file `plumbline.motion`, version 1: JSON.
 //!
-//! It is not a smoothed path; it holds how the picture moved from frame to frame, so that another program can look at it, replace
-//! it or hand in its own, and a later run need not measure it again.
+//! It is not a smoothed path; it contains the motion of the picture from frame to frame, so that another program can inspect or
+//! replace it, and a later run need not estimate it again.
 //!
 //! ```json
 //! {
@@ -17,10 +17,10 @@
 //!
 //! `planar[k]` maps frame `k` to frame `k+1` (`next_from_this`, px, row by row); `null` before a cut and at the end.
 //! `planar_similarity[k]` is the nearest motion `[a, b, tx, ty]` without shear and perspective; left out, it is derived.
-//! Where cameras in space are known there are further blocks, see `cameras.rs`: `cameras`, `points`, `reconstruction`. The points
-//! that were followed stand in a block `tracks`, see `tracks.rs`.
-//! Pixel centers lie at integer + 0.5; a file that says `"pixel_centre": 0` is shifted on reading. Blocks of other names are
-//! kept, other versions are refused.
+//! Where cameras in space are known there are further blocks, see `cameras.rs`: `cameras`, `points`, `reconstruction`. The tracked
+//! points are in a block `tracks`, see `tracks.rs`.
+//! Pixel centers are at integer + 0.5; a file with `"pixel_centre": 0` is shifted on reading. Blocks of other names are kept,
+//! other versions are refused.
 
 mod cameras;
 mod document;
@@ -43,7 +43,7 @@ use plumbline_num::math::Homography;
 pub const FORMAT: &str = "plumbline.motion";
 /// At most as large as ten hours of video at 60 frames/s with a thousand points each.
 const KIND: Kind = Kind { name: "a motion file", format: FORMAT, max_bytes: 1 << 36 };
-/// Why a motion file was refused or could not be written.
+/// Errors of reading and writing motion files.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionFileError {
@@ -53,23 +53,23 @@ pub enum MotionFileError {
     /// The file is some other JSON.
     #[error("format {found:?} is not a motion file (expected \"plumbline.motion\")")]
     Format {
-        /// What `format` says.
+        /// Value of `format`.
         found: String,
     },
     /// The file was made by a program of another version.
     #[error("motion file version {found} is not supported (expected 1); export the motion again with this program")]
     Version {
-        /// What `version` says.
+        /// Value of `version`.
         found: u64,
     },
     /// A value that no clip has.
     #[error("{field} is {value} (expected {expected})")]
     Value {
-        /// Where in the file.
+        /// Path of the field in the file.
         field: String,
-        /// What stands there.
+        /// Value found.
         value: String,
-        /// What may stand there.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A block with more or fewer entries than frames.
@@ -88,12 +88,12 @@ pub enum MotionFileError {
         /// Largest accepted size, bytes.
         limit: u64,
     },
-    /// Something that is wrong, and the line in which it stands.
+    /// An error and its line.
     #[error("line {line}: {fault}")]
     InLine {
         /// Line of the file, from 1.
         line: usize,
-        /// What is wrong.
+        /// The error.
         fault: Box<MotionFileError>,
     },
     /// Reading or writing failed.
@@ -123,7 +123,7 @@ pub fn motion_file_schema() -> schemars::Schema {
 }
 
 impl MotionFileError {
-    /// The fault with the line in which `file` holds what it is about, where it tells that.
+    /// The error with its line in `file`, where it names a field.
     fn located(self, mut file: impl Read + Seek) -> Self {
         let path = match &self {
             Self::Value { field, .. } => field.as_str(),
@@ -140,7 +140,7 @@ impl MotionFileError {
 }
 
 impl ClipMotion {
-    /// Reads a motion file with the points that it may hold, which go to a store on disk as they are read.
+    /// Reads a motion file and its points, if it has any; they go to a store on disk as they are read.
     ///
     /// # Errors
     /// [`MotionFileError`]: not JSON, another format or version, a value out of range, a block of the wrong length, a file
@@ -225,7 +225,7 @@ impl ClipMotion {
         Ok(write!(out, "\"source\": {source},\n\"readout_s\": {readout}")?)
     }
 
-    /// Width and height as shown, px: pixel aspect applied to the width, then turned.
+    /// Width and height as shown, px: pixel aspect applied to the width, then rotated.
     pub fn shown_size(&self) -> (u32, u32) {
         let (num, den) = self.pixel_aspect;
         let wide = f64::from(self.width) * f64::from(num) / f64::from(den.max(1));

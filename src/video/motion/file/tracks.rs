@@ -1,4 +1,4 @@
-//! The block of a motion file that holds the points that were followed.
+//! The block of a motion file with the tracked points.
 //!
 //! ```json
 //! "tracks": { "unit_px": 0.00390625, "frames": [
@@ -7,9 +7,9 @@
 //! ] }
 //! ```
 //!
-//! One entry per frame: ids in ascending order, positions in `unit_px` px, and which of them move by themselves, not with the
-//! background. An id in two frames is the same point of the scene. We write whole steps of [`RESOLUTION_PX`], to which a store
-//! rounds anyway, so that what is read is what was tracked, to the bit. A point takes 20 bytes or so.
+//! One entry per frame: ids in ascending order, positions in `unit_px` px, and the ids that do not move with the background. An
+//! id in two frames is the same point of the scene. We write whole steps of [`RESOLUTION_PX`], to which a store rounds anyway, so
+//! that the tracks are read back bit for bit. A point takes about 20 bytes.
 
 use std::fmt;
 use std::io::Write;
@@ -21,7 +21,7 @@ use super::MotionFileError;
 use crate::track::{FrameQuality, FrameTracks, Observation, RESOLUTION_PX, TrackStore};
 use plumbline_num::time::Timestamp;
 
-/// How far outside the picture a point may be, px: trackers follow what is half out of it.
+/// Greatest distance of a point outside the picture, px: trackers follow points whose window is half outside.
 const MARGIN_PX: f64 = 1.0;
 
 /// The block, as the schema describes it.
@@ -105,19 +105,19 @@ impl TracksSeed {
             if k > 0 && id <= entry.ids[k - 1] {
                 return Err(format!("ids[{k}] is {id} (expected more than the id before)"));
             }
-            let place = |v: f64, size: u32, name: &str| {
+            let coordinate = |v: f64, size: u32, name: &str| {
                 let px = v * unit + self.shift;
                 let size = f64::from(size);
                 let inside = px >= -MARGIN_PX && px <= size + MARGIN_PX;
                 let wrong = || format!("{name}[{k}] is {v}, or {px} px (expected 0 to {size} px)");
                 if inside { Ok(px.clamp(0.0, size) as f32) } else { Err(wrong()) }
             };
-            let (x, y) = (place(entry.x[k], self.size.0, "x")?, place(entry.y[k], self.size.1, "y")?);
+            let (x, y) = (coordinate(entry.x[k], self.size.0, "x")?, coordinate(entry.y[k], self.size.1, "y")?);
             seen.push(Observation { id, x, y, background: true });
         }
         for id in &entry.moving {
             let at = entry.ids.binary_search(id);
-            let at = at.map_err(|_| format!("moving holds {id} (expected one of the ids)"))?;
+            let at = at.map_err(|_| format!("moving contains {id} (expected one of the ids)"))?;
             seen[at].background = false;
         }
         Ok(seen)

@@ -7,16 +7,17 @@ use crate::stabilize::error::StabilizeError;
 use crate::stabilize::tracks::Tracks;
 use plumbline_num::math::{Point2, Similarity2};
 
-/// Pairs that a similarity is fitted to, at least.
+/// Least number of pairs for a similarity: with 24 equations for four parameters one outlier does not dominate.
 const MIN_PAIRS: usize = 12;
 
-/// Iterations of reweighting, each at the scale of the median residual: three settle a fit that starts from the mean.
+/// Iterations of reweighting, each at the scale of the median residual: a fit whose initial guess is the mean has converged
+/// after three.
 const ITERATIONS: usize = 3;
 
-/// Time over which the weight of a track rises and falls, s.
+/// Time over which the weight of a track rises and falls, s: that of the anchors of the warp.
 const FADE_S: f64 = 0.5;
 
-/// Weight of a track at its very ends: all of them together still make a fit where there is nothing else.
+/// Weight of a track at its very ends: not zero, so that there is a fit where all tracks begin or end.
 const MIN_WEIGHT: f64 = 1e-3;
 
 /// Pairs of points that a similarity is fitted to.
@@ -36,7 +37,7 @@ impl Fit {
         (self.pairs.len() >= MIN_PAIRS).then(|| motion::similarity(&self.pairs, &self.weights)).flatten()
     }
 
-    /// The similarity of most points: near ones, which move most and on paths of their own, count less.
+    /// The similarity of most points: near ones, which move most and by parallax, get less weight.
     pub(super) fn robust_similarity(mut self) -> Option<Similarity2> {
         let mut found = self.similarity()?;
         for _ in 0..ITERATIONS {
@@ -66,8 +67,8 @@ impl TrackSpans {
         Ok(Self(spans))
     }
 
-    /// Weight of a track at a frame, in (0, 1]: little where it begins and ends. Points that came and went with their full weight, near
-    /// ones above all, would make a fit to them jump.
+    /// Weight of a track at a frame, in (0, 1]: small where it begins and ends. Points that appear and disappear with full weight,
+    /// near ones above all, would make the fit jump.
     pub(super) fn weight(&self, id: u32, frame: usize, times_s: &[f64]) -> f64 {
         let Some(&(first, last)) = self.0.get(&id) else { return MIN_WEIGHT };
         let ramp = |from: usize, to: usize| ((times_s[to] - times_s[from]) / FADE_S).clamp(MIN_WEIGHT, 1.0);

@@ -1,17 +1,17 @@
-//! Where a virtual camera shows the points that a frame saw.
+//! Targets of a frame's points under a virtual camera.
 //!
-//! The real camera of a frame, as it was recovered, should see the point `X_k` of a track at `e_k`; the track was seen at `s_k`.
-//! The difference has two parts: the error of this camera, which neighbors share, and the error of this track, which is noise. With
-//! `A` the homography through all pairs `e_k → s_k`, the virtual camera that shows the points at `q_k` moves the pixel at `s_k`
-//! by `q_k − A(e_k)`, which is free of the noise, so that the mesh may follow it closely:
+//! The recovered real camera of a frame projects the point `X_k` of a track to `e_k`; the track was observed at `s_k`. The
+//! residual has two parts: the error of the camera, common to neighbors, and the noise of the track. With `A` the homography
+//! fitted to all pairs `e_k → s_k`, the virtual camera that projects the points to `q_k` moves the pixel at `s_k` by
+//! `q_k − A(e_k)`, which is free of the noise, so that the mesh may follow it closely:
 //!
 //! ```text
 //! s_k  goes to  q_k + (s_k − A(e_k))
 //! ```
 //!
-//! This is for paths that were given, which are to be shown as they are. A smoothed path is better off with `q_k` itself: part of
-//! the apparent noise is how the frame itself was distorted (by a rolling shutter, say), and should go (wobble on nus-regular-1
-//! .79 with `q_k`, .91 without that part).
+//! This is for given paths, which are followed exactly. A smoothed path is better with `q_k` itself: part of the apparent noise is
+//! distortion of the frame (by a rolling shutter, for example), which should be removed (wobble on nus-regular-1 .79 with `q_k`,
+//! .91 without that part).
 
 use super::scene_points::ScenePoints;
 use crate::motion::{self, FrameScale, Pair};
@@ -22,11 +22,12 @@ use plumbline_num::math::{Homography, Point2, Vec2};
 /// Weight of keeping `A` a similarity, per observation: as for the homography of the anchors.
 const HOMOGRAPHY_PRIOR: f64 = 0.01;
 
-/// Points that `A` is fitted to, at least; fewer are taken as they were seen: a homography through a handful absorbs their noise.
+/// Least number of points for `A`; with fewer the observations are used directly, since a homography through a few points absorbs
+/// their noise.
 const MIN_POINTS: usize = 20;
 
-/// Where `camera` shows each observation of a frame, output px, where that is known. `center_time` carries an observation to the
-/// frame's own time.
+/// Output position, px, of each observation of a frame in `camera`, where its point is known. `center_time` maps an observation
+/// to the frame's own time.
 pub(in crate::stabilize) fn point_targets(
     scene: &ScenePoints<'_>,
     frame: usize,
@@ -71,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_of_the_camera_stays_and_the_noise_of_a_track_goes() {
+    fn camera_errors_are_kept_and_track_noise_is_removed() {
         let drift = |p: Point2| Point2::new(p.x * 1.001 + 0.3, p.y * 1.001 - 0.2);
         let own = |k: usize| {
             Vec2::new(if k.is_multiple_of(2) { 0.1 } else { -0.1 }, if k.is_multiple_of(3) { 0.1 } else { -0.05 })
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_handful_of_points_is_taken_as_it_was_seen() {
+    fn few_points_are_used_as_observed() {
         let few = &pairs(|p| p, |_| Vec2::new(0.5, 0.5))[..MIN_POINTS - 1];
         assert!(noise_of(few, &FrameScale::new(640, 360)).iter().all(|n| *n == Vec2::zeros()));
     }

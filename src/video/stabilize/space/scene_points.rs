@@ -8,7 +8,8 @@ use crate::track::Observation;
 use plumbline_camera::Point3;
 use plumbline_num::math::Point2;
 
-/// Reprojection error, px at 640 px across, from which an observation is not one of the point that its track stands for.
+/// Reprojection error, px at 640 px across, from which an observation is an outlier of its track's point: several standard
+/// deviations of a track (a pixel or less).
 const MAX_ERROR_PX: f64 = 3.0;
 
 /// Points in space by their tracks.
@@ -22,7 +23,7 @@ pub(in crate::stabilize) struct ScenePoints<'a> {
 
 impl<'a> ScenePoints<'a> {
     pub(in crate::stabilize) fn new(cameras: &'a ClipCameras, motion: &ClipMotion) -> Self {
-        let by_track = cameras.points.iter().map(|p| ((p.shot, p.id), p.place)).collect();
+        let by_track = cameras.points.iter().map(|p| ((p.shot, p.id), p.position)).collect();
         Self {
             cameras,
             by_track,
@@ -31,8 +32,8 @@ impl<'a> ScenePoints<'a> {
         }
     }
 
-    /// The point of an observation; `None` where it is not known, or the frame's camera sees it elsewhere. For a camera that only
-    /// rotates, a point in the direction of the observation is as good as any other there.
+    /// The point of an observation; `None` where it is unknown, or its reprojection error is too large. For a camera that only
+    /// rotates, the point at unit depth in the direction of the observation.
     pub(in crate::stabilize) fn of(&self, frame: usize, seen: &Observation, rotation_only: bool) -> Option<Point3> {
         let camera = self.camera(frame)?;
         let src = Point2::new(f64::from(seen.x), f64::from(seen.y));
@@ -66,7 +67,7 @@ impl<'a> ScenePoints<'a> {
     }
 }
 
-/// Where a camera in the world's origin looks through a pixel: the point there at unit depth.
+/// The viewing direction of a pixel: a point at unit depth for a camera in the world's origin.
 pub(in crate::stabilize) fn viewing_direction(camera: &FrameCamera, pixel: Point2) -> Option<Point3> {
     let ray = camera.intrinsics.ray(pixel)?;
     Some(Point3::from(camera.pose.rotation.inverse() * ray))

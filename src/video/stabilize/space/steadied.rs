@@ -1,4 +1,4 @@
-//! Virtual cameras whose pictures move evenly.
+//! Virtual cameras with smoothed corrections.
 
 use super::fit::Fit;
 use super::scene_points::ScenePoints;
@@ -7,11 +7,11 @@ use crate::stabilize::error::StabilizeError;
 use crate::stabilize::tracks::Tracks;
 use plumbline_num::run::Run;
 
-/// The virtual cameras of a clip with corrections that let the viewer's picture as a whole move evenly.
+/// The virtual cameras of a clip with corrections that smooth the motion of the picture as a whole.
 ///
-/// The planned windows stay inside the frame by abrupt changes of direction. A mesh that follows trajectories rounds them off
-/// ([`crate::path::TrajectorySmoother`]); in space the same is done for all points together, by the similarity from what a
-/// camera shows to what a [`SteadyView`] shows, so that each point stays where its depth puts it.
+/// The planned windows stay inside the frame by abrupt changes of direction. A mesh that follows trajectories smooths them
+/// ([`crate::path::TrajectorySmoother`]); in space this is done for all points together, by the similarity from the projections
+/// into a camera to those into a [`SteadyView`], which preserves the parallax.
 pub(in crate::stabilize) fn steadied(
     cameras: &[Option<VirtualCamera>],
     tracks: &Tracks,

@@ -1,4 +1,4 @@
-//! The film that virtual cameras would shoot, as the planner needs it, and the windows that it answers with.
+//! The motion of the views of virtual cameras, input of the planner, and the windows that it returns.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use plumbline_camera::{CameraPose, Intrinsics, Point3};
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline_num::run::Run;
 
-/// Zoom that steadied windows may cost, at most: for one hundredth of the picture the mesh need not bend the border.
+/// Greatest zoom for steadied windows: within one percent, the default margin of the mesh, the mesh need not bend the border.
 const MAX_ZOOM: f64 = 1.01;
 
 /// The pose of a virtual camera, before the planner chooses its window.

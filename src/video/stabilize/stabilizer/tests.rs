@@ -101,7 +101,7 @@ fn unrest(positions: &[Vec2]) -> f64 {
 }
 
 #[test]
-fn the_maps_of_a_plan_take_the_shake_out() {
+fn the_maps_of_a_plan_remove_the_shake() {
     let (source, analysis) = (Wall::new(FRAMES), analysis());
     let plan = stabilizer().plan(&analysis, &Run::default()).expect("a path");
     let mut maps = plan.maps().expect("a grid");
@@ -123,7 +123,7 @@ fn the_maps_of_a_plan_take_the_shake_out() {
 }
 
 #[test]
-fn a_map_out_of_turn_is_the_map_in_its_turn() {
+fn a_map_out_of_order_equals_the_map_in_order() {
     let analysis = analysis();
     let mut stabilizer = stabilizer();
     for mode in [ModelChoice::Mesh, ModelChoice::Subspace, ModelChoice::Similarity] {
@@ -134,13 +134,13 @@ fn a_map_out_of_turn_is_the_map_in_its_turn() {
         let mut maps = plan.maps().expect("a grid");
         for t in 0..FRAMES {
             let frame = Wall::frame(t);
-            let in_turn = maps.next(&frame).expect("a map");
+            let in_order = maps.next(&frame).expect("a map");
             if t % 13 != 5 {
                 continue;
             }
             let alone = plan.map(t, Some(&frame)).expect("a map");
             for p in [(20.0, 30.0), (160.0, 90.0), (300.0, 170.0)].map(|(x, y)| Point2::new(x, y)) {
-                assert_eq!(in_turn.map(p), alone.map(p), "{mode}, frame {t}");
+                assert_eq!(in_order.map(p), alone.map(p), "{mode}, frame {t}");
             }
         }
         let beyond = plan.map(FRAMES, None).expect_err("no such frame");
@@ -166,7 +166,7 @@ fn planning_again_reads_no_frame_and_follows_the_new_options() {
 }
 
 #[test]
-fn a_call_that_is_interrupted_says_so_at_the_next_frame() {
+fn an_interrupted_call_stops_at_the_next_frame() {
     let interrupt = Interrupt::new();
     let source = Wall { stops: Some((5, interrupt.clone())), ..Wall::new(1_000_000) };
     let run = Run::with_interrupt(&interrupt);
@@ -178,7 +178,7 @@ fn a_call_that_is_interrupted_says_so_at_the_next_frame() {
 }
 
 #[test]
-fn a_call_whose_time_is_up_says_so() {
+fn a_call_stops_when_its_time_is_used_up() {
     let run = Run { budget: Budget::time(Duration::ZERO), ..Run::default() };
     let late = stabilizer().analyze(&Wall::new(FRAMES), &run).expect_err("no time");
     assert!(matches!(late, StabilizeError::Interrupted { source: Stopped::OutOfTime }), "{late}");
@@ -199,7 +199,7 @@ fn the_progress_of_an_analysis_rises_to_its_end() {
 }
 
 #[test]
-fn an_error_says_what_failed_and_whose_fault_it_is() {
+fn errors_report_cause_and_fault() {
     let analyze = |source: &Wall| stabilizer().analyze(source, &Run::default()).expect_err("refused");
     let torn = analyze(&Wall { broken: Some(3), ..Wall::new(FRAMES) });
     assert_eq!((torn.to_string().as_str(), torn.fault()), ("frame 3 is torn", StabilizeFault::Input));

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::{Camera, ColmapError, Image, LENSES, Model, Point, SIMPLE_RADIAL, Sighting, lens, rotation_of};
+use super::{Camera, ColmapError, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Point2;
 
@@ -40,8 +40,8 @@ pub(super) fn write_images(model: &Model, out: &mut dyn Write) -> io::Result<()>
         out.write_all(&image.camera.to_le_bytes())?;
         out.write_all(image.name.as_bytes())?;
         out.write_all(&[0])?;
-        put_count(out, image.sightings.len())?;
-        for Sighting { at, point } in &image.sightings {
+        put_count(out, image.observations.len())?;
+        for ImageObservation { at, point } in &image.observations {
             put_floats(out, &[at.x, at.y])?;
             out.write_all(&point.unwrap_or(NO_POINT).to_le_bytes())?;
         }
@@ -51,9 +51,9 @@ pub(super) fn write_images(model: &Model, out: &mut dyn Write) -> io::Result<()>
 
 pub(super) fn write_points(model: &Model, out: &mut dyn Write) -> io::Result<()> {
     put_count(out, model.points.len())?;
-    for Point { id, place, error_px, track } in &model.points {
+    for Point { id, position, error_px, track } in &model.points {
         out.write_all(&id.to_le_bytes())?;
-        put_floats(out, &[place.x, place.y, place.z])?;
+        put_floats(out, &[position.x, position.y, position.z])?;
         out.write_all(&GRAY)?;
         put_floats(out, &[*error_px])?;
         put_count(out, track.len())?;
@@ -70,12 +70,12 @@ pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
     bytes.entries(24, |bytes| {
         let (id, number) = (bytes.u32()?, bytes.u32()?);
         let (width, height) = (bytes.u64()?, bytes.u64()?);
-        let refused = |place: String, found| ColmapError::Lens { file: "cameras.bin", place, found };
+        let refused = |location: String, found| ColmapError::Lens { file: "cameras.bin", location, found };
         let Some((_, name, count)) = LENSES.iter().find(|(n, ..)| *n == number) else {
-            return Err(refused(bytes.place(), format!("number {number}")));
+            return Err(refused(bytes.location(), format!("number {number}")));
         };
         let parameters = (0..*count).map(|_| bytes.float()).collect::<Result<Vec<_>, _>>()?;
-        let found = || refused(bytes.place(), format!("{name} {parameters:?}"));
+        let found = || refused(bytes.location(), format!("{name} {parameters:?}"));
         let intrinsics = lens(name, &parameters).ok_or_else(found)?;
         Ok(Camera { id, width, height, intrinsics })
     })
@@ -89,12 +89,12 @@ pub(super) fn read_images(bytes: &[u8]) -> Result<Vec<Image>, ColmapError> {
         let translation = Vec3::new(bytes.float()?, bytes.float()?, bytes.float()?);
         let rotation = rotation_of(q).ok_or_else(|| bytes.wrong(format!("{q:?}"), "a quaternion of length 1"))?;
         let (camera, name) = (bytes.u32()?, bytes.name()?);
-        let sightings = bytes.list(24, |bytes| {
+        let observations = bytes.list(24, |bytes| {
             let at = Point2::new(bytes.float()?, bytes.float()?);
             let id = bytes.u64()?;
-            Ok(Sighting { at, point: (id != NO_POINT).then_some(id) })
+            Ok(ImageObservation { at, point: (id != NO_POINT).then_some(id) })
         })?;
-        Ok(Image { id, camera, name, pose: CameraPose { rotation, translation }, sightings })
+        Ok(Image { id, camera, name, pose: CameraPose { rotation, translation }, observations })
     })
 }
 
@@ -102,15 +102,15 @@ pub(super) fn read_points(bytes: &[u8]) -> Result<Vec<Point>, ColmapError> {
     let mut bytes = Bytes::of("points3D.bin", bytes);
     bytes.entries(51, |bytes| {
         let id = bytes.u64()?;
-        let place = Point3::new(bytes.float()?, bytes.float()?, bytes.float()?);
+        let position = Point3::new(bytes.float()?, bytes.float()?, bytes.float()?);
         bytes.take(3)?;
         let error_px = bytes.float()?;
         let track = bytes.list(8, |bytes| Ok((bytes.u32()?, bytes.u32()?)))?;
-        Ok(Point { id, place, error_px, track })
+        Ok(Point { id, position, error_px, track })
     })
 }
 
-/// What is left of a file.
+/// The part of a file not yet read.
 struct Bytes<'a> {
     file: &'static str,
     rest: &'a [u8],
@@ -123,12 +123,12 @@ impl<'a> Bytes<'a> {
         Self { file, rest, entry: 0 }
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("entry {}", self.entry)
     }
 
     fn wrong(&self, found: String, expected: &'static str) -> ColmapError {
-        ColmapError::Value { file: self.file, place: self.place(), found, expected }
+        ColmapError::Value { file: self.file, location: self.location(), found, expected }
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], ColmapError> {
@@ -175,7 +175,7 @@ impl<'a> Bytes<'a> {
     ) -> Result<Vec<T>, ColmapError> {
         let count = self.u64()?;
         if count > (self.rest.len() / least) as u64 {
-            return Err(self.wrong(format!("a list of {count}"), "no more entries than the file holds"));
+            return Err(self.wrong(format!("a list of {count}"), "no more entries than fit in the file"));
         }
         (0..count).map(|_| entry(self)).collect()
     }

@@ -2,17 +2,18 @@
 
 use std::collections::HashMap;
 
-use super::{Camera, Image, Model, Point, Sighting};
+use super::{Camera, Image, ImageObservation, Model, Point};
 use crate::motion::sfm::SfmVerdict;
 use crate::motion::{ClipCameras, ClipMotion};
 use crate::track::{StoreError, TrackStore};
 use plumbline_camera::{Intrinsics, Point3};
 use plumbline_num::math::Point2;
 
-/// How far a sighting may be from where its camera sees the point, px at 640 px across: beyond, the track is of another thing.
-const WRONG_PX: f64 = 3.0;
+/// Greatest reprojection error of an observation, px at 640 px across, as in the stabilizer: beyond, it is an outlier of its track.
+const MAX_ERROR_PX: f64 = 3.0;
 
-/// The models of a clip with the shots that they are of; shots without cameras, or whose cameras failed, have none. `tracks` are the clip's, frame by frame.
+/// The models of a clip with their shots; shots without cameras, or whose cameras failed, have none. `tracks`: the clip's, frame by
+/// frame.
 ///
 /// # Errors
 /// Those of [`TrackStore::read`].
@@ -28,14 +29,14 @@ pub fn models_of(motion: &ClipMotion, tracks: &TrackStore) -> Result<Vec<(usize,
     Ok(models)
 }
 
-/// One model in the making.
+/// A model being built.
 struct Builder<'a> {
     motion: &'a ClipMotion,
     cameras: &'a ClipCameras,
     shot: usize,
-    wrong_px: f64,
+    max_error_px: f64,
     model: Model,
-    /// By track: index into the model's points, and the sum of the distances of its sightings.
+    /// By track: index into the model's points, and the sum of its reprojection errors.
     points: HashMap<u32, (usize, f64)>,
 }
 
@@ -45,31 +46,38 @@ impl<'a> Builder<'a> {
         let mut points = HashMap::new();
         for found in cameras.points.iter().filter(|p| p.shot as usize == shot) {
             points.insert(found.id, (model.points.len(), 0.0));
-            model.points.push(Point { id: u64::from(found.id), place: found.place, error_px: -1.0, track: Vec::new() });
+            model.points.push(Point {
+                id: u64::from(found.id),
+                position: found.position,
+                error_px: -1.0,
+                track: Vec::new(),
+            });
         }
-        let wrong_px = WRONG_PX * f64::from(motion.width.max(motion.height)) / 640.0;
-        Self { motion, cameras, shot, wrong_px, model, points }
+        let max_error_px = MAX_ERROR_PX * f64::from(motion.width.max(motion.height)) / 640.0;
+        Self { motion, cameras, shot, max_error_px, model, points }
     }
 
     fn build(mut self, tracks: &TrackStore) -> Result<Model, StoreError> {
         for frame in self.cameras.shots[self.shot].frames.clone() {
             let Some(camera) = self.cameras.frames.get(frame).copied().flatten() else { continue };
             let id = frame as u32 + 1;
-            let mut sightings = Vec::new();
+            let mut observations = Vec::new();
             for seen in tracks.read(frame)?.observations {
                 let at = Point2::new(f64::from(seen.x), f64::from(seen.y));
                 let Some((index, total)) = self.points.get_mut(&seen.id) else { continue };
                 let point = &mut self.model.points[*index];
-                let Some(miss) = distance(&camera.intrinsics, &camera.pose.apply(&point.place), at) else { continue };
-                if miss <= self.wrong_px {
-                    *total += miss;
-                    point.track.push((id, sightings.len() as u32));
-                    sightings.push(Sighting { at, point: Some(point.id) });
+                let Some(error) = distance(&camera.intrinsics, &camera.pose.apply(&point.position), at) else {
+                    continue;
+                };
+                if error <= self.max_error_px {
+                    *total += error;
+                    point.track.push((id, observations.len() as u32));
+                    observations.push(ImageObservation { at, point: Some(point.id) });
                 }
             }
             let lens = self.lens(camera.intrinsics);
             let name = format!("frame_{frame:06}.png");
-            self.model.images.push(Image { id, camera: lens, name, pose: camera.pose, sightings });
+            self.model.images.push(Image { id, camera: lens, name, pose: camera.pose, observations });
         }
         for (index, total) in self.points.values() {
             let point = &mut self.model.points[*index];
@@ -91,7 +99,7 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Distance, px, of `at` from where the lens sees a point; `None` behind it.
+/// Reprojection error, px, of an observation `at`; `None` behind the camera.
 fn distance(lens: &Intrinsics, x_in_camera: &Point3, at: Point2) -> Option<f64> {
     Some((lens.project(x_in_camera)? - at).norm())
 }

@@ -1,4 +1,4 @@
-//! Models laid over the frames of a clip: cameras per frame, and the points that images see as tracks.
+//! Models assigned to the frames of a clip: cameras per frame, and the observations of the images as tracks.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -9,15 +9,15 @@ use crate::motion::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
 use crate::track::Observation;
 use plumbline_camera::{Intrinsics, Vec3};
 
-/// Columns and rows of the cells in which coverage is counted.
+/// Columns and rows of the cells in which coverage is counted; a coarse grid of nearly square cells at 4:3.
 const CELLS: (usize, usize) = (8, 6);
 
-/// What models say of a clip.
+/// The models of a clip, frame by frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedClip {
     /// One shot per model.
     pub cameras: ClipCameras,
-    /// Per frame what its image sees, ids ascending; nothing where there is no image.
+    /// Per frame the observations of its image, ids ascending; none where there is no image.
     pub tracks: Vec<Vec<Observation>>,
     /// The shots, in order, without gaps.
     pub shots: Vec<ImportedShot>,
@@ -33,23 +33,23 @@ pub struct ImportedShot {
 }
 
 impl ImportedClip {
-    /// Lays `models` over a clip of `frames` frames of `width × height` px.
+    /// Assigns `models` to a clip of `frames` frames of `width × height` px.
     ///
-    /// Where there are as many images as frames, they follow the frames in the order of the numbers in their names. Else that
-    /// number is the frame, counted from 0, or from 1 where one is as large as the number of frames.
+    /// Where there are as many images as frames, they are assigned in the order of the numbers in their names. Otherwise that
+    /// number is the frame, counted from 0, or from 1 where one equals the number of frames.
     ///
     /// # Errors
-    /// [`ColmapError::Misfit`]: no image, a name without a number, a frame that is not there or has two images, models whose
+    /// [`ColmapError::Misfit`]: no image, a name without a number, a frame that does not exist or has two images, models whose
     /// frames interleave, a camera of another size.
     pub fn new(models: &[Model], frames: usize, (width, height): (u32, u32)) -> Result<Self, ColmapError> {
-        let places = places(models, frames)?;
-        let mut order: Vec<usize> = (0..models.len()).filter(|&m| !places[m].is_empty()).collect();
-        order.sort_by_key(|&m| places[m].values().min().copied());
-        let first = |m: usize| places[m].values().min().copied().unwrap_or(0);
-        let last = |m: usize| places[m].values().max().copied().unwrap_or(0);
+        let frame_of = frames_of_images(models, frames)?;
+        let mut order: Vec<usize> = (0..models.len()).filter(|&m| !frame_of[m].is_empty()).collect();
+        order.sort_by_key(|&m| frame_of[m].values().min().copied());
+        let first = |m: usize| frame_of[m].values().min().copied().unwrap_or(0);
+        let last = |m: usize| frame_of[m].values().max().copied().unwrap_or(0);
         if let Some(pair) = order.windows(2).find(|w| last(w[0]) >= first(w[1])) {
             return Err(ColmapError::Misfit(format!(
-                "two models hold frames {} to {} and {} to {}, which interleave; give one of them",
+                "two models have frames {} to {} and {} to {}, which interleave; give one of them",
                 first(pair[0]),
                 last(pair[0]),
                 first(pair[1]),
@@ -64,24 +64,28 @@ impl ImportedClip {
         for (shot, &m) in order.iter().enumerate() {
             let start = if shot == 0 { 0 } else { first(m) };
             let end = order.get(shot + 1).map_or(frames, |&next| first(next));
-            found.shots.push(ImportedShot { frames: start..end, images: places[m].len() });
-            found.push(&models[m], &places[m], (width, height))?;
+            found.shots.push(ImportedShot { frames: start..end, images: frame_of[m].len() });
+            found.push(&models[m], &frame_of[m], (width, height))?;
         }
         Ok(found)
     }
 
     /// Adds the model of the shot that was added last.
-    fn push(&mut self, model: &Model, places: &BTreeMap<u32, usize>, size: (u32, u32)) -> Result<(), ColmapError> {
+    fn push(&mut self, model: &Model, frame_of: &BTreeMap<u32, usize>, size: (u32, u32)) -> Result<(), ColmapError> {
         let shot = self.shots.len() as u32 - 1;
         let lenses = lenses(model, size)?;
         let from = self.cameras.points.last().map_or(0, |p| p.id + 1);
         let mut points: Vec<_> = model.points.iter().collect();
         points.sort_by_key(|p| p.id);
         let ids: HashMap<u64, u32> = points.iter().zip(from..).map(|(p, id)| (p.id, id)).collect();
-        self.cameras.points.extend(points.iter().zip(from..).map(|(p, id)| WorldPoint { shot, id, place: p.place }));
+        self.cameras.points.extend(points.iter().zip(from..).map(|(p, id)| WorldPoint {
+            shot,
+            id,
+            position: p.position,
+        }));
         let mut measures = Measures::default();
         for image in &model.images {
-            let (Some(&frame), Some(&intrinsics)) = (places.get(&image.id), lenses.get(&image.camera)) else {
+            let (Some(&frame), Some(&intrinsics)) = (frame_of.get(&image.id), lenses.get(&image.camera)) else {
                 continue;
             };
             let camera = FrameCamera { pose: image.pose, intrinsics };
@@ -94,7 +98,7 @@ impl ImportedClip {
         let figures =
             measures.figures(frames.len(), lenses.values().map(|l| l.focal).sum::<f64>() / lenses.len() as f64);
         let reason = format!(
-            "read from a COLMAP model: {} of {} frames, {} points, {:.2} px off",
+            "read from a COLMAP model: {} of {} frames, {} points, reprojection error {:.2} px",
             figures.registered, figures.frames, figures.points, figures.reprojection_px
         );
         self.cameras.shots.push(ShotCameras { frames, verdict: SfmVerdict::ThreeD, reason, figures });
@@ -103,15 +107,14 @@ impl ImportedClip {
 }
 
 /// By model, by image, the frame.
-fn places(models: &[Model], frames: usize) -> Result<Vec<BTreeMap<u32, usize>>, ColmapError> {
+fn frames_of_images(models: &[Model], frames: usize) -> Result<Vec<BTreeMap<u32, usize>>, ColmapError> {
     let mut numbered = Vec::new();
     for (m, image) in models.iter().enumerate().flat_map(|(m, model)| model.images.iter().map(move |i| (m, i))) {
-        let misfit =
-            || ColmapError::Misfit(format!("image {:?} has no number in its name that tells its frame", image.name));
+        let misfit = || ColmapError::Misfit(format!("image {:?} has no frame number in its name", image.name));
         numbered.push((number_in(&image.name).ok_or_else(misfit)?, m, image));
     }
     if numbered.is_empty() {
-        return Err(ColmapError::Misfit("the model holds no image".to_owned()));
+        return Err(ColmapError::Misfit("the model has no image".to_owned()));
     }
     numbered.sort_by_key(|(number, ..)| *number);
     if let Some(pair) = numbered.windows(2).find(|w| w[0].0 == w[1].0) {
@@ -120,16 +123,16 @@ fn places(models: &[Model], frames: usize) -> Result<Vec<BTreeMap<u32, usize>>, 
     }
     let in_order = numbered.len() == frames;
     let base = u64::from(numbered.last().is_some_and(|l| l.0 == frames as u64) && numbered[0].0 > 0);
-    let mut places = vec![BTreeMap::new(); models.len()];
+    let mut frame_of = vec![BTreeMap::new(); models.len()];
     for (k, (number, m, image)) in numbered.into_iter().enumerate() {
         let frame = if in_order { k } else { usize::try_from(number - base).unwrap_or(usize::MAX) };
         if frame >= frames {
             let message = format!("image {:?} is of frame {frame}, and the clip has {frames} frames", image.name);
             return Err(ColmapError::Misfit(message));
         }
-        places[m].insert(image.id, frame);
+        frame_of[m].insert(image.id, frame);
     }
-    Ok(places)
+    Ok(frame_of)
 }
 
 /// The last number in the name of a file, its extension left out.
@@ -152,11 +155,11 @@ fn lenses(model: &Model, (width, height): (u32, u32)) -> Result<HashMap<u32, Int
     Ok(model.cameras.iter().map(|c| (c.id, c.intrinsics)).collect())
 }
 
-/// What an image sees of known points inside the picture, each once, ids ascending.
+/// The observations of known points inside the picture, each once, ids ascending.
 fn observations(image: &Image, ids: &HashMap<u64, u32>, (width, height): (u32, u32)) -> Vec<Observation> {
     let inside = |x: f64, size: u32| (0.0..=f64::from(size)).contains(&x);
-    let seen = image.sightings.iter().filter(|s| inside(s.at.x, width) && inside(s.at.y, height));
-    let observation = |s: &super::Sighting| {
+    let seen = image.observations.iter().filter(|s| inside(s.at.x, width) && inside(s.at.y, height));
+    let observation = |s: &super::ImageObservation| {
         let id = *ids.get(&s.point?)?;
         Some(Observation { id, x: s.at.x as f32, y: s.at.y as f32, background: true })
     };
@@ -166,7 +169,7 @@ fn observations(image: &Image, ids: &HashMap<u64, u32>, (width, height): (u32, u
     found
 }
 
-/// Sums over the sightings of a shot.
+/// Sums over the observations of a shot.
 #[derive(Default)]
 struct Measures {
     images: usize,
@@ -174,7 +177,7 @@ struct Measures {
     sum: f64,
     squares: f64,
     covered: usize,
-    /// By point: the ray under which it was seen first, and the widest angle to it.
+    /// By point: the ray of its first observation, and the widest angle to it.
     rays: HashMap<u32, (Vec3, f64)>,
 }
 
@@ -190,13 +193,13 @@ impl Measures {
         let mut cells = [false; CELLS.0 * CELLS.1];
         let cell = |x: f32, size: u32, n: usize| ((f64::from(x) / f64::from(size) * n as f64) as usize).min(n - 1);
         for o in seen {
-            let place = point(o.id).place;
-            let Some(expected) = camera.intrinsics.project(&camera.pose.apply(&place)) else { continue };
-            let miss = (expected.x - f64::from(o.x)).hypot(expected.y - f64::from(o.y));
-            (self.sum, self.squares) = (self.sum + miss, self.squares + miss * miss);
+            let position = point(o.id).position;
+            let Some(expected) = camera.intrinsics.project(&camera.pose.apply(&position)) else { continue };
+            let error = (expected.x - f64::from(o.x)).hypot(expected.y - f64::from(o.y));
+            (self.sum, self.squares) = (self.sum + error, self.squares + error * error);
             self.observations += 1;
             cells[cell(o.y, height, CELLS.1) * CELLS.0 + cell(o.x, width, CELLS.0)] = true;
-            let ray = place - camera.pose.center();
+            let ray = position - camera.pose.center();
             let (first, widest) = self.rays.entry(o.id).or_insert((ray, 0.0));
             *widest = widest.max(first.angle(&ray));
         }

@@ -2,7 +2,7 @@
 //!
 //! A model is three files in one folder, `cameras`, `images` and `points3D`, each as `.txt` or `.bin`. Its conventions are
 //! ours: `x_in_camera = R x + t` with `q = [w, x, y, z]`, +x right, +y down, +z forward, pixel centers at integer + 0.5. An image
-//! lists the points that it sees; a point lists its track, that is the images that see it and which of their points it is.
+//! lists its observations; a point lists its track, the images that observe it and the indices of these observations.
 //!
 //! We write the camera model `SIMPLE_RADIAL` (`f, cx, cy, k`), which is [`Intrinsics`] itself, and read those models that are
 //! special cases of it. Images are named `frame_000012.png` after the frame of the clip, counted from 0.
@@ -60,16 +60,16 @@ pub struct Image {
     pub name: String,
     /// `cam_from_world`.
     pub pose: CameraPose,
-    /// What it sees.
-    pub sightings: Vec<Sighting>,
+    /// Its observations.
+    pub observations: Vec<ImageObservation>,
 }
 
-/// A point of an image.
+/// An observed point of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
-    /// Where, px.
+pub struct ImageObservation {
+    /// Position, px.
     pub at: Point2,
-    /// The point in space; `None` where it is not known.
+    /// Identity of the point in space; `None` where it is unknown.
     pub point: Option<u64>,
 }
 
@@ -79,14 +79,14 @@ pub struct Point {
     /// Identity in the model.
     pub id: u64,
     /// Where it is.
-    pub place: Point3,
-    /// Mean distance of its sightings from where the images should see it, px; below 0 where unknown.
+    pub position: Point3,
+    /// Mean distance of its observations from where the images should see it, px; below 0 where unknown.
     pub error_px: f64,
-    /// Its sightings: identity of the image, index into [`Image::sightings`].
+    /// Its observations: identity of the image, index into [`Image::observations`].
     pub track: Vec<(u32, u32)>,
 }
 
-/// Why a model cannot be read.
+/// Errors of reading a model.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ColmapError {
@@ -95,37 +95,37 @@ pub enum ColmapError {
     Io {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
-    /// The folder holds no model.
-    #[error("{folder} holds no COLMAP model (expected cameras, images and points3D, each as .bin or .txt)")]
+    /// The folder has no model.
+    #[error("{folder} has no COLMAP model (expected cameras, images and points3D, each as .bin or .txt)")]
     NoModel {
         /// The folder.
         folder: PathBuf,
     },
-    /// A value that cannot stand there.
-    #[error("{file}, {place}: {found} (expected {expected})")]
+    /// An invalid value.
+    #[error("{file}, {location}: {found} (expected {expected})")]
     Value {
         /// Name of the file.
         file: &'static str,
-        /// Where in it: `line 12`, or the entry of a binary file.
-        place: String,
-        /// What stands there.
+        /// Location in it: `line 12`, or the entry of a binary file.
+        location: String,
+        /// Value found.
         found: String,
-        /// What may stand there.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// A lens that we do not have.
+    /// A camera model that is not supported.
     #[error(
-        "{file}, {place}: camera model {found} (expected SIMPLE_PINHOLE, PINHOLE with fx = fy, SIMPLE_RADIAL, or RADIAL with \
+        "{file}, {location}: camera model {found} (expected SIMPLE_PINHOLE, PINHOLE with fx = fy, SIMPLE_RADIAL, or RADIAL with \
          k2 = 0); undistort the model, or solve it again with SIMPLE_RADIAL"
     )]
     Lens {
         /// Name of the file.
         file: &'static str,
-        /// Where in it.
-        place: String,
+        /// Location in it.
+        location: String,
         /// The model.
         found: String,
     },
@@ -151,8 +151,8 @@ impl Model {
     /// Reads the model in `folder`: its binary files, or its text where one of those is missing.
     ///
     /// # Errors
-    /// [`ColmapError`]: a file that is missing, cut short, or holds what it may not; a lens that we do not have; identities that
-    /// name nothing.
+    /// [`ColmapError`]: a file that is missing, truncated or has invalid values; an unsupported camera model; identities that do
+    /// not exist.
     pub fn read(folder: &Path) -> Result<Self, ColmapError> {
         let has = |extension: &str| {
             ["cameras", "images", "points3D"].iter().all(|n| folder.join(format!("{n}.{extension}")).is_file())
@@ -180,21 +180,21 @@ impl Model {
         Ok(model)
     }
 
-    /// Refuses identities that name nothing. Tracks are read from the images alone, so those of the points are not looked at.
+    /// Refuses identities that do not exist. Tracks are read from the images alone; those of the points are not checked.
     fn check(&self) -> Result<(), ColmapError> {
         let cameras: std::collections::HashSet<u32> = self.cameras.iter().map(|c| c.id).collect();
         let points: std::collections::HashSet<u64> = self.points.iter().map(|p| p.id).collect();
         for image in &self.images {
             let misfit = |found: String, expected| ColmapError::Value {
                 file: "images",
-                place: format!("image {:?}", image.name),
+                location: format!("image {:?}", image.name),
                 found,
                 expected,
             };
             if !cameras.contains(&image.camera) {
                 return Err(misfit(format!("camera {}", image.camera), "a camera of the model"));
             }
-            if let Some(id) = image.sightings.iter().filter_map(|s| s.point).find(|id| !points.contains(id)) {
+            if let Some(id) = image.observations.iter().filter_map(|s| s.point).find(|id| !points.contains(id)) {
                 return Err(misfit(format!("point {id}"), "a point of the model, or -1"));
             }
         }
@@ -202,13 +202,13 @@ impl Model {
     }
 }
 
-/// How far the length of a quaternion may be off 1.
-const QUATERNION_SLACK: f64 = 1e-3;
+/// Greatest deviation of the norm of a quaternion from 1: files with four digits pass.
+const QUATERNION_TOLERANCE: f64 = 1e-3;
 
-/// The rotation of `[w, x, y, z]`; `None` where that is none.
+/// The rotation of `[w, x, y, z]`; `None` for another norm than 1.
 fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
-    ((q.norm() - 1.0).abs() <= QUATERNION_SLACK).then(|| nalgebra::UnitQuaternion::new_normalize(q))
+    ((q.norm() - 1.0).abs() <= QUATERNION_TOLERANCE).then(|| nalgebra::UnitQuaternion::new_normalize(q))
 }
 
 /// Parameters of the lenses that can be read: COLMAP's number, name, number of parameters.
@@ -217,7 +217,7 @@ const LENSES: [(u32, &str, usize); 4] =
 /// The one written.
 const SIMPLE_RADIAL: (u32, &str) = (2, "SIMPLE_RADIAL");
 
-/// The lens of a camera model with these parameters, as many as [`LENSES`] says; `None` where it is none of ours.
+/// The intrinsics of a camera model with these parameters, in the number of [`LENSES`]; `None` where it is not supported.
 fn lens(model: &str, p: &[f64]) -> Option<Intrinsics> {
     let (focal, center, k1) = match (model, p) {
         ("SIMPLE_PINHOLE", &[f, x, y]) => (f, (x, y), 0.0),

@@ -31,23 +31,23 @@ fn a_model_is_read_back_from_text_and_from_binary() {
 }
 
 #[test]
-fn images_are_the_frames_with_a_camera_and_see_what_their_cameras_see() {
+fn images_are_the_frames_with_a_camera_and_their_observations_reproject() {
     let model = model();
     let names: Vec<&str> = model.images.iter().map(|i| i.name.as_str()).collect();
     assert_eq!(names[3..], ["frame_000003.png", "frame_000005.png"]);
     assert_eq!(model.cameras.len(), 1, "one lens for all");
     let lens = model.cameras[0].intrinsics;
-    let mut sightings = 0;
+    let mut observations = 0;
     for image in &model.images {
-        for (index, s) in image.sightings.iter().enumerate() {
+        for (index, s) in image.observations.iter().enumerate() {
             let point = model.points.iter().find(|p| Some(p.id) == s.point).expect("a point");
-            let seen = lens.project(&image.pose.apply(&point.place)).expect("in front");
+            let seen = lens.project(&image.pose.apply(&point.position)).expect("in front");
             assert!(((s.at - seen).norm() - 0.1).abs() < 0.01, "written as it was tracked");
             assert!(point.track.contains(&(image.id, index as u32)));
-            sightings += 1;
+            observations += 1;
         }
     }
-    assert_eq!(sightings, model.points.iter().map(|p| p.track.len()).sum::<usize>());
+    assert_eq!(observations, model.points.iter().map(|p| p.track.len()).sum::<usize>());
     assert!(model.points.iter().all(|p| (p.error_px - 0.1).abs() < 0.01));
 }
 
@@ -61,7 +61,7 @@ fn cameras_that_failed_make_no_model() {
 }
 
 #[test]
-fn a_track_that_left_its_point_is_no_sighting_of_it() {
+fn an_outlier_is_no_observation_of_its_point() {
     let (motion, mut tracks) = walk();
     let mut frame = tracks.read(5).expect("stored");
     frame.observations[0].x += 4.0;
@@ -74,7 +74,7 @@ fn a_track_that_left_its_point_is_no_sighting_of_it() {
     tracks = moved;
     let model = models_of(&motion, &tracks).expect("a store").remove(0).1;
     let last = model.images.last().expect("images");
-    assert!(last.name.ends_with("5.png") && last.sightings.iter().all(|s| s.point != Some(strayed)));
+    assert!(last.name.ends_with("5.png") && last.observations.iter().all(|s| s.point != Some(strayed)));
 }
 
 #[test]
@@ -84,8 +84,8 @@ fn a_clip_comes_back_from_its_model() {
     let cameras = motion.cameras.expect("cameras");
     assert_eq!(found.cameras.frames, cameras.frames);
     assert_eq!(found.shots, [ImportedShot { frames: 0..6, images: 5 }]);
-    let places = |c: &crate::motion::ClipCameras| c.points.iter().map(|p| p.place).collect::<Vec<_>>();
-    assert_eq!(places(&found.cameras), places(&cameras));
+    let positions = |c: &crate::motion::ClipCameras| c.points.iter().map(|p| p.position).collect::<Vec<_>>();
+    assert_eq!(positions(&found.cameras), positions(&cameras));
     for (k, seen) in found.tracks.iter().enumerate() {
         let expected = if k == 4 { Vec::new() } else { tracks.read(k).expect("stored").observations };
         assert_eq!(seen.len(), expected.len(), "frame {k}");
@@ -115,13 +115,13 @@ fn images_follow_the_frames_by_number_from_0_or_1_or_by_order() {
     assert!(refused(&[named(&[0, 1]), named(&[1, 2])], (640, 360)).contains("of the same frame"));
     assert!(refused(&[named(&[0, 2]), named(&[1, 3])], (640, 360)).contains("interleave"));
     assert_eq!(refused(&[named(&[0, 1])], (320, 180)), "camera 1 is of 640×360 px, and the clip of 320×180 px");
-    assert_eq!(refused(&[], (640, 360)), "the model holds no image");
+    assert_eq!(refused(&[], (640, 360)), "the model has no image");
     let shots = ImportedClip::new(&[named(&[3, 4]), named(&[0, 1])], 6, (640, 360)).expect("they fit").shots;
     assert_eq!(shots.iter().map(|s| s.frames.clone()).collect::<Vec<_>>(), [0..3, 3..6], "cut where a model begins");
 }
 
 #[test]
-fn a_damaged_model_is_refused_with_its_place() {
+fn a_damaged_model_is_refused_with_its_location() {
     let model = model();
     let refused = |extension: &str, name: &str, change: &dyn Fn(&mut Vec<u8>)| {
         let folder = written(&model, extension);
@@ -146,14 +146,14 @@ fn a_damaged_model_is_refused_with_its_place() {
     assert!(refused(".txt", "points3D.txt", &text("128 128", "128 999")).contains("line 3: \"999\" (expected a color"));
     assert!(refused(".bin", "images.bin", &|b| b.truncate(300)).contains("images.bin, entry 0"));
     assert!(refused(".bin", "images.bin", &|b| b.push(0)).contains("entry 5: 1 bytes too many"));
-    assert!(refused(".bin", "points3D.bin", &|b| b[7] = 1).contains("expected no more entries than the file holds"));
+    assert!(refused(".bin", "points3D.bin", &|b| b[7] = 1).contains("expected no more entries than fit in the file"));
     assert!(refused(".bin", "cameras.bin", &|b| b[12] = 4).contains("entry 0: camera model number 4"));
     assert!(
         refused(".bin", "points3D.bin", &|b| b.iter_mut().skip(8).take(1).for_each(|v| *v = 0))
             .contains("(expected a point")
     );
     let empty = tempfile::tempdir().expect("a temporary folder");
-    assert!(Model::read(empty.path()).expect_err("nothing").to_string().contains("holds no COLMAP model"));
+    assert!(Model::read(empty.path()).expect_err("nothing").to_string().contains("has no COLMAP model"));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::{Camera, ColmapError, Image, LENSES, Model, Point, SIMPLE_RADIAL, Sighting, lens, rotation_of};
+use super::{Camera, ColmapError, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Point2;
 
@@ -26,7 +26,7 @@ pub(super) fn write_images(model: &Model, out: &mut dyn Write) -> io::Result<()>
         let (q, t) = (image.pose.rotation, image.pose.translation);
         let (id, camera, name) = (image.id, image.camera, &image.name);
         writeln!(out, "{id} {} {} {} {} {} {} {} {camera} {name}", q.w, q.i, q.j, q.k, t.x, t.y, t.z)?;
-        for (k, Sighting { at, point }) in image.sightings.iter().enumerate() {
+        for (k, ImageObservation { at, point }) in image.observations.iter().enumerate() {
             write!(out, "{}{} {} ", if k == 0 { "" } else { " " }, at.x, at.y)?;
             match point {
                 Some(id) => write!(out, "{id}")?,
@@ -41,8 +41,8 @@ pub(super) fn write_images(model: &Model, out: &mut dyn Write) -> io::Result<()>
 pub(super) fn write_points(model: &Model, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?;
     writeln!(out, "# Number of points: {}", model.points.len())?;
-    for Point { id, place, error_px, track } in &model.points {
-        write!(out, "{id} {} {} {} {GRAY} {error_px}", place.x, place.y, place.z)?;
+    for Point { id, position, error_px, track } in &model.points {
+        write!(out, "{id} {} {} {} {GRAY} {error_px}", position.x, position.y, position.z)?;
         for (image, index) in track {
             write!(out, " {image} {index}")?;
         }
@@ -63,7 +63,7 @@ pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
         let intrinsics = known.then(|| lens(model, &parameters)).flatten();
         let intrinsics = intrinsics.ok_or_else(|| ColmapError::Lens {
             file: line.file,
-            place: line.place(),
+            location: line.location(),
             found: format!("{model} {parameters:?}"),
         })?;
         cameras.push(Camera { id, width, height, intrinsics });
@@ -81,18 +81,18 @@ pub(super) fn read_images(bytes: &[u8]) -> Result<Vec<Image>, ColmapError> {
         let camera = line.number("the id of a camera")?;
         let name = line.name();
         let rotation = rotation_of(q).ok_or_else(|| line.wrong(format!("{q:?}"), "a quaternion of length 1"))?;
-        let sightings = lines.following().map_or_else(|| Ok(Vec::new()), sightings)?;
-        images.push(Image { id, camera, name, pose: CameraPose { rotation, translation: t }, sightings });
+        let observations = lines.following().map_or_else(|| Ok(Vec::new()), observations)?;
+        images.push(Image { id, camera, name, pose: CameraPose { rotation, translation: t }, observations });
     }
     Ok(images)
 }
 
-fn sightings(mut line: Line<'_>) -> Result<Vec<Sighting>, ColmapError> {
+fn observations(mut line: Line<'_>) -> Result<Vec<ImageObservation>, ColmapError> {
     let mut found = Vec::new();
     while !line.is_done() {
         let at = Point2::new(line.float()?, line.float()?);
         let id: i64 = line.number("the id of a point, or -1")?;
-        found.push(Sighting { at, point: u64::try_from(id).ok() });
+        found.push(ImageObservation { at, point: u64::try_from(id).ok() });
     }
     Ok(found)
 }
@@ -102,7 +102,7 @@ pub(super) fn read_points(bytes: &[u8]) -> Result<Vec<Point>, ColmapError> {
     let mut points = Vec::new();
     while let Some(mut line) = lines.entry() {
         let id = line.number("an id of 0 or more")?;
-        let place = Point3::new(line.float()?, line.float()?, line.float()?);
+        let position = Point3::new(line.float()?, line.float()?, line.float()?);
         for _ in 0..3 {
             line.number::<u8>("a color of 0 to 255")?;
         }
@@ -111,7 +111,7 @@ pub(super) fn read_points(bytes: &[u8]) -> Result<Vec<Point>, ColmapError> {
         while !line.is_done() {
             track.push((line.number("the id of an image")?, line.number("the index of a point")?));
         }
-        points.push(Point { id, place, error_px, track });
+        points.push(Point { id, position, error_px, track });
     }
     Ok(points)
 }
@@ -126,7 +126,7 @@ impl<'a> Lines<'a> {
     fn of(file: &'static str, bytes: &'a [u8]) -> Result<Self, ColmapError> {
         let text = std::str::from_utf8(bytes).map_err(|e| ColmapError::Value {
             file,
-            place: format!("byte {}", e.valid_up_to()),
+            location: format!("byte {}", e.valid_up_to()),
             found: "no text".to_owned(),
             expected: "UTF-8",
         })?;
@@ -143,7 +143,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The next line, whatever it is.
+    /// The next line, comments and empty ones included.
     fn following(&mut self) -> Option<Line<'a>> {
         let (index, text) = self.lines.next()?;
         Some(Line { file: self.file, number: index + 1, text })
@@ -154,17 +154,17 @@ impl<'a> Lines<'a> {
 struct Line<'a> {
     file: &'static str,
     number: usize,
-    /// What is left of it.
+    /// The part not yet read.
     text: &'a str,
 }
 
 impl<'a> Line<'a> {
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("line {}", self.number)
     }
 
     fn wrong(&self, found: String, expected: &'static str) -> ColmapError {
-        ColmapError::Value { file: self.file, place: self.place(), found, expected }
+        ColmapError::Value { file: self.file, location: self.location(), found, expected }
     }
 
     fn is_done(&self) -> bool {
@@ -200,7 +200,7 @@ impl<'a> Line<'a> {
         Ok(values)
     }
 
-    /// The rest as a name, which may hold spaces.
+    /// The rest as a name, which may contain spaces.
     fn name(&mut self) -> String {
         std::mem::take(&mut self.text).trim().to_owned()
     }
