@@ -2,8 +2,8 @@
 //!
 //! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what most pairs show:
 //!
-//! - depth: a map grown from the best pair ([`super::mapper`]), or, where that is not accepted, all keyframes placed at once
-//!   ([`super::global_mapping`]); completed with all frames;
+//! - depth: a map grown from the best pair ([`super::mapper`]), or, where that lacks keyframes or is not accepted, all keyframes placed
+//!   at once ([`super::global_mapping`]); completed with all frames;
 //! - one plane: a map grown from the poses that the plane allows, the best of them kept;
 //! - no parallax: rotations only, points at infinity, no translation made up.
 //!
@@ -219,10 +219,12 @@ impl<'a> Shot<'a> {
             None => None,
         };
         self.run.step(0.4)?;
+        let complete = grown.as_ref().is_some_and(|m| m.registered().len() == self.keys.len());
         let grown = grown.map(|m| self.completed(m, SfmVerdict::ThreeD)).transpose()?;
         // A rotating camera has positions too, made up ones, and they take as long to find.
         let deep = 2 * count(&edges, TwoViewVerdict::General) >= edges.len();
-        if !deep || grown.as_ref().is_some_and(|g| g.verdict.has_cameras()) {
+        let accepted = grown.as_ref().is_some_and(|g| g.verdict.has_cameras());
+        if !deep || complete && accepted {
             return Ok(grown.unwrap_or_else(|| self.failed("no pair of keyframes carries a map")));
         }
         let mut mapper = empty;
